@@ -1,0 +1,1 @@
+"""Galloping of iced overhead lines: derive, simulate, measure, identify, evaluate."""

@@ -1,0 +1,94 @@
+"""Polynomial first-order systems dx/dt = C theta(x): the form every model in this project has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain, combinations_with_replacement
+
+import numpy as np
+
+Exponents = tuple[int, ...]
+
+
+def library(n_states: int, degree: int) -> tuple[Exponents, ...]:
+    """Exponents of all monomials up to `degree`, in the order of pysindy's PolynomialLibrary."""
+    indices = chain.from_iterable(
+        combinations_with_replacement(range(n_states), d) for d in range(degree + 1)
+    )
+    return tuple(tuple(index.count(k) for k in range(n_states)) for index in indices)
+
+
+def term_name(exponents: Exponents, states: tuple[str, ...]) -> str:
+    """Name of a monomial as pysindy prints it: `1`, `q_v`, `q_v q_w^2`."""
+    factors = [f"{s}^{e}" if e > 1 else s for s, e in zip(states, exponents, strict=True) if e]
+    return " ".join(factors) or "1"
+
+
+def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
+    """Monomials `terms` at the states `x`.
+
+    x: (n, n_states). Returns (n, n_terms). Each monomial costs one product, of a state with
+    a monomial of one degree less where that one is in the library.
+    """
+    theta = np.empty((len(x), len(terms)), order="F")
+    column = {term: j for j, term in enumerate(terms)}
+    for j, term in enumerate(terms):
+        last = max((k for k, e in enumerate(term) if e), default=None)
+        if last is None:
+            theta[:, j] = 1.0
+            continue
+        lower = tuple(e - (k == last) for k, e in enumerate(term))
+        if not any(lower):
+            theta[:, j] = x[:, last]
+        elif column.get(lower, j) < j:
+            np.multiply(theta[:, column[lower]], x[:, last], out=theta[:, j])
+        else:
+            theta[:, j] = np.prod(x ** np.asarray(term), axis=1)
+    return theta
+
+
+@dataclass(frozen=True)
+class PolynomialModel:
+    """dx/dt = coefficients @ theta(x).
+
+    states: names of the n_states states. terms: exponents of the n_terms monomials.
+    coefficients: (n_states, n_terms), SI units.
+    """
+
+    states: tuple[str, ...]
+    terms: tuple[Exponents, ...]
+    coefficients: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.coefficients.shape != (len(self.states), len(self.terms)):
+            raise ValueError(
+                f"coefficients: shape {self.coefficients.shape}, expected "
+                f"({len(self.states)}, {len(self.terms)})"
+            )
+
+    @property
+    def support(self) -> np.ndarray:
+        """(n_states, n_terms) boolean: which terms are present."""
+        return self.coefficients != 0
+
+    @property
+    def term_names(self) -> tuple[str, ...]:
+        return tuple(term_name(term, self.states) for term in self.terms)
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """State derivatives at `x`: (n, n_states) -> (n, n_states)."""
+        return design_matrix(x, self.terms) @ self.coefficients.T
+
+    def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
+        """The same model written in another library.
+
+        Raises ValueError where a term with a non-zero coefficient is missing from `terms`.
+        """
+        index = {term: j for j, term in enumerate(terms)}
+        coefficients = np.zeros((len(self.states), len(terms)))
+        for j, term in enumerate(self.terms):
+            if term in index:
+                coefficients[:, index[term]] = self.coefficients[:, j]
+            elif np.any(self.coefficients[:, j]):
+                raise ValueError(f"term {term_name(term, self.states)} is not in the library")
+        return PolynomialModel(self.states, terms, coefficients)
