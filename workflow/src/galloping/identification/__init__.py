@@ -1,0 +1,1 @@
+"""Sparse identification: from a recording to a polynomial model."""
