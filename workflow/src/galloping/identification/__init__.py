@@ -1,1 +1,1 @@
-"""Identification: from recordings to models, with the physical limit of what they can tell."""
+"""From a recording to a sparse model: candidate methods behind one interface."""
