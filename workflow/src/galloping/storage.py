@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -43,6 +44,16 @@ def read_json(path: str | os.PathLike) -> dict:
     return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
-def write_table(path: str | os.PathLike, table) -> None:
-    """A pandas table as CSV; nine significant digits, enough to tell any two results apart."""
-    write_text(path, table.to_csv(index=False, float_format="%.9g", lineterminator="\n"))
+def write_rows(path: str | os.PathLike, rows: Sequence[Mapping[str, object]]) -> None:
+    """Rows as CSV with the columns of the first one; ten significant digits a number."""
+    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({key: _text(value) for key, value in row.items()})
+
+
+def _text(value: object) -> object:
+    if isinstance(value, float):
+        return "" if value != value else f"{value:.10g}"
+    return value

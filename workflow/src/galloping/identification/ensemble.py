@@ -18,10 +18,10 @@ from galloping.identification.stlsq import normalised
 
 def ensemble(
     problem: Regression,
+    *,
     threshold: float | None,
     path_length: int,
-    *,
-    models: int,
+    ensemble_models: int,
     rng: np.random.Generator,
 ) -> Identified:
     """Bagging on the rows of the reduced regression, a term stays if most models have it.
@@ -32,12 +32,12 @@ def ensemble(
     scale = np.linalg.norm(problem.targets, axis=0)
     lengths = np.linalg.norm(problem.library, axis=0)
     unit = Regression(problem.library / lengths, problem.targets / scale, problem.observations)
-    thresholds = normalised(unit, threshold, path_length).thresholds
+    thresholds = normalised(unit, threshold=threshold, path_length=path_length).thresholds
     library, targets = _mixed(unit.library), _mixed(unit.targets)
     with seeded(rng), config_context(assume_finite=True, skip_parameter_validation=True):
         medians = [
             ps.EnsembleOptimizer(
-                ps.STLSQ(threshold=float(limit), alpha=0), bagging=True, n_models=models
+                ps.STLSQ(threshold=float(limit), alpha=0), bagging=True, n_models=ensemble_models
             )
             .fit(library, target[:, np.newaxis])
             .coef_[0]

@@ -11,7 +11,7 @@ from galloping.identification.result import Identified
 from galloping.identification.selection import NEGLIGIBLE, compact, refit, scores
 
 
-def lasso(problem: Regression, threshold: float | None, path_length: int) -> Identified:
+def lasso(problem: Regression, *, threshold: float | None, path_length: int) -> Identified:
     """The l1 penalty of each equation is a kink of its path: the one that EBIC prefers.
 
     threshold: penalty alpha on unit columns and targets, or None to choose it. path_length:

@@ -17,7 +17,7 @@ from galloping.identification.selection import (
 )
 
 
-def normalised(problem: Regression, threshold: float | None, path_length: int) -> Identified:
+def normalised(problem: Regression, *, threshold: float | None, path_length: int) -> Identified:
     """Thresholds act on each term's share of the state derivative.
 
     threshold: share in (0, 1), or None to choose one for each equation by EBIC out of
@@ -36,7 +36,7 @@ def normalised(problem: Regression, threshold: float | None, path_length: int) -
     return Identified.of(coefficients * scale[:, np.newaxis] / lengths, chosen)
 
 
-def raw(problem: Regression, threshold: float | None, path_length: int) -> Identified:
+def raw(problem: Regression, *, threshold: float | None, path_length: int) -> Identified:
     """Thresholds act on the coefficients as they are, in SI units, as the paper most likely did.
 
     threshold: in the coefficients' units, or None to choose one for each equation by EBIC out

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 import pysindy as ps
@@ -15,36 +16,39 @@ from galloping.recording import Recording
 
 
 def weak(
-    recordings: tuple[Recording, ...],
+    recording: Recording,
+    *,
     degree: int,
     threshold: float | None,
     path_length: int,
-    *,
-    domains: int,
-    half_width: float,
-    order: int,
+    weak: Mapping[str, float],
     rng: np.random.Generator,
-) -> Iterator[Identified]:
+) -> Identified:
     """Integrates against polynomial bumps instead of differentiating, then STLSQ.
 
-    recordings: replicates on one regular time grid. domains: number of bumps, at random times;
-    half_width: their half width in s; order: their polynomial order. The bumps' weights depend
-    on the grid alone and are computed once for all replicates.
+    weak: `domains` bumps at random times, of `half_width` s and polynomial `order`.
+    Raises ValueError for irregular or missing samples.
     """
-    first = recordings[0]
-    if not first.is_uniform:
+    if not recording.is_uniform:
         raise ValueError("weak: needs a regularly sampled recording")
-    with seeded(rng):
-        library = ps.WeakPDELibrary(
+    if not np.all(np.isfinite(recording.values)):
+        raise ValueError("weak: needs every state at every sample")
+    library = _bumps(tuple(recording.time), degree, *weak.values(), int(rng.integers(2**32)))
+    library.fit([recording.values])
+    theta = np.asarray(library.transform([recording.values])[0])
+    integrals = np.asarray(library.convert_u_dot_integral(recording.values))
+    problem = regression(theta, integrals, np.full(integrals.shape[1], len(theta)))
+    return normalised(problem, threshold=threshold, path_length=path_length)
+
+
+@lru_cache(maxsize=1)
+def _bumps(time, degree, domains, half_width, order, seed) -> ps.WeakPDELibrary:
+    """Weights of the test functions, which depend on the time grid alone."""
+    with seeded(np.random.default_rng(seed)):
+        return ps.WeakPDELibrary(
             function_library=ps.PolynomialLibrary(degree=degree),
-            spatiotemporal_grid=first.time,
+            spatiotemporal_grid=np.array(time),
             K=domains,
             H_xt=half_width,
             p=order,
         )
-    library.fit([first.values])
-    for recording in recordings:
-        theta = np.asarray(library.transform([recording.values])[0])
-        integrals = np.asarray(library.convert_u_dot_integral(recording.values))
-        problem = regression(theta, integrals, np.full(integrals.shape[1], domains))
-        yield normalised(problem, threshold, path_length)
