@@ -4,7 +4,7 @@ import numpy as np
 
 from galloping.evaluation.reconstruction import summarise
 from galloping.evaluation.score import Truth, reconstruct, score
-from galloping.galerkin import model
+from galloping.equations import model
 from galloping.identification import result
 from galloping.polynomial import library
 from galloping.reproducibility.job import run

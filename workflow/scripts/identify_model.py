@@ -1,7 +1,6 @@
 """Models identified by one method from every replicate of one cell."""
 
-
-from galloping.galerkin import STATES
+from galloping.equations import STATES
 from galloping.identification import reduction, result
 from galloping.identification.cell import identify
 from galloping.identification.registry import BY_NAME

@@ -1,6 +1,5 @@
 """The reduced regression of every replicate of one cell."""
 
-
 from galloping.identification.reduction import reduce, write
 from galloping.polynomial import library
 from galloping.recording import Recordings

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from galloping.galerkin import STATES
+from galloping.equations import STATES
 from galloping.identification import result
 from galloping.polynomial import library
 from galloping.reproducibility.job import run
@@ -15,9 +15,9 @@ def main() -> None:
     terms = library(len(STATES), settings["degree"])
     names = {key: settings[key] for key in ("protocol", "method", "level")}
     tables = [
-        identified_terms(
-            read_json(model)["coefficients"], result.read(identified), terms
-        ).assign(case=case, **names)
+        identified_terms(read_json(model)["coefficients"], result.read(identified), terms).assign(
+            case=case, **names
+        )
         for case, model, identified in zip(
             settings["cases"], snakemake.input.models, snakemake.input.identified, strict=True
         )

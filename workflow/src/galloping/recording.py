@@ -28,7 +28,9 @@ class Recording:
     def __post_init__(self) -> None:
         n = len(self.time)
         if n < 2 or not np.all(np.diff(self.time) > 0):
-            raise ValueError("recording: time must be strictly increasing, with two samples or more")
+            raise ValueError(
+                "recording: time must be strictly increasing, with two samples or more"
+            )
         if self.values.shape != (n, len(self.states)):
             raise ValueError(
                 f"recording: values have shape {self.values.shape}, "

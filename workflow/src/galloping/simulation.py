@@ -42,7 +42,10 @@ class Simulator:
         x = hy.make_vars(*states)
         # products, not powers: the Taylor recurrence of a power divides by the state
         monomials = [
-            prod((v for v, e in zip(x, term, strict=True) for _ in range(e)), start=hy.expression(1.0))
+            prod(
+                (v for v, e in zip(x, term, strict=True) for _ in range(e)),
+                start=hy.expression(1.0),
+            )
             for term in terms
         ]
         system = [

@@ -317,7 +317,7 @@ class Identification(Section):
     path_length: whole(ge=5, le=1000) = setting(
         30, "candidate thresholds scanned where the data choose", "1"
     )
-    ensemble_models: whole(ge=2, le=1000) = setting(50, "bagged models of an ensemble", "1")
+    ensemble_models: whole(ge=2, le=1000) = setting(20, "bagged models of an ensemble", "1")
     weak: Weak = section(Weak)
 
 

@@ -34,15 +34,12 @@ def ensemble(
     unit = Regression(problem.library / lengths, problem.targets / scale, problem.observations)
     thresholds = normalised(unit, threshold=threshold, path_length=path_length).thresholds
     library, targets = _mixed(unit.library), _mixed(unit.targets)
+    optimizer = ps.EnsembleOptimizer(
+        ps.STLSQ(threshold=1, alpha=0, unbias=False), bagging=True, n_models=ensemble_models
+    )
     with seeded(rng), config_context(assume_finite=True, skip_parameter_validation=True):
-        medians = [
-            ps.EnsembleOptimizer(
-                ps.STLSQ(threshold=float(limit), alpha=0), bagging=True, n_models=ensemble_models
-            )
-            .fit(library, target[:, np.newaxis])
-            .coef_[0]
-            for target, limit in zip(targets.T, thresholds, strict=True)
-        ]
+        # targets in units of their threshold, as in stlsq.fit
+        medians = optimizer.fit(library, targets / thresholds).coef_ * thresholds[:, np.newaxis]
     support = (np.abs(medians) >= NEGLIGIBLE)[:, np.newaxis]
     coefficients = refit(unit.library, unit.targets, support)[:, 0]
     return Identified.of(coefficients * scale[:, np.newaxis] / lengths, thresholds)

@@ -29,9 +29,7 @@ class Identified:
     def of(cls, coefficients: np.ndarray, thresholds: np.ndarray | float = np.nan) -> Identified:
         """A model without stated uncertainty."""
         n = len(coefficients)
-        return cls(
-            coefficients, np.broadcast_to(thresholds, n), np.full_like(coefficients, np.nan)
-        )
+        return cls(coefficients, np.broadcast_to(thresholds, n), np.full_like(coefficients, np.nan))
 
     @classmethod
     def failed(cls, n_states: int, n_terms: int, reason: str) -> Identified:
