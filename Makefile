@@ -28,7 +28,7 @@ lint: $(VENV)/made
 	$(BIN)/snakemake --lint
 
 bench: study
-	$(BIN)/python -m benchmarks results/benchmarks.csv
+	$(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv
 
 docs: $(VENV)/made
 	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.reference \

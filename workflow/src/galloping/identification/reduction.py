@@ -7,7 +7,9 @@ orthogonal transformation keeps those. Identification therefore works on the tri
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -33,16 +35,23 @@ class Regression:
     observations: np.ndarray
 
 
-def regression(library: np.ndarray, targets: np.ndarray, observations: np.ndarray) -> Regression:
-    """Reduce the rows of [library | targets], (n, n_terms) and (n, n_states), block by block."""
-    stacked = np.column_stack([library, targets])
-    size = max(1, len(stacked) // BLOCKS)
-    edges = [i * size for i in range(min(BLOCKS, len(stacked)))] + [len(stacked)]
-    factors = np.concatenate(
-        [_triangle(stacked[a:b]) for a, b in zip(edges, edges[1:], strict=False)]
-    )
-    p = library.shape[1]
-    return Regression(factors[:, :p], factors[:, p:], np.asarray(observations))
+def stretches(n: int) -> list[slice]:
+    """The rows of each block: at most BLOCKS contiguous stretches of n rows."""
+    edges = np.linspace(0, n, min(BLOCKS, n) + 1).astype(int)
+    return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def regression(
+    blocks: Iterable[tuple[np.ndarray, np.ndarray]], observations: np.ndarray
+) -> Regression:
+    """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
+    libraries, targets = [], []
+    for library, target in blocks:
+        p = library.shape[1]
+        factor = _triangle(np.column_stack([library, target]))
+        libraries.append(factor[:, :p])
+        targets.append(factor[:, p:])
+    return Regression(np.concatenate(libraries), np.concatenate(targets), np.asarray(observations))
 
 
 def _triangle(rows: np.ndarray) -> np.ndarray:
@@ -69,7 +78,9 @@ def reduce(recording: Recording, terms: tuple[Exponents, ...]) -> Regression:
         observations = np.full(x.shape[1], len(x))
     else:
         x, dx, observations = smooth(recording.time, recording.values)
-    return regression(design_matrix(x, terms), dx, observations)
+    # block by block, so that a block's library stays in the cache
+    blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
+    return regression(blocks, observations)
 
 
 def write(path: str | os.PathLike, regressions: list[Regression]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pysindy as ps
 
 from galloping.identification.ensemble import seeded
-from galloping.identification.reduction import regression
+from galloping.identification.reduction import regression, stretches
 from galloping.identification.result import Identified
 from galloping.identification.stlsq import normalised
 from galloping.recording import Recording
@@ -37,7 +37,8 @@ def weak(
     library.fit([recording.values])
     theta = np.asarray(library.transform([recording.values])[0])
     integrals = np.asarray(library.convert_u_dot_integral(recording.values))
-    problem = regression(theta, integrals, np.full(integrals.shape[1], len(theta)))
+    blocks = ((theta[rows], integrals[rows]) for rows in stretches(len(theta)))
+    problem = regression(blocks, np.full(integrals.shape[1], len(theta)))
     return normalised(problem, threshold=threshold, path_length=path_length)
 
 
