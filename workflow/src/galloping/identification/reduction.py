@@ -65,6 +65,8 @@ def reduce(recording: Recording, terms: tuple[Exponents, ...]) -> Regression:
     if not np.all(np.isfinite(recording.values)):
         raise ValueError("recording: sparse regression needs every state at every sample")
     if recording.derivatives is not None:
+        if not np.all(np.isfinite(recording.derivatives)):
+            raise ValueError("recording: sparse regression needs every derivative at every sample")
         x, dx = recording.values, recording.derivatives
         observations = np.full(x.shape[1], len(x))
     else:
