@@ -135,8 +135,8 @@ def _values(scores, claim, case, protocol, method, subset_level) -> np.ndarray |
     values = cell[claim.column].to_numpy(float)
     if claim.minus:
         with np.errstate(invalid="ignore"):
-            # two failures do not differ
-            values = np.nan_to_num(values - cell[claim.minus].to_numpy(float), nan=0.0,
+            # two failures show no excess: they count as the worst value
+            values = np.nan_to_num(values - cell[claim.minus].to_numpy(float), nan=-np.inf,
                                    posinf=np.inf, neginf=-np.inf)  # fmt: skip
     return values
 
