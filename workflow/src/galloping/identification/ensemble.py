@@ -12,7 +12,7 @@ from sklearn import config_context
 
 from galloping.identification.reduction import BLOCKS, Regression
 from galloping.identification.result import Identified
-from galloping.identification.selection import NEGLIGIBLE, refit
+from galloping.identification.selection import NEGLIGIBLE, compact, refit
 from galloping.identification.stlsq import normalised
 
 
@@ -29,6 +29,7 @@ def ensemble(
     threshold: share, or None to take what STLSQ chooses for each equation. The rows of a
     block's factor are exchangeable once an orthogonal transform has mixed them.
     """
+    compact(problem)  # refuses what cannot be scaled
     scale = np.linalg.norm(problem.targets, axis=0)
     lengths = np.linalg.norm(problem.library, axis=0)
     unit = Regression(problem.library / lengths, problem.targets / scale, problem.observations)

@@ -20,9 +20,14 @@ def ebic(rss: np.ndarray, terms: np.ndarray, observations: int, candidates: int)
 
 
 def compact(problem: Regression) -> tuple[np.ndarray, np.ndarray]:
-    """Library and targets as the rows of one triangle, (p + m, p) and (p + m, m)."""
+    """Library and targets as the rows of one triangle, (p + m, p) and (p + m, m).
+
+    Raises ValueError where a column has no length to scale it by.
+    """
     p = problem.library.shape[1]
     triangle = np.linalg.qr(np.hstack([problem.library, problem.targets]), mode="r")
+    if not np.all(np.linalg.norm(triangle, axis=0) > 0):
+        raise ValueError("a state or a derivative is zero throughout the recording")
     return triangle[:, :p], triangle[:, p:]
 
 

@@ -55,7 +55,7 @@ def _parse(path: Path) -> tuple[str, list[Path]]:
             names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
         body = getattr(node, "body", None)
         if isinstance(body, list) and body and _is_docstring(body[0]):
-            body[0].value.value = ""
+            del body[0]
     parts = {
         ".".join(name.split(".")[: k + 1])
         for name in names

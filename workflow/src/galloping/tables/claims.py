@@ -120,14 +120,14 @@ def claims_table(
 def _values(scores, claim, case, protocol, method, subset_level) -> np.ndarray | None:
     """Replicates of the claim's cell; empty if the study did not run it."""
     subset = is_subset(scores)
-    cell = scores[
-        (scores["case"] == case)
-        & (scores["protocol"] == protocol)
+    taken = scores[
+        (scores["protocol"] == protocol)
         & (scores["method"] == method)
         & (subset if claim.points else ~subset)
     ]
-    if cell.empty:
+    if taken.empty:
         return None  # the method does not take such recordings
+    cell = taken[taken["case"] == case]
     if claim.points:
         cell = cell[(cell["points"] == claim.points) & (subset_level == claim.level)]
     else:
@@ -135,8 +135,8 @@ def _values(scores, claim, case, protocol, method, subset_level) -> np.ndarray |
     values = cell[claim.column].to_numpy(float)
     if claim.minus:
         with np.errstate(invalid="ignore"):
-            # two failures do not differ
-            values = np.nan_to_num(values - cell[claim.minus].to_numpy(float), nan=0.0,
+            # two failures show no excess: they count as the worst value
+            values = np.nan_to_num(values - cell[claim.minus].to_numpy(float), nan=-np.inf,
                                    posinf=np.inf, neginf=-np.inf)  # fmt: skip
     return values
 
