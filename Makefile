@@ -1,13 +1,18 @@
-# make          the environment and the whole study, with its report
-# make smoke    the same in a minute          make test   all checks
-# make bench    measured speed                make lock   pin the environment again
+# make            the environment, the whole study and its report
+# make smoke      the same in a minute, in results/smoke
+# make test       the study, then all checks
+# make lint       style checks alone
+# make bench      measured speed, in results/benchmarks.csv
+# make reference  take the finished study as the published numbers, in results/reference
+# make docs       write the key table and schema again from the settings
+# make lock       pin the environment again
 PYTHON ?= python3
 CORES ?= all
 VENV := .venv
 BIN := $(VENV)/bin
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) $(shell [ -t 1 ] && echo --logger rich)
 
-.PHONY: all study smoke test lint bench docs lock clean
+.PHONY: all study smoke test lint bench reference docs lock help
 all: study
 
 study: $(VENV)/made
@@ -30,6 +35,12 @@ lint: $(VENV)/made
 bench: study
 	$(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv
 
+reference: study
+	mkdir -p results/reference
+	cp results/tables/table3_coefficients.csv results/tables/noise_*.csv \
+	  results/tables/data_amount.csv results/tables/claims.csv results/figures/figure06.png \
+	  results/reference
+
 docs: $(VENV)/made
 	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.reference \
 	  --write config/README.md workflow/schemas/config.schema.json
@@ -48,5 +59,5 @@ lock: $(VENV)/made
 	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 \
 	  --generate-hashes --custom-compile-command "make lock" --upgrade -o requirements.lock
 
-clean:
-	rm -rf results/smoke .snakemake
+help:
+	@sed -n 's/^# make/make/p' Makefile
