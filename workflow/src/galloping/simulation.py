@@ -16,6 +16,8 @@ from galloping.polynomial import Exponents, PolynomialModel
 
 # Far beyond any span's clearance: a model that gets here has lost its limit cycle.
 DIVERGENCE_LIMIT = 1e3
+# Galloping takes 4 steps a second: a model that needs this many is far too fast to be a line's.
+MAX_STEPS_PER_SECOND = 1000
 
 
 @dataclass(frozen=True)
@@ -67,11 +69,14 @@ class Simulator:
         ta.pars[:] = model.on_library(self.terms).coefficients.ravel()
         ta.time, ta.state[:] = time[0], x0
         ta.reset_cooldowns()
-        outcome, *_, states = ta.propagate_grid(time)
+        steps = 1 + int(MAX_STEPS_PER_SECOND * (time[-1] - time[0]))
+        outcome, *_, states = ta.propagate_grid(time, max_steps=steps)
         full = np.full((len(time), len(self.states)), np.nan)
         full[: len(states)] = states
         if outcome == hy.taylor_outcome.time_limit:
             status = "ok"
+        elif outcome == hy.taylor_outcome.step_limit:
+            status = f"stopped: more than {steps} integration steps at t = {ta.time:.4g} s"
         elif outcome == hy.taylor_outcome.err_nf_state:
             status = f"diverged: not finite at t = {ta.time:.4g} s"
         else:
