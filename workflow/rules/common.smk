@@ -28,12 +28,13 @@ PROTOCOLS = STUDY["measurement"]["protocols"]
 METHODS = STUDY["identification"]["methods"]
 LEVELS = {f"noise_{level:.12g}": level for level in STUDY["measurement"]["levels"]}
 SUBSETS = {f"points_{points}": points for points in STUDY["measurement"]["subsets"]["points"]}
+JOINT = {f"joint_{level:.12g}": level for level in STUDY["measurement"]["joint_levels"]}
 
 
 wildcard_constraints:
     case="|".join(CASES),
     protocol="|".join(PROTOCOLS),
-    cell="|".join([*LEVELS, *SUBSETS]),
+    cell="|".join([*LEVELS, *SUBSETS, *JOINT]),
     method="|".join(METHODS),
 
 
@@ -61,20 +62,34 @@ def runs(method, protocol, cell):
     return protocol in described.protocols and not (described.needs_uniform and cell in SUBSETS)
 
 
+def releases(case):
+    """Initial states of the recordings of a case."""
+    section = STUDY["cases"][case]
+    return [section["initial_state"], *section["releases"].values()]
+
+
+def cells_of(case):
+    """The cells of a case: noise levels, subsets, and all its recordings together."""
+    return [*LEVELS, *SUBSETS, *(JOINT if len(releases(case)) > 1 else ())]
+
+
 def cells():
     """All (case, protocol, cell, method) of the study."""
     return [
         (case, protocol, cell, method)
         for case in CASES
         for protocol in PROTOCOLS
-        for cell in [*LEVELS, *SUBSETS]
+        for cell in cells_of(case)
         for method in METHODS
         if runs(method, protocol, cell)
     ]
 
 
-def cell_settings(cell):
-    """Noise level and subset size of a cell."""
-    if cell in LEVELS:
-        return {"level": LEVELS[cell], "points": None}
-    return {"level": STUDY["measurement"]["subsets"]["level"], "points": SUBSETS[cell]}
+def cell_settings(case, cell):
+    """Noise level, subset size and number of recordings of a cell."""
+    if cell in SUBSETS:
+        level = STUDY["measurement"]["subsets"]["level"]
+        return {"level": level, "points": SUBSETS[cell], "releases": 1}
+    if cell in JOINT:
+        return {"level": JOINT[cell], "points": None, "releases": len(releases(case))}
+    return {"level": LEVELS[cell], "points": None, "releases": 1}

@@ -11,7 +11,7 @@ rule evaluate_model:
         motion=out("reconstructions/{case}/{protocol}/{cell}/{method}.npz"),
     params:
         settings=lambda wildcards: {
-            **cell_settings(wildcards.cell),
+            **cell_settings(wildcards.case, wildcards.cell),
             "degree": STUDY["identification"]["degree"],
             "steady_window": STUDY["simulation"]["steady_window"],
             "code": script_code("evaluate_model.py"),

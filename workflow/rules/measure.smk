@@ -9,7 +9,7 @@ rule measure_motion:
         recordings=out("recordings/{case}/{protocol}/{cell}.npz"),
     params:
         settings=lambda wildcards: {
-            **cell_settings(wildcards.cell),
+            **cell_settings(wildcards.case, wildcards.cell),
             "replicates": STUDY["measurement"]["replicates"],
             "relative": STUDY["measurement"]["state_noise"] == "relative",
             "seed": STUDY["measurement"]["seed"],

@@ -8,7 +8,7 @@ rule simulate_line:
         trajectory=out("trajectories/{case}.npz"),
     params:
         settings=lambda wildcards: {
-            "initial_state": STUDY["cases"][wildcards.case]["initial_state"],
+            "releases": releases(wildcards.case),
             "duration": STUDY["simulation"]["duration"],
             "sampling_rate": STUDY["simulation"]["sampling_rate"],
             "code": script_code("simulate_line.py"),

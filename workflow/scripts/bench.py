@@ -24,8 +24,8 @@ import pysindy as ps
 from scipy.integrate import solve_ivp
 
 from galloping.equations import model
-from galloping.identification.reduction import reduce
-from galloping.identification.stlsq import normalised
+from galloping.identification.sparse.reduction import reduce
+from galloping.identification.sparse.stlsq import normalised
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording, Recordings
 from galloping.simulation import Simulator, time_grid

@@ -15,7 +15,7 @@ from galloping.storage import read_json, write_arrays, write_rows
 def main() -> None:
     settings, cell = snakemake.params.settings, snakemake.wildcards
     with np.load(snakemake.input.trajectory) as file:
-        time, states = file["time"], file["states"]
+        time, states = file["time"], file["states"][0]
     line = model(read_json(snakemake.input.model)["coefficients"])
     line = line.on_library(library(len(line.states), settings["degree"]))
     truth = Truth(line, time, states, tuple(settings["steady_window"]))
@@ -29,6 +29,7 @@ def main() -> None:
         "cell": cell.cell,
         "level": settings["level"],
         "points": settings["points"] or len(time),
+        "recordings": settings["releases"],
         "method": cell.method,
     }
     write_rows(

@@ -1,9 +1,10 @@
 """Models identified by one method from every replicate of one cell."""
 
 from galloping.equations import STATES
-from galloping.identification import reduction, result
+from galloping.identification import result
 from galloping.identification.cell import identify
 from galloping.identification.registry import BY_NAME
+from galloping.identification.sparse import reduction
 from galloping.polynomial import library
 from galloping.recording import Recordings
 from galloping.reproducibility.job import run

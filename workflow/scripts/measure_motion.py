@@ -11,7 +11,7 @@ from galloping.storage import read_json
 def main() -> None:
     settings, cell = snakemake.params.settings, snakemake.wildcards
     with np.load(snakemake.input.trajectory) as file:
-        time, states = file["time"], file["states"]
+        time, states = file["time"], file["states"][: settings["releases"]]
     recordings = measure(
         model(read_json(snakemake.input.model)["coefficients"]),
         time,

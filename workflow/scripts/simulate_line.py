@@ -1,4 +1,4 @@
-"""Trajectory of one case on its sampling grid."""
+"""Trajectories of one case on its sampling grid, one for each release."""
 
 import numpy as np
 
@@ -12,11 +12,15 @@ def main() -> None:
     settings = snakemake.params.settings
     line = model(read_json(snakemake.input.model)["coefficients"])
     time = time_grid(settings["duration"], settings["sampling_rate"])
-    start = np.array([settings["initial_state"][name] for name in STATES])
-    trajectory = Simulator(line.states, line.terms)(line, start, time)
-    if trajectory.status != "ok":
-        raise ValueError(f"{snakemake.wildcards.case}: the line itself {trajectory.status}")
-    write_arrays(snakemake.output.trajectory, time=time, states=trajectory.states)
+    simulator = Simulator(line.states, line.terms)
+    states = []
+    for release in settings["releases"]:
+        start = np.array([release[name] for name in STATES])
+        trajectory = simulator(line, start, time)
+        if trajectory.status != "ok":
+            raise ValueError(f"{snakemake.wildcards.case}: the line itself {trajectory.status}")
+        states.append(trajectory.states)
+    write_arrays(snakemake.output.trajectory, time=time, states=np.stack(states))
 
 
 run(main, snakemake.log[0])

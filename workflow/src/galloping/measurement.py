@@ -21,7 +21,18 @@ def _state(x, dx, level, scale, rng):
     return x + level * scale * rng.standard_normal(x.shape), None
 
 
-PROTOCOLS: dict[str, Callable] = {"derivative": _derivative, "state": _state}
+def _displacement(x, dx, level, scale, rng):
+    """As `state`, with the velocities (the second half of the states) not measured."""
+    values, _ = _state(x, dx, level, scale, rng)
+    values[:, x.shape[1] // 2 :] = np.nan
+    return values, None
+
+
+PROTOCOLS: dict[str, Callable] = {
+    "derivative": _derivative,
+    "state": _state,
+    "displacement": _displacement,
+}
 
 
 def measure(
@@ -37,22 +48,26 @@ def measure(
     name: Sequence[str],
     replicates: int,
 ) -> Recordings:
-    """Independent recordings of one trajectory under one protocol.
+    """Independent recordings of one motion or several under one protocol.
 
-    time: (n,) s, states: (n, n_states). level: noise level; for `state` times the standard
+    time: (n,) s, states: (n_releases, n, n_states). level: noise level; for `state` times the standard
     deviation of each state if `relative`, else absolute. points: size of a random subset of the
     samples, drawn without replacement, or None for all. Replicate r depends on `seed`, `name`
-    and r only. Without noise and subset all replicates are equal, and one is returned.
+    and r only, and a release's recording not on the number of releases. Without noise and subset all replicates are equal, and one is returned.
     """
-    dx = model(states)
-    scale = states.std(axis=0) if relative else np.ones(states.shape[1])
     count = replicates if level > 0 or points is not None else 1
-    recordings = []
-    for replicate in range(count):
-        rng = generator(seed, "measurement", *name, replicate)
+    derivatives = [model(x) for x in states]
+
+    def record(replicate: int, release: int) -> Recording:
+        rng = generator(seed, "measurement", *name, replicate, release)
         rows = slice(None)
         if points is not None:
             rows = np.sort(rng.choice(len(time), size=points, replace=False))
-        values, derivatives = PROTOCOLS[protocol](states[rows], dx[rows], level, scale, rng)
-        recordings.append(Recording(time[rows], model.states, values, derivatives))
-    return Recordings(tuple(recordings))
+        x = states[release]
+        scale = x.std(axis=0) if relative else np.ones(x.shape[1])
+        values, dx = PROTOCOLS[protocol](x[rows], derivatives[release][rows], level, scale, rng)
+        return Recording(time[rows], model.states, values, dx)
+
+    return Recordings(
+        tuple(tuple(record(r, i) for i in range(len(states))) for r in range(count))
+    )

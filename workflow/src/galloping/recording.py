@@ -48,40 +48,44 @@ class Recording:
 
 @dataclass(frozen=True)
 class Recordings:
-    """Replicates: independent recordings of the same motion."""
+    """Replicates of one cell, each one or several recordings that share one model."""
 
-    replicates: tuple[Recording, ...]
+    replicates: tuple[tuple[Recording, ...], ...]
 
     def write(self, path: str | os.PathLike) -> None:
         """One .npz; what all replicates share (times, exact states) is stored once."""
-
-        def stack(arrays: list[np.ndarray]) -> np.ndarray:
-            shared = all(np.array_equal(arrays[0], a, equal_nan=True) for a in arrays[1:])
-            return arrays[0][np.newaxis] if shared else np.stack(arrays)
-
-        first = self.replicates[0]
-        arrays = {
-            "time": stack([r.time for r in self.replicates]),
-            "values": stack([r.values for r in self.replicates]),
-        }
-        if first.derivatives is not None:
-            arrays["derivatives"] = stack([r.derivatives for r in self.replicates])
-        write_arrays(path, states=np.array(first.states), **arrays)
+        arrays: dict[str, np.ndarray] = {"states": np.array(self.replicates[0][0].states)}
+        for i, copies in enumerate(zip(*self.replicates, strict=True)):
+            for field in FIELDS:
+                if getattr(copies[0], field) is not None:
+                    stacked = [getattr(copy, field) for copy in copies]
+                    arrays[f"{field}_{i}"] = _stack(stacked)
+        write_arrays(path, **arrays)
 
     @classmethod
     def read(cls, path: str | os.PathLike) -> Recordings:
         """Recordings as `write` left them."""
         with np.load(path) as file:
-            states = tuple(map(str, file["states"]))
-            arrays = {key: file[key] for key in ("time", "values", "derivatives") if key in file}
-        count = max(len(a) for a in arrays.values())
-        arrays = {key: np.broadcast_to(a, (count, *a.shape[1:])) for key, a in arrays.items()}
-        derivatives = arrays.get("derivatives", [None] * count)
-        return cls(
-            tuple(
-                Recording(time, states, values, dx)
-                for time, values, dx in zip(
-                    arrays["time"], arrays["values"], derivatives, strict=True
-                )
-            )
-        )
+            arrays = {key: file[key] for key in file.files}
+        states = tuple(map(str, arrays.pop("states")))
+        count = max(map(len, arrays.values()))
+        releases = sum(key.startswith("time_") for key in arrays)
+
+        def one(replicate: int, i: int) -> Recording:
+            parts = {
+                field: arrays[key][replicate % len(arrays[key])]
+                for field in FIELDS
+                if (key := f"{field}_{i}") in arrays
+            }
+            return Recording(states=states, **parts)
+
+        return cls(tuple(tuple(one(r, i) for i in range(releases)) for r in range(count)))
+
+
+FIELDS = ("time", "values", "derivatives")
+
+
+def _stack(arrays: list[np.ndarray]) -> np.ndarray:
+    """All replicates, or one in place of all that are equal."""
+    shared = all(np.array_equal(arrays[0], a, equal_nan=True) for a in arrays[1:])
+    return arrays[0][np.newaxis] if shared else np.stack(arrays)

@@ -39,7 +39,12 @@ def spacer_parameters(settings: Settings) -> list[Parameter]:
 def _rows(settings: Settings) -> Iterator[Parameter]:
     for name, case in settings.cases.items():
         values = plain(case)
-        for key, node in leaves(child(child(schema(), "cases"), name)):
+        named = [
+            (key.replace("<name>", release), node)
+            for key, node in leaves(child(child(schema(), "cases"), name))
+            for release in (values["releases"] if "<name>" in key else [""])
+        ]
+        for key, node in named:
             value = reduce(getitem, key.split("."), values)
             for i, item in enumerate(value if isinstance(value, list) else [value]):
                 if item is not None:

@@ -197,6 +197,9 @@ class Case(Section):
     wind: Wind = section(Wind)
     damping: Damping = section(Damping)
     initial_state: InitialState = section(InitialState)
+    releases: dict[CaseName, InitialState] = setting(
+        {}, "further recordings of the same line, each released from a state of its own"
+    )
     gravity: Positive = parameter(9.81, "gravitational acceleration", "m/s2", "g", "assumed")
 
     @field_validator("spacers")
@@ -281,15 +284,19 @@ class Measurement(Section):
     )
     protocols: selection(Protocol) = setting(
         PROTOCOLS,
-        "what is measured: exact states with noisy derivatives (derivative), noisy states (state)",
+        "what is measured: exact states with noisy derivatives (derivative), noisy states (state), "
+        "noisy displacements without velocities (displacement)",
     )
     levels: selection(NoiseLevel) = setting(
         (0, 0.01, 0.03, 0.05, 0.1, 0.15), "noise levels of the whole record", "1"
     )
     subsets: Subsets = section(Subsets)
+    joint_levels: selection(NoiseLevel) = setting(
+        (0.05,), "noise levels of all recordings of a case together, where it has releases", "1"
+    )
     state_noise: Literal["relative", "absolute"] = setting(
         "relative",
-        "protocol state: the level is a fraction of each state's standard deviation (relative), "
+        "protocols state and displacement: the level is a fraction of each state's standard deviation (relative), "
         "or the noise in SI units itself (absolute)",
     )
 

@@ -31,7 +31,8 @@ def identify(
     fit = getattr(import_module(module), function)
     results = []
     for replicate, item in enumerate(evidence):
-        available = {**settings, "rng": generator(seed, "identification", *name, method, replicate)}
+        rng = generator(seed, "identification", *name, method, replicate)
+        available = {**settings, "rng": rng, "seed": seed}
         options = {key: available[key] for key in described.options}
         try:
             results.append(fit(item, **options))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-PROTOCOLS = ("derivative", "state")
+PROTOCOLS = ("derivative", "state", "displacement")
+ALL_STATES = ("derivative", "state")
 
 
 @dataclass(frozen=True)
@@ -13,8 +14,10 @@ class Method:
 
     function: `module:function`, imported only by the job that runs it. It takes one piece of
     evidence and the keywords `options`, and returns an `Identified`.
-    evidence: `reduced` (a Regression) or `recordings` (a Recording).
-    options: keys of the `identification` settings, `threshold` (its own, or None) and `rng`.
+    evidence: `reduced` (a Regression) or `recordings` (those of one replicate, which share one
+    model).
+    options: keys of the `identification` settings, `threshold` (its own, or
+    None), `rng` (of the replicate) and `seed` (of the study).
     protocols: the measurement protocols whose recordings it can use.
     needs_uniform: whether the samples must be equally spaced, which random subsets are not.
     """
@@ -36,48 +39,66 @@ class Method:
 METHODS = (
     Method(
         name="stlsq",
-        function="galloping.identification.stlsq:normalised",
+        function="galloping.identification.sparse.stlsq:normalised",
         evidence="reduced",
         options=("threshold", "path_length"),
-        protocols=PROTOCOLS,
+        protocols=ALL_STATES,
         needs_uniform=False,
         summary="sequentially thresholded least squares on normalised columns",
     ),
     Method(
         name="stlsq_raw",
-        function="galloping.identification.stlsq:raw",
+        function="galloping.identification.sparse.stlsq:raw",
         evidence="reduced",
         options=("threshold", "path_length"),
-        protocols=PROTOCOLS,
+        protocols=ALL_STATES,
         needs_uniform=False,
         summary="the same on columns as they are, as the paper most likely did",
     ),
     Method(
         name="lasso",
-        function="galloping.identification.lasso:lasso",
+        function="galloping.identification.sparse.lasso:lasso",
         evidence="reduced",
         options=("threshold", "path_length"),
-        protocols=PROTOCOLS,
+        protocols=ALL_STATES,
         needs_uniform=False,
         summary="least squares with an l1 penalty",
     ),
     Method(
         name="ensemble",
-        function="galloping.identification.ensemble:ensemble",
+        function="galloping.identification.sparse.ensemble:ensemble",
         evidence="reduced",
         options=("threshold", "path_length", "ensemble_models", "rng"),
-        protocols=PROTOCOLS,
+        protocols=ALL_STATES,
         needs_uniform=False,
         summary="median of thresholded fits to bootstrap samples of the recording",
     ),
     Method(
         name="weak",
-        function="galloping.identification.weak:weak",
+        function="galloping.identification.sparse.weak:weak",
         evidence="recordings",
-        options=("degree", "threshold", "path_length", "weak", "rng"),
+        options=("degree", "threshold", "path_length", "weak", "seed"),
         protocols=("state",),
         needs_uniform=True,
         summary="weak form: integrals against test functions in place of derivatives",
+    ),
+    Method(
+        name="weak_gls",
+        function="galloping.identification.limit:weak_gls",
+        evidence="recordings",
+        options=("degree",),
+        protocols=("state", "displacement"),
+        needs_uniform=False,
+        summary="weak form by generalised least squares, with the kinematic identity as rows",
+    ),
+    Method(
+        name="maximum_likelihood",
+        function="galloping.identification.limit:maximum_likelihood",
+        evidence="recordings",
+        options=("degree",),
+        protocols=PROTOCOLS,
+        needs_uniform=False,
+        summary="multiple shooting with selection: the Cramer-Rao bound",
     ),
 )
 BY_NAME = {method.name: method for method in METHODS}

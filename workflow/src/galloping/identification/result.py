@@ -18,12 +18,14 @@ class Identified:
     threshold chosen for each equation, in the method's unit, NaN where it has none.
     standard_errors: as coefficients, NaN where the method states none.
     status: `ok`, or one line why there is no model (the coefficients are NaN then).
+    verdict: what the method itself says of its model, such as `not identifiable: ...`.
     """
 
     coefficients: np.ndarray
     thresholds: np.ndarray
     standard_errors: np.ndarray
     status: str = "ok"
+    verdict: str = ""
 
     @classmethod
     def of(cls, coefficients: np.ndarray, thresholds: np.ndarray | float = np.nan) -> Identified:
@@ -46,11 +48,12 @@ def write(path: str | os.PathLike, results: list[Identified]) -> None:
         thresholds=np.stack([r.thresholds for r in results]),
         standard_errors=np.stack([r.standard_errors for r in results]),
         status=np.array([r.status for r in results]),
+        verdict=np.array([r.verdict for r in results]),
     )
 
 
 def read(path: str | os.PathLike) -> list[Identified]:
     with np.load(path) as file:
         columns = [file[k] for k in ("coefficients", "thresholds", "standard_errors")]
-        statuses = [str(s) for s in file["status"]]
-    return [Identified(*parts, status) for *parts, status in zip(*columns, statuses, strict=True)]
+        columns += [file[k].tolist() for k in ("status", "verdict")]
+    return [Identified(*parts) for parts in zip(*columns, strict=True)]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pandas as pd
 
-from galloping.tables.summary import is_subset, summarise
+from galloping.tables.summary import of_kind, summarise
 
 KEYS = ["case", "protocol", "method", "points"]
 
 
 def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
     """case, protocol, method, points, state, amplitude_error_percent and r2 with intervals."""
-    subsets = scores[is_subset(scores)]
+    subsets = of_kind(scores, "points")
     states = ("q_v", "q_w")
     amplitude = summarise(
         subsets,

@@ -18,9 +18,9 @@ def read_scores(paths: Iterable[str | os.PathLike]) -> pd.DataFrame:
     return table.sort_values(keys, kind="stable", ignore_index=True)
 
 
-def is_subset(scores: pd.DataFrame) -> pd.Series:
-    """Rows of random subsets; the others are whole records."""
-    return scores["cell"].str.startswith("points_")
+def of_kind(scores: pd.DataFrame, kind: str) -> pd.DataFrame:
+    """Scores of the cells `noise` (a whole record), `points` (a subset) or `joint` (several)."""
+    return scores[scores["cell"].str.startswith(f"{kind}_")]
 
 
 def interval(values: Sequence[float]) -> tuple[float, float, float]:

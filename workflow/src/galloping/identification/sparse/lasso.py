@@ -6,9 +6,9 @@ import numpy as np
 from pysindy.optimizers import WrappedOptimizer
 from sklearn.linear_model import LassoLars, lars_path
 
-from galloping.identification.reduction import Regression
+from galloping.identification.sparse.reduction import Regression
 from galloping.identification.result import Identified
-from galloping.identification.selection import NEGLIGIBLE, compact, refit, scores
+from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit, scores
 
 
 def lasso(problem: Regression, *, threshold: float | None, path_length: int) -> Identified:

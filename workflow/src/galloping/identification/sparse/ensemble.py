@@ -10,10 +10,10 @@ import pysindy as ps
 from scipy.fft import dct
 from sklearn import config_context
 
-from galloping.identification.reduction import BLOCKS, Regression
+from galloping.identification.sparse.reduction import BLOCKS, Regression
 from galloping.identification.result import Identified
-from galloping.identification.selection import NEGLIGIBLE, compact, refit
-from galloping.identification.stlsq import normalised
+from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit
+from galloping.identification.sparse.stlsq import normalised
 
 
 def ensemble(

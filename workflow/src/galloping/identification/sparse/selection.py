@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.identification.reduction import Regression
+from galloping.identification.sparse.reduction import Regression
 
 # A term that moves its state derivative by less than this share is beyond any sensor.
 NEGLIGIBLE = 1e-4

@@ -7,13 +7,13 @@ orthogonal transformation keeps those. Identification therefore works on the tri
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from galloping.identification.smoothing import smooth
+from galloping.identification.sparse.smoothing import smooth
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
 from galloping.storage import write_arrays
@@ -66,24 +66,30 @@ def _triangle(rows: np.ndarray) -> np.ndarray:
     return np.pad(factor, ((0, columns - len(factor)), (0, 0)))
 
 
-def reduce(recording: Recording, terms: tuple[Exponents, ...]) -> Regression:
-    """The regression of a recording on the candidate library `terms`.
+def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regression:
+    """The regression of recordings of one system on the candidate library `terms`.
 
     Where no derivatives were measured they come from `smooth`, and so do the states.
     Raises ValueError where a value is missing.
     """
-    if not np.all(np.isfinite(recording.values)):
-        raise ValueError("recording: sparse regression needs every state at every sample")
-    if recording.derivatives is not None:
-        if not np.all(np.isfinite(recording.derivatives)):
-            raise ValueError("recording: sparse regression needs every derivative at every sample")
-        x, dx = recording.values, recording.derivatives
-        observations = np.full(x.shape[1], len(x))
-    else:
-        x, dx, observations = smooth(recording.time, recording.values)
+    parts = [_differentiated(recording) for recording in recordings]
+    x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
+    observations = sum(part[2] for part in parts)
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
     return regression(blocks, observations)
+
+
+def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States, derivatives and the effective number of observations of each derivative."""
+    if not np.all(np.isfinite(recording.values)):
+        raise ValueError("recording: sparse regression needs every state at every sample")
+    if recording.derivatives is None:
+        return smooth(recording.time, recording.values)
+    if not np.all(np.isfinite(recording.derivatives)):
+        raise ValueError("recording: sparse regression needs every derivative at every sample")
+    n, states = recording.values.shape
+    return recording.values, recording.derivatives, np.full(states, n)
 
 
 def write(path: str | os.PathLike, regressions: list[Regression]) -> None:

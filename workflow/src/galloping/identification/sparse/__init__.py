@@ -1,0 +1,1 @@
+"""Sparse regression on a candidate library, with pysindy's optimizers."""
