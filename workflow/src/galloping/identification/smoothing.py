@@ -1,0 +1,211 @@
+"""Spline estimates of the states on a uniform grid, from any sampling.
+
+A state and its measured velocity are smoothed apart where samples are plenty, so that the
+identity between them stays available as information; together, as one curve and its derivative,
+where samples are few or the velocity is not measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.interpolate import BSpline, PPoly
+from scipy.linalg import solveh_banded
+
+from galloping.identification.problem import velocity_pairs
+from galloping.recording import Recording
+
+DEGREE = 5
+KNOTS_PER_PERIOD = 8
+SPARSE_KNOTS_PER_PERIOD = 5
+GRID_PER_PERIOD = 24
+SAMPLES_PER_KNOT = 4
+ROUGHNESS = 1e-4
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """States of one recording on a uniform grid.
+
+    time: (n_grid,), s. states: (n_grid, n_states). sigma: (n_states,) standard deviation of
+    white noise on the grid with the density of the measurement noise; NaN for derived states.
+    derived: (n_states,) index of the state whose curve's derivative this state is, else -1.
+    noise: (n_states,) standard deviation of a sample about the curve, NaN where not measured.
+    """
+
+    time: np.ndarray
+    states: np.ndarray
+    sigma: np.ndarray
+    derived: np.ndarray
+    noise: np.ndarray
+
+
+def shortest_period(recordings: list[Recording]) -> float:
+    """The shortest period, s, that matters: 95 % of each channel's power lies at longer ones.
+
+    Only power well above the noise floor (the median of the spectrum) counts. Raises ValueError
+    where no channel varies.
+    """
+    highest = 0.0
+    for recording in recordings:
+        duration = recording.time[-1] - recording.time[0]
+        for channel in recording.values.T:
+            good = np.isfinite(channel)
+            if good.sum() < 8:
+                continue
+            grid = np.linspace(recording.time[0], recording.time[-1], min(good.sum(), 2**13))
+            signal = np.interp(grid, recording.time[good], channel[good])
+            signal = (signal - signal.mean()) * np.hanning(len(signal))
+            power = np.abs(np.fft.rfft(signal)) ** 2
+            power = np.where(power > 20.0 * np.median(power), power, 0.0)[1:]
+            total = np.cumsum(power)
+            if total[-1] > 0.0:
+                bin_ = 1 + int(np.searchsorted(total, 0.95 * total[-1]))
+                highest = max(highest, bin_ / duration)
+    if highest == 0.0:
+        raise ValueError("no channel varies above its noise")
+    return 1.0 / highest
+
+
+def smooth(recording: Recording, period: float) -> Smooth:
+    """Spline estimate of all states of a recording, `period` being its shortest period, s.
+
+    Raises ValueError where a state is neither measured nor the derivative of a measured one.
+    """
+    n_states = len(recording.states)
+    pairs = velocity_pairs(recording.states)
+    counts = np.isfinite(recording.values).sum(axis=0)
+    duration = recording.time[-1] - recording.time[0]
+    plenty = SAMPLES_PER_KNOT * KNOTS_PER_PERIOD * duration / period
+    curves: list[list[int]] = []
+    derived = np.full(n_states, -1)
+    for i in range(n_states):
+        if i in pairs and counts[i] and counts[pairs[i]] < plenty:
+            curves.append([i, pairs[i]])
+            derived[pairs[i]] = i
+        elif i not in pairs.values() or counts[i] >= plenty:
+            curves.append([i])
+    done = {i for curve in curves for i in curve}
+    for i in range(n_states):
+        if (i not in done and counts[i] == 0) or (derived[i] < 0 and counts[i] < 8):
+            raise ValueError(f"state {recording.states[i]} is not measured, nor its integral")
+        if i not in done:
+            curves.append([i])
+    n_grid = max(int(np.ceil(duration / period * GRID_PER_PERIOD)) + 1, 16)
+    time = np.linspace(recording.time[0], recording.time[-1], n_grid)
+    states = np.empty((n_grid, n_states))
+    sigma, noise = np.full(n_states, np.nan), np.full(n_states, np.nan)
+    for curve in curves:
+        dense = counts[curve].min() >= plenty
+        knots = KNOTS_PER_PERIOD if dense else SPARSE_KNOTS_PER_PERIOD
+        pieces = max(int(np.ceil(duration / period * knots)), 4)
+        fitted, deviation, density = _fit(recording, curve, pieces, time, period)
+        states[:, curve] = fitted
+        noise[curve] = deviation
+        sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
+    return Smooth(time, states, sigma, derived, noise)
+
+
+def _fit(
+    recording: Recording, curve: list[int], pieces: int, grid: np.ndarray, period: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """One curve, from one channel or from a channel and its derivative.
+
+    Returns the curve and, with two channels, its derivative on the grid, (n_grid, n_channels); the
+    deviation of each channel's samples; and the square root of the noise's spectral density.
+    """
+    start, spacing = recording.time[0], (recording.time[-1] - recording.time[0]) / pieces
+    place = (recording.time - start) / spacing
+    values = np.ascontiguousarray(recording.values[:, curve])
+    good = np.isfinite(values)
+    count = good.sum(axis=0)
+    scale = np.array([np.nanstd(values[:, k]) if count[k] else 1.0 for k in range(len(curve))])
+    noise = np.where(scale > 0.0, scale, 1.0)
+    basis = _basis_polynomials()
+    for _ in range(1 if len(curve) == 1 else 3):
+        bands = np.zeros((DEGREE + 1, pieces + DEGREE))
+        right = np.zeros(pieces + DEGREE)
+        _accumulate(place, values, 1.0 / noise**2, spacing, basis, bands, right)
+        _add_roughness(bands, ROUGHNESS * np.sum(count / noise**2 / spacing**2 ** np.arange(
+            len(curve))) / pieces)  # fmt: skip
+        coefficients = solveh_banded(bands, right, lower=True)
+        deviation = np.full(len(curve), np.nan)
+        for k in range(len(curve)):
+            if count[k]:
+                there = good[:, k]
+                gap = values[there, k] - _evaluate(place[there], coefficients, k, spacing)
+                share = (pieces + DEGREE) / max((count > 0).sum(), 1)
+                deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))
+                noise[k] = max(deviation[k], 1e-9 * scale[k], np.finfo(float).tiny)
+    fitted = np.column_stack(
+        [_evaluate((grid - start) / spacing, coefficients, k, spacing) for k in range(len(curve))]
+    )
+    frequency = 2.0 * np.pi / period
+    duration = recording.time[-1] - start
+    weight = np.sum(count / duration / noise**2 * frequency ** (2 * np.arange(len(curve))))
+    return fitted, deviation, 1.0 / np.sqrt(weight)
+
+
+def _basis_polynomials() -> np.ndarray:
+    """(DEGREE + 1, DEGREE + 1): coefficient of u^k of the j-th B-spline alive on a knot span."""
+    pieces = PPoly.from_spline(BSpline.basis_element(np.arange(DEGREE + 2.0), extrapolate=False))
+    spans = pieces.c[::-1, -DEGREE - 1 - DEGREE : -DEGREE or None]
+    return np.ascontiguousarray(spans[:, : DEGREE + 1].T[::-1])
+
+
+@njit(cache=True)
+def _alive(place, pieces, basis, derivative, spacing, out):
+    """Values of the B-splines alive at `place` (in knot spans); returns the first one's index."""
+    span = min(max(int(place), 0), pieces - 1)
+    u = place - span
+    for j in range(basis.shape[0]):
+        total = 0.0
+        for k in range(basis.shape[1] - 1, derivative - 1, -1):
+            total = total * u + basis[j, k] * (k if derivative else 1)
+        out[j] = total / spacing if derivative else total
+    return span
+
+
+@njit(cache=True)
+def _accumulate(place, values, weights, spacing, basis, bands, right):
+    """Banded normal equations of the spline; channel k observes its k-th derivative."""
+    n = basis.shape[0]
+    pieces = len(right) - n + 1
+    alive = np.empty(n)
+    for k in range(values.shape[1]):
+        for i in range(len(place)):
+            if np.isfinite(values[i, k]):
+                span = _alive(place[i], pieces, basis, k, spacing, alive)
+                for a in range(n):
+                    right[span + a] += weights[k] * alive[a] * values[i, k]
+                    for b in range(a, n):
+                        bands[b - a, span + a] += weights[k] * alive[a] * alive[b]
+
+
+@njit(cache=True)
+def _evaluated(place, coefficients, derivative, spacing, basis):
+    n = basis.shape[0]
+    alive = np.empty(n)
+    result = np.zeros(len(place))
+    for i in range(len(place)):
+        span = _alive(place[i], len(coefficients) - n + 1, basis, derivative, spacing, alive)
+        for a in range(n):
+            result[i] += alive[a] * coefficients[span + a]
+    return result
+
+
+def _evaluate(
+    place: np.ndarray, coefficients: np.ndarray, derivative: int, spacing: float
+) -> np.ndarray:
+    return _evaluated(place, coefficients, derivative, spacing, _basis_polynomials())
+
+
+def _add_roughness(bands: np.ndarray, weight: float) -> None:
+    """Add `weight` times the squared third differences of the coefficients, in place."""
+    n = bands.shape[1]
+    stencil = np.array([-1.0, 3.0, -3.0, 1.0])
+    for a in range(4):
+        for b in range(a, 4):
+            bands[b - a, a : a + n - 3] += weight * stencil[a] * stencil[b]

@@ -1,0 +1,100 @@
+"""Weak form by generalised least squares: a fast method of its own, and the start of others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from galloping.identification.problem import Problem
+from galloping.identification.problem import problem as make_problem
+from galloping.identification.result import Identified
+from galloping.identification.selection import added_deviation, select, solve_support
+from galloping.identification.smoothing import Smooth, shortest_period, smooth
+from galloping.identification.weak_form import whitened_weak_form
+from galloping.polynomial import Exponents, PolynomialModel
+from galloping.recording import Recording
+
+ITERATIONS = 3
+
+
+@dataclass(frozen=True)
+class WeakFit:
+    """Candidates' coefficients, their support, the normal equations and the misfit per row."""
+
+    free: np.ndarray
+    support: np.ndarray
+    information: np.ndarray
+    covariance: np.ndarray
+    misfit: float
+
+
+def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
+    """Support and coefficients from the weak form, the errors linearised about the last fit.
+
+    penalty: worth of a term in units of chi^2. Raises numpy.linalg.LinAlgError where the
+    covariance of the rows is singular.
+    """
+    n = len(problem.candidates)
+    support = np.ones(n, bool)
+    coefficients = None
+    for _ in range(ITERATIONS + 1):
+        systems = [whitened_weak_form(problem, one, coefficients) for one in smoothed]
+        information = sum(a.T @ a for a, _ in systems)
+        right = sum(a.T @ b for a, b in systems)
+        total = sum(float(b @ b) for _, b in systems)
+        n_rows = sum(len(b) for _, b in systems)
+        if coefficients is not None:
+            support = select(information, right, np.ones(n, bool), penalty)
+        free, covariance = solve_support(information, right, support)
+        coefficients = problem.coefficients(free)
+    misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
+    return WeakFit(free, support, information, covariance, misfit)
+
+
+def weak_gls(
+    recordings: list[Recording],
+    terms: tuple[Exponents, ...],
+    known: PolynomialModel | None = None,
+    known_states: tuple[str, ...] = (),
+) -> Identified:
+    """Identify one model from noisy states by the weak form, in generalised least squares.
+
+    recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
+    whose equations of `known_states` hold; dX/dt = `dX` is known by its name.
+    The intervals are those of the linearised weak form, inflated by the misfit where it is above
+    one. Raises ValueError where no channel varies or a state cannot be had from the channels.
+    """
+    problem = make_problem(recordings[0].states, terms, known, known_states)
+    period = shortest_period(recordings)
+    smoothed = [smooth(recording, period) for recording in recordings]
+    samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
+    fit = weak_fit(problem, smoothed, 2.0 * np.log(samples))
+    inflation = max(fit.misfit, 1.0)
+    deviation = np.full(problem.known.shape, np.nan)
+    of_candidates = added_deviation(fit.information, fit.support)
+    of_candidates[fit.support] = np.sqrt(np.diag(fit.covariance))
+    rows, columns = problem.candidates.T
+    deviation[rows, columns] = of_candidates * np.sqrt(inflation)
+    support = np.zeros(problem.known.shape, bool)
+    support[rows, columns] = fit.support
+    model = PolynomialModel(problem.states, problem.terms, problem.coefficients(fit.free))
+    return Identified(
+        model=model,
+        support=support,
+        covariance=fit.covariance * inflation,
+        initial_states=np.array([one.states[0] for one in smoothed]),
+        sigma=pooled_noise(smoothed),
+        chi2=fit.misfit,
+        status="ok",
+        reason="",
+        deviation=deviation,
+    )
+
+
+def pooled_noise(smoothed: list[Smooth]) -> np.ndarray:
+    """(n_states,) root mean square of the recordings' noise, NaN where no recording measures."""
+    squares = np.array([one.noise**2 for one in smoothed])
+    count = np.isfinite(squares).sum(axis=0)
+    total = np.nansum(squares, axis=0)
+    return np.sqrt(np.where(count, total, np.nan) / np.maximum(count, 1))
