@@ -26,8 +26,8 @@ class Condensed:
     functionals: (n_windows, n_observed, ROWS, ORDER + 1), from Taylor coefficients in the time
     scaled by the window to the expected projections; zero rows where a window has few samples.
     targets: (n_windows, n_observed, ROWS) the projections of the samples, in the state's unit.
-    counts: (n_observed,) samples; rows: (n_observed,) non-zero rows.
-    remainder: (n_observed,) sum of squares of the samples outside the projections.
+    counts: (n_recordings, n_observed) samples; rows: the same, non-zero rows.
+    remainder: (n_recordings, n_observed) sum of squares of the samples outside the projections.
     """
 
     step: float
@@ -114,9 +114,9 @@ def condense(
     n_observed = len(observed)
     functionals = np.zeros((first[-1], n_observed, ROWS, ORDER + 1))
     targets = np.zeros((first[-1], n_observed, ROWS))
-    counts = np.zeros(n_observed, np.int64)
-    rows = np.zeros(n_observed, np.int64)
-    remainder = np.zeros(n_observed)
+    counts = np.zeros((len(times), n_observed), np.int64)
+    rows = np.zeros((len(times), n_observed), np.int64)
+    remainder = np.zeros((len(times), n_observed))
     for r, (time, value) in enumerate(zip(times, values, strict=True)):
         scaled = (time - time[0]) / step
         window = np.minimum((scaled + 1e-9).astype(np.int64), windows[r] - 1)
@@ -128,9 +128,9 @@ def condense(
             offsets,
             functionals[span],
             targets[span],
-            counts,
-            rows,
-            remainder,
+            counts[r],
+            rows[r],
+            remainder[r],
         )
     return Condensed(
         step, first, np.asarray(observed), functionals, targets, counts, rows,

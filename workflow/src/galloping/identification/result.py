@@ -17,8 +17,8 @@ class Identified:
     support: (n_states, n_terms) boolean, the terms found in the unknown equations.
     covariance: (n_found, n_found) of their coefficients, in the order of np.argwhere(support).
     initial_states: (n_recordings, n_states), at the first sample of each recording.
-    sigma: (n_states,) noise of a sample of each channel, NaN where not measured; for recordings
-    with derivatives, noise of the derivatives.
+    sigma: (n_recordings, n_states) noise of a sample of each channel, NaN where not measured; for
+    recordings with derivatives, noise of the derivatives.
     chi2: misfit per degree of freedom against the noise measured within short windows.
     status: `ok`, or `refused` when the coefficients must not be trusted; reason: one line, or ''.
     deviation: (n_states, n_terms) standard deviation of each coefficient: of the found ones as in

@@ -27,38 +27,71 @@ def solve_support(
 
 
 def select(
-    information: np.ndarray,
-    right: np.ndarray,
-    support: np.ndarray,
-    penalty: float,
-    reentry: bool = True,
+    information: np.ndarray, right: np.ndarray, starts: list[np.ndarray], penalty: float
 ) -> np.ndarray:
-    """Terms worth `penalty` each, in units of chi^2, starting from `support`.
+    """The best support found: least chi^2 plus `penalty` for each term.
 
-    Removes the term with the smallest Wald statistic c^2/var while that is below the penalty;
-    then, with `reentry`, adds the excluded term with the largest score statistic while that is
-    above the penalty, removing again after each addition. Shapes as in `solve_support`.
-    Returns the (n,) boolean support.
+    From each of `starts`, (n,) boolean: removes the term with the smallest Wald statistic
+    c^2/var while that is below the penalty; adds the excluded term with the largest score
+    statistic while that is above it, removing again; then exchanges a term for an excluded one
+    while that pays. Shapes as in `solve_support`. Returns the (n,) boolean support.
     """
     diagonal = np.diag(information)
-    usable = diagonal > RIDGE * max(diagonal.max(), np.finfo(float).tiny) * 1e-12
+    usable = diagonal > 0.0
     scale = np.where(usable, 1.0 / np.sqrt(np.where(usable, diagonal, 1.0)), 0.0)
     h = information * scale[:, None] * scale
     b = right * scale
-    support = support & usable
-    seen = set()
+    found: dict[bytes, tuple[float, np.ndarray]] = {}
+    for start in starts:
+        support = _descend(h, b, start & usable, usable, penalty)
+        found[support.tobytes()] = (_criterion(h, b, support, penalty), support)
+    return min(found.values(), key=lambda entry: entry[0])[1]
+
+
+def _descend(
+    h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarray, penalty: float
+) -> np.ndarray:
+    """Removal, re-entry and exchange until none of them lowers the criterion."""
+    best, lowest = support, np.inf
     while True:
         support = _remove(h, b, support, penalty)
-        key = support.tobytes()
-        if not reentry or key in seen:
-            return support
-        seen.add(key)
-        score = _scores(h, b, support & usable, usable)
-        best = int(np.argmax(score))
-        if score[best] <= penalty:
-            return support
-        support = support.copy()
-        support[best] = True
+        value = _criterion(h, b, support, penalty)
+        if value >= lowest - 1e-6:
+            return best
+        best, lowest = support, value
+        score = _scores(h, b, support, usable)
+        if score.max() > penalty:
+            support = support.copy()
+            support[np.argmax(score)] = True
+        else:
+            support = _exchanged(h, b, support, usable)
+
+
+def _exchanged(
+    h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarray
+) -> np.ndarray:
+    """The support after the most profitable exchange of one term for another, or unchanged."""
+    best, gain = support, 0.0
+    inverse = _inverse(h[np.ix_(support, support)])
+    wald = (inverse @ b[support]) ** 2 / np.diag(inverse)
+    for loss, out in zip(wald, np.flatnonzero(support), strict=True):
+        without = support.copy()
+        without[out] = False
+        score = _scores(h, b, without, usable)
+        score[out] = 0.0
+        if score.max() - loss > gain:
+            gain = score.max() - loss
+            best = without
+            best[np.argmax(score)] = True
+    return best
+
+
+def _criterion(h: np.ndarray, b: np.ndarray, support: np.ndarray, penalty: float) -> float:
+    """chi^2 less that of no terms, plus the penalty of every term."""
+    if not support.any():
+        return 0.0
+    right = b[support]
+    return float(penalty * len(right) - right @ _inverse(h[np.ix_(support, support)]) @ right)
 
 
 def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
@@ -76,6 +109,29 @@ def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
     good = left > np.maximum(floor, 0.0)
     deviation[out] = np.where(good, 1.0 / np.sqrt(np.where(good, left, 1.0)), np.inf)
     return deviation
+
+
+def alternatives(
+    information: np.ndarray, right: np.ndarray, support: np.ndarray, rise: float
+) -> list[tuple[int, int, float]]:
+    """Exchanges the data cannot rule out: (term found, excluded term, rise of chi^2).
+
+    Each found term is listed with the excluded term that replaces it best, where the exchange
+    raises chi^2 by less than `rise`. Shapes as in `solve_support`.
+    """
+    usable = np.diag(information) > 0.0
+    covariance = _inverse(information[np.ix_(support, support)])
+    wald = (covariance @ right[support]) ** 2 / np.diag(covariance)
+    exchanges = []
+    for loss, out in zip(wald, np.flatnonzero(support), strict=True):
+        without = support.copy()
+        without[out] = False
+        score = _scores(information, right, without, usable)
+        score[out] = 0.0
+        best = int(np.argmax(score))
+        if loss - score[best] < rise:
+            exchanges.append((int(out), best, float(loss - score[best])))
+    return exchanges
 
 
 def _remove(h: np.ndarray, b: np.ndarray, support: np.ndarray, penalty: float) -> np.ndarray:
@@ -110,7 +166,7 @@ def _scores(h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarra
         solved = _inverse(h[np.ix_(kept, kept)]) @ np.column_stack([cross, b[kept]])
         left -= np.einsum("ij,ij->j", cross, solved[:, :-1])
         gradient -= cross.T @ solved[:, -1]
-    good = left > 1e-9
+    good = left > 1e-9 * np.diag(h)[out]
     score[out[good]] = gradient[good] ** 2 / left[good]
     return score
 

@@ -18,10 +18,10 @@ from galloping.identification.problem import velocity_pairs
 from galloping.recording import Recording
 
 DEGREE = 5
-KNOTS_PER_PERIOD = 8
-SPARSE_KNOTS_PER_PERIOD = 5
+MOST_KNOTS_PER_PERIOD = 12
+LEAST_KNOTS_PER_PERIOD = 5
 GRID_PER_PERIOD = 24
-SAMPLES_PER_KNOT = 4
+SAMPLES_PER_KNOT = 3
 ROUGHNESS = 1e-4
 
 
@@ -78,7 +78,7 @@ def smooth(recording: Recording, period: float) -> Smooth:
     pairs = velocity_pairs(recording.states)
     counts = np.isfinite(recording.values).sum(axis=0)
     duration = recording.time[-1] - recording.time[0]
-    plenty = SAMPLES_PER_KNOT * KNOTS_PER_PERIOD * duration / period
+    plenty = SAMPLES_PER_KNOT * LEAST_KNOTS_PER_PERIOD * duration / period
     curves: list[list[int]] = []
     derived = np.full(n_states, -1)
     for i in range(n_states):
@@ -98,8 +98,8 @@ def smooth(recording: Recording, period: float) -> Smooth:
     states = np.empty((n_grid, n_states))
     sigma, noise = np.full(n_states, np.nan), np.full(n_states, np.nan)
     for curve in curves:
-        dense = counts[curve].min() >= plenty
-        knots = KNOTS_PER_PERIOD if dense else SPARSE_KNOTS_PER_PERIOD
+        supported = counts[curve].sum() / SAMPLES_PER_KNOT / (duration / period)
+        knots = np.clip(supported, LEAST_KNOTS_PER_PERIOD, MOST_KNOTS_PER_PERIOD)
         pieces = max(int(np.ceil(duration / period * knots)), 4)
         fitted, deviation, density = _fit(recording, curve, pieces, time, period)
         states[:, curve] = fitted

@@ -45,7 +45,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         total = sum(float(b @ b) for _, b in systems)
         n_rows = sum(len(b) for _, b in systems)
         if coefficients is not None:
-            support = select(information, right, np.ones(n, bool), penalty)
+            support = select(information, right, [np.ones(n, bool)], penalty)
         free, covariance = solve_support(information, right, support)
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
@@ -84,17 +84,9 @@ def weak_gls(
         support=support,
         covariance=fit.covariance * inflation,
         initial_states=np.array([one.states[0] for one in smoothed]),
-        sigma=pooled_noise(smoothed),
+        sigma=np.array([one.noise for one in smoothed]),
         chi2=fit.misfit,
         status="ok",
         reason="",
         deviation=deviation,
     )
-
-
-def pooled_noise(smoothed: list[Smooth]) -> np.ndarray:
-    """(n_states,) root mean square of the recordings' noise, NaN where no recording measures."""
-    squares = np.array([one.noise**2 for one in smoothed])
-    count = np.isfinite(squares).sum(axis=0)
-    total = np.nansum(squares, axis=0)
-    return np.sqrt(np.where(count, total, np.nan) / np.maximum(count, 1))

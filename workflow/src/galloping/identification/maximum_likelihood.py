@@ -1,0 +1,320 @@
+"""Maximum likelihood: coefficients, initial states and terms at the limit the data set.
+
+The weak form gives the start; multiple shooting with matched segments, Gauss-Newton on the
+coefficients of the whole library, and selection on the quadratic model do the rest. Intervals
+come from the information at the solution, so they are those of the Cramer-Rao bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from galloping.identification.condense import Condensed, condense
+from galloping.identification.derivative_fit import derivative_fit
+from galloping.identification.problem import Problem
+from galloping.identification.problem import problem as make_problem
+from galloping.identification.result import Identified
+from galloping.identification.selection import (
+    added_deviation,
+    alternatives,
+    select,
+    solve_support,
+)
+from galloping.identification.shooting import Segments, cut, eliminate, linearise, residuals
+from galloping.identification.smoothing import Smooth, shortest_period, smooth
+from galloping.identification.verdict import AMBIGUOUS, Residue, exchange_reason, residue
+from galloping.identification.weak_gls import weak_fit
+from galloping.polynomial import Exponents, PolynomialModel
+from galloping.recording import Recording
+
+WINDOWS_PER_PERIOD = 12
+PERIODS_PER_SEGMENT = 6
+FREE_PASSES = 2
+SELECTING_PASSES = 8
+MOST_PASSES = 16
+MOST_HALVINGS = 6
+CONVERGED = 0.01
+MATCHED = 1e-3
+TRUNCATION = 1e-6
+SMALLEST_NOISE = 1e-6
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where the iteration stands.
+
+    free: (n_candidates,) coefficients; support: the same, boolean. starts: (n_segments,
+    n_states). sigma: (n_recordings, n_observed) noise of the projections.
+    """
+
+    free: np.ndarray
+    support: np.ndarray
+    starts: np.ndarray
+    sigma: np.ndarray
+
+
+@dataclass(frozen=True)
+class Step:
+    """A Gauss-Newton step from one `Fit` to the next.
+
+    information, right: of the regression on all candidates. covariance: of the supported ones.
+    cost: chi^2 before the step. decrement: squared length of the step, in units of its
+    covariance. gap: largest mismatch of segments before the step.
+    """
+
+    fit: Fit
+    information: np.ndarray
+    right: np.ndarray
+    covariance: np.ndarray
+    cost: float
+    decrement: float
+    gap: float
+
+
+def maximum_likelihood(
+    recordings: list[Recording],
+    terms: tuple[Exponents, ...],
+    known: PolynomialModel | None = None,
+    known_states: tuple[str, ...] = (),
+) -> Identified:
+    """Identify one polynomial model from one or several recordings of a system.
+
+    recordings: sharing their states; any sampling, NaN where samples or channels are missing;
+    the noise of each channel of each recording is unknown, white and Gaussian. Where they carry
+    derivatives, the states are exact and the equations are fitted directly.
+    terms: the library. known: model whose equations of `known_states` hold; the equation of a
+    state X is known to be dX/dt = dX where a state has that name.
+    The status is `ok`, `ambiguous` (another term explains the data as well), or `refused`.
+    Raises ValueError where the recordings differ in their states.
+    """
+    states = recordings[0].states
+    if any(recording.states != states for recording in recordings):
+        raise ValueError("the recordings do not have the same states")
+    problem = make_problem(states, terms, known, known_states)
+    try:
+        if all(recording.derivatives is not None for recording in recordings):
+            return derivative_fit(problem, recordings)
+        return _from_states(problem, recordings)
+    except (ValueError, FloatingPointError, np.linalg.LinAlgError) as error:
+        return refusal(problem, len(recordings), str(error))
+
+
+def refusal(problem: Problem, n_recordings: int, reason: str) -> Identified:
+    """A result without a model, for `reason`."""
+    shape = problem.known.shape
+    return Identified(
+        model=PolynomialModel(problem.states, problem.terms, problem.known),
+        support=np.zeros(shape, bool),
+        covariance=np.zeros((0, 0)),
+        initial_states=np.full((n_recordings, shape[0]), np.nan),
+        sigma=np.full((n_recordings, shape[0]), np.nan),
+        chi2=np.nan,
+        status="refused",
+        reason=reason,
+        deviation=np.full(shape, np.nan),
+    )
+
+
+def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
+    period = shortest_period(recordings)
+    smoothed = [smooth(recording, period) for recording in recordings]
+    measured = [np.isfinite(recording.values) for recording in recordings]
+    penalty = 2.0 * np.log(sum(int(one.sum()) for one in measured))
+    start = weak_fit(problem, smoothed, penalty)
+    observed = np.flatnonzero(np.any([one.any(axis=0) for one in measured], axis=0))
+    condensed, segments, fit = _prepare(problem, recordings, smoothed, observed, period, start)
+    fit, step = _iterate(problem, condensed, segments, fit, penalty)
+    whole = cut(condensed, int(condensed.first[-1]) + 1, chained=True)
+    firsts = fit.starts[np.searchsorted(segments.recording, np.arange(len(recordings)))]
+    remaining = residuals(problem, condensed, whole, fit.free, firsts)
+    if not np.all(np.isfinite(remaining)):
+        raise FloatingPointError("the identified model diverges over the recording")
+    parameters = int(fit.support.sum()) + len(recordings) * len(problem.states)
+    shown = residue(condensed, remaining, parameters)
+    squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
+    sigma = np.full((len(recordings), len(problem.states)), np.nan)
+    share = parameters / max(np.count_nonzero(condensed.counts), 1)
+    total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
+    sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
+    status, reason = _judge(problem, observed, step, fit, shown)
+    support = np.zeros(problem.known.shape, bool)
+    deviation = np.full(problem.known.shape, np.nan)
+    rows, columns = problem.candidates.T
+    support[rows, columns] = fit.support
+    deviation[rows, columns] = added_deviation(step.information, fit.support)
+    deviation[support] = np.sqrt(np.diag(step.covariance))
+    return Identified(
+        model=PolynomialModel(problem.states, problem.terms, problem.coefficients(fit.free)),
+        support=support,
+        covariance=step.covariance,
+        initial_states=firsts,
+        sigma=sigma,
+        chi2=shown.chi2,
+        status=status,
+        reason=reason,
+        deviation=deviation,
+        diagnostics={
+            "chi2_allowed": shown.allowed,
+            "residual_line": shown.line,
+            "residual_line_allowed": shown.expected,
+            "residual_correlation": shown.correlation,
+        },
+    )
+
+
+def _prepare(
+    problem: Problem,
+    recordings: list[Recording],
+    smoothed: list[Smooth],
+    observed: np.ndarray,
+    period: float,
+    start,
+) -> tuple[Condensed, Segments, Fit]:
+    """Condensed samples, segments and first states on which the start can be integrated.
+
+    Windows are halved until the Taylor series is accurate over one, segments until the start
+    does not diverge within one. Raises FloatingPointError where neither is enough.
+    """
+    noise = np.array([one.noise[observed] for one in smoothed])
+    spread = np.array([np.nanstd(recording.values[:, observed], axis=0) for recording in recordings])
+    noise = np.where(np.isfinite(noise), np.maximum(noise, SMALLEST_NOISE * spread), 1.0)
+    windows, length = WINDOWS_PER_PERIOD, WINDOWS_PER_PERIOD * PERIODS_PER_SEGMENT
+    for _ in range(MOST_HALVINGS):
+        condensed = condense(
+            [recording.time for recording in recordings],
+            [recording.values[:, observed] for recording in recordings],
+            observed,
+            period / windows,
+        )
+        segments = cut(condensed, length, chained=False)
+        starts = _segment_states(condensed, segments, recordings, smoothed)
+        fit = Fit(start.free, start.support, starts, noise)
+        try:
+            linear = linearise(problem, condensed, noise, segments, fit.free, fit.starts)
+        except FloatingPointError:
+            length = max(length // 2, 2)
+            continue
+        if linear.truncation < TRUNCATION:
+            return condensed, segments, fit
+        windows, length = 2 * windows, 2 * length
+    raise FloatingPointError("the start diverges, or its time scale is too short")
+
+
+def _segment_states(
+    condensed: Condensed,
+    segments: Segments,
+    recordings: list[Recording],
+    smoothed: list[Smooth],
+) -> np.ndarray:
+    """(n_segments, n_states) smoothed states where the segments start."""
+    starts = np.empty((len(segments.recording), smoothed[0].states.shape[1]))
+    for r, (recording, one) in enumerate(zip(recordings, smoothed, strict=True)):
+        mine = np.flatnonzero(segments.recording == r)
+        time = recording.time[0] + (segments.first[mine] - condensed.first[r]) * condensed.step
+        for i in range(starts.shape[1]):
+            starts[mine, i] = np.interp(time, one.time, one.states[:, i])
+    return starts
+
+
+def _iterate(
+    problem: Problem, condensed: Condensed, segments: Segments, fit: Fit, penalty: float
+) -> tuple[Fit, Step]:
+    """Gauss-Newton, first with free segments, then matched; terms chosen at every pass.
+
+    A step that diverges or raises the misfit is halved. Raises FloatingPointError where the
+    iteration does not settle.
+    """
+    chained = replace(segments, chains=segments.recording)
+    previous, reference, cost = fit, fit.sigma, np.inf
+    for passed in range(MOST_PASSES):
+        free = passed < FREE_PASSES
+        choosing = passed < SELECTING_PASSES
+        for _ in range(MOST_HALVINGS):
+            try:
+                step = _gauss_newton(
+                    problem, condensed, segments if free else chained, fit,
+                    penalty if choosing else None, reference,
+                )  # fmt: skip
+            except FloatingPointError:
+                fit = _between(previous, fit)
+                continue
+            if step.cost < 2.0 * cost:
+                break
+            fit = _between(previous, fit)
+        else:
+            raise FloatingPointError("the iteration diverges")
+        settled = np.array_equal(step.fit.support, fit.support) and step.decrement < CONVERGED
+        previous, fit, cost = fit, step.fit, step.cost
+        if not free and settled and step.gap < MATCHED:
+            return fit, step
+        if passed == FREE_PASSES - 1:
+            cost = np.inf
+    raise FloatingPointError("the iteration does not settle")
+
+
+def _between(a: Fit, b: Fit) -> Fit:
+    return Fit(
+        (a.free + b.free) / 2.0, a.support | b.support, (a.starts + b.starts) / 2.0, a.sigma
+    )
+
+
+def _gauss_newton(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    fit: Fit,
+    penalty: float | None,
+    reference: np.ndarray,
+) -> Step:
+    """Linearise, choose the terms (unless `penalty` is None), move, re-estimate the noise.
+
+    The noise is that of the projections, which hold the information: where the noise is not
+    white it differs from the noise between samples. reference: the noise that measures the cost.
+    """
+    linear = linearise(problem, condensed, fit.sigma, segments, fit.free, fit.starts)
+    quadratic = eliminate(linear, segments, fit.starts)
+    right = quadratic.right + quadratic.information @ fit.free
+    support = fit.support
+    if penalty is not None:
+        starts = [np.ones(len(right), bool), fit.support]
+        support = select(quadratic.information, right, starts, penalty)
+    free, covariance = solve_support(quadratic.information, right, support)
+    change = free - fit.free
+    starts = fit.starts + quadratic.states[:, :, :-1] @ change + quadratic.states[:, :, -1]
+    squares = linear.squares * fit.sigma**2
+    chains = segments.chains[-1] + 1
+    share = (support.sum() + chains * len(problem.states)) / max(np.count_nonzero(squares), 1)
+    sigma = np.sqrt(squares / np.maximum(condensed.rows - share, 0.2 * condensed.rows + 1.0))
+    return Step(
+        Fit(free, support, starts, np.maximum(sigma, SMALLEST_NOISE * reference)),
+        quadratic.information,
+        right,
+        covariance,
+        float(np.sum(squares / reference**2)),
+        float(change @ quadratic.information @ change),
+        quadratic.gap,
+    )
+
+
+def _judge(
+    problem: Problem, observed: np.ndarray, step: Step, fit: Fit, shown: Residue
+) -> tuple[str, str]:
+    """Status and reason of a settled fit."""
+    if not fit.support.any():
+        return "refused", "not identifiable: no term stands out of the noise"
+    if shown.line > shown.expected:
+        return "refused", (
+            f"model inadequate: the residual of {problem.states[observed[shown.channel]]} "
+            f"has a line at {shown.frequency:.3g} Hz"
+        )
+    if shown.chi2 > max(shown.allowed, 1.5):
+        return "refused", (
+            f"model inadequate or noise correlated: chi2/n {shown.chi2:.2f}, "
+            f"residual correlation {shown.correlation:.2f}"
+        )
+    found = alternatives(step.information, step.right, fit.support, AMBIGUOUS)
+    pairs = [tuple(pair) for pair in problem.candidates]
+    reason = exchange_reason(problem, [(pairs[a], pairs[b], rise) for a, b, rise in found])
+    return ("ambiguous", reason) if reason else ("ok", "")
