@@ -76,7 +76,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> Identified:
         initial_states=np.array([recording.values[0] for recording in recordings]),
         sigma=sigma,
         chi2=squares / max(freedom, 1),
-        status="ambiguous" if reason else "ok",
+        status="not identifiable" if reason else "ok",
         reason=reason,
         deviation=deviation,
     )

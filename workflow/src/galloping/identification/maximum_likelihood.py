@@ -19,25 +19,35 @@ from galloping.identification.result import Identified
 from galloping.identification.selection import (
     added_deviation,
     alternatives,
+    plausible_additions,
     select,
     solve_support,
 )
 from galloping.identification.shooting import Segments, cut, eliminate, linearise, residuals
 from galloping.identification.smoothing import Smooth, shortest_period, smooth
-from galloping.identification.verdict import AMBIGUOUS, Residue, exchange_reason, residue
+from galloping.identification.verdict import (
+    AMBIGUOUS,
+    PLAUSIBLE_PAIR,
+    PLAUSIBLE_TERM,
+    Residue,
+    addition_reason,
+    exchange_reason,
+    hidden_reason,
+    residue,
+)
 from galloping.identification.weak_gls import weak_fit
-from galloping.polynomial import Exponents, PolynomialModel
+from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
 
 WINDOWS_PER_PERIOD = 12
 PERIODS_PER_SEGMENT = 6
-FREE_PASSES = 2
-SELECTING_PASSES = 8
-MOST_PASSES = 16
+PATIENCE = 5
+MOST_PASSES = 20
 MOST_HALVINGS = 6
+CLOSE = 1.5
 CONVERGED = 0.01
 MATCHED = 1e-3
-TRUNCATION = 1e-6
+TRUNCATION = 1e-7
 SMALLEST_NOISE = 1e-6
 
 
@@ -53,6 +63,7 @@ class Fit:
     support: np.ndarray
     starts: np.ndarray
     sigma: np.ndarray
+    floor: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -86,7 +97,7 @@ def maximum_likelihood(
     derivatives, the states are exact and the equations are fitted directly.
     terms: the library. known: model whose equations of `known_states` hold; the equation of a
     state X is known to be dX/dt = dX where a state has that name.
-    The status is `ok`, `ambiguous` (another term explains the data as well), or `refused`.
+    The status is `ok`, `not identifiable` (other terms could be there as well), or `refused`.
     Raises ValueError where the recordings differ in their states.
     """
     states = recordings[0].states
@@ -138,13 +149,14 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
-    status, reason = _judge(problem, observed, step, fit, shown)
     support = np.zeros(problem.known.shape, bool)
     deviation = np.full(problem.known.shape, np.nan)
     rows, columns = problem.candidates.T
     support[rows, columns] = fit.support
     deviation[rows, columns] = added_deviation(step.information, fit.support)
     deviation[support] = np.sqrt(np.diag(step.covariance))
+    limit = np.sqrt(penalty) * deviation
+    status, reason = _judge(problem, observed, step, support, limit, smoothed, shown)
     return Identified(
         model=PolynomialModel(problem.states, problem.terms, problem.coefficients(fit.free)),
         support=support,
@@ -179,7 +191,8 @@ def _prepare(
     """
     noise = np.array([one.noise[observed] for one in smoothed])
     spread = np.array([np.nanstd(recording.values[:, observed], axis=0) for recording in recordings])
-    noise = np.where(np.isfinite(noise), np.maximum(noise, SMALLEST_NOISE * spread), 1.0)
+    floor = SMALLEST_NOISE * np.where(spread > 0.0, spread, 1.0)
+    noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
     windows, length = WINDOWS_PER_PERIOD, WINDOWS_PER_PERIOD * PERIODS_PER_SEGMENT
     for _ in range(MOST_HALVINGS):
         condensed = condense(
@@ -190,7 +203,7 @@ def _prepare(
         )
         segments = cut(condensed, length, chained=False)
         starts = _segment_states(condensed, segments, recordings, smoothed)
-        fit = Fit(start.free, start.support, starts, noise)
+        fit = Fit(start.free, start.support, starts, noise, floor)
         try:
             linear = linearise(problem, condensed, noise, segments, fit.free, fit.starts)
         except FloatingPointError:
@@ -223,41 +236,41 @@ def _iterate(
 ) -> tuple[Fit, Step]:
     """Gauss-Newton, first with free segments, then matched; terms chosen at every pass.
 
-    A step that diverges or raises the misfit is halved. Raises FloatingPointError where the
+    Terms are chosen and segments matched once the misfit is close to the noise, where the
+    quadratic model holds, or when patience ends. A step that diverges or raises the misfit is
+    halved. Raises FloatingPointError where the
     iteration does not settle.
     """
     chained = replace(segments, chains=segments.recording)
-    previous, reference, cost = fit, fit.sigma, np.inf
+    close = CLOSE * float(np.sum(condensed.rows))
+    previous, reference, cost, matched = fit, fit.sigma, np.inf, False
     for passed in range(MOST_PASSES):
-        free = passed < FREE_PASSES
-        choosing = passed < SELECTING_PASSES
+        choosing = (cost < close or passed >= PATIENCE) and passed < MOST_PASSES // 2
         for _ in range(MOST_HALVINGS):
             try:
                 step = _gauss_newton(
-                    problem, condensed, segments if free else chained, fit,
+                    problem, condensed, chained if matched else segments, fit,
                     penalty if choosing else None, reference,
                 )  # fmt: skip
             except FloatingPointError:
                 fit = _between(previous, fit)
                 continue
-            if step.cost < 2.0 * cost:
+            if step.cost < max(1.5 * cost, close):
                 break
             fit = _between(previous, fit)
         else:
             raise FloatingPointError("the iteration diverges")
         settled = np.array_equal(step.fit.support, fit.support) and step.decrement < CONVERGED
         previous, fit, cost = fit, step.fit, step.cost
-        if not free and settled and step.gap < MATCHED:
+        if matched and choosing and settled and step.gap < MATCHED:
             return fit, step
-        if passed == FREE_PASSES - 1:
-            cost = np.inf
+        matched = matched or (passed > 0 and cost < close) or passed >= PATIENCE
     raise FloatingPointError("the iteration does not settle")
 
 
 def _between(a: Fit, b: Fit) -> Fit:
-    return Fit(
-        (a.free + b.free) / 2.0, a.support | b.support, (a.starts + b.starts) / 2.0, a.sigma
-    )
+    free, starts = (a.free + b.free) / 2.0, (a.starts + b.starts) / 2.0
+    return replace(a, free=free, support=a.support | b.support, starts=starts)
 
 
 def _gauss_newton(
@@ -288,7 +301,7 @@ def _gauss_newton(
     share = (support.sum() + chains * len(problem.states)) / max(np.count_nonzero(squares), 1)
     sigma = np.sqrt(squares / np.maximum(condensed.rows - share, 0.2 * condensed.rows + 1.0))
     return Step(
-        Fit(free, support, starts, np.maximum(sigma, SMALLEST_NOISE * reference)),
+        Fit(free, support, starts, np.maximum(sigma, fit.floor), fit.floor),
         quadratic.information,
         right,
         covariance,
@@ -299,10 +312,16 @@ def _gauss_newton(
 
 
 def _judge(
-    problem: Problem, observed: np.ndarray, step: Step, fit: Fit, shown: Residue
+    problem: Problem,
+    observed: np.ndarray,
+    step: Step,
+    support: np.ndarray,
+    limit: np.ndarray,
+    smoothed: list[Smooth],
+    shown: Residue,
 ) -> tuple[str, str]:
     """Status and reason of a settled fit."""
-    if not fit.support.any():
+    if not support.any():
         return "refused", "not identifiable: no term stands out of the noise"
     if shown.line > shown.expected:
         return "refused", (
@@ -314,7 +333,17 @@ def _judge(
             f"model inadequate or noise correlated: chi2/n {shown.chi2:.2f}, "
             f"residual correlation {shown.correlation:.2f}"
         )
-    found = alternatives(step.information, step.right, fit.support, AMBIGUOUS)
+    theta = np.concatenate([design_matrix(one.states, problem.terms) for one in smoothed])
+    rate = theta @ problem.coefficients(step.fit.free).T
+    size = [np.sqrt(np.mean(one**2, axis=0)) for one in (theta, rate)]
+    quadratic = (step.information, step.right, step.fit.support)
+    exchanges = alternatives(*quadratic, AMBIGUOUS)
+    additions = plausible_additions(*quadratic, PLAUSIBLE_TERM, PLAUSIBLE_PAIR)
     pairs = [tuple(pair) for pair in problem.candidates]
-    reason = exchange_reason(problem, [(pairs[a], pairs[b], rise) for a, b, rise in found])
-    return ("ambiguous", reason) if reason else ("ok", "")
+    reasons = [
+        exchange_reason(problem, [(pairs[a], pairs[b], rise) for a, b, rise in exchanges]),
+        addition_reason(problem, [(tuple(pairs[k] for k in a), fall) for a, fall in additions]),
+        hidden_reason(problem, support, limit, *size),
+    ]
+    reason = "; ".join(one for one in reasons if one)
+    return ("not identifiable", reason) if reason else ("ok", "")

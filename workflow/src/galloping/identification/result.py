@@ -20,7 +20,8 @@ class Identified:
     sigma: (n_recordings, n_states) noise of a sample of each channel, NaN where not measured; for
     recordings with derivatives, noise of the derivatives.
     chi2: misfit per degree of freedom against the noise measured within short windows.
-    status: `ok`, or `refused` when the coefficients must not be trusted; reason: one line, or ''.
+    status: `ok`; `not identifiable` when the data leave open which terms there are, the model
+    being one of those possible; `refused` when it must not be trusted. reason: one line, or ''.
     deviation: (n_states, n_terms) standard deviation of each coefficient: of the found ones as in
     `covariance`, of each absent one were it added; NaN in known equations.
     diagnostics: figures behind the verdict, by name.

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 RIDGE = 1e-13
+IMITATED = 1e-9
 
 
 def solve_support(
@@ -33,8 +34,8 @@ def select(
 
     From each of `starts`, (n,) boolean: removes the term with the smallest Wald statistic
     c^2/var while that is below the penalty; adds the excluded term with the largest score
-    statistic while that is above it, removing again; then exchanges a term for an excluded one
-    while that pays. Shapes as in `solve_support`. Returns the (n,) boolean support.
+    statistic while that is above it, or the best pair of terms, removing again; then exchanges a
+    term for an excluded one while that pays. Shapes as in `solve_support`. Returns the (n,) boolean support.
     """
     diagonal = np.diag(information)
     usable = diagonal > 0.0
@@ -59,10 +60,14 @@ def _descend(
         if value >= lowest - 1e-6:
             return best
         best, lowest = support, value
-        score = _scores(h, b, support, usable)
+        gradient, left = _conditional(h, b, support, usable)
+        score, pair_score = _scores(gradient, left), _pair_scores(gradient, left)
         if score.max() > penalty:
             support = support.copy()
             support[np.argmax(score)] = True
+        elif pair_score.max() > 2.0 * penalty:
+            support = support.copy()
+            support[list(np.unravel_index(np.argmax(pair_score), pair_score.shape))] = True
         else:
             support = _exchanged(h, b, support, usable)
 
@@ -77,7 +82,7 @@ def _exchanged(
     for loss, out in zip(wald, np.flatnonzero(support), strict=True):
         without = support.copy()
         without[out] = False
-        score = _scores(h, b, without, usable)
+        score = _scores(*_conditional(h, b, without, usable))
         score[out] = 0.0
         if score.max() - loss > gain:
             gain = score.max() - loss
@@ -99,16 +104,29 @@ def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
 
     NaN within the support; infinite where the supported terms imitate the excluded one.
     """
-    kept, out = np.flatnonzero(support), np.flatnonzero(~support)
-    deviation = np.full(len(support), np.nan)
-    left = np.diag(information)[out].copy()
-    if len(kept):
-        cross = information[np.ix_(kept, out)]
-        left -= np.einsum("ij,ij->j", cross, _inverse(information[np.ix_(kept, kept)]) @ cross)
-    floor = 1e-10 * np.diag(information)[out]
-    good = left > np.maximum(floor, 0.0)
-    deviation[out] = np.where(good, 1.0 / np.sqrt(np.where(good, left, 1.0)), np.inf)
-    return deviation
+    usable = np.diag(information) > 0.0
+    left = np.diag(_conditional(information, np.zeros(len(support)), support, usable)[1])
+    deviation = np.where(left > 0.0, 1.0 / np.sqrt(np.where(left > 0.0, left, 1.0)), np.inf)
+    return np.where(support, np.nan, deviation)
+
+
+def plausible_additions(
+    information: np.ndarray, right: np.ndarray, support: np.ndarray, single: float, pair: float
+) -> list[tuple[tuple[int, ...], float]]:
+    """The best excluded term and the best excluded pair, where noise alone hardly explains them.
+
+    single, pair: fall of chi^2 above which each is listed, with that fall.
+    """
+    usable = np.diag(information) > 0.0
+    conditional = _conditional(information, right, support, usable)
+    score, pair_score = _scores(*conditional), _pair_scores(*conditional)
+    found = []
+    if score.max() > single:
+        found.append(((int(np.argmax(score)),), float(score.max())))
+    if pair_score.max() > pair:
+        best = np.unravel_index(np.argmax(pair_score), pair_score.shape)
+        found.append((tuple(int(k) for k in best), float(pair_score.max())))
+    return found
 
 
 def alternatives(
@@ -126,7 +144,7 @@ def alternatives(
     for loss, out in zip(wald, np.flatnonzero(support), strict=True):
         without = support.copy()
         without[out] = False
-        score = _scores(information, right, without, usable)
+        score = _scores(*_conditional(information, right, without, usable))
         score[out] = 0.0
         best = int(np.argmax(score))
         if loss - score[best] < rise:
@@ -156,19 +174,44 @@ def _remove(h: np.ndarray, b: np.ndarray, support: np.ndarray, penalty: float) -
     return result
 
 
-def _scores(h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarray) -> np.ndarray:
-    """Fall of chi^2 when one excluded term is added, zero for those in the support."""
+def _conditional(
+    h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient (n,) and information (n, n) of the excluded terms, the support at its best.
+
+    Zero for the terms of the support and for those that it imitates.
+    """
+    gradient, left = np.zeros(len(b)), np.zeros_like(h)
     kept, out = np.flatnonzero(support), np.flatnonzero(~support & usable)
-    score = np.zeros(len(b))
-    gradient, left = b[out].copy(), np.diag(h)[out].copy()
+    block, rest = h[np.ix_(out, out)], b[out]
     if len(kept):
         cross = h[np.ix_(kept, out)]
         solved = _inverse(h[np.ix_(kept, kept)]) @ np.column_stack([cross, b[kept]])
-        left -= np.einsum("ij,ij->j", cross, solved[:, :-1])
-        gradient -= cross.T @ solved[:, -1]
-    good = left > 1e-9 * np.diag(h)[out]
-    score[out[good]] = gradient[good] ** 2 / left[good]
-    return score
+        block = block - cross.T @ solved[:, :-1]
+        rest = rest - cross.T @ solved[:, -1]
+    good = np.diag(block) > IMITATED * np.diag(h)[out]
+    out = out[good]
+    left[np.ix_(out, out)] = block[np.ix_(good, good)]
+    gradient[out] = rest[good]
+    return gradient, left
+
+
+def _scores(gradient: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """(n,) fall of chi^2 when one excluded term is added; arguments from `_conditional`."""
+    diagonal = np.diag(left)
+    return np.divide(gradient**2, diagonal, out=np.zeros(len(gradient)), where=diagonal > 0.0)
+
+
+def _pair_scores(gradient: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """(n, n) fall of chi^2 when two excluded terms are added together, zero on the diagonal."""
+    diagonal = np.diag(left)
+    product = np.outer(diagonal, diagonal)
+    determinant = product - left**2
+    square = np.outer(gradient**2, diagonal)
+    gain = square + square.T - 2.0 * np.outer(gradient, gradient) * left
+    good = determinant > 1e-6 * product
+    np.fill_diagonal(good, False)
+    return np.divide(gain, determinant, out=np.zeros_like(left), where=good)
 
 
 def _inverse(matrix: np.ndarray) -> np.ndarray:

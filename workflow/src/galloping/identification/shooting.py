@@ -20,6 +20,8 @@ from galloping.identification.selection import RIDGE
 from galloping.identification.sensitivity import integrate
 from galloping.identification.taylor import system
 
+HUGE = 1e30
+
 
 @dataclass(frozen=True)
 class Segments:
@@ -96,7 +98,7 @@ def linearise(
         compiled, condensed.step, segments.first, starts, condensed.functionals,
         condensed.observed, sensitive=True,
     )  # fmt: skip
-    if not (np.all(np.isfinite(ends)) and np.all(np.isfinite(end_derivatives))):
+    if not (np.all(np.abs(ends) < HUGE) and np.all(np.abs(end_derivatives) < HUGE)):
         raise FloatingPointError("the model diverges within a segment")
     m = derivatives.shape[3]
     information = np.empty((len(starts), m, m))

@@ -11,6 +11,9 @@ from galloping.identification.problem import Problem
 from galloping.polynomial import term_name
 
 AMBIGUOUS = 6.0
+PLAUSIBLE_TERM = 12.0
+PLAUSIBLE_PAIR = 18.5
+TOLERATED_SHARE = 1.0 / 60.0
 SIGNIFICANCE = 1e-6
 NEIGHBOURS = 15
 
@@ -98,3 +101,38 @@ def exchange_reason(
         rates = [f"d{problem.states[i]}/dt" for i in (equation, other_equation)]
         parts.append(f"{names[0]} in {rates[0]} for {names[1]} in {rates[1]} (chi2 {rise:+.1f})")
     return "the data cannot tell " + ", ".join(parts) if parts else ""
+
+
+def addition_reason(
+    problem: Problem, additions: list[tuple[tuple[tuple[int, int], ...], float]]
+) -> str:
+    """One line on excluded (equation, term) pairs that improve the fit, '' where there is none."""
+    parts = []
+    for pairs, fall in additions:
+        names = [
+            f"{term_name(problem.terms[j], problem.states)} in d{problem.states[i]}/dt"
+            for i, j in pairs
+        ]
+        parts.append(f"{' with '.join(names)} (chi2 {-fall:+.1f})")
+    return "below the limit of selection but plausible: " + ", ".join(parts) if parts else ""
+
+
+def hidden_reason(
+    problem: Problem, support: np.ndarray, limit: np.ndarray, theta: np.ndarray, rate: np.ndarray
+) -> str:
+    """One line on the absent term that could be the largest without being seen, '' if small.
+
+    support: (n_states, n_terms). limit: (n_states, n_terms) the smallest coefficient that would
+    have been found, for absent terms. theta, rate: root mean squares of the terms (n_terms,) and
+    of the state derivatives (n_states,). Small is a share of TOLERATED_SHARE of the derivative.
+    """
+    share = np.where(support, 0.0, np.nan_to_num(limit, nan=0.0, posinf=np.inf)) * theta
+    share = share / np.maximum(rate, np.finfo(float).tiny)[:, None]
+    equation, term = np.unravel_index(np.argmax(share), share.shape)
+    if share[equation, term] <= TOLERATED_SHARE:
+        return ""
+    name = term_name(problem.terms[term], problem.states)
+    return (
+        f"{name} in d{problem.states[equation]}/dt could make up {share[equation, term]:.1%} "
+        "of it unseen"
+    )
