@@ -24,7 +24,7 @@ from galloping.identification.selection import (
     solve_support,
 )
 from galloping.identification.shooting import Segments, cut, eliminate, linearise, residuals
-from galloping.identification.smoothing import Smooth, shortest_period, smooth
+from galloping.identification.smoothing import Smooth
 from galloping.identification.verdict import (
     AMBIGUOUS,
     PLAUSIBLE_PAIR,
@@ -35,7 +35,7 @@ from galloping.identification.verdict import (
     hidden_reason,
     residue,
 )
-from galloping.identification.weak_gls import weak_fit
+from galloping.identification.weak_gls import WeakFit, prepared, weak_fit
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
 
@@ -129,15 +129,17 @@ def refusal(problem: Problem, n_recordings: int, reason: str) -> Identified:
 
 
 def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
-    period = shortest_period(recordings)
-    smoothed = [smooth(recording, period) for recording in recordings]
+    samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
+    recordings, smoothed, period = prepared(recordings)
     measured = [np.isfinite(recording.values) for recording in recordings]
-    penalty = 2.0 * np.log(sum(int(one.sum()) for one in measured))
+    kept = sum(int(one.sum()) for one in measured)
+    penalty = 2.0 * np.log(kept)
     start = weak_fit(problem, smoothed, penalty)
     observed = np.flatnonzero(np.any([one.any(axis=0) for one in measured], axis=0))
     condensed, segments, fit = _prepare(problem, recordings, smoothed, observed, period, start)
     fit, step = _iterate(problem, condensed, segments, fit, penalty)
-    whole = cut(condensed, int(condensed.first[-1]) + 1, chained=True)
+    nowhere = np.zeros(condensed.first[-1], bool)
+    whole = cut(condensed, int(condensed.first[-1]) + 1, nowhere, chained=True)
     firsts = fit.starts[np.searchsorted(segments.recording, np.arange(len(recordings)))]
     remaining = residuals(problem, condensed, whole, fit.free, firsts)
     if not np.all(np.isfinite(remaining)):
@@ -172,6 +174,7 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
             "residual_line": shown.line,
             "residual_line_allowed": shown.expected,
             "residual_correlation": shown.correlation,
+            "removed_share": 1.0 - kept / samples,
         },
     )
 
@@ -182,7 +185,7 @@ def _prepare(
     smoothed: list[Smooth],
     observed: np.ndarray,
     period: float,
-    start,
+    start: WeakFit,
 ) -> tuple[Condensed, Segments, Fit]:
     """Condensed samples, segments and first states on which the start can be integrated.
 
@@ -201,8 +204,9 @@ def _prepare(
             observed,
             period / windows,
         )
-        segments = cut(condensed, length, chained=False)
-        starts = _segment_states(condensed, segments, recordings, smoothed)
+        states, valid = _window_states(condensed, recordings, smoothed)
+        segments = cut(condensed, length, valid, chained=False)
+        starts = states[segments.first[:-1]]
         fit = Fit(start.free, start.support, starts, noise, floor)
         try:
             linear = linearise(problem, condensed, noise, segments, fit.free, fit.starts)
@@ -215,20 +219,17 @@ def _prepare(
     raise FloatingPointError("the start diverges, or its time scale is too short")
 
 
-def _segment_states(
-    condensed: Condensed,
-    segments: Segments,
-    recordings: list[Recording],
-    smoothed: list[Smooth],
-) -> np.ndarray:
-    """(n_segments, n_states) smoothed states where the segments start."""
-    starts = np.empty((len(segments.recording), smoothed[0].states.shape[1]))
+def _window_states(
+    condensed: Condensed, recordings: list[Recording], smoothed: list[Smooth]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Smoothed states where the windows start, (n_windows, n_states), and whether data are near."""
+    states, valid = [], []
     for r, (recording, one) in enumerate(zip(recordings, smoothed, strict=True)):
-        mine = np.flatnonzero(segments.recording == r)
-        time = recording.time[0] + (segments.first[mine] - condensed.first[r]) * condensed.step
-        for i in range(starts.shape[1]):
-            starts[mine, i] = np.interp(time, one.time, one.states[:, i])
-    return starts
+        windows = condensed.first[r + 1] - condensed.first[r]
+        time = recording.time[0] + condensed.step * np.arange(windows)
+        states.append(np.column_stack([np.interp(time, one.time, x) for x in one.states.T]))
+        valid.append(np.interp(time, one.time, one.valid) == 1.0)
+    return np.concatenate(states), np.concatenate(valid)
 
 
 def _iterate(

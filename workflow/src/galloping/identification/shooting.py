@@ -68,13 +68,18 @@ class Eliminated:
     gap: float
 
 
-def cut(condensed: Condensed, windows: int, chained: bool) -> Segments:
-    """Segments of about `windows` windows, in one chain per recording or each its own chain."""
+def cut(condensed: Condensed, windows: int, allowed: np.ndarray, chained: bool) -> Segments:
+    """Segments of about `windows` windows, in one chain per recording or each its own chain.
+
+    allowed: (n_windows,) whether a segment may start at a window; every recording's first may.
+    """
     first, recording = [], []
     for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
         pieces = max(1, round((b - a) / windows))
-        first.append(np.linspace(a, b, pieces + 1).round().astype(np.int64)[:-1])
-        recording.append(np.full(pieces, r))
+        starts = np.linspace(a, b, pieces + 1).round().astype(np.int64)[:-1]
+        starts = starts[allowed[starts] | (starts == a)]
+        first.append(starts)
+        recording.append(np.full(len(starts), r))
     owner = np.concatenate(recording)
     chains = owner if chained else np.arange(len(owner))
     return Segments(np.append(np.concatenate(first), condensed.first[-1]), owner, chains)

@@ -22,6 +22,7 @@ MOST_KNOTS_PER_PERIOD = 12
 LEAST_KNOTS_PER_PERIOD = 5
 GRID_PER_PERIOD = 24
 SAMPLES_PER_KNOT = 3
+GAP = 0.4
 ROUGHNESS = 1e-4
 
 
@@ -33,6 +34,8 @@ class Smooth:
     white noise on the grid with the density of the measurement noise; NaN for derived states.
     derived: (n_states,) index of the state whose curve's derivative this state is, else -1.
     noise: (n_states,) standard deviation of a sample about the curve, NaN where not measured.
+    residual: (n, n_states) samples less the curve, NaN where missing.
+    valid: (n_grid,) whether samples of every curve are near, rather than in a gap.
     """
 
     time: np.ndarray
@@ -40,6 +43,8 @@ class Smooth:
     sigma: np.ndarray
     derived: np.ndarray
     noise: np.ndarray
+    residual: np.ndarray
+    valid: np.ndarray
 
 
 def shortest_period(recordings: list[Recording]) -> float:
@@ -97,23 +102,29 @@ def smooth(recording: Recording, period: float) -> Smooth:
     time = np.linspace(recording.time[0], recording.time[-1], n_grid)
     states = np.empty((n_grid, n_states))
     sigma, noise = np.full(n_states, np.nan), np.full(n_states, np.nan)
+    residual = np.full(recording.values.shape, np.nan)
+    valid = np.ones(n_grid, bool)
     for curve in curves:
         supported = counts[curve].sum() / SAMPLES_PER_KNOT / (duration / period)
         knots = np.clip(supported, LEAST_KNOTS_PER_PERIOD, MOST_KNOTS_PER_PERIOD)
         pieces = max(int(np.ceil(duration / period * knots)), 4)
-        fitted, deviation, density = _fit(recording, curve, pieces, time, period)
+        fitted, residual[:, curve], deviation, density = _fit(
+            recording, curve, pieces, time, period
+        )
         states[:, curve] = fitted
+        valid &= _near(recording, curve, time, GAP * period)
         noise[curve] = deviation
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
-    return Smooth(time, states, sigma, derived, noise)
+    return Smooth(time, states, sigma, derived, noise, residual, valid)
 
 
 def _fit(
     recording: Recording, curve: list[int], pieces: int, grid: np.ndarray, period: float
-) -> tuple[np.ndarray, np.ndarray, float]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """One curve, from one channel or from a channel and its derivative.
 
-    Returns the curve and, with two channels, its derivative on the grid, (n_grid, n_channels); the
+    Returns the curve and, with two channels, its derivative on the grid, (n_grid, n_channels);
+    the residuals of the samples, (n, n_channels); the
     deviation of each channel's samples; and the square root of the noise's spectral density.
     """
     start, spacing = recording.time[0], (recording.time[-1] - recording.time[0]) / pieces
@@ -132,10 +143,12 @@ def _fit(
             len(curve))) / pieces)  # fmt: skip
         coefficients = solveh_banded(bands, right, lower=True)
         deviation = np.full(len(curve), np.nan)
+        residual = np.full(values.shape, np.nan)
         for k in range(len(curve)):
             if count[k]:
                 there = good[:, k]
                 gap = values[there, k] - _evaluate(place[there], coefficients, k, spacing)
+                residual[there, k] = gap
                 share = (pieces + DEGREE) / max((count > 0).sum(), 1)
                 deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))
                 noise[k] = max(deviation[k], 1e-9 * scale[k], np.finfo(float).tiny)
@@ -145,7 +158,18 @@ def _fit(
     frequency = 2.0 * np.pi / period
     duration = recording.time[-1] - start
     weight = np.sum(count / duration / noise**2 * frequency ** (2 * np.arange(len(curve))))
-    return fitted, deviation, 1.0 / np.sqrt(weight)
+    return fitted, residual, deviation, 1.0 / np.sqrt(weight)
+
+
+def _near(
+    recording: Recording, curve: list[int], grid: np.ndarray, distance: float
+) -> np.ndarray:
+    """(n_grid,) whether a sample of the curve's channels lies within `distance` s."""
+    sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
+    after = np.searchsorted(sampled, grid)
+    to_next = sampled[np.minimum(after, len(sampled) - 1)] - grid
+    to_last = grid - sampled[np.maximum(after - 1, 0)]
+    return np.minimum(np.abs(to_next), np.abs(to_last)) <= distance
 
 
 def _basis_polynomials() -> np.ndarray:

@@ -28,7 +28,7 @@ def whitened_weak_form(
 
     The test functions have a radius of half the shortest period (RADIUS grid steps) and are
     STRIDE steps apart. coefficients: (n_states, n_terms), the linearisation of the errors;
-    without them the rows are only scaled. Returns the design (n_rows, n_candidates) and the
+    without them the rows are only scaled. Tests that reach into a gap give zero rows. Returns the design (n_rows, n_candidates) and the
     right-hand side (n_rows,).
     """
     phi, slope = _bump(smooth.time[1] - smooth.time[0])
@@ -42,6 +42,8 @@ def whitened_weak_form(
     n_terms = len(problem.terms)
     for block, equation in enumerate(problem.unknown):
         design[:, equation, block * n_terms : (block + 1) * n_terms] = tested
+    usable = np.all(sliding_window_view(smooth.valid, len(phi))[::STRIDE], axis=1)
+    design[~usable], right[~usable] = 0.0, 0.0
     keep = [i for i in range(n_states) if smooth.derived[i] < 0 or i in problem.unknown]
     keep = [i for i in keep if not np.any(smooth.derived == i) or i in problem.unknown]
     design, right = design[:, keep], right[:, keep]
@@ -50,8 +52,9 @@ def whitened_weak_form(
         design, right = design / scale[:, None], right / scale
         return design.reshape(-1, design.shape[2]), right.ravel()
     influence = _noise_influence(problem.tables, smooth, coefficients, phi, slope)[:, keep]
+    influence[~usable] = 0.0
     stacked = np.concatenate([design, right[:, :, None]], axis=2)
-    white = _whiten(influence, stacked.reshape(-1, stacked.shape[2]))
+    white = _whiten(influence, usable, stacked.reshape(-1, stacked.shape[2]))
     return white[:, :-1], white[:, -1]
 
 
@@ -97,8 +100,11 @@ def _noise_influence(
     return influence * sigma[:, None]
 
 
-def _whiten(influence: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Multiply `rows` by the inverse Cholesky factor of the rows' (banded) covariance."""
+def _whiten(influence: np.ndarray, usable: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Multiply `rows` by the inverse Cholesky factor of the rows' (banded) covariance.
+
+    usable: (n_tests,); the rows of the other tests, all zero, get a variance of one.
+    """
     n_tests, n_rows, n_states, n_points = influence.shape
     reach = (n_points - 1) // STRIDE
     width = n_rows * (reach + 1)
@@ -113,7 +119,7 @@ def _whiten(influence: np.ndarray, rows: np.ndarray) -> np.ndarray:
         column = np.arange(n_tests - lag)[:, None, None] * n_rows + b
         use = np.broadcast_to(below >= 0, block.shape)
         bands[np.broadcast_to(below, block.shape)[use], column[use]] = block[use]
-    bands[0] *= 1.0 + 1e-9
+    bands[0] = bands[0] * (1.0 + 1e-9) + np.repeat(~usable, n_rows)
     factor, info = lapack.dpbtrf(bands, lower=1)
     if info:
         raise np.linalg.LinAlgError("the covariance of the weak form is not positive definite")

@@ -10,7 +10,8 @@ from galloping.identification.problem import Problem
 from galloping.identification.problem import problem as make_problem
 from galloping.identification.result import Identified
 from galloping.identification.selection import added_deviation, select, solve_support
-from galloping.identification.smoothing import Smooth, shortest_period, smooth
+from galloping.identification.screening import smooth_without_outliers, without_faults
+from galloping.identification.smoothing import Smooth, shortest_period
 from galloping.identification.weak_form import whitened_weak_form
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
@@ -27,6 +28,17 @@ class WeakFit:
     information: np.ndarray
     covariance: np.ndarray
     misfit: float
+
+
+def prepared(recordings: list[Recording]) -> tuple[list[Recording], list[Smooth], float]:
+    """The recordings without faults and outliers, their smooth curves, the shortest period, s.
+
+    Raises ValueError where no channel varies or a state cannot be had from the channels.
+    """
+    period = shortest_period(recordings)
+    recordings = [without_faults(recording, period) for recording in recordings]
+    pairs = [smooth_without_outliers(recording, period) for recording in recordings]
+    return [recording for recording, _ in pairs], [one for _, one in pairs], period
 
 
 def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
@@ -66,8 +78,7 @@ def weak_gls(
     one. Raises ValueError where no channel varies or a state cannot be had from the channels.
     """
     problem = make_problem(recordings[0].states, terms, known, known_states)
-    period = shortest_period(recordings)
-    smoothed = [smooth(recording, period) for recording in recordings]
+    recordings, smoothed, _ = prepared(recordings)
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     fit = weak_fit(problem, smoothed, 2.0 * np.log(samples))
     inflation = max(fit.misfit, 1.0)
