@@ -49,11 +49,43 @@ def state_bound(model: PolynomialModel, free: np.ndarray, experiments: list[Expe
     free = np.asarray(free).reshape(-1, 2)
     total = np.zeros((len(free), len(free)))
     for experiment in experiments:
-        _, s = sensitivities(model, free, experiment.initial_state, experiment.time)
-        weighted = (s / experiment.sigma[None, :, None]).reshape(-1, s.shape[2])
-        information = weighted.T @ weighted
-        total += eliminated(information, len(free))
-    return _bound(model, free, total)
+        total += information(model, free, experiment)
+    return bound_of(model, free, total)
+
+
+def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment) -> np.ndarray:
+    """(n_free, n_free) Fisher information of one recording, its initial state eliminated.
+
+    Raises ValueError where the model's solution diverges.
+    """
+    _, s = sensitivities(model, free, experiment.initial_state, experiment.time)
+    weighted = (s / experiment.sigma[None, :, None]).reshape(-1, s.shape[2])
+    return eliminated(weighted.T @ weighted, len(free))
+
+
+def ranked_experiments(
+    model: PolynomialModel,
+    free: np.ndarray,
+    done: list[Experiment],
+    options: list[Experiment],
+) -> list[tuple[int, Bound]]:
+    """Which further recording would help most.
+
+    free: (n_free, 2) pairs (equation, term), of present and, where their absence is in doubt, of
+    absent terms. done: the recordings there are. options: further ones, of which one is made.
+    Returns the index of each option with the bound after it, the one with the largest weakest t
+    of the present terms first; options on which the model diverges are left out.
+    """
+    free = np.asarray(free).reshape(-1, 2)
+    before = sum((information(model, free, one) for one in done), np.zeros((len(free), len(free))))
+    present = model.coefficients[free[:, 0], free[:, 1]] != 0
+    ranked = []
+    for k, option in enumerate(options):
+        try:
+            ranked.append((k, bound_of(model, free, before + information(model, free, option))))
+        except ValueError:
+            continue
+    return sorted(ranked, key=lambda entry: -entry[1].t[present].min())
 
 
 def derivative_bound(
@@ -71,7 +103,7 @@ def derivative_bound(
         rows = np.flatnonzero(free[:, 0] == equation)
         columns = free[rows, 1]
         total[np.ix_(rows, rows)] = gram[np.ix_(columns, columns)] / sigma[equation] ** 2
-    return _bound(model, free, total)
+    return bound_of(model, free, total)
 
 
 def eliminated(information: np.ndarray, keep: int) -> np.ndarray:
@@ -101,8 +133,9 @@ def covariance_of(information: np.ndarray) -> np.ndarray:
     return covariance
 
 
-def _bound(model: PolynomialModel, free: np.ndarray, information: np.ndarray) -> Bound:
-    covariance = covariance_of(information)
+def bound_of(model: PolynomialModel, free: np.ndarray, total: np.ndarray) -> Bound:
+    """The bound from the information `total` (n_free, n_free)."""
+    covariance = covariance_of(total)
     std = np.sqrt(np.diag(covariance))
     t = np.abs(model.coefficients[free[:, 0], free[:, 1]]) / std
     return Bound(free, std, t, covariance)

@@ -45,6 +45,8 @@ PATIENCE = 5
 MOST_PASSES = 20
 MOST_HALVINGS = 6
 CLOSE = 1.5
+COLOURED = 2.0
+MOST_COLOUR = 2.0
 CONVERGED = 0.01
 MATCHED = 1e-3
 TRUNCATION = 1e-7
@@ -138,16 +140,15 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
     observed = np.flatnonzero(np.any([one.any(axis=0) for one in measured], axis=0))
     condensed, segments, fit = _prepare(problem, recordings, smoothed, observed, period, start)
     fit, step = _iterate(problem, condensed, segments, fit, penalty)
-    nowhere = np.zeros(condensed.first[-1], bool)
-    whole = cut(condensed, int(condensed.first[-1]) + 1, nowhere, chained=True)
-    firsts = fit.starts[np.searchsorted(segments.recording, np.arange(len(recordings)))]
-    remaining = residuals(problem, condensed, whole, fit.free, firsts)
-    if not np.all(np.isfinite(remaining)):
-        raise FloatingPointError("the identified model diverges over the recording")
-    parameters = int(fit.support.sum()) + len(recordings) * len(problem.states)
-    shown = residue(condensed, remaining, parameters)
+    remaining, shown = _remaining(problem, condensed, fit, segments, period)
+    if shown.chi2 > COLOURED and shown.band < MOST_COLOUR:
+        power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
+        fit = replace(fit, sigma=np.sqrt(power), floor=np.sqrt(power))
+        fit, step = _iterate(problem, condensed, segments, fit, penalty)
+        remaining, shown = _remaining(problem, condensed, fit, segments, period)
     squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
+    parameters = int(fit.support.sum()) + len(recordings) * len(problem.states)
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
@@ -163,20 +164,42 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
         model=PolynomialModel(problem.states, problem.terms, problem.coefficients(fit.free)),
         support=support,
         covariance=step.covariance,
-        initial_states=firsts,
+        initial_states=fit.starts[_first_segments(segments)],
         sigma=sigma,
         chi2=shown.chi2,
         status=status,
         reason=reason,
         deviation=deviation,
         diagnostics={
-            "chi2_allowed": shown.allowed,
+            "chi2_allowed": shown.chi2_allowed,
+            "residual_band": shown.band,
+            "residual_band_allowed": shown.band_allowed,
             "residual_line": shown.line,
-            "residual_line_allowed": shown.expected,
-            "residual_correlation": shown.correlation,
+            "residual_line_allowed": shown.line_allowed,
             "removed_share": 1.0 - kept / samples,
         },
     )
+
+
+def _remaining(
+    problem: Problem, condensed: Condensed, fit: Fit, segments: Segments, period: float
+) -> tuple[np.ndarray, Residue]:
+    """Residuals of single shooting over every recording, and what they show.
+
+    Raises FloatingPointError where the model diverges over a recording.
+    """
+    nowhere = np.zeros(condensed.first[-1], bool)
+    whole = cut(condensed, int(condensed.first[-1]) + 1, nowhere, chained=True)
+    firsts = fit.starts[_first_segments(segments)]
+    remaining = residuals(problem, condensed, whole, fit.free, firsts)
+    if not np.all(np.isfinite(remaining)):
+        raise FloatingPointError("the identified model diverges over the recording")
+    return remaining, residue(condensed, remaining, int(fit.support.sum()) + firsts.size, period)
+
+
+def _first_segments(segments: Segments) -> np.ndarray:
+    """(n_recordings,) the first segment of each recording."""
+    return np.unique(segments.recording, return_index=True)[1]
 
 
 def _prepare(
@@ -193,8 +216,8 @@ def _prepare(
     does not diverge within one. Raises FloatingPointError where neither is enough.
     """
     noise = np.array([one.noise[observed] for one in smoothed])
-    spread = np.array([np.nanstd(recording.values[:, observed], axis=0) for recording in recordings])
-    floor = SMALLEST_NOISE * np.where(spread > 0.0, spread, 1.0)
+    size = np.array([np.std(one.states[:, observed], axis=0) for one in smoothed])
+    floor = SMALLEST_NOISE * np.where(size > 0.0, size, 1.0)
     noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
     windows, length = WINDOWS_PER_PERIOD, WINDOWS_PER_PERIOD * PERIODS_PER_SEGMENT
     for _ in range(MOST_HALVINGS):
@@ -238,15 +261,16 @@ def _iterate(
     """Gauss-Newton, first with free segments, then matched; terms chosen at every pass.
 
     Terms are chosen and segments matched once the misfit is close to the noise, where the
-    quadratic model holds, or when patience ends. A step that diverges or raises the misfit is
-    halved. Raises FloatingPointError where the
-    iteration does not settle.
+    quadratic model holds, or when patience ends; in the end they stay as they are. A step that
+    diverges or raises the misfit is halved. Raises FloatingPointError where the iteration does
+    not settle.
     """
     chained = replace(segments, chains=segments.recording)
     close = CLOSE * float(np.sum(condensed.rows))
     previous, reference, cost, matched = fit, fit.sigma, np.inf, False
     for passed in range(MOST_PASSES):
-        choosing = (cost < close or passed >= PATIENCE) and passed < MOST_PASSES // 2
+        frozen = passed >= MOST_PASSES // 2
+        choosing = (cost < close or passed >= PATIENCE) and not frozen
         for _ in range(MOST_HALVINGS):
             try:
                 step = _gauss_newton(
@@ -260,13 +284,15 @@ def _iterate(
                 break
             fit = _between(previous, fit)
         else:
-            raise FloatingPointError("the iteration diverges")
+            raise FloatingPointError("no model found that follows the data: the iteration diverges")
         settled = np.array_equal(step.fit.support, fit.support) and step.decrement < CONVERGED
         previous, fit, cost = fit, step.fit, step.cost
-        if matched and choosing and settled and step.gap < MATCHED:
+        if matched and (choosing or frozen) and settled and step.gap < MATCHED:
             return fit, step
         matched = matched or (passed > 0 and cost < close) or passed >= PATIENCE
-    raise FloatingPointError("the iteration does not settle")
+    misfit = cost / float(np.sum(condensed.rows))
+    what = "follows the data" if misfit > CLOSE else "is preferred by the data"
+    raise FloatingPointError(f"no model found that {what}: chi2/n {misfit:.3g}")
 
 
 def _between(a: Fit, b: Fit) -> Fit:
@@ -324,17 +350,18 @@ def _judge(
     """Status and reason of a settled fit."""
     if not support.any():
         return "refused", "not identifiable: no term stands out of the noise"
-    if shown.line > shown.expected:
+    misfit = f"chi2/n {shown.chi2:.2f}, residual power at the motion's frequencies {shown.band:.2f}"
+    if shown.line > shown.line_allowed:
         return "refused", (
             f"model inadequate: the residual of {problem.states[observed[shown.channel]]} "
-            f"has a line at {shown.frequency:.3g} Hz"
+            f"has a line at {shown.frequency:.3g} Hz; {misfit}"
         )
-    if shown.chi2 > max(shown.allowed, 1.5):
-        return "refused", (
-            f"model inadequate or noise correlated: chi2/n {shown.chi2:.2f}, "
-            f"residual correlation {shown.correlation:.2f}"
-        )
-    theta = np.concatenate([design_matrix(one.states, problem.terms) for one in smoothed])
+    coloured = shown.chi2 > max(COLOURED, shown.chi2_allowed)
+    if shown.band > (MOST_COLOUR if coloured else shown.band_allowed):
+        other = "noise correlated over a period, or " if coloured else ""
+        return "refused", f"{other}model inadequate: {misfit}"
+    states = np.concatenate([one.states[one.valid] for one in smoothed])
+    theta = design_matrix(states, problem.terms)
     rate = theta @ problem.coefficients(step.fit.free).T
     size = [np.sqrt(np.mean(one**2, axis=0)) for one in (theta, rate)]
     quadratic = (step.information, step.right, step.fit.support)

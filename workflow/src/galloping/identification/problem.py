@@ -12,7 +12,7 @@ from galloping.polynomial import Exponents, PolynomialModel
 
 
 def velocity_pairs(states: tuple[str, ...]) -> dict[int, int]:
-    """Index of each state X whose derivative is itself a state, named `dX`, with the index of dX."""
+    """Index of each state X whose derivative is a state too, named `dX`, with that of dX."""
     index = {name: i for i, name in enumerate(states)}
     return {i: index[f"d{name}"] for i, name in enumerate(states) if f"d{name}" in index}
 

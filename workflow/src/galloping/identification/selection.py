@@ -35,7 +35,8 @@ def select(
     From each of `starts`, (n,) boolean: removes the term with the smallest Wald statistic
     c^2/var while that is below the penalty; adds the excluded term with the largest score
     statistic while that is above it, or the best pair of terms, removing again; then exchanges a
-    term for an excluded one while that pays. Shapes as in `solve_support`. Returns the (n,) boolean support.
+    term for an excluded one while that pays. Shapes as in `solve_support`. Returns the (n,)
+    boolean support.
     """
     diagonal = np.diag(information)
     usable = diagonal > 0.0
@@ -72,9 +73,7 @@ def _descend(
             support = _exchanged(h, b, support, usable)
 
 
-def _exchanged(
-    h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarray
-) -> np.ndarray:
+def _exchanged(h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarray) -> np.ndarray:
     """The support after the most profitable exchange of one term for another, or unchanged."""
     best, gain = support, 0.0
     inverse = _inverse(h[np.ix_(support, support)])

@@ -2,7 +2,7 @@
 
 A state and its measured velocity are smoothed apart where samples are plenty, so that the
 identity between them stays available as information; together, as one curve and its derivative,
-where samples are few or the velocity is not measured.
+where samples are few, or where one of them is not measured or has gaps.
 """
 
 from __future__ import annotations
@@ -84,10 +84,16 @@ def smooth(recording: Recording, period: float) -> Smooth:
     counts = np.isfinite(recording.values).sum(axis=0)
     duration = recording.time[-1] - recording.time[0]
     plenty = SAMPLES_PER_KNOT * LEAST_KNOTS_PER_PERIOD * duration / period
+    n_grid = max(int(np.ceil(duration / period * GRID_PER_PERIOD)) + 1, 16)
+    time = np.linspace(recording.time[0], recording.time[-1], n_grid)
     curves: list[list[int]] = []
     derived = np.full(n_states, -1)
     for i in range(n_states):
-        if i in pairs and counts[i] and counts[pairs[i]] < plenty:
+        together = i in pairs and counts[i] > 0 and counts[pairs[i]] < plenty
+        if i in pairs and counts[i] and counts[pairs[i]]:
+            near = [_near(recording, [k], time, GAP * period) for k in (i, pairs[i])]
+            together = together or bool(np.any(near[0] != near[1]))
+        if together:
             curves.append([i, pairs[i]])
             derived[pairs[i]] = i
         elif i not in pairs.values() or counts[i] >= plenty:
@@ -98,8 +104,6 @@ def smooth(recording: Recording, period: float) -> Smooth:
             raise ValueError(f"state {recording.states[i]} is not measured, nor its integral")
         if i not in done:
             curves.append([i])
-    n_grid = max(int(np.ceil(duration / period * GRID_PER_PERIOD)) + 1, 16)
-    time = np.linspace(recording.time[0], recording.time[-1], n_grid)
     states = np.empty((n_grid, n_states))
     sigma, noise = np.full(n_states, np.nan), np.full(n_states, np.nan)
     residual = np.full(recording.values.shape, np.nan)
@@ -161,9 +165,7 @@ def _fit(
     return fitted, residual, deviation, 1.0 / np.sqrt(weight)
 
 
-def _near(
-    recording: Recording, curve: list[int], grid: np.ndarray, distance: float
-) -> np.ndarray:
+def _near(recording: Recording, curve: list[int], grid: np.ndarray, distance: float) -> np.ndarray:
     """(n_grid,) whether a sample of the curve's channels lies within `distance` s."""
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
     after = np.searchsorted(sampled, grid)

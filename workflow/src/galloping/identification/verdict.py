@@ -11,8 +11,8 @@ from galloping.identification.problem import Problem
 from galloping.polynomial import term_name
 
 AMBIGUOUS = 6.0
-PLAUSIBLE_TERM = 12.0
-PLAUSIBLE_PAIR = 18.5
+PLAUSIBLE_TERM = 14.0
+PLAUSIBLE_PAIR = 20.0
 TOLERATED_SHARE = 1.0 / 60.0
 SIGNIFICANCE = 1e-6
 NEIGHBOURS = 15
@@ -23,58 +23,77 @@ class Residue:
     """What the residuals of a fit show.
 
     chi2: mean square of the projected residuals, per degree of freedom, against the noise inside
-    the windows; NaN where the windows hold too few samples to measure it. allowed: the largest
-    chi2 that white noise would give at the chosen significance.
-    line: ratio of the highest peak of the residuals' periodogram to its surroundings, with its
-    frequency, Hz, recording and observed channel; expected: the largest ratio noise would give.
-    correlation: of successive windows' mean residuals, the largest over channels.
+    the windows; NaN where the windows hold too few samples to measure it. chi2_allowed: the
+    largest that white noise would give.
+    band: power density of the residuals below 1.5/period over that above, and the largest ratio
+    that white noise would give; a model error shows below, at the frequencies of the motion.
+    band_power: (n_recordings, n_observed) power density below, as the variance of a projection.
+    line: ratio of the highest peak of the residuals' periodogram to its surroundings, and the
+    largest that noise would give; frequency, Hz, and channel of that peak.
     """
 
     chi2: float
-    allowed: float
+    chi2_allowed: float
+    band: float
+    band_allowed: float
+    band_power: np.ndarray
     line: float
-    expected: float
+    line_allowed: float
     frequency: float
-    recording: int
     channel: int
-    correlation: float
 
 
-def residue(condensed: Condensed, residual: np.ndarray, parameters: int) -> Residue:
-    """Tests of the residuals (n_windows, n_observed, n_rows) of a fit with `parameters`."""
-    squares = np.add.reduceat((residual**2).sum(axis=2), condensed.first[:-1], axis=0)
-    spare = condensed.counts - condensed.rows
-    measured = spare > 0.3 * np.maximum(condensed.counts, 1)
-    inside = condensed.remainder / np.maximum(spare, 1)
-    share = parameters / max(int(np.count_nonzero(condensed.counts)), 1)
-    freedom = np.maximum(condensed.rows - share, 1.0)
-    chi2, allowed = np.nan, np.nan
-    if np.any(measured):
-        floor = np.finfo(float).tiny
-        chi2 = float(
-            np.sum((squares / np.maximum(inside, floor))[measured]) / np.sum(freedom[measured])
-        )
-        spread = np.sqrt(2.0 / np.sum(freedom[measured]) + 2.0 / np.sum(spare[measured]))
-        allowed = 1.0 + 5.0 * spread
-    best = (0.0, np.inf, 0.0, 0, 0)
-    correlation = 0.0
+def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period: float) -> Residue:
+    """Tests of the residuals (n_windows, n_observed, n_rows) of a fit with `parameters`.
+
+    period: the shortest of the motion, s.
+    """
+    chi2, chi2_allowed = _misfit(condensed, residual, parameters)
+    limit = 1.5 * condensed.step / period
+    low, high, bins = [], [], np.zeros(2)
+    line, frequency, channel = 0.0, 0.0, 0
+    band_power = np.full(condensed.rows.shape, np.nan)
     for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
         for o in range(residual.shape[1]):
             series = residual[a:b, o, 0]
-            power = float(series @ series)
-            if b - a < 4 * NEIGHBOURS or power == 0.0:
+            sampled = np.count_nonzero(series)
+            if b - a < 4 * NEIGHBOURS or sampled < NEIGHBOURS:
                 continue
-            correlation = max(correlation, abs(float(series[1:] @ series[:-1])) / power)
-            peak, place = _line(series)
-            if peak > best[0]:
-                frequency = place / ((b - a) * condensed.step)
-                best = (peak, _expected_peak(condensed.first[-1]), frequency, r, o)
-    return Residue(chi2, allowed, *best, correlation)
+            power = np.abs(np.fft.rfft(series)[1:]) ** 2 / sampled
+            below = np.arange(1, len(power) + 1) / (b - a) < limit
+            band_power[r, o] = power[below].mean()
+            low.append(power[below].sum() / power.mean())
+            high.append(power[~below].sum() / power.mean())
+            bins += below.sum(), (~below).sum()
+            peak, place = _line(power)
+            if peak > line:
+                line, frequency, channel = peak, place / ((b - a) * condensed.step), o
+    band, band_allowed = np.nan, np.nan
+    if low:
+        band = float(sum(low) / bins[0] / (sum(high) / bins[1]))
+        band_allowed = float(1.0 + 5.0 * np.sqrt(np.sum(1.0 / bins)))
+    line_allowed = _expected_peak(int(condensed.first[-1]))
+    return Residue(
+        chi2, chi2_allowed, band, band_allowed, band_power, line, line_allowed, frequency, channel
+    )
 
 
-def _line(series: np.ndarray) -> tuple[float, int]:
+def _misfit(condensed: Condensed, residual: np.ndarray, parameters: int) -> tuple[float, float]:
+    """chi^2 per degree of freedom against the noise inside the windows, and the largest allowed."""
+    squares = np.add.reduceat((residual**2).sum(axis=2), condensed.first[:-1], axis=0)
+    spare = condensed.counts - condensed.rows
+    measured = spare > 0.3 * np.maximum(condensed.counts, 1)
+    if not np.any(measured):
+        return np.nan, np.nan
+    inside = np.maximum(condensed.remainder[measured] / spare[measured], np.finfo(float).tiny)
+    share = parameters / max(int(np.count_nonzero(condensed.counts)), 1)
+    freedom = np.maximum(condensed.rows[measured] - share, 1.0)
+    spread = np.sqrt(2.0 / np.sum(freedom) + 2.0 / np.sum(spare[measured]))
+    return float(np.sum(squares[measured] / inside) / np.sum(freedom)), float(1.0 + 5.0 * spread)
+
+
+def _line(power: np.ndarray) -> tuple[float, int]:
     """Highest ratio of a periodogram bin to the mean of its neighbours, and the bin."""
-    power = np.abs(np.fft.rfft(series)[1:]) ** 2
     around = np.ones(2 * NEIGHBOURS + 1)
     around[NEIGHBOURS - 2 : NEIGHBOURS + 3] = 0.0
     weight = np.convolve(np.ones(len(power)), around, mode="same")

@@ -27,9 +27,9 @@ def whitened_weak_form(
     """Design and right-hand side of the weak form, with errors of unit variance.
 
     The test functions have a radius of half the shortest period (RADIUS grid steps) and are
-    STRIDE steps apart. coefficients: (n_states, n_terms), the linearisation of the errors;
-    without them the rows are only scaled. Tests that reach into a gap give zero rows. Returns the design (n_rows, n_candidates) and the
-    right-hand side (n_rows,).
+    STRIDE steps apart; those that reach into a gap give zero rows. coefficients: (n_states,
+    n_terms), the linearisation of the errors; without them the rows are only scaled. Returns the
+    design (n_rows, n_candidates) and the right-hand side (n_rows,).
     """
     phi, slope = _bump(smooth.time[1] - smooth.time[0])
     n_states = len(problem.states)

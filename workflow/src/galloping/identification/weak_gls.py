@@ -9,8 +9,8 @@ import numpy as np
 from galloping.identification.problem import Problem
 from galloping.identification.problem import problem as make_problem
 from galloping.identification.result import Identified
-from galloping.identification.selection import added_deviation, select, solve_support
 from galloping.identification.screening import smooth_without_outliers, without_faults
+from galloping.identification.selection import added_deviation, select, solve_support
 from galloping.identification.smoothing import Smooth, shortest_period
 from galloping.identification.weak_form import whitened_weak_form
 from galloping.polynomial import Exponents, PolynomialModel
@@ -58,6 +58,8 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         n_rows = sum(len(b) for _, b in systems)
         if coefficients is not None:
             support = select(information, right, [np.ones(n, bool)], penalty)
+        if not np.any(np.diag(information)):
+            raise ValueError("no stretch of a period of the recordings is free of gaps")
         free, covariance = solve_support(information, right, support)
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
