@@ -36,7 +36,7 @@ def model(states: tuple[str, ...], degree: int, *rows: dict[str, float]) -> Poly
 
 
 def line(values: tuple[tuple[float, ...], tuple[float, ...]] = RESONANT) -> PolynomialModel:
-    """The galloping line with the gammas and kappas `values` (the equations hold their negatives)."""
+    """The galloping line with the gammas and kappas `values`, negated in its equations."""
     vertical = {name: -value for name, value in zip(VERTICAL, values[0], strict=True)}
     horizontal = {name: -value for name, value in zip(HORIZONTAL, values[1], strict=True)}
     return model(LINE_STATES, 3, {"dq_v": 1.0}, {"dq_w": 1.0}, vertical, horizontal)

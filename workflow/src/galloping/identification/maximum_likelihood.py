@@ -289,7 +289,7 @@ def _iterate(
         previous, fit, cost = fit, step.fit, step.cost
         if matched and (choosing or frozen) and settled and step.gap < MATCHED:
             return fit, step
-        matched = matched or (passed > 0 and cost < close) or passed >= PATIENCE
+        matched = matched or cost < close or passed >= PATIENCE
     misfit = cost / float(np.sum(condensed.rows))
     what = "follows the data" if misfit > CLOSE else "is preferred by the data"
     raise FloatingPointError(f"no model found that {what}: chi2/n {misfit:.3g}")

@@ -15,6 +15,7 @@ from galloping.recording import Recording
 LEAST_SATURATED = 5
 SATURATED_SHARE = 5e-4
 OUTLIER = 5.5
+CURVE_ACCURACY = 1e-3
 MOST_OUTLIERS = 0.1
 ROUNDS = 6
 
@@ -53,8 +54,8 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
     """The recording without the samples far from a smooth curve, and that curve.
 
     Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million
-    samples; the curve is fitted again until none is left. Raises ValueError where more than a
-    tenth of the samples of a channel would go.
+    samples, and well above the accuracy of the curve itself; the curve is fitted again until none
+    is left. Raises ValueError where more than a tenth of the samples of a channel would go.
     """
     before = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
@@ -65,7 +66,7 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
                 for gap in smoothed.residual.T
             ]
         )
-        floor = 1e-6 * np.abs(smoothed.states).max(axis=0)
+        floor = CURVE_ACCURACY * np.abs(smoothed.states).max(axis=0)
         far = np.abs(smoothed.residual) > OUTLIER * np.maximum(1.4826 * scale, floor)
         if not far.any():
             break

@@ -16,6 +16,7 @@ PLAUSIBLE_PAIR = 20.0
 TOLERATED_SHARE = 1.0 / 60.0
 SIGNIFICANCE = 1e-6
 NEIGHBOURS = 15
+ROUNDING = 1e-5
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ class Residue:
 def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period: float) -> Residue:
     """Tests of the residuals (n_windows, n_observed, n_rows) of a fit with `parameters`.
 
-    period: the shortest of the motion, s.
+    period: the shortest of the motion, s. Channels whose residuals are below 1e-5 of the samples
+    show rounding and truncation, and are left out of the spectra.
     """
     chi2, chi2_allowed = _misfit(condensed, residual, parameters)
     limit = 1.5 * condensed.step / period
@@ -57,7 +59,8 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
         for o in range(residual.shape[1]):
             series = residual[a:b, o, 0]
             sampled = np.count_nonzero(series)
-            if b - a < 4 * NEIGHBOURS or sampled < NEIGHBOURS:
+            exact = np.linalg.norm(series) < ROUNDING * np.linalg.norm(condensed.targets[a:b, o, 0])
+            if b - a < 4 * NEIGHBOURS or sampled < NEIGHBOURS or exact:
                 continue
             power = np.abs(np.fft.rfft(series)[1:]) ** 2 / sampled
             below = np.arange(1, len(power) + 1) / (b - a) < limit

@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+
+from galloping.identification.bounds import Experiment, state_bound
+from galloping.identification.weak_gls import weak_gls
+from galloping.recording import Recording
+from identification_cases import RELEASE, TIME, line, noisy, solution, unknown_support
+
+LINE = line()
+X = solution(LINE, RELEASE, TIME)
+
+
+@pytest.mark.parametrize("level", [0.01, 0.05, 0.15])
+def test_the_weak_form_alone_is_near_the_bound(level: float) -> None:
+    support = unknown_support(LINE)
+    experiment = Experiment(RELEASE, TIME, level * X.std(axis=0))
+    bound = state_bound(LINE, np.argwhere(support), [experiment])
+    errors = []
+    for seed in range(3):
+        found = weak_gls([noisy(LINE, X, TIME, level, seed)], LINE.terms)
+        assert np.array_equal(found.support, support)
+        errors.append((found.model.coefficients - LINE.coefficients)[support] / bound.std)
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5
+
+
+def test_velocities_need_not_be_measured() -> None:
+    recording = noisy(LINE, X, TIME, 0.05, 0)
+    values = recording.values.copy()
+    values[:, 2:] = np.nan
+    found = weak_gls([Recording(TIME, LINE.states, values)], LINE.terms)
+    assert np.array_equal(found.support, unknown_support(LINE))
+    assert np.isnan(found.sigma[0, 2:]).all()
+
+
+def test_samples_may_be_irregular() -> None:
+    recording = noisy(LINE, X, TIME, 0.05, 0)
+    chosen = np.sort(np.random.default_rng(0).choice(len(TIME), 10_000, replace=False))
+    found = weak_gls([Recording(TIME[chosen], LINE.states, recording.values[chosen])], LINE.terms)
+    assert np.array_equal(found.support, unknown_support(LINE))
+
+
+def test_constant_channels_are_an_error() -> None:
+    with pytest.raises(ValueError, match="no channel varies"):
+        weak_gls([Recording(TIME, LINE.states, np.ones_like(X))], LINE.terms)
