@@ -50,7 +50,7 @@ MOST_COLOUR = 2.0
 CONVERGED = 0.01
 MATCHED = 1e-3
 TRUNCATION = 1e-7
-SMALLEST_NOISE = 1e-6
+SMALLEST_NOISE = 1e-5
 
 
 @dataclass(frozen=True)
