@@ -3,6 +3,7 @@ import pytest
 
 from galloping.identification.bounds import Experiment, state_bound
 from galloping.identification.weak_gls import weak_gls
+from galloping.polynomial import library
 from galloping.recording import Recording
 from identification_cases import RELEASE, TIME, line, noisy, solution, unknown_support
 
@@ -39,6 +40,18 @@ def test_samples_may_be_irregular() -> None:
     assert np.array_equal(found.support, unknown_support(LINE))
 
 
-def test_constant_channels_are_an_error() -> None:
-    with pytest.raises(ValueError, match="no channel varies"):
-        weak_gls([Recording(TIME, LINE.states, np.ones_like(X))], LINE.terms)
+def test_without_noise_the_terms_are_exact() -> None:
+    found = weak_gls([Recording(TIME, LINE.states, X)], LINE.terms)
+    assert np.array_equal(found.support, unknown_support(LINE))
+
+
+def test_constant_channels_are_refused() -> None:
+    found = weak_gls([Recording(TIME, LINE.states, np.ones_like(X))], LINE.terms)
+    assert found.status == "refused"
+    assert "no channel varies" in found.reason
+
+
+def test_a_library_without_the_cubic_terms_is_refused() -> None:
+    found = weak_gls([noisy(LINE, X, TIME, 0.05, 0)], library(4, 2))
+    assert found.status == "refused"
+    assert "misfit" in found.reason

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from galloping.identification.ambiguity import open_questions
 from galloping.identification.problem import Problem
-from galloping.identification.result import Identified
-from galloping.identification.selection import (
-    added_deviation,
-    alternatives,
-    select,
-    solve_support,
-)
-from galloping.identification.verdict import AMBIGUOUS, exchange_reason
-from galloping.polynomial import PolynomialModel, design_matrix
+from galloping.identification.result import Identified, assembled
+from galloping.identification.selection import select, solve_support
+from galloping.polynomial import design_matrix
 from galloping.recording import Recording
 
 SMALLEST_NOISE = 1e-7
@@ -26,17 +21,14 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> Identified:
     library. Rows with a missing value are left out. Raises ValueError where an unknown equation
     has no more complete rows than the library has terms.
     """
-    shape = problem.known.shape
-    coefficients, deviation = problem.known.copy(), np.full(shape, np.nan)
-    support = np.zeros(shape, bool)
+    n, n_terms = len(problem.candidates), len(problem.terms)
+    information, right, support = np.zeros((n, n)), np.zeros(n), np.zeros(n, bool)
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
-    covariances, exchanges = [], []
-    squares, freedom = 0.0, 0
     thetas = [design_matrix(recording.values, problem.terms) for recording in recordings]
-    n_terms = len(problem.terms)
-    for i in problem.unknown:
-        information, right, count = np.zeros((n_terms, n_terms)), np.zeros(n_terms), 0
-        total = 0.0
+    squares, count = 0.0, 0
+    for k, i in enumerate(problem.unknown):
+        block = slice(k * n_terms, (k + 1) * n_terms)
+        samples = 0
         for r, (theta, recording) in enumerate(zip(thetas, recordings, strict=True)):
             rate = recording.derivatives[:, i]
             good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
@@ -47,36 +39,29 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> Identified:
             gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
             floor = SMALLEST_NOISE * np.abs(rate).max() + np.finfo(float).tiny
             sigma[r, i] = max(np.sqrt(gap @ gap / (len(rate) - n_terms)), floor)
-            rows, rate = rows / sigma[r, i], rate / sigma[r, i]
-            information += rows.T @ rows
-            right += rows.T @ rate
-            total += float(rate @ rate)
-            count += len(rate)
-        penalty = 2.0 * np.log(count)
-        found = select(information, right, [np.ones(n_terms, bool)], penalty)
-        coefficients[i], covariance = solve_support(information, right, found)
-        covariances.append(covariance)
-        deviation[i] = added_deviation(information, found)
-        deviation[i, found] = np.sqrt(np.diag(covariance))
-        support[i] = found
-        squares += total - float(coefficients[i] @ right)
-        freedom += count - int(found.sum())
-        for out, new, rise in alternatives(information, right, found, AMBIGUOUS):
-            exchanges.append(((i, out), (i, new), rise))
-    covariance = np.zeros((support.sum(), support.sum()))
-    done = 0
-    for block in covariances:
-        covariance[done : done + len(block), done : done + len(block)] = block
-        done += len(block)
-    reason = exchange_reason(problem, exchanges)
-    return Identified(
-        model=PolynomialModel(problem.states, problem.terms, coefficients),
-        support=support,
-        covariance=covariance,
+            information[block, block] += rows.T @ rows / sigma[r, i] ** 2
+            right[block] += rate @ rows / sigma[r, i] ** 2
+            squares += float(rate @ rate) / sigma[r, i] ** 2
+            samples += len(rate)
+        penalty = 2.0 * np.log(samples)
+        whole = np.ones(n_terms, bool)
+        support[block] = select(information[block, block], right[block], [whole], penalty)
+        count += samples
+    free, covariance = solve_support(information, right, support)
+    misfit = max(squares - float(free @ right), 0.0)
+    x = np.concatenate([recording.values for recording in recordings])
+    reason = "no term stands out of the noise"
+    if support.any():
+        complete = x[np.all(np.isfinite(x), axis=1)]
+        reason = open_questions(
+            problem, information, right, support, free, penalty, misfit, complete
+        )
+    return assembled(
+        problem, free, support, information, covariance,
         initial_states=np.array([recording.values[0] for recording in recordings]),
         sigma=sigma,
-        chi2=squares / max(freedom, 1),
+        chi2=misfit / max(count - int(support.sum()), 1),
         status="not identifiable" if reason else "ok",
         reason=reason,
-        deviation=deviation,
-    )
+        diagnostics={},
+    )  # fmt: skip

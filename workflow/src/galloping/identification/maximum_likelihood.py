@@ -11,32 +11,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from galloping.identification.ambiguity import open_questions
 from galloping.identification.condense import Condensed, condense
 from galloping.identification.derivative_fit import derivative_fit
 from galloping.identification.problem import Problem
 from galloping.identification.problem import problem as make_problem
-from galloping.identification.result import Identified
-from galloping.identification.selection import (
-    added_deviation,
-    alternatives,
-    plausible_additions,
-    select,
-    solve_support,
-)
+from galloping.identification.result import Identified, assembled, refused
+from galloping.identification.selection import select, solve_support
 from galloping.identification.shooting import Segments, cut, eliminate, linearise, residuals
 from galloping.identification.smoothing import Smooth
-from galloping.identification.verdict import (
-    AMBIGUOUS,
-    PLAUSIBLE_PAIR,
-    PLAUSIBLE_TERM,
-    Residue,
-    addition_reason,
-    exchange_reason,
-    hidden_reason,
-    residue,
-)
+from galloping.identification.verdict import MOST_COLOUR, Residue, residue
 from galloping.identification.weak_gls import WeakFit, prepared, weak_fit
-from galloping.polynomial import Exponents, PolynomialModel, design_matrix
+from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
 WINDOWS_PER_PERIOD = 12
@@ -45,8 +31,6 @@ PATIENCE = 5
 MOST_PASSES = 20
 MOST_HALVINGS = 6
 CLOSE = 1.5
-COLOURED = 2.0
-MOST_COLOUR = 2.0
 CONVERGED = 0.01
 MATCHED = 1e-3
 TRUNCATION = 1e-7
@@ -73,14 +57,16 @@ class Step:
     """A Gauss-Newton step from one `Fit` to the next.
 
     information, right: of the regression on all candidates. covariance: of the supported ones.
-    cost: chi^2 before the step. decrement: squared length of the step, in units of its
-    covariance. gap: largest mismatch of segments before the step.
+    misfit, cost: chi^2 before the step, by the noise of its fit and by a fixed one. decrement:
+    squared length of the step, in units of its covariance. gap: largest mismatch of segments
+    before the step.
     """
 
     fit: Fit
     information: np.ndarray
     right: np.ndarray
     covariance: np.ndarray
+    misfit: float
     cost: float
     decrement: float
     gap: float
@@ -111,23 +97,7 @@ def maximum_likelihood(
             return derivative_fit(problem, recordings)
         return _from_states(problem, recordings)
     except (ValueError, FloatingPointError, np.linalg.LinAlgError) as error:
-        return refusal(problem, len(recordings), str(error))
-
-
-def refusal(problem: Problem, n_recordings: int, reason: str) -> Identified:
-    """A result without a model, for `reason`."""
-    shape = problem.known.shape
-    return Identified(
-        model=PolynomialModel(problem.states, problem.terms, problem.known),
-        support=np.zeros(shape, bool),
-        covariance=np.zeros((0, 0)),
-        initial_states=np.full((n_recordings, shape[0]), np.nan),
-        sigma=np.full((n_recordings, shape[0]), np.nan),
-        chi2=np.nan,
-        status="refused",
-        reason=reason,
-        deviation=np.full(shape, np.nan),
-    )
+        return refused(problem, len(recordings), str(error))
 
 
 def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
@@ -141,7 +111,7 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
     condensed, segments, fit = _prepare(problem, recordings, smoothed, observed, period, start)
     fit, step = _iterate(problem, condensed, segments, fit, penalty)
     remaining, shown = _remaining(problem, condensed, fit, segments, period)
-    if shown.chi2 > COLOURED and shown.band < MOST_COLOUR:
+    if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
         fit = replace(fit, sigma=np.sqrt(power), floor=np.sqrt(power))
         fit, step = _iterate(problem, condensed, segments, fit, penalty)
@@ -152,24 +122,22 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
-    support = np.zeros(problem.known.shape, bool)
-    deviation = np.full(problem.known.shape, np.nan)
-    rows, columns = problem.candidates.T
-    support[rows, columns] = fit.support
-    deviation[rows, columns] = added_deviation(step.information, fit.support)
-    deviation[support] = np.sqrt(np.diag(step.covariance))
-    limit = np.sqrt(penalty) * deviation
-    status, reason = _judge(problem, observed, step, support, limit, smoothed, shown)
-    return Identified(
-        model=PolynomialModel(problem.states, problem.terms, problem.coefficients(fit.free)),
-        support=support,
-        covariance=step.covariance,
+    status, reason = "refused", shown.objection([problem.states[k] for k in observed])
+    if not fit.support.any():
+        reason = "no term stands out of the noise"
+    elif not reason:
+        x = np.concatenate([one.states[one.valid] for one in smoothed])
+        reason = open_questions(
+            problem, step.information, step.right, fit.support, fit.free, penalty, step.misfit, x
+        )
+        status = "not identifiable" if reason else "ok"
+    return assembled(
+        problem, fit.free, fit.support, step.information, step.covariance,
         initial_states=fit.starts[_first_segments(segments)],
         sigma=sigma,
         chi2=shown.chi2,
         status=status,
         reason=reason,
-        deviation=deviation,
         diagnostics={
             "chi2_allowed": shown.chi2_allowed,
             "residual_band": shown.band,
@@ -178,7 +146,7 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
             "residual_line_allowed": shown.line_allowed,
             "removed_share": 1.0 - kept / samples,
         },
-    )
+    )  # fmt: skip
 
 
 def _remaining(
@@ -332,46 +300,8 @@ def _gauss_newton(
         quadratic.information,
         right,
         covariance,
+        float(np.sum(linear.squares)),
         float(np.sum(squares / reference**2)),
         float(change @ quadratic.information @ change),
         quadratic.gap,
     )
-
-
-def _judge(
-    problem: Problem,
-    observed: np.ndarray,
-    step: Step,
-    support: np.ndarray,
-    limit: np.ndarray,
-    smoothed: list[Smooth],
-    shown: Residue,
-) -> tuple[str, str]:
-    """Status and reason of a settled fit."""
-    if not support.any():
-        return "refused", "not identifiable: no term stands out of the noise"
-    misfit = f"chi2/n {shown.chi2:.2f}, residual power at the motion's frequencies {shown.band:.2f}"
-    if shown.line > shown.line_allowed:
-        return "refused", (
-            f"model inadequate: the residual of {problem.states[observed[shown.channel]]} "
-            f"has a line at {shown.frequency:.3g} Hz; {misfit}"
-        )
-    coloured = shown.chi2 > max(COLOURED, shown.chi2_allowed)
-    if shown.band > (MOST_COLOUR if coloured else shown.band_allowed):
-        other = "noise correlated over a period, or " if coloured else ""
-        return "refused", f"{other}model inadequate: {misfit}"
-    states = np.concatenate([one.states[one.valid] for one in smoothed])
-    theta = design_matrix(states, problem.terms)
-    rate = theta @ problem.coefficients(step.fit.free).T
-    size = [np.sqrt(np.mean(one**2, axis=0)) for one in (theta, rate)]
-    quadratic = (step.information, step.right, step.fit.support)
-    exchanges = alternatives(*quadratic, AMBIGUOUS)
-    additions = plausible_additions(*quadratic, PLAUSIBLE_TERM, PLAUSIBLE_PAIR)
-    pairs = [tuple(pair) for pair in problem.candidates]
-    reasons = [
-        exchange_reason(problem, [(pairs[a], pairs[b], rise) for a, b, rise in exchanges]),
-        addition_reason(problem, [(tuple(pairs[k] for k in a), fall) for a, fall in additions]),
-        hidden_reason(problem, support, limit, *size),
-    ]
-    reason = "; ".join(one for one in reasons if one)
-    return ("not identifiable", reason) if reason else ("ok", "")

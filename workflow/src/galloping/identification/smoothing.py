@@ -23,6 +23,7 @@ LEAST_KNOTS_PER_PERIOD = 5
 GRID_PER_PERIOD = 24
 SAMPLES_PER_KNOT = 3
 GAP = 0.4
+ACCURACY = 3e-4
 ROUGHNESS = 1e-4
 
 
@@ -31,7 +32,8 @@ class Smooth:
     """States of one recording on a uniform grid.
 
     time: (n_grid,), s. states: (n_grid, n_states). sigma: (n_states,) standard deviation of
-    white noise on the grid with the density of the measurement noise; NaN for derived states.
+    white noise on the grid with the density of the measurement noise, which counts as no less
+    than the accuracy of a spline; NaN for derived states.
     derived: (n_states,) index of the state whose curve's derivative this state is, else -1.
     noise: (n_states,) standard deviation of a sample about the curve, NaN where not measured.
     residual: (n, n_states) samples less the curve, NaN where missing.
@@ -161,7 +163,8 @@ def _fit(
     )
     frequency = 2.0 * np.pi / period
     duration = recording.time[-1] - start
-    weight = np.sum(count / duration / noise**2 * frequency ** (2 * np.arange(len(curve))))
+    counted = np.maximum(noise, ACCURACY * scale)
+    weight = np.sum(count / duration / counted**2 * frequency ** (2 * np.arange(len(curve))))
     return fitted, residual, deviation, 1.0 / np.sqrt(weight)
 
 

@@ -1,4 +1,4 @@
-"""Whether a fit may be trusted: misfit, residual spectrum, exchangeable terms."""
+"""Whether a fit may be trusted: what its residuals show."""
 
 from __future__ import annotations
 
@@ -7,13 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from galloping.identification.condense import Condensed
-from galloping.identification.problem import Problem
-from galloping.polynomial import term_name
 
-AMBIGUOUS = 6.0
-PLAUSIBLE_TERM = 14.0
-PLAUSIBLE_PAIR = 20.0
-TOLERATED_SHARE = 1.0 / 60.0
+COLOURED = 2.0
+MOST_COLOUR = 2.0
 SIGNIFICANCE = 1e-6
 NEIGHBOURS = 15
 ROUNDING = 1e-5
@@ -42,6 +38,30 @@ class Residue:
     line_allowed: float
     frequency: float
     channel: int
+
+    @property
+    def coloured(self) -> bool:
+        """Whether the noise is correlated over a few samples, more than a model error explains."""
+        return self.chi2 > max(COLOURED, self.chi2_allowed)
+
+    def objection(self, channels: list[str]) -> str:
+        """Why the fit must not be trusted, in one line, '' where it may.
+
+        channels: names of the observed channels. Noise correlated over a few samples may have up
+        to twice the power at the motion's frequencies.
+        """
+        misfit = (
+            f"chi2/n {self.chi2:.2f}, residual power at the motion's frequencies {self.band:.2f}"
+        )
+        if self.line > self.line_allowed:
+            return (
+                f"model inadequate: the residual of {channels[self.channel]} has a line at "
+                f"{self.frequency:.3g} Hz; {misfit}"
+            )
+        if self.band > (MOST_COLOUR if self.coloured else self.band_allowed):
+            other = "noise correlated over a period, or " if self.coloured else ""
+            return f"{other}model inadequate: {misfit}"
+        return ""
 
 
 def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period: float) -> Residue:
@@ -111,50 +131,3 @@ def _expected_peak(windows: int) -> float:
     """
     m = 2 * NEIGHBOURS - 4
     return m * ((SIGNIFICANCE / (2.0 * windows)) ** (-1.0 / m) - 1.0)
-
-
-def exchange_reason(
-    problem: Problem, exchanges: list[tuple[tuple[int, int], tuple[int, int], float]]
-) -> str:
-    """One line on exchanges of a found for an excluded (equation, term), '' where there is none."""
-    parts = []
-    for (equation, found), (other_equation, other), rise in exchanges:
-        names = [term_name(problem.terms[j], problem.states) for j in (found, other)]
-        rates = [f"d{problem.states[i]}/dt" for i in (equation, other_equation)]
-        parts.append(f"{names[0]} in {rates[0]} for {names[1]} in {rates[1]} (chi2 {rise:+.1f})")
-    return "the data cannot tell " + ", ".join(parts) if parts else ""
-
-
-def addition_reason(
-    problem: Problem, additions: list[tuple[tuple[tuple[int, int], ...], float]]
-) -> str:
-    """One line on excluded (equation, term) pairs that improve the fit, '' where there is none."""
-    parts = []
-    for pairs, fall in additions:
-        names = [
-            f"{term_name(problem.terms[j], problem.states)} in d{problem.states[i]}/dt"
-            for i, j in pairs
-        ]
-        parts.append(f"{' with '.join(names)} (chi2 {-fall:+.1f})")
-    return "below the limit of selection but plausible: " + ", ".join(parts) if parts else ""
-
-
-def hidden_reason(
-    problem: Problem, support: np.ndarray, limit: np.ndarray, theta: np.ndarray, rate: np.ndarray
-) -> str:
-    """One line on the absent term that could be the largest without being seen, '' if small.
-
-    support: (n_states, n_terms). limit: (n_states, n_terms) the smallest coefficient that would
-    have been found, for absent terms. theta, rate: root mean squares of the terms (n_terms,) and
-    of the state derivatives (n_states,). Small is a share of TOLERATED_SHARE of the derivative.
-    """
-    share = np.where(support, 0.0, np.nan_to_num(limit, nan=0.0, posinf=np.inf)) * theta
-    share = share / np.maximum(rate, np.finfo(float).tiny)[:, None]
-    equation, term = np.unravel_index(np.argmax(share), share.shape)
-    if share[equation, term] <= TOLERATED_SHARE:
-        return ""
-    name = term_name(problem.terms[term], problem.states)
-    return (
-        f"{name} in d{problem.states[equation]}/dt could make up {share[equation, term]:.1%} "
-        "of it unseen"
-    )

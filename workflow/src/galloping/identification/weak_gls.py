@@ -6,17 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.identification.ambiguity import open_questions
 from galloping.identification.problem import Problem
 from galloping.identification.problem import problem as make_problem
-from galloping.identification.result import Identified
+from galloping.identification.result import Identified, assembled, refused
 from galloping.identification.screening import smooth_without_outliers, without_faults
-from galloping.identification.selection import added_deviation, select, solve_support
+from galloping.identification.selection import select, solve_support
 from galloping.identification.smoothing import Smooth, shortest_period
 from galloping.identification.weak_form import whitened_weak_form
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
 ITERATIONS = 3
+MOST_MISFIT = 3.0
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,7 @@ class WeakFit:
     free: np.ndarray
     support: np.ndarray
     information: np.ndarray
+    right: np.ndarray
     covariance: np.ndarray
     misfit: float
 
@@ -63,7 +66,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         free, covariance = solve_support(information, right, support)
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
-    return WeakFit(free, support, information, covariance, misfit)
+    return WeakFit(free, support, information, right, covariance, max(misfit, 0.0))
 
 
 def weak_gls(
@@ -77,29 +80,37 @@ def weak_gls(
     recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
     whose equations of `known_states` hold; dX/dt = `dX` is known by its name.
     The intervals are those of the linearised weak form, inflated by the misfit where it is above
-    one. Raises ValueError where no channel varies or a state cannot be had from the channels.
+    one. The status is as in `Identified`.
     """
     problem = make_problem(recordings[0].states, terms, known, known_states)
+    try:
+        return _fitted(problem, recordings)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        return refused(problem, len(recordings), str(error))
+
+
+def _fitted(problem: Problem, recordings: list[Recording]) -> Identified:
     recordings, smoothed, _ = prepared(recordings)
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
-    fit = weak_fit(problem, smoothed, 2.0 * np.log(samples))
+    penalty = 2.0 * np.log(samples)
+    fit = weak_fit(problem, smoothed, penalty)
     inflation = max(fit.misfit, 1.0)
-    deviation = np.full(problem.known.shape, np.nan)
-    of_candidates = added_deviation(fit.information, fit.support)
-    of_candidates[fit.support] = np.sqrt(np.diag(fit.covariance))
-    rows, columns = problem.candidates.T
-    deviation[rows, columns] = of_candidates * np.sqrt(inflation)
-    support = np.zeros(problem.known.shape, bool)
-    support[rows, columns] = fit.support
-    model = PolynomialModel(problem.states, problem.terms, problem.coefficients(fit.free))
-    return Identified(
-        model=model,
-        support=support,
-        covariance=fit.covariance * inflation,
+    information, right = fit.information / inflation, fit.right / inflation
+    x = np.concatenate([one.states[one.valid] for one in smoothed])
+    status, reason = "refused", f"model inadequate or noise correlated: misfit {fit.misfit:.2f}"
+    if not fit.support.any():
+        reason = "no term stands out of the noise"
+    elif fit.misfit < MOST_MISFIT:
+        reason = open_questions(
+            problem, information, right, fit.support, fit.free, penalty, np.inf, x
+        )
+        status = "not identifiable" if reason else "ok"
+    return assembled(
+        problem, fit.free, fit.support, information, fit.covariance * inflation,
         initial_states=np.array([one.states[0] for one in smoothed]),
         sigma=np.array([one.noise for one in smoothed]),
         chi2=fit.misfit,
-        status="ok",
-        reason="",
-        deviation=deviation,
-    )
+        status=status,
+        reason=reason,
+        diagnostics={},
+    )  # fmt: skip
