@@ -8,10 +8,11 @@ where samples are few, or where one of them is not measured or has gaps.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import factorial
 
 import numpy as np
 from numba import njit
-from scipy.interpolate import BSpline, PPoly
+from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
 from galloping.identification.problem import velocity_pairs
@@ -22,9 +23,20 @@ MOST_KNOTS_PER_PERIOD = 12
 LEAST_KNOTS_PER_PERIOD = 5
 GRID_PER_PERIOD = 24
 SAMPLES_PER_KNOT = 3
+LEAST_SAMPLES = 8
 GAP = 0.4
 ACCURACY = 3e-4
-ROUGHNESS = 1e-4
+ROUGHNESS = 5e-4
+
+
+def _basis_polynomials() -> np.ndarray:
+    """(DEGREE + 1, DEGREE + 1): coefficient of u^k of the j-th B-spline alive on a knot span."""
+    spline = BSpline.basis_element(np.arange(DEGREE + 2.0))
+    spans = np.arange(DEGREE, -1.0, -1.0)  # the first one alive is on its last span
+    return np.column_stack([spline.derivative(k)(spans) / factorial(k) for k in range(DEGREE + 1)])
+
+
+BASIS = _basis_polynomials()
 
 
 @dataclass(frozen=True)
@@ -60,7 +72,7 @@ def shortest_period(recordings: list[Recording]) -> float:
         duration = recording.time[-1] - recording.time[0]
         for channel in recording.values.T:
             good = np.isfinite(channel)
-            if good.sum() < 8:
+            if good.sum() < LEAST_SAMPLES:
                 continue
             grid = np.linspace(recording.time[0], recording.time[-1], min(good.sum(), 2**13))
             signal = np.interp(grid, recording.time[good], channel[good])
@@ -82,30 +94,11 @@ def smooth(recording: Recording, period: float) -> Smooth:
     Raises ValueError where a state is neither measured nor the derivative of a measured one.
     """
     n_states = len(recording.states)
-    pairs = velocity_pairs(recording.states)
     counts = np.isfinite(recording.values).sum(axis=0)
     duration = recording.time[-1] - recording.time[0]
-    plenty = SAMPLES_PER_KNOT * LEAST_KNOTS_PER_PERIOD * duration / period
     n_grid = max(int(np.ceil(duration / period * GRID_PER_PERIOD)) + 1, 16)
     time = np.linspace(recording.time[0], recording.time[-1], n_grid)
-    curves: list[list[int]] = []
-    derived = np.full(n_states, -1)
-    for i in range(n_states):
-        together = i in pairs and counts[i] > 0 and counts[pairs[i]] < plenty
-        if i in pairs and counts[i] and counts[pairs[i]]:
-            near = [_near(recording, [k], time, GAP * period) for k in (i, pairs[i])]
-            together = together or bool(np.any(near[0] != near[1]))
-        if together:
-            curves.append([i, pairs[i]])
-            derived[pairs[i]] = i
-        elif i not in pairs.values() or counts[i] >= plenty:
-            curves.append([i])
-    done = {i for curve in curves for i in curve}
-    for i in range(n_states):
-        if (i not in done and counts[i] == 0) or (derived[i] < 0 and counts[i] < 8):
-            raise ValueError(f"state {recording.states[i]} is not measured, nor its integral")
-        if i not in done:
-            curves.append([i])
+    curves, derived = _curves(recording, period, time)
     states = np.empty((n_grid, n_states))
     sigma, noise = np.full(n_states, np.nan), np.full(n_states, np.nan)
     residual = np.full(recording.values.shape, np.nan)
@@ -124,14 +117,44 @@ def smooth(recording: Recording, period: float) -> Smooth:
     return Smooth(time, states, sigma, derived, noise, residual, valid)
 
 
+def _curves(
+    recording: Recording, period: float, grid: np.ndarray
+) -> tuple[list[list[int]], np.ndarray]:
+    """States to smooth as one curve: [state], or [state, its velocity]; and `Smooth.derived`.
+
+    Raises ValueError where a state is neither measured nor the derivative of a measured one.
+    """
+    pairs = velocity_pairs(recording.states)
+    counts = np.isfinite(recording.values).sum(axis=0)
+    duration = recording.time[-1] - recording.time[0]
+    plenty = SAMPLES_PER_KNOT * LEAST_KNOTS_PER_PERIOD * duration / period
+    curves = []
+    derived = np.full(len(recording.states), -1)
+    for i, velocity in pairs.items():
+        few = counts[velocity] < plenty
+        if counts[i] and counts[velocity]:
+            near = [_near(recording, [k], grid, GAP * period) for k in (i, velocity)]
+            few = few or np.any(near[0] != near[1])
+        if counts[i] and few:
+            curves.append([i, velocity])
+            derived[velocity] = i
+    done = {i for curve in curves for i in curve}
+    for i, name in enumerate(recording.states):
+        if i not in done:
+            if counts[i] < LEAST_SAMPLES:
+                raise ValueError(f"state {name} is not measured, nor its integral")
+            curves.append([i])
+    return curves, derived
+
+
 def _fit(
     recording: Recording, curve: list[int], pieces: int, grid: np.ndarray, period: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """One curve, from one channel or from a channel and its derivative.
 
     Returns the curve and, with two channels, its derivative on the grid, (n_grid, n_channels);
-    the residuals of the samples, (n, n_channels); the
-    deviation of each channel's samples; and the square root of the noise's spectral density.
+    the residuals of the samples, (n, n_channels); their deviation, by channel; and the square
+    root of the noise's spectral density.
     """
     start, spacing = recording.time[0], (recording.time[-1] - recording.time[0]) / pieces
     place = (recording.time - start) / spacing
@@ -140,13 +163,12 @@ def _fit(
     count = good.sum(axis=0)
     scale = np.array([np.nanstd(values[:, k]) if count[k] else 1.0 for k in range(len(curve))])
     noise = np.where(scale > 0.0, scale, 1.0)
-    basis = _basis_polynomials()
     for _ in range(1 if len(curve) == 1 else 3):
         bands = np.zeros((DEGREE + 1, pieces + DEGREE))
         right = np.zeros(pieces + DEGREE)
-        _accumulate(place, values, 1.0 / noise**2, spacing, basis, bands, right)
-        _add_roughness(bands, ROUGHNESS * np.sum(count / noise**2 / spacing**2 ** np.arange(
-            len(curve))) / pieces)  # fmt: skip
+        _accumulate(place, values, 1.0 / noise**2, spacing, BASIS, bands, right)
+        stiffness = count / noise**2 / spacing ** (2 * np.arange(len(curve)))
+        _add_roughness(bands, ROUGHNESS * float(np.sum(stiffness)) / pieces)
         coefficients = solveh_banded(bands, right, lower=True)
         deviation = np.full(len(curve), np.nan)
         residual = np.full(values.shape, np.nan)
@@ -175,13 +197,6 @@ def _near(recording: Recording, curve: list[int], grid: np.ndarray, distance: fl
     to_next = sampled[np.minimum(after, len(sampled) - 1)] - grid
     to_last = grid - sampled[np.maximum(after - 1, 0)]
     return np.minimum(np.abs(to_next), np.abs(to_last)) <= distance
-
-
-def _basis_polynomials() -> np.ndarray:
-    """(DEGREE + 1, DEGREE + 1): coefficient of u^k of the j-th B-spline alive on a knot span."""
-    pieces = PPoly.from_spline(BSpline.basis_element(np.arange(DEGREE + 2.0), extrapolate=False))
-    spans = pieces.c[::-1, -DEGREE - 1 - DEGREE : -DEGREE or None]
-    return np.ascontiguousarray(spans[:, : DEGREE + 1].T[::-1])
 
 
 @njit(cache=True)
@@ -228,7 +243,7 @@ def _evaluated(place, coefficients, derivative, spacing, basis):
 def _evaluate(
     place: np.ndarray, coefficients: np.ndarray, derivative: int, spacing: float
 ) -> np.ndarray:
-    return _evaluated(place, coefficients, derivative, spacing, _basis_polynomials())
+    return _evaluated(place, coefficients, derivative, spacing, BASIS)
 
 
 def _add_roughness(bands: np.ndarray, weight: float) -> None:
