@@ -159,9 +159,7 @@ def _remaining(
     nowhere = np.zeros(condensed.first[-1], bool)
     whole = cut(condensed, int(condensed.first[-1]) + 1, nowhere, chained=True)
     firsts = fit.starts[_first_segments(segments)]
-    remaining = residuals(problem, condensed, whole, fit.free, firsts)
-    if not np.all(np.isfinite(remaining)):
-        raise FloatingPointError("the identified model diverges over the recording")
+    remaining, _ = residuals(problem, condensed, whole, fit.free, firsts)
     return remaining, residue(condensed, remaining, int(fit.support.sum()) + firsts.size, period)
 
 
@@ -200,11 +198,11 @@ def _prepare(
         starts = states[segments.first[:-1]]
         fit = Fit(start.free, start.support, starts, noise, floor)
         try:
-            linear = linearise(problem, condensed, noise, segments, fit.free, fit.starts)
+            truncation = residuals(problem, condensed, segments, fit.free, fit.starts)[1]
         except FloatingPointError:
             length = max(length // 2, 2)
             continue
-        if linear.truncation < TRUNCATION:
+        if truncation < TRUNCATION:
             return condensed, segments, fit
         windows, length = 2 * windows, 2 * length
     raise FloatingPointError("the start diverges, or its time scale is too short")

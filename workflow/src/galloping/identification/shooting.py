@@ -42,7 +42,6 @@ class Linearised:
     information: (n_segments, m, m); right: (n_segments, m); m = n_candidates + n_states.
     squares: (n_recordings, n_observed) sums of squared residuals, in units of sigma^2.
     ends: (n_segments, n_states); end_derivatives: (n_segments, n_states, m).
-    truncation: relative error of the integrator.
     """
 
     information: np.ndarray
@@ -50,7 +49,6 @@ class Linearised:
     squares: np.ndarray
     ends: np.ndarray
     end_derivatives: np.ndarray
-    truncation: float
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ def linearise(
     n_states). Raises FloatingPointError where the solution diverges within a segment.
     """
     compiled = system(problem.tables, problem.coefficients(free), problem.candidates)
-    predicted, derivatives, ends, end_derivatives, truncation = integrate(
+    predicted, derivatives, ends, end_derivatives, _ = integrate(
         compiled, condensed.step, segments.first, starts, condensed.functionals,
         condensed.observed, sensitive=True,
     )  # fmt: skip
@@ -120,7 +118,7 @@ def linearise(
         rows = rows.reshape(-1, m)
         information[g] = rows.T @ rows
         right[g] = scaled.ravel() @ rows
-    return Linearised(information, right, squares, ends, end_derivatives, truncation)
+    return Linearised(information, right, squares, ends, end_derivatives)
 
 
 def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Eliminated:
@@ -176,11 +174,17 @@ def residuals(
     segments: Segments,
     free: np.ndarray,
     starts: np.ndarray,
-) -> np.ndarray:
-    """(n_windows, n_observed, n_rows) projections of the samples less those of the solution."""
+) -> tuple[np.ndarray, float]:
+    """Projections of the samples less those of the solution, and the integrator's relative error.
+
+    The residuals are (n_windows, n_observed, n_rows). Raises FloatingPointError where the
+    solution diverges within a segment.
+    """
     compiled = system(problem.tables, problem.coefficients(free), problem.candidates[:0])
-    predicted = integrate(
+    predicted, _, ends, _, truncation = integrate(
         compiled, condensed.step, segments.first, starts, condensed.functionals,
         condensed.observed, sensitive=False,
-    )[0]  # fmt: skip
-    return condensed.targets - predicted
+    )  # fmt: skip
+    if not np.all(np.abs(ends) < HUGE):
+        raise FloatingPointError("the model diverges over the recording")
+    return condensed.targets - predicted, truncation
