@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.identification.problem import problem
-from galloping.identification.sensitivity import sensitivities
+from galloping.identification.limit.problem import problem
+from galloping.identification.limit.sensitivity import sensitivities
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 

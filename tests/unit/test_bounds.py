@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from galloping.identification.bounds import (
+from galloping.identification.limit.bounds import (
     Experiment,
     derivative_bound,
     ranked_experiments,

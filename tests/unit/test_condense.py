@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from galloping.identification.condense import ORDER, ROWS, condense
+from galloping.identification.limit.condense import ORDER, ROWS, condense
 
 
 def test_projections_keep_the_distance_of_samples_to_a_slow_curve() -> None:

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from galloping.identification.bounds import Experiment, state_bound
-from galloping.identification.maximum_likelihood import maximum_likelihood
+from galloping.identification.limit.bounds import Experiment, state_bound
+from galloping.identification.limit.maximum_likelihood import maximum_likelihood
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 from identification_cases import (

@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from galloping.identification.maximum_likelihood import maximum_likelihood
-from galloping.identification.result import Identified
+from galloping.identification.limit.maximum_likelihood import maximum_likelihood
+from galloping.identification.limit.result import Identified
 from galloping.polynomial import library
 from galloping.recording import Recording
 from identification_cases import LINE_STATES, RELEASE, TIME, line, noisy, solution, unknown_support

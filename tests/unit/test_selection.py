@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from galloping.identification.selection import (
+from galloping.identification.limit.selection import (
     added_deviation,
     alternatives,
     plausible_additions,

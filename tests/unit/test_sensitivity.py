@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from galloping.identification.sensitivity import sensitivities, suitable_step
+from galloping.identification.limit.sensitivity import sensitivities, suitable_step
 from galloping.polynomial import PolynomialModel
 from identification_cases import RELEASE, TIME, line, model, solution
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from galloping.identification.smoothing import shortest_period, smooth
+from galloping.identification.limit.smoothing import shortest_period, smooth
 from galloping.recording import Recording
 
 TIME = np.linspace(0.0, 60.0, 6001)

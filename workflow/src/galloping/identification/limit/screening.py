@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.smoothing import GRID_PER_PERIOD, Smooth, smooth
+from galloping.identification.limit.smoothing import GRID_PER_PERIOD, Smooth, smooth
 from galloping.recording import Recording
 
 LEAST_SATURATED = 5

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.condense import Condensed
+from galloping.identification.limit.condense import Condensed
 
 COLOURED = 2.0
 MOST_COLOUR = 2.0

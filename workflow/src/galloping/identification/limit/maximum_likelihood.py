@@ -11,17 +11,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from galloping.identification.ambiguity import open_questions
-from galloping.identification.condense import Condensed, condense
-from galloping.identification.derivative_fit import derivative_fit
-from galloping.identification.problem import Problem
-from galloping.identification.problem import problem as make_problem
-from galloping.identification.result import Identified, assembled, refused
-from galloping.identification.selection import select, solve_support
-from galloping.identification.shooting import Segments, cut, eliminate, linearise, residuals
-from galloping.identification.smoothing import Smooth
-from galloping.identification.verdict import MOST_COLOUR, Residue, residue
-from galloping.identification.weak_gls import WeakFit, prepared, weak_fit
+from galloping.identification.limit.ambiguity import open_questions
+from galloping.identification.limit.condense import Condensed, condense
+from galloping.identification.limit.derivative_fit import derivative_fit
+from galloping.identification.limit.problem import Problem
+from galloping.identification.limit.problem import problem as make_problem
+from galloping.identification.limit.result import Identified, assembled, refused
+from galloping.identification.limit.selection import select, solve_support
+from galloping.identification.limit.shooting import Segments, cut, eliminate, linearise, residuals
+from galloping.identification.limit.smoothing import Smooth
+from galloping.identification.limit.verdict import MOST_COLOUR, Residue, residue
+from galloping.identification.limit.weak_gls import WeakFit, prepared, weak_fit
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 

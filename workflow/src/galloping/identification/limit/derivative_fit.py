@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.identification.ambiguity import open_questions
-from galloping.identification.problem import Problem
-from galloping.identification.result import Identified, assembled
-from galloping.identification.selection import select, solve_support
+from galloping.identification.limit.ambiguity import open_questions
+from galloping.identification.limit.problem import Problem
+from galloping.identification.limit.result import Identified, assembled
+from galloping.identification.limit.selection import select, solve_support
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.identification.taylor import Tables, tables
+from galloping.identification.limit.taylor import Tables, tables
 from galloping.polynomial import Exponents, PolynomialModel
 
 

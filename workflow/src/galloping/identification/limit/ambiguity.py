@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.identification.problem import Problem
-from galloping.identification.selection import (
+from galloping.identification.limit.problem import Problem
+from galloping.identification.limit.selection import (
     added_deviation,
     alternatives,
     plausible_additions,

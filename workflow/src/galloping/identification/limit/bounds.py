@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.sensitivity import sensitivities
+from galloping.identification.limit.sensitivity import sensitivities
 from galloping.polynomial import PolynomialModel, design_matrix
 
 

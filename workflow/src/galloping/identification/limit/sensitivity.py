@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.identification.condense import ORDER, window_count
-from galloping.identification.taylor import System, propagate, system, tables
+from galloping.identification.limit.condense import ORDER, window_count
+from galloping.identification.limit.taylor import System, propagate, system, tables
 from galloping.polynomial import PolynomialModel
 
 TRUNCATION = 1e-8

@@ -15,7 +15,7 @@ from numba import njit
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
-from galloping.identification.problem import velocity_pairs
+from galloping.identification.limit.problem import velocity_pairs
 from galloping.recording import Recording
 
 DEGREE = 5

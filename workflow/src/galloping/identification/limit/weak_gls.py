@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.ambiguity import open_questions
-from galloping.identification.problem import Problem
-from galloping.identification.problem import problem as make_problem
-from galloping.identification.result import Identified, assembled, refused
-from galloping.identification.screening import smooth_without_outliers, without_faults
-from galloping.identification.selection import select, solve_support
-from galloping.identification.smoothing import Smooth, shortest_period
-from galloping.identification.weak_form import whitened_weak_form
+from galloping.identification.limit.ambiguity import open_questions
+from galloping.identification.limit.problem import Problem
+from galloping.identification.limit.problem import problem as make_problem
+from galloping.identification.limit.result import Identified, assembled, refused
+from galloping.identification.limit.screening import smooth_without_outliers, without_faults
+from galloping.identification.limit.selection import select, solve_support
+from galloping.identification.limit.smoothing import Smooth, shortest_period
+from galloping.identification.limit.weak_form import whitened_weak_form
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 

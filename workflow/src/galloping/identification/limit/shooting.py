@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.condense import Condensed
-from galloping.identification.problem import Problem
-from galloping.identification.selection import RIDGE
-from galloping.identification.sensitivity import integrate
-from galloping.identification.taylor import system
+from galloping.identification.limit.condense import Condensed
+from galloping.identification.limit.problem import Problem
+from galloping.identification.limit.selection import RIDGE
+from galloping.identification.limit.sensitivity import integrate
+from galloping.identification.limit.taylor import system
 
 HUGE = 1e30
 

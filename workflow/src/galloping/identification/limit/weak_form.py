@@ -11,9 +11,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
-from galloping.identification.problem import Problem
-from galloping.identification.smoothing import Smooth
-from galloping.identification.taylor import Tables
+from galloping.identification.limit.problem import Problem
+from galloping.identification.limit.smoothing import Smooth
+from galloping.identification.limit.taylor import Tables
 from galloping.polynomial import design_matrix
 
 RADIUS = 12

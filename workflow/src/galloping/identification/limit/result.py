@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from galloping.identification.problem import Problem
-from galloping.identification.selection import added_deviation
+from galloping.identification.limit.problem import Problem
+from galloping.identification.limit.selection import added_deviation
 from galloping.polynomial import PolynomialModel
 
 

@@ -1,1 +1,0 @@
-"""Identification: from recordings to models, with the physical limit of what they can tell."""
