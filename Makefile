@@ -1,0 +1,63 @@
+# make            the environment, the whole study and its report
+# make smoke      the same in a minute, in results/smoke
+# make test       the study, then all checks
+# make lint       style checks alone
+# make bench      measured speed, in results/benchmarks.csv
+# make reference  take the finished study as the published numbers, in results/reference
+# make docs       write the key table and schema again from the settings
+# make lock       pin the environment again
+PYTHON ?= python3
+CORES ?= all
+VENV := .venv
+BIN := $(VENV)/bin
+SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) $(shell [ -t 1 ] && echo --logger rich)
+
+.PHONY: all study smoke test lint bench reference docs lock help
+all: study
+
+study: $(VENV)/made
+	$(SNAKEMAKE)
+	@$(BIN)/python workflow/scripts/make_report.py results
+
+smoke: $(VENV)/made
+	$(SNAKEMAKE) --configfile config/smoke.yaml
+	@$(BIN)/python workflow/scripts/make_report.py results/smoke --configfile config/smoke.yaml
+
+test: study
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
+
+lint: $(VENV)/made
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/snakemake --lint
+
+bench: study
+	$(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv
+
+reference: study
+	mkdir -p results/reference
+	cp results/tables/table3_coefficients.csv results/tables/noise_*.csv \
+	  results/tables/data_amount.csv results/tables/claims.csv results/figures/figure06.png \
+	  results/reference
+
+docs: $(VENV)/made
+	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.reference \
+	  --write config/README.md workflow/schemas/config.schema.json
+
+# The environment, byte-compiled once; only when the lock changes.
+$(VENV)/made: requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "Python 3.11 or newer is needed: make PYTHON=python3.12"; exit 1; }
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes \
+	  --only-binary :all: -r requirements.lock
+	@touch $@
+
+lock: $(VENV)/made
+	$(BIN)/python -m pip install --quiet uv
+	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 \
+	  --generate-hashes --custom-compile-command "make lock" --upgrade -o requirements.lock
+
+help:
+	@sed -n 's/^# make/make/p' Makefile

@@ -1,0 +1,538 @@
+"""The configuration: what it accepts, and the one line it answers with where it does not."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import hypothesis
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from snakemake.utils import update_config
+
+from galloping.configuration import reference
+from galloping.configuration.load import ConfigurationError, load, plain, read
+from galloping.configuration.parameters import conductor_parameters, spacer_parameters
+from galloping.configuration.schema import leaves, schema
+from galloping.configuration.settings import Settings
+from galloping.identification.registry import METHODS
+
+unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
+ROOT = Path(__file__).parents[2]
+METHOD_NAMES = "stlsq, stlsq_raw, lasso, ensemble, weak"
+NAME_RULE = "lower-case letters, digits and '_', a letter first"
+
+
+def case(**sections):
+    return {"cases": {"a": sections}}
+
+
+def complaint(mapping):
+    with pytest.raises(ConfigurationError) as error:
+        load(mapping)
+    return str(error.value)
+
+
+def walk(value):
+    yield value
+    if isinstance(value, dict | list):
+        for item in value.values() if isinstance(value, dict) else value:
+            yield from walk(item)
+
+
+# --- what is accepted ---
+
+
+def test_shipped_configuration_is_the_default_study():
+    assert load(read(ROOT / "config/config.yaml")) == load({})
+
+
+def test_default_study():
+    settings = load({})
+    resonant, tighter = settings.cases["internal_resonance"], settings.cases["non_resonant"]
+    assert resonant.line.tension == 25000
+    assert tighter.line.tension == 35000
+    assert tighter.model_copy(update={"line": resonant.line}) == resonant
+    assert settings.simulation.samples == 30001
+    assert settings.identification.methods == tuple(method.name for method in METHODS)
+
+
+def test_smoke_changes_only_the_extent_of_the_study():
+    config = read(ROOT / "config/config.yaml")
+    update_config(config, read(ROOT / "config/smoke.yaml"))
+    expected = plain(load({}))
+    expected["results"] = "results/smoke"
+    expected["measurement"] |= {"replicates": 2, "levels": [0, 0.05]}
+    expected["measurement"]["subsets"]["points"] = [1000]
+    expected["identification"]["methods"] = ["stlsq", "weak"]
+    assert plain(load(config)) == expected
+
+
+def test_keys_left_out_take_defaults():
+    settings = load({"cases": {"windy": {"wind": {"speed": 16}}}, "figures": {"dpi": 300}})
+    assert list(settings.cases) == ["windy"]
+    assert settings.cases["windy"].wind.speed == 16
+    assert settings.cases["windy"].wind.air_density == 1.25
+    assert settings.figures.font_size == 8
+
+
+def test_coefficients_of_the_users_own():
+    ice = {"reading": "custom", "vertical": [0.4, 2, -4], "horizontal": ["3e0", 0, 0]}
+    assert load(case(ice=ice)).cases["a"].ice.horizontal == (3, 0, 0)
+
+
+def test_a_line_without_spacers():
+    assert load(case(spacers={"positions": []})).cases["a"].spacers.positions == ()
+
+
+@unhurried
+@given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from("eE"))
+def test_scientific_notation_is_a_number(value, letter):
+    text = f"{value:.17e}".replace("e", letter)
+    settings = load(case(initial_state={"q_v": text}))
+    assert settings.cases["a"].initial_state.q_v == value
+
+
+def test_scientific_notation_in_a_file_is_a_number(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text("measurement: {levels: [0, 1e-3, 2E-2], replicates: 1e1}\n")
+    measurement = load(read(path)).measurement
+    assert measurement.levels == (0, 0.001, 0.02)
+    assert measurement.replicates == 10
+
+
+@unhurried
+@given(st.integers(0, 10**6), st.integers(0, 6))
+def test_whole_numbers_may_be_scientific_too(mantissa, exponent):
+    settings = load({"measurement": {"seed": f"{mantissa}e{exponent}"}})
+    assert settings.measurement.seed == mantissa * 10**exponent
+    assert type(settings.measurement.seed) is int
+
+
+@unhurried
+@given(st.text().filter(lambda text: "e" not in text.lower()) | st.integers().map(str))
+def test_other_text_is_not_a_number(value):
+    line = complaint(case(wind={"speed": value}))
+    assert line.startswith("cases.a.wind.speed: ")
+    assert line.endswith("; must be > 0 m/s")
+    assert len(line.splitlines()) == 1
+
+
+@unhurried
+@given(st.one_of(st.integers(1, 10**15), st.floats(1e-300, 1e300)))
+def test_numbers_are_numbers(value):
+    speed = load(case(wind={"speed": value})).cases["a"].wind.speed
+    assert speed == value
+    assert isinstance(speed, float)
+
+
+# --- what is refused, and how ---
+
+REFUSED = [
+    # unknown keys
+    (
+        {"cases": {"internal_resonance": {"wnd": {"speed": 3}}}},
+        "cases.internal_resonance.wnd: unknown key; did you mean 'wind'?",
+    ),
+    (case(line={"Span": 3}), "cases.a.line.Span: unknown key; did you mean 'span'?"),
+    (case(span=3), "cases.a.span: unknown key; did you mean 'cases.<name>.line.span'?"),
+    ({"wind": {}}, "wind: unknown key; did you mean 'cases.<name>.wind'?"),
+    (
+        {"figures": {"zzz": 1}},
+        "figures.zzz: unknown key; allowed: dpi, font_size",
+    ),
+    ({"figures": {3: 1}}, "figures.3: unknown key; allowed: dpi, font_size"),
+    ({"figures": {"a\nb": 1}}, r"figures.'a\nb': unknown key; allowed: dpi, font_size"),
+    # wrong types
+    (case(line={"span": "12"}), "cases.a.line.span: '12' is text, not a number; must be > 0 m"),
+    (case(line={"span": True}), "cases.a.line.span: true is not a number; must be > 0 m"),
+    (case(line={"span": None}), "cases.a.line.span: null is not a number; must be > 0 m"),
+    (case(line={"span": [1]}), "cases.a.line.span: [1] is not a number; must be > 0 m"),
+    (case(line={"span": math.inf}), "cases.a.line.span: inf is not finite; must be > 0 m"),
+    (case(line={"span": "1e400"}), "cases.a.line.span: '1e400' is not finite; must be > 0 m"),
+    (
+        case(initial_state={"dq_v": "x"}),
+        "cases.a.initial_state.dq_v: 'x' is text, not a number; must be a number in m/s",
+    ),
+    (
+        {"measurement": {"replicates": 2.5}},
+        "measurement.replicates: 2.5 is not a whole number; must be a whole number 1..10000",
+    ),
+    (
+        {"measurement": {"replicates": "25e-1"}},
+        "measurement.replicates: '25e-1' is not a whole number; must be a whole number 1..10000",
+    ),
+    (
+        {"measurement": {"protocols": "state"}},
+        "measurement.protocols: 'state' is not a list; "
+        "must be a list of one or more of derivative, state",
+    ),
+    ({"figures": None}, "figures: null is not a section; must be a mapping of dpi, font_size"),
+    (
+        [],
+        "configuration: [] is not a section; must be a mapping of results, cases, simulation, "
+        "measurement, identification, figures",
+    ),
+    # results
+    *(
+        (
+            {"results": folder},
+            f"results: {folder!r} is not allowed; must be a relative path of letters, digits, "
+            "'_', '-' and '.', no part starting with '.'",
+        )
+        for folder in ("", "/tmp/x", "../x", "a/../b", "a//b", "a b", ".git", "a\n", "{x}", "~/x")
+    ),
+    # cases
+    (
+        {"cases": {}},
+        f"cases: {{}} is not allowed; must be a mapping of one or more names, {NAME_RULE}",
+    ),
+    *(
+        (
+            {"cases": {name: {}}},
+            f"cases.{name}: {name!r} is not allowed as a name; must be {NAME_RULE}",
+        )
+        for name in ("North", "3rd", "a-b", "_x", 3)
+    ),
+    # the line
+    (case(line={"span": -3}), "cases.a.line.span: -3 is not allowed; must be > 0 m"),
+    (case(line={"span": 0}), "cases.a.line.span: 0 is not allowed; must be > 0 m"),
+    (case(line={"span": "-1e-3"}), "cases.a.line.span: '-1e-3' is not allowed; must be > 0 m"),
+    (
+        case(spacers={"positions": [75, 400]}),
+        "cases.a.spacers.positions: 400 is beyond the span (300 m); must be > 0 and < 300 m",
+    ),
+    (
+        case(line={"span": 225}),
+        "cases.a.spacers.positions: 225 is beyond the span (225 m); must be > 0 and < 225 m",
+    ),
+    (
+        case(spacers={"positions": [0, 75]}),
+        "cases.a.spacers.positions: 0 is not allowed; each must be > 0 m",
+    ),
+    (
+        case(spacers={"positions": [75, 75]}),
+        "cases.a.spacers.positions: 75 comes after 75; must be strictly increasing",
+    ),
+    (
+        case(line={"mode_shape": "irvin"}),
+        "cases.a.line.mode_shape: unknown mode shape 'irvin'; did you mean 'irvine'? "
+        "allowed: irvine, sine",
+    ),
+    (
+        case(damping={"vertical": 1}),
+        "cases.a.damping.vertical: 1 is not allowed; must be >= 0 and < 1",
+    ),
+    # the ice
+    (
+        case(ice={"reading": 7}),
+        "cases.a.ice.reading: unknown reading 7; allowed: swapped, milli, custom",
+    ),
+    (
+        case(ice={"reading": "custom"}),
+        "cases.a.ice.vertical: null is not allowed with reading 'custom'; "
+        "must be a list of 3 numbers\n"
+        "cases.a.ice.horizontal: null is not allowed with reading 'custom'; "
+        "must be a list of 3 numbers",
+    ),
+    (
+        case(ice={"horizontal": [1, 2, 3]}),
+        "cases.a.ice.horizontal: [1, 2, 3] is not allowed with reading 'swapped'; "
+        "must be null, or the reading custom",
+    ),
+    (
+        case(ice={"reading": "custom", "vertical": [1], "horizontal": [1, "x", 3]}),
+        "cases.a.ice.vertical: [1] is not allowed; "
+        "must be null or a list of 3 numbers, given exactly when the reading is custom\n"
+        "cases.a.ice.horizontal: 'x' is text, not a number; each must be a number",
+    ),
+    # the record
+    (
+        {"simulation": {"sampling_rate": "0.125e0"}},
+        "simulation.sampling_rate: 0.125 gives 37.5 sampling intervals in 300 s; "
+        "must be 100..10000000",
+    ),
+    (
+        {"simulation": {"sampling_rate": 0.335}},
+        "simulation.sampling_rate: 0.335 gives 100.5 sampling intervals in 300 s; "
+        "must be a whole number",
+    ),
+    (
+        {"simulation": {"duration": 1e308, "sampling_rate": 1e308}},
+        "simulation.sampling_rate: 1e+308 gives inf sampling intervals in 1e+308 s; "
+        "must be 100..10000000",
+    ),
+    (
+        {"simulation": {"steady_window": [200, 200]}},
+        "simulation.steady_window: [200, 200] is not a window of the record; "
+        "must be increasing, 0..300 s",
+    ),
+    (
+        {"simulation": {"duration": 250, "sampling_rate": 200}},
+        "simulation.steady_window: [200, 300] is not a window of the record; "
+        "must be increasing, 0..250 s",
+    ),
+    # the measurement
+    (
+        {"measurement": {"levels": [0, -0.1]}},
+        "measurement.levels: -0.1 is not allowed; each must be >= 0 and < 10",
+    ),
+    ({"measurement": {"levels": []}}, "measurement.levels: [] is empty; must hold at least one"),
+    (
+        {"measurement": {"levels": [0.1, "1e-1"]}},
+        "measurement.levels: 0.1 is given twice; must be distinct",
+    ),
+    (
+        {"measurement": {"subsets": {"points": [1000, 50000]}}},
+        "measurement.subsets.points: 50000 is larger than the record (30001 samples)",
+    ),
+    (
+        {"measurement": {"subsets": {"points": [99]}}},
+        "measurement.subsets.points: 99 is not allowed; each must be a whole number >= 100 samples",
+    ),
+    (
+        {"measurement": {"protocols": ["stat"]}},
+        "measurement.protocols: unknown protocol 'stat'; did you mean 'state'? "
+        "allowed: derivative, state",
+    ),
+    # the identification
+    (
+        {"identification": {"methods": ["stlq"]}},
+        "identification.methods: unknown method 'stlq'; did you mean 'stlsq'? "
+        f"allowed: {METHOD_NAMES}",
+    ),
+    (
+        {"identification": {"methods": ["weak"]}, "measurement": {"protocols": ["derivative"]}},
+        "identification.methods: ['weak'] cannot use the recordings of protocol derivative; "
+        "must hold one of stlsq, stlsq_raw, lasso, ensemble",
+    ),
+    (
+        {"identification": {"thresholds": {"laso": 1}}},
+        "identification.thresholds.laso: unknown name; did you mean 'lasso'? "
+        f"allowed: {METHOD_NAMES}",
+    ),
+    (
+        {"identification": {"thresholds": {"lasso": 0}}},
+        "identification.thresholds.lasso: 0 is not allowed; must be > 0",
+    ),
+    (
+        {"identification": {"weak": {"half_width": 150}}},
+        "identification.weak.half_width: 150 does not fit the record (300 s); "
+        "must be > 0 and < 150 s",
+    ),
+    # figures
+    (
+        {"figures": {"font_size": 25}},
+        "figures.font_size: 25 is not allowed; must be 4..24 pt",
+    ),
+]
+
+
+@pytest.mark.parametrize(("mapping", "expected"), REFUSED)
+def test_a_mistake_is_one_clear_line(mapping, expected):
+    assert complaint(mapping) == expected
+
+
+def test_every_problem_is_reported_at_once():
+    lines = complaint(
+        case(line={"span": -3}, wnd=1) | {"figures": {"dpi": 20}, "measurement": {"seed": -1}}
+    ).splitlines()
+    assert lines == [
+        "cases.a.line.span: -3 is not allowed; must be > 0 m",
+        "cases.a.wnd: unknown key; did you mean 'wind'?",
+        "measurement.seed: -1 is not allowed; must be a whole number >= 0",
+        "figures.dpi: 20 is not allowed; must be a whole number 50..1200 px/inch",
+    ]
+
+
+KEYS = st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text())
+JUNK = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text()),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner, max_size=3),
+    max_leaves=5,
+)
+
+
+@unhurried
+@given(st.sampled_from([path for path, _ in leaves()]), KEYS | st.just("a"), st.booleans(), JUNK)
+def test_any_value_anywhere_loads_or_is_refused_in_lines_that_name_a_key(path, name, deep, value):
+    *sections, key = (name if part == "<name>" else part for part in path.split("."))
+    if not deep:
+        key = sections.pop() if sections else key
+    mapping = {key: value}
+    for section in reversed(sections):
+        mapping = {section: mapping}
+    try:
+        load(mapping)
+    except ConfigurationError as error:
+        for line in str(error).split("\n"):
+            assert line.isprintable()
+            assert line.partition(": ")[0].split(".")[0] in Settings.model_fields
+
+
+# --- YAML files ---
+
+FILES = [
+    ("", "{path}: is empty; must be a mapping of keys"),
+    ("# nothing\n", "{path}: is empty; must be a mapping of keys"),
+    ("- 1\n", "{path}: [1] is not a mapping of keys"),
+    ("text\n", "{path}: 'text' is not a mapping of keys"),
+    (
+        "cases:\n  a:\n    gravity: 9\n    wind: {}\n    gravity: 10\n",
+        "{path}:5: key 'gravity' is given twice, first in line 3",
+    ),
+    ("a: {b: 1, b: 2}\n", "{path}:1: key 'b' is given twice, first in line 1"),
+    (
+        "a: 1\nb: [1, 2\nc: 3\n",
+        "{path}:3: expected ',' or ']', but got ':'",
+    ),
+    ("a:\n\tb: 1\n", "{path}:2: found character '\\t' that cannot start any token"),
+    ("a: 1\n--- \nb: 1\n", "{path}:2: but found another document"),
+    ("? [1]\n: 2\n", "{path}:1: found unhashable key"),
+    ("a: 2026-13-01\n", "{path}: month must be in 1..12"),
+    (
+        "a: !!python/name:os.system\n",
+        "{path}:1: could not determine a constructor for the tag "
+        "'tag:yaml.org,2002:python/name:os.system'",
+    ),
+    (b"a: \xff\n", "{path}: is not UTF-8 text"),
+]
+
+
+@pytest.mark.parametrize(("content", "expected"), FILES)
+def test_a_bad_file_is_one_line_with_its_name(tmp_path, content, expected):
+    path = tmp_path / "study.yaml"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(ConfigurationError) as error:
+        read(path)
+    assert str(error.value) == expected.format(path=path)
+
+
+def test_a_missing_file_is_one_line(tmp_path):
+    with pytest.raises(ConfigurationError, match=r"none.yaml: No such file or directory$"):
+        read(tmp_path / "none.yaml")
+
+
+def test_merged_keys_may_be_overridden(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text("a: &a {x: 1, y: 2}\nb: &b {<<: *a, x: 3}\nc: {<<: *b, y: 4}\n")
+    assert read(path)["c"] == {"x": 3, "y": 4}
+
+
+# --- what leaves the configuration ---
+
+
+def test_plain_holds_only_plain_types():
+    types = {dict, list, str, int, float, bool, type(None)}
+    assert {type(value) for value in walk(plain(load({})))} <= types
+
+
+def test_plain_loads_to_the_same_study():
+    settings = load(case(wind={"speed": 16}))
+    assert load(plain(settings)) == settings
+
+
+def test_the_same_value_written_otherwise_is_the_same_study():
+    written = ({"speed": 12}, {"speed": 12.0}, {"speed": "1.2e1"}, {})
+    assert len({json.dumps(plain(load(case(wind=wind)))) for wind in written}) == 1
+
+
+def test_every_key_is_described():
+    for path, node in leaves():
+        assert node["description"], path
+        assert "default" in node, path
+        assert "unit" in node, path
+        if path.startswith("cases."):
+            assert node["provenance"] in ("seed", "derived", "assumed"), path
+            assert node["symbol"], path
+        if node.get("type") in ("integer", "number"):
+            assert node["unit"], path
+
+
+def test_parameters_carry_their_source():
+    settings = load(
+        {
+            "cases": {
+                "paper": {},
+                "other": {
+                    "line": {"tension": 35000},
+                    "ice": {"reading": "custom", "vertical": [1, 2, 3], "horizontal": [4, 0, 0]},
+                },
+            }
+        }
+    )
+    rows = {(row.case, row.symbol): row for row in conductor_parameters(settings)}
+    tension = rows["paper", "H"]
+    assert (tension.key, tension.value, tension.unit) == ("line.tension", 25000, "N")
+    assert (tension.provenance, rows["paper", "D"].provenance) == ("seed", "assumed")
+    assert rows["paper", "EA"].note == "printed 3.0e4, read in kN"
+    changed = rows["other", "H"]
+    assert (changed.value, changed.provenance) == (35000, "assumed")
+    assert changed.note == "default 25000 (seed)"
+    assert rows["other", "beta_3"].value == 3
+    assert ("paper", "beta_3") not in rows
+
+
+def test_spacers_are_listed_one_by_one():
+    settings = load(case(spacers={"positions": [75, 160, 225, 250]}))
+    rows = [(row.symbol, row.value, row.provenance) for row in spacer_parameters(settings)]
+    assert rows == [
+        ("m_s", 4.8, "seed"),
+        ("s_1", 75, "seed"),
+        ("s_2", 160, "assumed"),
+        ("s_3", 225, "seed"),
+        ("s_4", 250, "assumed"),
+    ]
+
+
+def test_both_tables_together_hold_every_parameter():
+    settings = load(case())
+    keys = {row.key for row in conductor_parameters(settings) + spacer_parameters(settings)}
+    documented = {path.partition("<name>.")[2] for path, _ in leaves() if "<name>" in path}
+    assert keys == documented - {"ice.vertical", "ice.horizontal"}
+
+
+# --- the reference ---
+
+GENERATED = [ROOT / "config/README.md", ROOT / "workflow/schemas/config.schema.json"]
+
+
+def test_generated_reference_is_up_to_date():
+    assert reference.main(["--check", *map(str, GENERATED)]) == 0
+
+
+def test_a_stale_reference_is_found_and_mended(tmp_path, capsys):
+    readme, schema_file = tmp_path / "README.md", tmp_path / "config.schema.json"
+    readme.write_text(f"before\n{reference.BEGIN}\nold\n{reference.END}\nafter\n")
+    files = [str(readme), str(schema_file)]
+    assert reference.main(["--check", *files]) == 1
+    assert capsys.readouterr().err.count("out of date") == 2
+    assert reference.main(["--write", *files]) == 0
+    assert reference.main(["--check", *files]) == 0
+    text = readme.read_text()
+    assert text.startswith("before\n")
+    assert text.endswith("\nafter\n")
+    assert "| `cases.<name>.line.span` | `300` | m | > 0 | seed | span length |" in text
+
+
+def test_a_reference_without_markers_is_refused(tmp_path, capsys):
+    readme = tmp_path / "README.md"
+    readme.write_text("prose\n")
+    assert reference.main(["--write", str(readme)]) == 1
+    assert "needs the two lines" in capsys.readouterr().err
+    assert readme.read_text() == "prose\n"
+
+
+def test_every_section_documents_itself():
+    assert all(node["description"] for node in schema()["$defs"].values())
+
+
+def test_configuration_stays_light():
+    code = (
+        "import sys, galloping.configuration.parameters; "
+        "print(sorted({'numpy', 'pandas', 'pysindy', 'heyoka'} & set(sys.modules)))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"

@@ -1,0 +1,19 @@
+# line + wind -> model
+
+
+rule derive_model:
+    output:
+        model=out("models/{case}.json"),
+    params:
+        settings=lambda wildcards: {
+            "case": STUDY["cases"][wildcards.case],
+            "code": script_code("derive_model.py"),
+        },
+    log:
+        log_of("derive_model/{case}"),
+    benchmark:
+        benchmark_of("derive_model/{case}")
+    message:
+        "Deriving the galloping equations of {wildcards.case}"
+    script:
+        "../scripts/derive_model.py"

@@ -1,0 +1,25 @@
+# trajectory -> recordings
+
+
+rule measure_motion:
+    input:
+        model=out("models/{case}.json"),
+        trajectory=out("trajectories/{case}.npz"),
+    output:
+        recordings=out("recordings/{case}/{protocol}/{cell}.npz"),
+    params:
+        settings=lambda wildcards: {
+            **cell_settings(wildcards.cell),
+            "replicates": STUDY["measurement"]["replicates"],
+            "relative": STUDY["measurement"]["state_noise"] == "relative",
+            "seed": STUDY["measurement"]["seed"],
+            "code": script_code("measure_motion.py"),
+        },
+    log:
+        log_of("measure_motion/{case}/{protocol}/{cell}"),
+    benchmark:
+        benchmark_of("measure_motion/{case}/{protocol}/{cell}")
+    message:
+        "Measuring {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
+    script:
+        "../scripts/measure_motion.py"

@@ -1,0 +1,101 @@
+# scores -> tables
+TABLES = [
+    "table1_conductor",
+    "table2_spacers",
+    "table3_coefficients",
+    "scores",
+    "noise_coefficients",
+    "noise_r2",
+    "data_amount",
+    "claims",
+]
+PAPER_CELL = {  # where tables and figures that show one cell look for it
+    "protocol": PROTOCOLS[0],
+    "method": METHODS[0],
+}
+
+
+def tables():
+    return [out(f"tables/{name}.csv") for name in TABLES]
+
+
+def table(name):
+    """A table of the study, with its caption in the report."""
+    return report(
+        out(f"tables/{name}.csv"),
+        caption=f"../report/{name}.rst",
+        category="Tables",
+        labels={"table": name},
+    )
+
+
+rule tabulate_parameters:
+    output:
+        conductor=table("table1_conductor"),
+        spacers=table("table2_spacers"),
+    params:
+        settings={"cases": STUDY["cases"], "code": script_code("tabulate_parameters.py")},
+    log:
+        log_of("tabulate_parameters"),
+    benchmark:
+        benchmark_of("tabulate_parameters")
+    message:
+        "Tables 1 and 2: parameters"
+    script:
+        "../scripts/tabulate_parameters.py"
+
+
+rule tabulate_coefficients:
+    input:
+        models=expand(out("models/{case}.json"), case=CASES),
+        identified=expand(
+            out("identified/{case}/{protocol}/{cell}/{method}.npz"),
+            case=CASES,
+            cell=min(LEVELS, key=LEVELS.get),
+            **PAPER_CELL,
+        ),
+    output:
+        table=table("table3_coefficients"),
+    params:
+        settings={
+            "cases": CASES,
+            **PAPER_CELL,
+            "level": min(LEVELS.values()),
+            "degree": STUDY["identification"]["degree"],
+            "code": script_code("tabulate_coefficients.py"),
+        },
+    log:
+        log_of("tabulate_coefficients"),
+    benchmark:
+        benchmark_of("tabulate_coefficients")
+    message:
+        "Table 3: coefficients"
+    script:
+        "../scripts/tabulate_coefficients.py"
+
+
+rule tabulate_scores:
+    input:
+        scores=[out("scores/{}/{}/{}/{}.csv".format(*cell)) for cell in cells()],
+    output:
+        scores=out("tables/scores.csv"),
+        noise_coefficients=table("noise_coefficients"),
+        noise_r2=table("noise_r2"),
+        data_amount=table("data_amount"),
+        claims=table("claims"),
+    params:
+        settings={
+            "cases": CASES,
+            "protocols": PROTOCOLS,
+            "methods": METHODS,
+            "subset_level": STUDY["measurement"]["subsets"]["level"],
+            "code": script_code("tabulate_scores.py"),
+        },
+    log:
+        log_of("tabulate_scores"),
+    benchmark:
+        benchmark_of("tabulate_scores")
+    message:
+        "Tables of noise, data amount and claims"
+    script:
+        "../scripts/tabulate_scores.py"

@@ -1,0 +1,122 @@
+"""Building blocks of the settings: strict types, and the facts that every key carries."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+Provenance = Literal["seed", "derived", "assumed"]
+
+SCIENTIFIC = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+")
+
+
+class Section(BaseModel):
+    """A mapping of known keys, each with a default. Nothing else is accepted, nothing coerced."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, validate_default=True)
+
+
+def show(value: object) -> str:
+    """A value in one short line, as a user would write it."""
+    match value:
+        case None | bool():
+            text = json.dumps(value)
+        case float():
+            text = f"{value:.12g}"
+        case tuple():  # only validated lists are tuples
+            text = f"[{', '.join(map(show, value))}]"
+        case _:
+            text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def problem(text: str, *below: str) -> PydanticCustomError:
+    """What a check raises; `below` are the keys from the validated field to the one at fault."""
+    return PydanticCustomError("problem", "{text}", {"text": text, "below": below})
+
+
+def _number(value: Any) -> Any:
+    # YAML 1.1 wants a point and a signed exponent, so `1e-3` arrives as text.
+    if isinstance(value, str) and SCIENTIFIC.fullmatch(value):
+        return float(value)
+    return value
+
+
+def _whole(value: Any) -> Any:
+    value = _number(value)
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _distinct(values: tuple) -> tuple:
+    if not values:
+        raise problem("[] is empty; must hold at least one")
+    for i, value in enumerate(values):
+        if value in values[:i]:
+            raise problem(f"{show(value)} is given twice; must be distinct")
+    return values
+
+
+def real(**bounds: float) -> Any:
+    """The type of a finite number within bounds (gt, ge, lt, le)."""
+    return Annotated[float, Field(allow_inf_nan=False, **bounds), BeforeValidator(_number)]
+
+
+def whole(**bounds: int) -> Any:
+    """The type of a whole number within bounds (gt, ge, lt, le)."""
+    return Annotated[int, Field(**bounds), BeforeValidator(_whole)]
+
+
+def one_of(names: tuple[str, ...]) -> Any:
+    """The type of one name out of `names`."""
+    return Literal[names]
+
+
+def listing(item: Any) -> Any:
+    """The type of a list; YAML has no tuples, so here, and only here, a list is let in as one."""
+    return Annotated[tuple[item, ...], Field(strict=False)]
+
+
+def triple(item: Any) -> Any:
+    """The type of a list of three."""
+    return Annotated[tuple[item, item, item], Field(strict=False)]
+
+
+def selection(item: Any) -> Any:
+    """The type of a list of at least one item, no two equal."""
+    # Both are checked in `_distinct`: min_length would also count out the items that are wrong.
+    unique = Field(strict=False, json_schema_extra={"minItems": 1, "uniqueItems": True})
+    return Annotated[tuple[item, ...], unique, AfterValidator(_distinct)]
+
+
+def setting(default: Any, description: str, unit: str = "", rule: str = "") -> Any:
+    """A key of the study. rule: what is checked beyond type and range, in words."""
+    extra = {"unit": unit} | ({"rule": rule} if rule else {})
+    return Field(default, description=description, json_schema_extra=extra)
+
+
+def parameter(
+    default: Any,
+    description: str,
+    unit: str,
+    symbol: str,
+    provenance: Provenance,
+    note: str = "",
+    rule: str = "",
+) -> Any:
+    """A physical parameter: a key that also has a symbol and a source.
+
+    provenance: `seed` is printed in the paper, `derived` follows from it, `assumed` is ours.
+    symbol: with `{}` for the number of the item where the value is a list.
+    """
+    extra = {"unit": unit, "symbol": symbol, "provenance": provenance}
+    extra |= {key: text for key, text in {"note": note, "rule": rule}.items() if text}
+    return Field(default, description=description, json_schema_extra=extra)
+
+
+def section(model: type[Section]) -> Any:
+    """A section that may be left out."""
+    return Field(default_factory=model)

@@ -1,0 +1,183 @@
+"""From a YAML file or a mapping to settings, or to one clear line per problem."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from pathlib import Path
+
+import yaml
+from pydantic import ValidationError
+from yaml.nodes import MappingNode
+
+from galloping.configuration.fields import Section, show
+from galloping.configuration.schema import allowed, child, item, leaves, names, schema
+from galloping.configuration.settings import Settings
+
+# What is wrong with a value, where "is not allowed" would say too little.
+FAULTS = {
+    "float_type": "is not a number",
+    "int_type": "is not a whole number",
+    "finite_number": "is not finite",
+    "string_type": "is not text",
+    "tuple_type": "is not a list",
+    "dict_type": "is not a section",
+    "model_type": "is not a section",
+}
+
+
+class ConfigurationError(ValueError):
+    """Settings that cannot be used; its text is one line per problem."""
+
+
+def load(mapping: dict) -> Settings:
+    """The settings that a mapping of keys describes, missing keys at their defaults.
+
+    Raises ConfigurationError with one line per problem: the key as the user writes it, the
+    value, what is allowed and the nearest valid name.
+    """
+    try:
+        return Settings.model_validate(mapping)
+    except ValidationError as error:
+        faults = {fault["loc"]: fault for fault in error.errors(include_url=False)}
+    # A name that is not allowed is the one problem there is, whatever stands below it.
+    bad_names = {location[:-1] for location in faults if location[-1:] == ("[key]",)}
+    lines = dict.fromkeys(
+        _line(mapping, fault)
+        for location, fault in faults.items()
+        if location[-1:] == ("[key]",)
+        or not any(location[: len(name)] == name for name in bad_names)
+    )
+    raise ConfigurationError("\n".join(lines))
+
+
+def plain(settings: Section) -> dict:
+    """Settings, or a section of them, as nested dict, list, str, int, float, bool and None."""
+    return settings.model_dump(mode="json")
+
+
+def read(path: str | Path) -> dict:
+    """The mapping in a YAML file.
+
+    Raises ConfigurationError with one line that names the file, and the line in it where there
+    is one: unreadable, empty, not YAML, not a mapping, or a key given twice.
+    """
+    try:
+        content = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
+    except OSError as error:
+        raise ConfigurationError(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ConfigurationError(f"{path}: is not UTF-8 text") from None
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1
+        raise ConfigurationError(f"{path}:{line}: {error.problem}") from None
+    except (yaml.YAMLError, ValueError) as error:
+        raise ConfigurationError(f"{path}: {' '.join(str(error).split())}") from None
+    if content is None:
+        raise ConfigurationError(f"{path}: is empty; must be a mapping of keys")
+    if not isinstance(content, dict):
+        raise ConfigurationError(f"{path}: {show(content)} is not a mapping of keys")
+    return content
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML in which a key given twice is an error, where PyYAML would keep the last one."""
+
+    def compose_mapping_node(self, anchor: str | None) -> MappingNode:
+        node = super().compose_mapping_node(anchor)
+        first: dict[str, int] = {}
+        for key, _ in node.value:
+            if key.id == "scalar" and key.value in first:
+                raise yaml.MarkedYAMLError(
+                    problem=f"key {show(key.value)} is given twice, "
+                    f"first in line {first[key.value]}",
+                    problem_mark=key.start_mark,
+                )
+            if key.id == "scalar":
+                first[key.value] = key.start_mark.line + 1
+        return node
+
+
+def _line(mapping: dict, fault: dict) -> str:
+    """One line about one fault that pydantic found."""
+    kind, location = fault["type"], fault["loc"]
+    if kind in ("extra_forbidden", "invalid_key"):
+        return _unknown_key(location)
+    if location[-1:] == ("[key]",):
+        return _bad_name(location[:-1])
+    if kind == "missing":  # an item of a list of fixed length
+        location = location[:-1]
+    path, value = _walk(mapping, location, default=fault["input"])
+    if kind == "problem":
+        return f"{_dotted(path + fault['ctx']['below'])}: {fault['ctx']['text']}"
+
+    node = _node(path)
+    is_item = path != location
+    limits = item(node) | {"unit": node["unit"]} if is_item else node
+    if "enum" in limits:
+        noun = str(path[-1]).removesuffix("s" if is_item else "").replace("_", " ")
+        options = limits["enum"]
+        return (
+            f"{_dotted(path)}: unknown {noun} {show(value)}{_hint(value, options) or ';'} "
+            f"allowed: {', '.join(options)}"
+        )
+    what = FAULTS.get(kind, "is not allowed")
+    if isinstance(fault["input"], str) and kind in ("float_type", "int_type"):
+        what = "is text, not a number"
+    must = "each must be" if is_item else "must be"
+    return f"{_dotted(path) or 'configuration'}: {show(value)} {what}; {must} {allowed(limits)}"
+
+
+def _unknown_key(location: tuple) -> str:
+    *parents, key = location
+    siblings = names(_node(parents))
+    elsewhere = {
+        ".".join(parts[: parts.index(key) + 1])
+        for parts in (path.split(".") for path, _ in leaves())
+        if key in parts
+    }
+    hint = _hint(key, siblings) or (
+        f"; did you mean {' or '.join(map(repr, sorted(elsewhere)))}?"
+        if elsewhere
+        else f"; allowed: {', '.join(siblings)}"
+    )
+    return f"{_dotted(location)}: unknown key{hint}"
+
+
+def _bad_name(location: tuple) -> str:
+    """A name that the user chose in a mapping of names."""
+    *parents, name = location
+    node = _node(parents)
+    if options := names(node):
+        hint = _hint(name, options) or ";"
+        return f"{_dotted(location)}: unknown name{hint} allowed: {', '.join(options)}"
+    return f"{_dotted(location)}: {show(name)} is not allowed as a name; must be {node['rule']}"
+
+
+def _hint(name: object, options: list[str]) -> str:
+    near = get_close_matches(str(name).lower(), options, n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def _walk(value: object, location: tuple, default: object) -> tuple[tuple, object]:
+    """The keys of a location without list positions, and the value there as the user wrote it."""
+    path = []
+    for key in location:
+        if isinstance(value, dict):
+            path.append(key)
+            value = value.get(key, default)
+        else:
+            value = value[key] if isinstance(value, list) else default
+    return tuple(path), value
+
+
+def _node(path: Iterable) -> dict:
+    node = schema()
+    for key in path:
+        node = child(node, key)
+    return node
+
+
+def _dotted(path: Iterable) -> str:
+    keys = map(str, path)
+    return ".".join(key if key and key.isprintable() else repr(key) for key in keys)

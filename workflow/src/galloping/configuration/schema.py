@@ -1,0 +1,107 @@
+"""The JSON schema of the settings, and how to read it: the one source for messages and docs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+
+from galloping.configuration.settings import Settings
+
+
+@cache
+def schema() -> dict:
+    """JSON schema of a study, generated from the models."""
+    return Settings.model_json_schema()
+
+
+def resolve(node: dict) -> dict:
+    """The node with references followed and an optional value replaced by the value itself."""
+    if "$ref" in node:
+        definition = schema()["$defs"][node["$ref"].rpartition("/")[2]]
+        return definition | {key: value for key, value in node.items() if key != "$ref"}
+    if "anyOf" in node:
+        value = next(option for option in node["anyOf"] if option.get("type") != "null")
+        return resolve(value) | node | {"optional": True}
+    return node
+
+
+def child(node: dict, key: object) -> dict:
+    """The node of a key, or of a name chosen by the user."""
+    if key in node.get("properties", {}):
+        return resolve(node["properties"][key])
+    return resolve(named_value(node))
+
+
+def item(node: dict) -> dict:
+    """The node of the items of a list."""
+    return resolve(node["items"] if "items" in node else node["prefixItems"][0])
+
+
+def named_value(node: dict) -> dict:
+    """The node of the values in a mapping whose names the user chooses."""
+    if "patternProperties" in node:
+        return next(iter(node["patternProperties"].values()))
+    return node["additionalProperties"]
+
+
+def names(node: dict) -> list[str]:
+    """The keys a mapping may have; empty where the user chooses them."""
+    return list(node.get("properties", ())) or node.get("propertyNames", {}).get("enum", [])
+
+
+def leaves(node: dict | None = None, path: str = "") -> Iterator[tuple[str, dict]]:
+    """All keys with their nodes, in order: `cases.<name>.wind.speed` and so on."""
+    node = resolve(node or schema())
+    if "properties" in node:
+        for key, value in node["properties"].items():
+            yield from leaves(value, f"{path}.{key}".removeprefix("."))
+    elif "patternProperties" in node:
+        yield from leaves(named_value(node), f"{path}.<name>")
+    else:
+        yield path, node
+
+
+def allowed(node: dict, with_unit: bool = True) -> str:
+    """What a value may be, in words: `> 0 m`, `a whole number 1..10000`, `one of irvine, sine`."""
+    unit = node.get("unit", "") if with_unit else ""
+    text = _type(node, "" if unit in ("", "1") else unit)
+    text = f"null or {text}" if "optional" in node else text
+    return ", ".join(filter(None, (text, node.get("rule"))))
+
+
+def _type(node: dict, unit: str) -> str:
+    match node:
+        case {"enum": options}:
+            return f"one of {', '.join(options)}"
+        case {"type": "array"}:
+            return f"a list of {_items(node)} {unit}".strip()
+        case {"type": "object", "additionalProperties": dict(value)}:
+            return f"a mapping of {', '.join(names(node))} to {_type(value, unit)}"
+        case {"type": "object", "properties": keys}:
+            return f"a mapping of {', '.join(keys)}"
+        case {"type": "object"}:
+            return "a mapping of one or more names"
+        case {"type": "integer"}:
+            return f"a whole number {_bounds(node)} {unit}".strip()
+        case {"type": "number"}:
+            in_unit = f" in {unit}" if unit else ""
+            return f"{bounds} {unit}".strip() if (bounds := _bounds(node)) else f"a number{in_unit}"
+    return ""  # text: its rule says it all
+
+
+def _items(node: dict) -> str:
+    one = item(node)
+    if "enum" in one:
+        return f"one or more of {', '.join(one['enum'])}"
+    count = "one or more distinct " if "uniqueItems" in node else ""
+    if "prefixItems" in node:
+        count = f"{node['minItems']} "
+    kind = "whole numbers" if one["type"] == "integer" else "numbers"
+    return f"{count}{kind} {_bounds(one)}".strip()
+
+
+def _bounds(node: dict) -> str:
+    if "minimum" in node and "maximum" in node:
+        return f"{node['minimum']:g}..{node['maximum']:g}"
+    signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
+    return " and ".join(f"{sign} {node[key]:g}" for key, sign in signs.items() if key in node)

@@ -1,0 +1,397 @@
+"""The settings of a study: every key with its default, range, unit, source and meaning."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from galloping.configuration.fields import (
+    Section,
+    listing,
+    one_of,
+    parameter,
+    problem,
+    real,
+    section,
+    selection,
+    setting,
+    show,
+    triple,
+    whole,
+)
+from galloping.identification.registry import METHODS, PROTOCOLS
+
+Real = real()
+Positive = real(gt=0)
+NonNegative = real(ge=0)
+DampingRatio = real(ge=0, lt=1)
+NoiseLevel = real(ge=0, lt=10)
+Protocol = one_of(PROTOCOLS)
+MethodName = one_of(tuple(method.name for method in METHODS))
+CaseName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+_PART = "[A-Za-z0-9_][A-Za-z0-9_.-]*"
+FolderName = Annotated[
+    str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*$")
+]
+
+MAX_INTERVALS = 10_000_000  # a slip in a power of ten should not fill the memory
+
+
+class Conductor(Section):
+    """One sub-conductor."""
+
+    mass: Positive = parameter(1.5, "mass per length of one sub-conductor", "kg/m", "m", "seed")
+    bending_stiffness: NonNegative = parameter(
+        50, "bending stiffness of one sub-conductor", "N m2", "EI", "seed"
+    )
+    tensile_stiffness: Positive = parameter(
+        3.0e7,
+        "tensile stiffness of one sub-conductor",
+        "N",
+        "EA",
+        "seed",
+        note="printed 3.0e4, read in kN",
+    )
+
+
+class Bundle(Section):
+    """How many sub-conductors there are, and the size the wind sees."""
+
+    subconductors: whole(ge=1) = parameter(4, "number of sub-conductors", "1", "n", "seed")
+    dimension: Positive = parameter(
+        0.1104,
+        "characteristic dimension of the bundle in the aerodynamic load",
+        "m",
+        "D",
+        "assumed",
+        note="4 conductors of 0.0276 m",
+    )
+
+
+class Line(Section):
+    """The span and how it hangs."""
+
+    span: Positive = parameter(300, "span length", "m", "l", "seed")
+    tension: Positive = parameter(
+        25000,
+        "horizontal tension of one sub-conductor",
+        "N",
+        "H",
+        "seed",
+        note="printed 25 kN, read per sub-conductor",
+    )
+    mode_shape: Literal["irvine", "sine"] = parameter(
+        "irvine",
+        "first vertical mode: of the sagging cable (irvine) or half a sine (sine)",
+        "",
+        "phi_v",
+        "derived",
+        note="the print has the Irvine parameter of one and the formula of the other",
+    )
+
+
+class Spacers(Section):
+    """Point masses along the span."""
+
+    mass: NonNegative = parameter(4.8, "mass of one spacer", "kg", "m_s", "seed")
+    positions: listing(Positive) = parameter(
+        (75, 150, 225),
+        "distances of the spacers from the left end",
+        "m",
+        "s_{}",
+        "seed",
+        rule="strictly increasing, inside the span",
+    )
+
+    @field_validator("positions")
+    @classmethod
+    def _increasing(cls, positions: tuple[float, ...]) -> tuple[float, ...]:
+        for before, after in pairwise(positions):
+            if after <= before:
+                raise problem(
+                    f"{show(after)} comes after {show(before)}; must be strictly increasing"
+                )
+        return positions
+
+
+class Ice(Section):
+    """Aerodynamic coefficients of the iced section."""
+
+    reading: Literal["swapped", "milli", "custom"] = parameter(
+        "swapped",
+        "how the paper's disturbed coefficients are read: integer and fraction exchanged "
+        "(swapped), times 1e-3 (milli), or given below (custom)",
+        "",
+        "beta, eta",
+        "assumed",
+        note="the digits are the paper's, the reading is ours",
+    )
+    vertical: triple(Real) | None = parameter(
+        None,
+        "beta_1, beta_2, beta_3 of the vertical force",
+        "1",
+        "beta_{}",
+        "assumed",
+        rule="given exactly when the reading is custom",
+    )
+    horizontal: triple(Real) | None = parameter(
+        None,
+        "eta_1, eta_2, eta_3 of the horizontal force",
+        "1",
+        "eta_{}",
+        "assumed",
+        rule="given exactly when the reading is custom",
+    )
+
+    @field_validator("vertical", "horizontal")
+    @classmethod
+    def _given_when_custom(cls, value: tuple | None, info: ValidationInfo) -> tuple | None:
+        reading = info.data.get("reading", "custom" if value else None)
+        if reading == "custom" and value is None:
+            raise problem("null is not allowed with reading 'custom'; must be a list of 3 numbers")
+        if reading != "custom" and value is not None:
+            raise problem(
+                f"{show(value)} is not allowed with reading {show(reading)}; "
+                "must be null, or the reading custom"
+            )
+        return value
+
+
+class Wind(Section):
+    """The steady wind across the line."""
+
+    speed: Positive = parameter(12, "horizontal wind speed", "m/s", "U", "assumed")
+    air_density: NonNegative = parameter(1.25, "air density", "kg/m3", "rho", "assumed")
+
+
+class Damping(Section):
+    """Structural damping, as ratios to critical."""
+
+    vertical: DampingRatio = parameter(
+        0.005, "damping ratio of the vertical mode", "1", "zeta_v", "assumed"
+    )
+    horizontal: DampingRatio = parameter(
+        0.005, "damping ratio of the horizontal mode", "1", "zeta_w", "assumed"
+    )
+
+
+class InitialState(Section):
+    """Where the trajectory starts."""
+
+    q_v: Real = parameter(0.1, "vertical modal displacement", "m", "q_v(0)", "assumed")
+    q_w: Real = parameter(0.1, "horizontal modal displacement", "m", "q_w(0)", "assumed")
+    dq_v: Real = parameter(0, "vertical modal velocity", "m/s", "dq_v(0)", "assumed")
+    dq_w: Real = parameter(0, "horizontal modal velocity", "m/s", "dq_w(0)", "assumed")
+
+
+class Case(Section):
+    """One line in one wind."""
+
+    conductor: Conductor = section(Conductor)
+    bundle: Bundle = section(Bundle)
+    line: Line = section(Line)
+    spacers: Spacers = section(Spacers)
+    ice: Ice = section(Ice)
+    wind: Wind = section(Wind)
+    damping: Damping = section(Damping)
+    initial_state: InitialState = section(InitialState)
+    gravity: Positive = parameter(9.81, "gravitational acceleration", "m/s2", "g", "assumed")
+
+    @field_validator("spacers")
+    @classmethod
+    def _inside_the_span(cls, spacers: Spacers, info: ValidationInfo) -> Spacers:
+        if line := info.data.get("line"):
+            for position in spacers.positions:
+                if position >= line.span:
+                    raise problem(
+                        f"{show(position)} is beyond the span ({show(line.span)} m); "
+                        f"must be > 0 and < {show(line.span)} m",
+                        "positions",
+                    )
+        return spacers
+
+
+class Simulation(Section):
+    """The record that is simulated for each case."""
+
+    duration: Positive = setting(300, "length of the record", "s")
+    sampling_rate: Positive = setting(
+        100,
+        "samples per second",
+        "Hz",
+        rule=f"duration times rate a whole number, 100..{MAX_INTERVALS}",
+    )
+    steady_window: Annotated[tuple[NonNegative, NonNegative], Field(strict=False)] = setting(
+        (200, 300),
+        "start and end of the steady state, where amplitudes are read",
+        "s",
+        rule="increasing, inside the record",
+    )
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of a record, both ends included."""
+        return round(self.duration * self.sampling_rate) + 1
+
+    @field_validator("sampling_rate")
+    @classmethod
+    def _whole_number_of_samples(cls, rate: float, info: ValidationInfo) -> float:
+        if duration := info.data.get("duration"):
+            intervals = duration * rate
+            given = f"{show(rate)} gives {show(intervals)} sampling intervals in {show(duration)} s"
+            if not 100 <= intervals <= MAX_INTERVALS:
+                raise problem(f"{given}; must be 100..{MAX_INTERVALS}")
+            if abs(intervals - round(intervals)) > 1e-9 * intervals:
+                raise problem(f"{given}; must be a whole number")
+        return rate
+
+    @field_validator("steady_window")
+    @classmethod
+    def _inside_the_record(cls, window: tuple[float, float], info: ValidationInfo) -> tuple:
+        start, end = window
+        duration = info.data.get("duration", end)
+        if not start < end <= duration:
+            raise problem(
+                f"{show(window)} is not a window of the record; "
+                f"must be increasing, 0..{show(duration)} s"
+            )
+        return window
+
+
+class Subsets(Section):
+    """Random subsets of the record, to see how much data is needed."""
+
+    level: NoiseLevel = setting(0.05, "noise level of the subsets", "1")
+    points: selection(whole(ge=100)) = setting(
+        (1000, 5000, 10000, 30000),
+        "sizes of the subsets",
+        "samples",
+        rule="at most the samples of the record",
+    )
+
+
+class Measurement(Section):
+    """What a recording keeps of the trajectory."""
+
+    seed: whole(ge=0) = setting(20260130, "seed from which all noise is drawn", "1")
+    replicates: whole(ge=1, le=10000) = setting(
+        20, "independent realisations of the noise in a cell", "1"
+    )
+    protocols: selection(Protocol) = setting(
+        PROTOCOLS,
+        "what is measured: exact states with noisy derivatives (derivative), noisy states (state)",
+    )
+    levels: selection(NoiseLevel) = setting(
+        (0, 0.01, 0.03, 0.05, 0.1, 0.15), "noise levels of the whole record", "1"
+    )
+    subsets: Subsets = section(Subsets)
+    state_noise: Literal["relative", "absolute"] = setting(
+        "relative",
+        "protocol state: the level is a fraction of each state's standard deviation (relative), "
+        "or the noise in SI units itself (absolute)",
+    )
+
+
+class Weak(Section):
+    """Test functions of the weak form."""
+
+    domains: whole(ge=10, le=100_000) = setting(200, "number of test functions", "1")
+    half_width: Positive = setting(
+        1.2, "half the length of a test function", "s", rule="below half the record"
+    )
+    order: whole(ge=1, le=12) = setting(4, "order of the test functions at their ends", "1")
+
+
+class Identification(Section):
+    """How models are found."""
+
+    degree: whole(ge=1, le=5) = setting(3, "highest degree of the candidate library", "1")
+    methods: selection(MethodName) = setting(
+        tuple(method.name for method in METHODS), "identification methods"
+    )
+    thresholds: dict[MethodName, Positive] = setting(
+        {}, "fixed threshold of a method; a method not listed chooses its own from the data", "1"
+    )
+    path_length: whole(ge=5, le=1000) = setting(
+        30, "candidate thresholds scanned where the data choose", "1"
+    )
+    ensemble_models: whole(ge=2, le=1000) = setting(20, "bagged models of an ensemble", "1")
+    weak: Weak = section(Weak)
+
+
+class Figures(Section):
+    """How figures are drawn."""
+
+    dpi: whole(ge=50, le=1200) = setting(200, "resolution of the PNG files", "px/inch")
+    font_size: real(ge=4, le=24) = setting(8, "font size", "pt")
+
+
+def paper_cases() -> dict[str, Case]:
+    """The two lines of the paper: tuned to internal resonance, and away from it."""
+    return {"internal_resonance": Case(), "non_resonant": Case(line=Line(tension=35000))}
+
+
+class Settings(Section):
+    """A study."""
+
+    results: FolderName = setting(
+        "results",
+        "folder that a run writes",
+        rule="a relative path of letters, digits, '_', '-' and '.', no part starting with '.'",
+    )
+    cases: Annotated[dict[CaseName, Case], Field(min_length=1)] = Field(
+        default_factory=paper_cases,
+        description="the lines under study, by name",
+        json_schema_extra={"rule": "lower-case letters, digits and '_', a letter first"},
+    )
+    simulation: Simulation = section(Simulation)
+    measurement: Measurement = section(Measurement)
+    identification: Identification = section(Identification)
+    figures: Figures = section(Figures)
+
+    @field_validator("measurement")
+    @classmethod
+    def _subsets_fit_the_record(cls, measurement: Measurement, info: ValidationInfo) -> Measurement:
+        if simulation := info.data.get("simulation"):
+            for points in measurement.subsets.points:
+                if points > simulation.samples:
+                    raise problem(
+                        f"{points} is larger than the record ({simulation.samples} samples)",
+                        "subsets",
+                        "points",
+                    )
+        return measurement
+
+    @field_validator("identification")
+    @classmethod
+    def _test_functions_fit_the_record(
+        cls, identification: Identification, info: ValidationInfo
+    ) -> Identification:
+        if simulation := info.data.get("simulation"):
+            half_width, longest = identification.weak.half_width, simulation.duration / 2
+            if half_width >= longest:
+                raise problem(
+                    f"{show(half_width)} does not fit the record ({show(simulation.duration)} s); "
+                    f"must be > 0 and < {show(longest)} s",
+                    "weak",
+                    "half_width",
+                )
+        return identification
+
+    @field_validator("identification")
+    @classmethod
+    def _something_to_identify(
+        cls, identification: Identification, info: ValidationInfo
+    ) -> Identification:
+        if measurement := info.data.get("measurement"):
+            usable = {m.name for m in METHODS if set(m.protocols) & set(measurement.protocols)}
+            if not usable & set(identification.methods):
+                raise problem(
+                    f"{show(identification.methods)} cannot use the recordings of protocol "
+                    f"{', '.join(measurement.protocols)}; "
+                    f"must hold one of {', '.join(m.name for m in METHODS if m.name in usable)}",
+                    "methods",
+                )
+        return identification

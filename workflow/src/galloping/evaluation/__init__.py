@@ -1,0 +1,1 @@
+"""How far an identified model is from the true one; the only place where the truth is known."""

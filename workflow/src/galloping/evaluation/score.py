@@ -1,0 +1,76 @@
+"""One tidy row of scores for each identified replicate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from galloping.evaluation.coefficients import (
+    mean_error_by_order,
+    relative_norm_error,
+    support_scores,
+)
+from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
+from galloping.identification.result import Identified
+from galloping.polynomial import PolynomialModel
+from galloping.simulation import Simulator, Trajectory
+
+DISPLACEMENTS = {"q_v": 0, "q_w": 1}
+EQUATIONS = (2, 3)  # the kinematic rows carry no parameter of the line
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What identified models are compared with.
+
+    model on the candidate library; time: (n,) s; states: (n, n_states); steady: window in s.
+    """
+
+    model: PolynomialModel
+    time: np.ndarray
+    states: np.ndarray
+    steady: tuple[float, float]
+
+    @property
+    def steady_rows(self) -> slice:
+        first, last = np.searchsorted(self.time, np.asarray(self.steady) + [-1e-9, 1e-9])
+        return slice(int(first), int(last))
+
+
+def reconstruct(simulator: Simulator, truth: Truth, result: Identified) -> Trajectory:
+    """The identified model's motion from the true initial state."""
+    if result.status != "ok":
+        return Trajectory(truth.time, np.full_like(truth.states, np.nan), result.status)
+    model = PolynomialModel(truth.model.states, truth.model.terms, result.coefficients)
+    return simulator(model, truth.states[0], truth.time)
+
+
+def score(truth: Truth, result: Identified, motion: Trajectory) -> dict[str, float | str]:
+    """All metrics of one replicate; failures score inf (errors) or -inf (R2), never nothing."""
+    rows, step = truth.steady_rows, float(truth.time[1] - truth.time[0])
+    row: dict[str, float | str] = {"status": motion.status}
+    for order, error in mean_error_by_order(truth.model, result.coefficients, EQUATIONS).items():
+        row[f"mean_error_{order}_percent"] = 100 * error
+    row["e2"] = relative_norm_error(truth.model, result.coefficients)
+    row |= support_scores(truth.model, result.coefficients)
+    whole = r_squared(truth.states, motion.states)
+    steady = r_squared(truth.states[rows], motion.states[rows])
+    amplitude = _relative(steady_amplitude, truth.states[rows], motion.states[rows])
+    frequency = _relative(
+        lambda states: steady_frequency(states, step), truth.states[rows], motion.states[rows]
+    )
+    for name, k in DISPLACEMENTS.items():
+        row[f"r2_{name}"] = whole[k]
+        row[f"r2_steady_{name}"] = steady[k]
+        row[f"amplitude_error_{name}_percent"] = 100 * amplitude[k]
+        row[f"frequency_error_{name}_percent"] = 100 * frequency[k]
+    return row
+
+
+def _relative(measure, true: np.ndarray, model: np.ndarray) -> np.ndarray:
+    """Relative error of a steady quantity, inf where the motion ended early."""
+    if not np.all(np.isfinite(model)):
+        return np.full(true.shape[1], np.inf)
+    expected = measure(true)
+    return np.abs(measure(model) - expected) / np.abs(expected)

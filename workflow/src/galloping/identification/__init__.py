@@ -1,0 +1,1 @@
+"""From a recording to a sparse model: candidate methods behind one interface."""

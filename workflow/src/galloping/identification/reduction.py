@@ -1,0 +1,102 @@
+"""One QR per recording: all that least squares can learn from it, in 39 rows instead of 30,001.
+
+The rows of [Theta(X) | dX/dt] enter a regression only through their inner products, and an
+orthogonal transformation keeps those. Identification therefore works on the triangular factor.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from galloping.identification.smoothing import smooth
+from galloping.polynomial import Exponents, design_matrix
+from galloping.recording import Recording
+from galloping.storage import write_arrays
+
+# Contiguous stretches of a recording that are reduced separately, for the bootstrap.
+BLOCKS = 10
+
+
+@dataclass(frozen=True)
+class Regression:
+    """A reduced regression dX/dt = Theta c.
+
+    library: (rows, n_terms), targets: (rows, n_states), rows of the stacked block factors.
+    observations: (n_states,) effective number of independent observations of each target.
+    """
+
+    library: np.ndarray
+    targets: np.ndarray
+    observations: np.ndarray
+
+
+def stretches(n: int) -> list[slice]:
+    """The rows of each block: at most BLOCKS contiguous stretches of n rows."""
+    edges = np.linspace(0, n, min(BLOCKS, n) + 1).astype(int)
+    return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def regression(
+    blocks: Iterable[tuple[np.ndarray, np.ndarray]], observations: np.ndarray
+) -> Regression:
+    """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
+    libraries, targets = [], []
+    for library, target in blocks:
+        p = library.shape[1]
+        factor = _triangle(np.column_stack([library, target]))
+        libraries.append(factor[:, :p])
+        targets.append(factor[:, p:])
+    return Regression(np.concatenate(libraries), np.concatenate(targets), np.asarray(observations))
+
+
+def _triangle(rows: np.ndarray) -> np.ndarray:
+    """R of the QR factorisation, square; in cache-sized panels first, three times faster."""
+    columns = rows.shape[1]
+    panel = 8 * columns
+    whole = len(rows) // panel
+    if whole > 1:
+        tops = np.linalg.qr(rows[: whole * panel].reshape(whole, panel, columns), mode="r")
+        rows = np.concatenate([tops.reshape(-1, columns), rows[whole * panel :]])
+    factor = np.linalg.qr(rows, mode="r")
+    return np.pad(factor, ((0, columns - len(factor)), (0, 0)))
+
+
+def reduce(recording: Recording, terms: tuple[Exponents, ...]) -> Regression:
+    """The regression of a recording on the candidate library `terms`.
+
+    Where no derivatives were measured they come from `smooth`, and so do the states.
+    Raises ValueError where a value is missing.
+    """
+    if not np.all(np.isfinite(recording.values)):
+        raise ValueError("recording: sparse regression needs every state at every sample")
+    if recording.derivatives is not None:
+        if not np.all(np.isfinite(recording.derivatives)):
+            raise ValueError("recording: sparse regression needs every derivative at every sample")
+        x, dx = recording.values, recording.derivatives
+        observations = np.full(x.shape[1], len(x))
+    else:
+        x, dx, observations = smooth(recording.time, recording.values)
+    # block by block, so that a block's library stays in the cache
+    blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
+    return regression(blocks, observations)
+
+
+def write(path: str | os.PathLike, regressions: list[Regression]) -> None:
+    """Replicates of one cell as one .npz."""
+    write_arrays(
+        path,
+        library=np.stack([r.library for r in regressions]),
+        targets=np.stack([r.targets for r in regressions]),
+        observations=np.stack([r.observations for r in regressions]),
+    )
+
+
+def read(path: str | os.PathLike) -> list[Regression]:
+    with np.load(path) as file:
+        arrays = (file["library"], file["targets"], file["observations"])
+    return [Regression(*parts) for parts in zip(*arrays, strict=True)]

@@ -1,0 +1,55 @@
+"""Weak SINDy (Messenger and Bortz 2021; Reinbold et al. 2020) with pysindy's WeakPDELibrary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+import pysindy as ps
+
+from galloping.identification.ensemble import seeded
+from galloping.identification.reduction import regression, stretches
+from galloping.identification.result import Identified
+from galloping.identification.stlsq import normalised
+from galloping.recording import Recording
+
+
+def weak(
+    recording: Recording,
+    *,
+    degree: int,
+    threshold: float | None,
+    path_length: int,
+    weak: Mapping[str, float],
+    rng: np.random.Generator,
+) -> Identified:
+    """Integrates against polynomial bumps instead of differentiating, then STLSQ.
+
+    weak: `domains` bumps at random times, of `half_width` s and polynomial `order`.
+    Raises ValueError for irregular or missing samples.
+    """
+    if not recording.is_uniform:
+        raise ValueError("weak: needs a regularly sampled recording")
+    if not np.all(np.isfinite(recording.values)):
+        raise ValueError("weak: needs every state at every sample")
+    library = _bumps(tuple(recording.time), degree, *weak.values(), int(rng.integers(2**32)))
+    library.fit([recording.values])
+    theta = np.asarray(library.transform([recording.values])[0])
+    integrals = np.asarray(library.convert_u_dot_integral(recording.values))
+    blocks = ((theta[rows], integrals[rows]) for rows in stretches(len(theta)))
+    problem = regression(blocks, np.full(integrals.shape[1], len(theta)))
+    return normalised(problem, threshold=threshold, path_length=path_length)
+
+
+@lru_cache(maxsize=1)
+def _bumps(time, degree, domains, half_width, order, seed) -> ps.WeakPDELibrary:
+    """Weights of the test functions, which depend on the time grid alone."""
+    with seeded(np.random.default_rng(seed)):
+        return ps.WeakPDELibrary(
+            function_library=ps.PolynomialLibrary(degree=degree),
+            spatiotemporal_grid=np.array(time),
+            K=domains,
+            H_xt=half_width,
+            p=order,
+        )

@@ -1,0 +1,170 @@
+"""The paper's claims beside the study's values, each with a verdict by a stated rule.
+
+A claim gives either a value (of an error: smaller is better) or a bound (of R2, of exactness).
+Value: `better` if the whole interval over replicates is below the paper's value, `reproduced` if
+the interval holds it, `not reproduced` if the whole interval is above it. Bound: `reproduced` if
+the median keeps it, else `not reproduced`. A cell the study did not run is `not run`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from galloping.tables.summary import interval, is_subset
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement of the paper.
+
+    name: its row. quantity: what is compared, with unit. paper_value: as printed.
+    kind: `value` or `at_least` or `at_most`. level, points: the cell; points None is the record.
+    column: of the scores, or a pair whose first must exceed its second.
+    case: the case it is about, or None for every case. source: where in the paper.
+    """
+
+    name: str
+    quantity: str
+    paper_value: float
+    kind: str
+    column: str
+    level: float = 0.05
+    points: int | None = None
+    minus: str | None = None
+    case: str | None = "internal_resonance"
+    source: str = ""
+
+
+def _subset_claims() -> list[Claim]:
+    printed = {
+        "q_v": {30000: 0.83, 10000: 5.25, 5000: 9.45, 1000: 13.21},
+        "q_w": {30000: 1.03, 10000: 5.12, 5000: 10.91, 1000: 15.97},
+    }
+    return [
+        Claim(
+            f"amplitude error of {state} from {points} points",
+            "relative error of the steady amplitude, percent",
+            value,
+            "value",
+            f"amplitude_error_{state}_percent",
+            points=points,
+            source="section 4.4",
+        )
+        for state, values in printed.items()
+        for points, value in values.items()
+    ]
+
+
+CLAIMS = [
+    Claim("exact structure without noise", "true positive ratio of terms", 1.0, "at_least",
+          "true_positive_ratio", level=0, case=None, source="section 4.1, conclusion 1"),
+    Claim("exact parameters without noise", "relative error E2 of the coefficients", 1e-6,
+          "at_most", "e2", level=0, case=None, source="section 4.1, conclusion 1"),
+    *[
+        Claim(f"all terms found at {level:g}", "missing terms", 0.0, "at_most", "missing",
+              level=level, source="section 4.2")
+        for level in (0.01, 0.03, 0.05)
+    ],
+    Claim("mean error of linear terms at 0.05", "mean relative error of coefficients, percent",
+          9.56, "value", "mean_error_linear_percent", source="section 4.2, conclusion 2"),
+    Claim("mean error of cubic terms at 0.05", "mean relative error of coefficients, percent",
+          21.05, "value", "mean_error_cubic_percent", source="section 4.2, conclusion 2"),
+    Claim("cubic error above linear at 0.05", "cubic minus linear error, percent points", 0.0,
+          "at_least", "mean_error_cubic_percent", minus="mean_error_linear_percent",
+          source="section 4.2"),
+    *[
+        Claim(f"R2 of {state} at {level:g} ({where})", "R2 over the record", bound, "at_least",
+              f"r2_{state}", level=level, source=where)
+        for level, bound, where in (
+            (0.05, 0.99, "section 4.3"),
+            (0.05, 0.97, "first abstract"),
+            (0.1, 0.95, "section 4.3"),
+            (0.1, 0.93, "first abstract"),
+        )
+        for state in ("q_v", "q_w")
+    ],
+    Claim("horizontal R2 above vertical at 0.05", "R2 of q_w minus R2 of q_v", 0.0, "at_least",
+          "r2_q_w", minus="r2_q_v", source="section 4.3"),
+    *_subset_claims(),
+    *[
+        Claim(f"R2 of {state} with 10000 points", "R2 over the record", 0.95, "at_least",
+              f"r2_{state}", points=10000, source="section 4.4, conclusion 4")
+        for state in ("q_v", "q_w")
+    ],
+]  # fmt: skip
+
+
+def claims_table(
+    scores: pd.DataFrame, subset_level: float, cases: list[str], combinations: list[tuple]
+) -> pd.DataFrame:
+    """Every claim for every protocol and method of the study.
+
+    combinations: (protocol, method) pairs. Columns claim, source, case, quantity, paper_value,
+    study_value, low, high, replicates, protocol, method, verdict.
+    """
+    rows = []
+    for claim in CLAIMS:
+        about = cases if claim.case is None else [claim.case]
+        for case in about:
+            for protocol, method in combinations:
+                values = _values(scores, claim, case, protocol, method, subset_level)
+                if values is None:
+                    continue
+                rows.append(_row(claim, case, protocol, method, values))
+    return pd.DataFrame(rows)
+
+
+def _values(scores, claim, case, protocol, method, subset_level) -> np.ndarray | None:
+    """Replicates of the claim's cell; empty if the study did not run it."""
+    subset = is_subset(scores)
+    taken = scores[
+        (scores["protocol"] == protocol)
+        & (scores["method"] == method)
+        & (subset if claim.points else ~subset)
+    ]
+    if taken.empty:
+        return None  # the method does not take such recordings
+    cell = taken[taken["case"] == case]
+    if claim.points:
+        cell = cell[(cell["points"] == claim.points) & (subset_level == claim.level)]
+    else:
+        cell = cell[cell["level"] == claim.level]
+    values = cell[claim.column].to_numpy(float)
+    if claim.minus:
+        with np.errstate(invalid="ignore"):
+            # two failures show no excess: they count as the worst value
+            values = np.nan_to_num(values - cell[claim.minus].to_numpy(float), nan=-np.inf,
+                                   posinf=np.inf, neginf=-np.inf)  # fmt: skip
+    return values
+
+
+def _row(claim: Claim, case: str, protocol: str, method: str, values: np.ndarray) -> dict:
+    median, low, high = interval(values) if len(values) else (np.nan,) * 3
+    return {
+        "claim": claim.name,
+        "source": claim.source,
+        "case": case,
+        "quantity": claim.quantity,
+        "paper_value": claim.paper_value,
+        "study_value": median,
+        "low": low,
+        "high": high,
+        "replicates": len(values),
+        "protocol": protocol,
+        "method": method,
+        "verdict": verdict(claim, median, low, high) if len(values) else "not run",
+    }
+
+
+def verdict(claim: Claim, median: float, low: float, high: float) -> str:
+    """By the rule of this module."""
+    if claim.kind == "at_least":
+        return "reproduced" if median >= claim.paper_value else "not reproduced"
+    if claim.kind == "at_most":
+        return "reproduced" if median <= claim.paper_value else "not reproduced"
+    if high < claim.paper_value:
+        return "better"
+    return "reproduced" if low <= claim.paper_value else "not reproduced"

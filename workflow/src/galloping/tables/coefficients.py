@@ -1,0 +1,56 @@
+"""Table 3 and figure 5: true and identified coefficients, term by term."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from galloping.equations import EQUATIONS, STATES, model, symbol_of
+from galloping.identification.result import Identified
+from galloping.polynomial import Exponents, term_name
+from galloping.tables.summary import interval
+
+
+def identified_terms(
+    coefficients: dict[str, float], results: list[Identified], terms: tuple[Exponents, ...]
+) -> pd.DataFrame:
+    """Each true term, and each other one that a replicate found, with median and interval.
+
+    coefficients: gamma and kappa of the line; results: replicates on the library `terms`.
+    Values are those of the left-hand side, as the paper prints them. Columns equation, symbol,
+    term, true, identified, low, high, found (share of replicates).
+    """
+    true = model(coefficients).on_library(terms)
+    found = np.stack([np.nan_to_num(result.coefficients) for result in results])
+    rows = []
+    for row, equation in EQUATIONS.items():
+        present = true.support[row] | np.any(found[:, row] != 0, axis=0)
+        for j in np.flatnonzero(present):
+            median, low, high = interval(-found[:, row, j])
+            rows.append(
+                {
+                    "equation": equation,
+                    "symbol": symbol_of(row, terms[j]),
+                    "term": term_name(terms[j], STATES),
+                    "true": 0.0 - true.coefficients[row, j],
+                    "identified": median,
+                    "low": low,
+                    "high": high,
+                    "found": float(np.mean(found[:, row, j] != 0)),
+                }
+            )
+    table = pd.DataFrame(rows)
+    number = table["symbol"].str.extract(r"_(\d+)$")[0].astype(float)
+    order = table.assign(number=number).sort_values(
+        ["equation", "number"], ascending=[False, True], kind="stable"
+    )
+    return order.drop(columns="number").reset_index(drop=True)
+
+
+def table3(terms: pd.DataFrame) -> pd.DataFrame:
+    """case, equation, symbol, term, true, identified, relative_error_percent and the method."""
+    with np.errstate(divide="ignore"):
+        error = 100 * np.abs(terms["identified"] - terms["true"]) / np.abs(terms["true"])
+    table = terms.assign(relative_error_percent=error)
+    first = ["case", "equation", "symbol", "term", "true", "identified", "relative_error_percent"]
+    return table[[*first, "protocol", "method", "level"]]
