@@ -1,13 +1,5 @@
 import numpy as np
 import pytest
-
-from galloping.identification.limit.bounds import (
-    Experiment,
-    derivative_bound,
-    ranked_experiments,
-    state_bound,
-)
-from galloping.polynomial import PolynomialModel, term_name
 from identification_cases import (
     LINE_STATES,
     NON_RESONANT,
@@ -17,6 +9,14 @@ from identification_cases import (
     solution,
     unknown_support,
 )
+
+from galloping.identification.limit.bounds import (
+    Experiment,
+    derivative_bound,
+    ranked_experiments,
+    state_bound,
+)
+from galloping.polynomial import PolynomialModel, term_name
 
 
 def experiment(true: PolynomialModel, start: np.ndarray, level: float = 0.05) -> Experiment:

@@ -1,10 +1,5 @@
 import numpy as np
 import pytest
-
-from galloping.identification.limit.bounds import Experiment, state_bound
-from galloping.identification.limit.maximum_likelihood import maximum_likelihood
-from galloping.polynomial import PolynomialModel
-from galloping.recording import Recording
 from identification_cases import (
     NON_RESONANT,
     RELEASE,
@@ -15,6 +10,11 @@ from identification_cases import (
     solution,
     unknown_support,
 )
+
+from galloping.identification.limit.bounds import Experiment, state_bound
+from galloping.identification.limit.maximum_likelihood import maximum_likelihood
+from galloping.polynomial import PolynomialModel
+from galloping.recording import Recording
 
 LINE = line()
 X = solution(LINE, RELEASE, TIME)

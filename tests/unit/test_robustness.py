@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from identification_cases import LINE_STATES, RELEASE, TIME, line, noisy, solution, unknown_support
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
@@ -9,7 +10,6 @@ from galloping.identification.limit.maximum_likelihood import maximum_likelihood
 from galloping.identification.limit.result import Identified
 from galloping.polynomial import library
 from galloping.recording import Recording
-from identification_cases import LINE_STATES, RELEASE, TIME, line, noisy, solution, unknown_support
 
 LINE = line()
 X = solution(LINE, RELEASE, TIME)

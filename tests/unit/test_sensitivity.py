@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
+from identification_cases import RELEASE, TIME, line, model, solution
 
 from galloping.identification.limit.sensitivity import sensitivities, suitable_step
 from galloping.polynomial import PolynomialModel
-from identification_cases import RELEASE, TIME, line, model, solution
 
 
 def test_solution_of_the_line_matches_the_design_figures() -> None:

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
+from identification_cases import model, noisy, solution
 
 from galloping.identification.limit.bounds import Experiment, state_bound
 from galloping.identification.limit.condense import condense
 from galloping.identification.limit.problem import problem
 from galloping.identification.limit.selection import solve_support
 from galloping.identification.limit.shooting import cut, eliminate, linearise
-from identification_cases import model, noisy, solution
 
 OSCILLATOR = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -4.0, "dx": 0.4, "x^2 dx": -0.5})
 TIME = np.linspace(0.0, 20.0, 1001)

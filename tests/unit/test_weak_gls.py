@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
+from identification_cases import RELEASE, TIME, line, noisy, solution, unknown_support
 
 from galloping.identification.limit.bounds import Experiment, state_bound
 from galloping.identification.limit.weak_gls import weak_gls
 from galloping.polynomial import library
 from galloping.recording import Recording
-from identification_cases import RELEASE, TIME, line, noisy, solution, unknown_support
 
 LINE = line()
 X = solution(LINE, RELEASE, TIME)

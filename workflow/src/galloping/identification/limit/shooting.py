@@ -11,6 +11,7 @@ shooting (H. G. Bock, 1983).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -130,7 +131,7 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
     size = np.abs(linearised.ends).max(axis=0) + np.finfo(float).tiny
     gap = 0.0
     bounds = np.flatnonzero(np.diff(segments.chains, prepend=-1, append=-1))
-    for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
+    for begin, end in pairwise(bounds):
         total = np.zeros((n + n_states, n + n_states))
         vector = np.zeros(n + n_states)
         relation = np.hstack([np.zeros((n_states, n)), np.eye(n_states)])

@@ -105,7 +105,7 @@ def _whiten(influence: np.ndarray, usable: np.ndarray, rows: np.ndarray) -> np.n
 
     usable: (n_tests,); the rows of the other tests, all zero, get a variance of one.
     """
-    n_tests, n_rows, n_states, n_points = influence.shape
+    n_tests, n_rows, _, n_points = influence.shape
     reach = (n_points - 1) // STRIDE
     width = n_rows * (reach + 1)
     bands = np.zeros((width, n_tests * n_rows))
