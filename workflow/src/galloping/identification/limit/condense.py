@@ -1,0 +1,138 @@
+"""Sufficient statistics of a recording on short windows.
+
+Within a window of a twelfth of the shortest period the states are almost quadratic in time, so
+the projections of a channel's samples on the first few polynomials, orthonormal over the
+samples themselves, keep what the samples say about the states; the rest is noise, and measures
+it. This works for any sampling: irregular times, missing samples, missing channels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+ROWS = 3
+ORDER = 12
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """Projections of the recordings' samples, window by window.
+
+    step: length of a window, s. first: (n_recordings + 1,) first window of each recording.
+    observed: (n_observed,) index of the state that each channel measures.
+    functionals: (n_windows, n_observed, ROWS, ORDER + 1), from Taylor coefficients in the time
+    scaled by the window to the expected projections; zero rows where a window has few samples.
+    targets: (n_windows, n_observed, ROWS) the projections of the samples, in the state's unit.
+    counts: (n_recordings, n_observed) samples; rows: the same, non-zero rows.
+    remainder: (n_recordings, n_observed) sum of squares of the samples outside the projections.
+    """
+
+    step: float
+    first: np.ndarray
+    observed: np.ndarray
+    functionals: np.ndarray
+    targets: np.ndarray
+    counts: np.ndarray
+    rows: np.ndarray
+    remainder: np.ndarray
+
+
+@njit(cache=True)
+def _project(tau, values, offsets, functionals, targets, counts, rows, remainder):
+    """Fill the statistics of one recording; tau: (n,) times scaled into each window."""
+    n_windows, n_observed, n_rows, n_powers = functionals.shape
+    longest = 0
+    for w in range(n_windows):
+        longest = max(longest, offsets[w + 1] - offsets[w])
+    basis = np.empty((n_rows, longest))
+    point = np.empty(longest)
+    sample = np.empty(longest)
+    for w in range(n_windows):
+        for o in range(n_observed):
+            n = 0
+            for i in range(offsets[w], offsets[w + 1]):
+                if np.isfinite(values[i, o]):
+                    point[n] = tau[i]
+                    sample[n] = values[i, o]
+                    n += 1
+            counts[o] += n
+            used = 0
+            for degree in range(min(n_rows, n)):
+                size = 0.0
+                for i in range(n):
+                    u = 2.0 * point[i] - 1.0
+                    basis[used, i] = 1.0 if degree == 0 else u**degree
+                    size += basis[used, i] ** 2
+                for _ in range(2):
+                    for b in range(used):
+                        dot = 0.0
+                        for i in range(n):
+                            dot += basis[b, i] * basis[used, i]
+                        for i in range(n):
+                            basis[used, i] -= dot * basis[b, i]
+                left = 0.0
+                for i in range(n):
+                    left += basis[used, i] ** 2
+                if left < 1e-9 * size or size == 0.0:
+                    continue
+                for i in range(n):
+                    basis[used, i] /= np.sqrt(left)
+                used += 1
+            for i in range(n):
+                remainder[o] += sample[i] ** 2
+            for b in range(used):
+                dot = 0.0
+                for i in range(n):
+                    dot += basis[b, i] * sample[i]
+                    power = basis[b, i]
+                    for k in range(n_powers):
+                        functionals[w, o, b, k] += power
+                        power *= point[i]
+                targets[w, o, b] = dot
+                remainder[o] -= dot**2
+            rows[o] += used
+
+
+def window_count(time: np.ndarray, step: float) -> int:
+    """How many windows of `step` seconds cover the times."""
+    return max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-6)))
+
+
+def condense(
+    times: list[np.ndarray], values: list[np.ndarray], observed: np.ndarray, step: float
+) -> Condensed:
+    """Condense recordings that measure the same channels.
+
+    times: per recording (n,), s, increasing. values: per recording (n, n_observed), NaN where a
+    sample is missing. observed: (n_observed,) state index of each channel. step: window, s.
+    """
+    windows = [window_count(time, step) for time in times]
+    first = np.concatenate([[0], np.cumsum(windows)])
+    n_observed = len(observed)
+    functionals = np.zeros((first[-1], n_observed, ROWS, ORDER + 1))
+    targets = np.zeros((first[-1], n_observed, ROWS))
+    counts = np.zeros((len(times), n_observed), np.int64)
+    rows = np.zeros((len(times), n_observed), np.int64)
+    remainder = np.zeros((len(times), n_observed))
+    for r, (time, value) in enumerate(zip(times, values, strict=True)):
+        scaled = (time - time[0]) / step
+        window = np.minimum((scaled + 1e-9).astype(np.int64), windows[r] - 1)
+        offsets = np.searchsorted(window, np.arange(windows[r] + 1))
+        span = slice(first[r], first[r + 1])
+        _project(
+            scaled - window,
+            np.ascontiguousarray(value, dtype=float),
+            offsets,
+            functionals[span],
+            targets[span],
+            counts[r],
+            rows[r],
+            remainder[r],
+        )
+    return Condensed(
+        step, first, np.asarray(observed), functionals, targets, counts, rows,
+        np.maximum(remainder, 0.0),
+    )  # fmt: skip

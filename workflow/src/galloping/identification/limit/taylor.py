@@ -1,0 +1,240 @@
+"""Taylor integration of polynomial systems with their first-order sensitivities, compiled.
+
+The right-hand side is data (index tables), not code, so one compilation, cached on disk by numba,
+serves every library, support, number of states and replicate. Each step of length h yields the
+Taylor polynomial of the states and of the sensitivities over the whole step; observations inside
+the step are linear functionals of that polynomial (see `condense`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from galloping.polynomial import Exponents
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Index tables of one library: every monomial is an earlier monomial times a state.
+
+    monomials: the library's terms and all their divisors, by degree, the constant first.
+    position: (n_terms,) where each library term stands among the monomials.
+    parent, factor: (n_monomials,); monomial m = monomial parent[m] times state factor[m].
+    exponents: (n_monomials, n_states). divisor: (n_monomials, n_states), the monomial divided by
+    a state once, -1 where it does not contain that state.
+    """
+
+    monomials: tuple[Exponents, ...]
+    position: np.ndarray
+    parent: np.ndarray
+    factor: np.ndarray
+    exponents: np.ndarray
+    divisor: np.ndarray
+
+
+def tables(terms: tuple[Exponents, ...]) -> Tables:
+    """Index tables of the library `terms` (n_terms exponents of n_states states)."""
+    n_states = len(terms[0])
+    zero = (0,) * n_states
+    closed, queue = {zero}, list(terms)
+    queue += [tuple(int(k == j) for k in range(n_states)) for j in range(n_states)]
+    while queue:
+        term = queue.pop()
+        if term not in closed:
+            closed.add(term)
+            queue += [_divided(term, k) for k in range(n_states) if term[k]]
+    monomials = tuple(sorted(closed, key=lambda term: (sum(term), [-e for e in term])))
+    index = {term: m for m, term in enumerate(monomials)}
+    parent = np.zeros(len(monomials), np.int64)
+    factor = np.zeros(len(monomials), np.int64)
+    divisor = np.full((len(monomials), n_states), -1)
+    for m, term in enumerate(monomials[1:], start=1):
+        for k in range(n_states):
+            if term[k]:
+                divisor[m, k] = index[_divided(term, k)]
+                parent[m], factor[m] = divisor[m, k], k
+    position = np.array([index[term] for term in terms])
+    return Tables(monomials, position, parent, factor, np.array(monomials), divisor)
+
+
+def _divided(term: Exponents, state: int) -> Exponents:
+    return tuple(e - (k == state) for k, e in enumerate(term))
+
+
+@dataclass(frozen=True)
+class System:
+    """One model in the form the compiled integrator reads, built by `system`.
+
+    rates: (n, 2) int, (equation, monomial) of each coefficient present; rate_values: (n,).
+    jacobian: (n, 3) int, (equation, state, monomial); jacobian_values: (n,). Its rows are
+    sorted so that constant entries (monomial 0) come first, `n_constant` of them.
+    columns: (n_columns, 2) int, (equation, monomial) of each free coefficient.
+    """
+
+    n_states: int
+    parent: np.ndarray
+    factor: np.ndarray
+    rates: np.ndarray
+    rate_values: np.ndarray
+    jacobian: np.ndarray
+    jacobian_values: np.ndarray
+    columns: np.ndarray
+
+
+def system(table: Tables, coefficients: np.ndarray, free: np.ndarray) -> System:
+    """The model with `coefficients` (n_states, n_terms) and `free` (n_free, 2) index pairs.
+
+    A pair (equation, term) names a coefficient whose sensitivity is wanted; its value may be zero.
+    """
+    n_states = coefficients.shape[0]
+    present = np.argwhere(coefficients)
+    monomial = table.position[present[:, 1]]
+    values = coefficients[present[:, 0], present[:, 1]]
+    entries: dict[tuple[int, int, int], float] = {}
+    for equation, m, value in zip(present[:, 0], monomial, values, strict=True):
+        for k in range(n_states):
+            if table.divisor[m, k] >= 0:
+                key = (int(equation), k, int(table.divisor[m, k]))
+                entries[key] = entries.get(key, 0.0) + value * table.exponents[m, k]
+    jacobian = np.array(sorted(entries), np.int64).reshape(-1, 3)
+    return System(
+        n_states,
+        table.parent,
+        table.factor,
+        np.column_stack([present[:, 0], monomial]).astype(np.int64).reshape(-1, 2),
+        np.ascontiguousarray(values, dtype=float),
+        jacobian,
+        np.array([entries[tuple(key)] for key in jacobian.tolist()], float),
+        np.column_stack([free[:, 0], table.position[free[:, 1]]]).astype(np.int64).reshape(-1, 2),
+    )
+
+
+@njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
+def _jets(x, theta, order, h, parent, factor, rates, rate_values):
+    """Taylor coefficients (scaled by h^k) of the states `x` and the monomials `theta`.
+
+    x: (order+1, n_states), row 0 given; theta: (order+1, n_monomials); both filled in place.
+    """
+    n_states, n_monomials = x.shape[1], len(parent)
+    for k in range(order + 1):
+        theta[k, 0] = 1.0 if k == 0 else 0.0
+        for m in range(1, n_monomials):
+            if parent[m] == 0:
+                theta[k, m] = x[k, factor[m]]
+                continue
+            total = 0.0
+            for j in range(k + 1):
+                total += theta[j, parent[m]] * x[k - j, factor[m]]
+            theta[k, m] = total
+        if k < order:
+            scale = h / (k + 1)
+            for i in range(n_states):
+                x[k + 1, i] = 0.0
+            for r in range(len(rate_values)):
+                x[k + 1, rates[r, 0]] += scale * rate_values[r] * theta[k, rates[r, 1]]
+
+
+@njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
+def _sensitivity_jets(s, jac, kind, theta, order, h, columns):
+    """Taylor coefficients of the sensitivities `s` (order+1, n_states, n_columns), row 0 given."""
+    n_states, n_columns = s.shape[1], s.shape[2]
+    for k in range(order):
+        scale = h / (k + 1)
+        for i in range(n_states):
+            row = s[k + 1, i]
+            row[:] = 0.0
+            for state in range(n_states):
+                if kind[i, state] == 0:
+                    continue
+                last = k if kind[i, state] == 2 else 0
+                for j in range(last + 1):
+                    weight = scale * jac[j, i, state]
+                    other = s[k - j, state]
+                    for c in range(n_columns):
+                        row[c] += weight * other[c]
+        for c in range(len(columns)):
+            s[k + 1, columns[c, 0], c] += scale * theta[k, columns[c, 1]]
+
+
+@njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
+def propagate(
+    h, order, first, starts, functionals, observed, sensitive,
+    parent, factor, rates, rate_values, jacobian, jacobian_values, columns,
+):  # fmt: skip
+    """Integrate segments of equal steps and apply linear functionals to every step.
+
+    h: step (s); order: Taylor order. first: (n_segments + 1,) first step of each segment.
+    starts: (n_segments, n_states). functionals: (n_steps, n_observed, n_rows, order + 1), applied
+    to the Taylor coefficients in the scaled time tau = (t - t_step)/h. observed: (n_observed,)
+    state of each channel. sensitive: whether the sensitivities are wanted. The rest: `System`.
+
+    Returns predictions (n_steps, n_observed, n_rows), their sensitivities (..., n_columns) with
+    respect to the free coefficients and then the segment's initial states, the end states
+    (n_segments, n_states) and their sensitivities, and the largest truncation error of a step
+    relative to the size of each state. States that overflow give inf or nan.
+    """
+    n_segments, n_states = starts.shape
+    n_steps, n_observed, n_rows = functionals.shape[:3]
+    n_free = len(columns)
+    n_columns = n_free + n_states if sensitive else 0
+    x = np.zeros((order + 1, n_states))
+    theta = np.zeros((order + 1, len(parent)))
+    jac = np.zeros((order + 1, n_states, n_states))
+    s = np.zeros((order + 1, n_states, n_columns))
+    kind = np.zeros((n_states, n_states), np.int64)
+    for e in range(len(jacobian_values)):
+        level = 1 if jacobian[e, 2] == 0 else 2
+        kind[jacobian[e, 0], jacobian[e, 1]] = max(level, kind[jacobian[e, 0], jacobian[e, 1]])
+    predictions = np.zeros((n_steps, n_observed, n_rows))
+    derivatives = np.zeros((n_steps, n_observed, n_rows, n_columns))
+    ends = np.zeros((n_segments, n_states))
+    end_derivatives = np.zeros((n_segments, n_states, n_columns))
+    size = np.zeros(n_states)
+    truncation = np.zeros(n_states)
+    for g in range(n_segments):
+        x[0] = starts[g]
+        if sensitive:
+            s[0] = 0.0
+            for i in range(n_states):
+                s[0, i, n_free + i] = 1.0
+        for w in range(first[g], first[g + 1]):
+            _jets(x, theta, order, h, parent, factor, rates, rate_values)
+            for i in range(n_states):
+                size[i] = max(size[i], abs(x[0, i]))
+                truncation[i] = max(truncation[i], abs(x[order, i]))
+            if sensitive:
+                jac[:] = 0.0
+                for e in range(len(jacobian_values)):
+                    i, state, m = jacobian[e]
+                    for k in range(order):
+                        jac[k, i, state] += jacobian_values[e] * theta[k, m]
+                _sensitivity_jets(s, jac, kind, theta, order, h, columns)
+            for o in range(n_observed):
+                state = observed[o]
+                for r in range(n_rows):
+                    for k in range(order + 1):
+                        predictions[w, o, r] += functionals[w, o, r, k] * x[k, state]
+                    if sensitive:
+                        out = derivatives[w, o, r]
+                        for k in range(order + 1):
+                            weight = functionals[w, o, r, k]
+                            source = s[k, state]
+                            for c in range(n_columns):
+                                out[c] += weight * source[c]
+            for k in range(1, order + 1):
+                for i in range(n_states):
+                    x[0, i] += x[k, i]
+                    if sensitive:
+                        for c in range(n_columns):
+                            s[0, i, c] += s[k, i, c]
+        ends[g] = x[0]
+        if sensitive:
+            end_derivatives[g] = s[0]
+    relative = 0.0
+    for i in range(n_states):
+        if truncation[i] > 0.0:
+            relative = max(relative, truncation[i] / (size[i] + 1e-300))
+    return predictions, derivatives, ends, end_derivatives, relative
