@@ -33,7 +33,8 @@ lint: $(VENV)/made
 	$(BIN)/snakemake --lint
 
 bench: study
-	$(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv
+	PYTHONPATH=workflow/src OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
+	  $(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv
 
 reference: study
 	mkdir -p results/reference

@@ -85,6 +85,17 @@ def cells():
     ]
 
 
+def noisy_cells():
+    """All (case, protocol, cell) with noise, which have a Cramer-Rao bound."""
+    return list(
+        dict.fromkeys(
+            (case, protocol, cell)
+            for case, protocol, cell, _ in cells()
+            if cell_settings(case, cell)["level"] > 0
+        )
+    )
+
+
 def cell_settings(case, cell):
     """Noise level, subset size and number of recordings of a cell."""
     if cell in SUBSETS:

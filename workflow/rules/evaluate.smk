@@ -6,6 +6,7 @@ rule evaluate_model:
         model=out("models/{case}.json"),
         trajectory=out("trajectories/{case}.npz"),
         identified=out("identified/{case}/{protocol}/{cell}/{method}.npz"),
+        bounds=out("bounds/{case}/{protocol}/{cell}.npz"),
     output:
         scores=out("scores/{case}/{protocol}/{cell}/{method}.csv"),
         motion=out("reconstructions/{case}/{protocol}/{cell}/{method}.npz"),

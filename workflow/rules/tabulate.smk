@@ -8,6 +8,9 @@ TABLES = [
     "noise_r2",
     "data_amount",
     "claims",
+    "efficiency",
+    "identifiability",
+    "further_recordings",
 ]
 PAPER_CELL = {  # where tables and figures that show one cell look for it
     "protocol": PROTOCOLS[0],
@@ -99,3 +102,37 @@ rule tabulate_scores:
         "Tables of noise, data amount and claims"
     script:
         "../scripts/tabulate_scores.py"
+
+
+rule tabulate_limit:
+    input:
+        scores=rules.tabulate_scores.output.scores,
+        models=expand(out("models/{case}.json"), case=CASES),
+        bounds=[out("bounds/{}/{}/{}.npz".format(*cell)) for cell in noisy_cells()],
+        rankings=expand(out("bounds/{case}/further_recordings.csv"), case=CASES),
+    output:
+        efficiency=table("efficiency"),
+        identifiability=table("identifiability"),
+        further_recordings=table("further_recordings"),
+    params:
+        settings={
+            "cases": CASES,
+            "degree": STUDY["identification"]["degree"],
+            "samples": round(
+                STUDY["simulation"]["duration"] * STUDY["simulation"]["sampling_rate"]
+            )
+            + 1,
+            "cells": [
+                {"case": case, "protocol": protocol, **cell_settings(case, cell)}
+                for case, protocol, cell in noisy_cells()
+            ],
+            "code": script_code("tabulate_limit.py"),
+        },
+    log:
+        log_of("tabulate_limit"),
+    benchmark:
+        benchmark_of("tabulate_limit")
+    message:
+        "Tables of identifiability and efficiency"
+    script:
+        "../scripts/tabulate_limit.py"

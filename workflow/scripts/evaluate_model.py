@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from galloping.equations import model
 from galloping.evaluation.reconstruction import summarise
 from galloping.evaluation.score import Truth, reconstruct, score
-from galloping.equations import model
 from galloping.identification import result
 from galloping.polynomial import library
 from galloping.reproducibility.job import run
@@ -22,7 +22,12 @@ def main() -> None:
     simulator = Simulator(line.states, line.terms)
     results = result.read(snakemake.input.identified)
     motions = [reconstruct(simulator, truth, found) for found in results]
-    scores = [score(truth, found, motion) for found, motion in zip(results, motions, strict=True)]
+    with np.load(snakemake.input.bounds) as file:
+        bounds = np.broadcast_to(file["std"], (len(results), *line.coefficients.shape))
+    scores = [
+        score(truth, found, motion, bound)
+        for found, motion, bound in zip(results, motions, bounds, strict=True)
+    ]
     names = {
         "case": cell.case,
         "protocol": cell.protocol,

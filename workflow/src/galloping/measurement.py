@@ -50,10 +50,11 @@ def measure(
 ) -> Recordings:
     """Independent recordings of one motion or several under one protocol.
 
-    time: (n,) s, states: (n_releases, n, n_states). level: noise level; for `state` times the standard
-    deviation of each state if `relative`, else absolute. points: size of a random subset of the
-    samples, drawn without replacement, or None for all. Replicate r depends on `seed`, `name`
-    and r only, and a release's recording not on the number of releases. Without noise and subset all replicates are equal, and one is returned.
+    time: (n,) s, states: (n_releases, n, n_states). level: noise level; for `state` times the
+    standard deviation of each state if `relative`, else absolute. points: size of a random subset
+    of the samples, drawn without replacement, or None for all. The recording of a release in a
+    replicate depends on `seed`, `name` and these two only. Without noise and subset all
+    replicates are equal, and one is returned.
     """
     count = replicates if level > 0 or points is not None else 1
     derivatives = [model(x) for x in states]
@@ -68,6 +69,4 @@ def measure(
         values, dx = PROTOCOLS[protocol](x[rows], derivatives[release][rows], level, scale, rng)
         return Recording(time[rows], model.states, values, dx)
 
-    return Recordings(
-        tuple(tuple(record(r, i) for i in range(len(states))) for r in range(count))
-    )
+    return Recordings(tuple(tuple(record(r, i) for i in range(len(states))) for r in range(count)))

@@ -296,8 +296,8 @@ class Measurement(Section):
     )
     state_noise: Literal["relative", "absolute"] = setting(
         "relative",
-        "protocols state and displacement: the level is a fraction of each state's standard deviation (relative), "
-        "or the noise in SI units itself (absolute)",
+        "protocols state and displacement: the level is a fraction of each state's standard "
+        "deviation (relative), or the noise in SI units itself (absolute)",
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from galloping.polynomial import PolynomialModel
 
 ORDERS = {"linear": 1, "quadratic": 2, "cubic": 3}
+NORMAL_95 = 1.959964  # half width of a 95 % interval in standard deviations
 
 
 def relative_errors(true: PolynomialModel, coefficients: np.ndarray) -> np.ndarray:
@@ -48,3 +49,39 @@ def relative_norm_error(true: PolynomialModel, coefficients: np.ndarray) -> floa
     """E2 = |c_hat - c| / |c| over all coefficients; inf for no model."""
     error = np.linalg.norm(coefficients - true.coefficients) / np.linalg.norm(true.coefficients)
     return float(error) if np.isfinite(error) else np.inf
+
+
+def efficiency(
+    true: PolynomialModel, coefficients: np.ndarray, bound: np.ndarray, equations: tuple[int, ...]
+) -> float:
+    """Root mean square of error / Cramer-Rao standard deviation over the true terms.
+
+    1 is what an efficient method reaches on average; NaN without noise, inf for no model.
+    """
+    chosen = list(equations)
+    terms = true.support[chosen]
+    ratios = ((coefficients - true.coefficients) / bound)[chosen][terms]
+    if np.all(np.isnan(bound[chosen][terms])):
+        return np.nan
+    value = np.sqrt(np.mean(ratios**2))
+    return float(value) if np.isfinite(value) else np.inf
+
+
+def coverage(
+    true: PolynomialModel,
+    coefficients: np.ndarray,
+    standard_errors: np.ndarray,
+    equations: tuple[int, ...],
+) -> dict[str, float]:
+    """How many of the true coefficients the method's 95 % intervals hold.
+
+    A method that states no interval at all has no counts (NaN); a term it missed is not held.
+    """
+    chosen = list(equations)
+    errors = standard_errors[chosen]
+    if np.all(np.isnan(errors)):
+        return {"intervals": np.nan, "intervals_holding": np.nan}
+    terms = true.support[chosen]
+    off = np.abs(coefficients - true.coefficients)[chosen][terms]
+    held = off <= NORMAL_95 * np.nan_to_num(errors[terms])
+    return {"intervals": float(terms.sum()), "intervals_holding": float(held.sum())}

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from galloping.evaluation.coefficients import (
+    coverage,
+    efficiency,
     mean_error_by_order,
     relative_norm_error,
     support_scores,
@@ -34,7 +36,7 @@ class Truth:
 
     @property
     def steady_rows(self) -> slice:
-        first, last = np.searchsorted(self.time, np.asarray(self.steady) + [-1e-9, 1e-9])
+        first, last = np.searchsorted(self.time, np.add(self.steady, (-1e-9, 1e-9)))
         return slice(int(first), int(last))
 
 
@@ -46,14 +48,21 @@ def reconstruct(simulator: Simulator, truth: Truth, result: Identified) -> Traje
     return simulator(model, truth.states[0], truth.time)
 
 
-def score(truth: Truth, result: Identified, motion: Trajectory) -> dict[str, float | str]:
-    """All metrics of one replicate; failures score inf (errors) or -inf (R2), never nothing."""
+def score(
+    truth: Truth, result: Identified, motion: Trajectory, bound: np.ndarray
+) -> dict[str, float | str]:
+    """All metrics of one replicate; failures score inf (errors) or -inf (R2), never nothing.
+
+    bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise.
+    """
     rows, step = truth.steady_rows, float(truth.time[1] - truth.time[0])
-    row: dict[str, float | str] = {"status": motion.status}
+    row: dict[str, float | str] = {"status": motion.status, "verdict": result.verdict}
     for order, error in mean_error_by_order(truth.model, result.coefficients, EQUATIONS).items():
         row[f"mean_error_{order}_percent"] = 100 * error
     row["e2"] = relative_norm_error(truth.model, result.coefficients)
     row |= support_scores(truth.model, result.coefficients)
+    row["efficiency"] = efficiency(truth.model, result.coefficients, bound, EQUATIONS)
+    row |= coverage(truth.model, result.coefficients, result.standard_errors, EQUATIONS)
     whole = r_squared(truth.states, motion.states)
     steady = r_squared(truth.states[rows], motion.states[rows])
     amplitude = _relative(steady_amplitude, truth.states[rows], motion.states[rows])

@@ -84,7 +84,7 @@ METHODS = (
     ),
     Method(
         name="weak_gls",
-        function="galloping.identification.limit:weak_gls",
+        function="galloping.identification.limit.methods:weak_gls",
         evidence="recordings",
         options=("degree",),
         protocols=("state", "displacement"),
@@ -93,7 +93,7 @@ METHODS = (
     ),
     Method(
         name="maximum_likelihood",
-        function="galloping.identification.limit:maximum_likelihood",
+        function="galloping.identification.limit.methods:maximum_likelihood",
         evidence="recordings",
         options=("degree",),
         protocols=PROTOCOLS,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from galloping.tables.summary import interval, is_subset
+from galloping.tables.summary import interval, of_kind
 
 
 @dataclass(frozen=True)
@@ -119,12 +119,8 @@ def claims_table(
 
 def _values(scores, claim, case, protocol, method, subset_level) -> np.ndarray | None:
     """Replicates of the claim's cell; empty if the study did not run it."""
-    subset = is_subset(scores)
-    taken = scores[
-        (scores["protocol"] == protocol)
-        & (scores["method"] == method)
-        & (subset if claim.points else ~subset)
-    ]
+    taken = of_kind(scores, "points" if claim.points else "noise")
+    taken = taken[(taken["protocol"] == protocol) & (taken["method"] == method)]
     if taken.empty:
         return None  # the method does not take such recordings
     cell = taken[taken["case"] == case]

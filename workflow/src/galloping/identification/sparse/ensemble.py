@@ -10,8 +10,8 @@ import pysindy as ps
 from scipy.fft import dct
 from sklearn import config_context
 
-from galloping.identification.sparse.reduction import BLOCKS, Regression
 from galloping.identification.result import Identified
+from galloping.identification.sparse.reduction import BLOCKS, Regression
 from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit
 from galloping.identification.sparse.stlsq import normalised
 

@@ -6,8 +6,8 @@ import numpy as np
 from pysindy.optimizers import WrappedOptimizer
 from sklearn.linear_model import LassoLars, lars_path
 
-from galloping.identification.sparse.reduction import Regression
 from galloping.identification.result import Identified
+from galloping.identification.sparse.reduction import Regression
 from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit, scores
 
 

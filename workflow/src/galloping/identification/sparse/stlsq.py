@@ -6,8 +6,8 @@ import numpy as np
 import pysindy as ps
 from sklearn import config_context
 
-from galloping.identification.sparse.reduction import Regression
 from galloping.identification.result import Identified
+from galloping.identification.sparse.reduction import Regression
 from galloping.identification.sparse.selection import (
     NEGLIGIBLE,
     best_threshold,

@@ -8,9 +8,9 @@ from functools import lru_cache
 import numpy as np
 import pysindy as ps
 
+from galloping.identification.result import Identified
 from galloping.identification.sparse.ensemble import seeded
 from galloping.identification.sparse.reduction import regression, stretches
-from galloping.identification.result import Identified
 from galloping.identification.sparse.stlsq import normalised
 from galloping.recording import Recording
 

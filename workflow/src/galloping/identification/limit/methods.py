@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from galloping.identification.likelihood import maximum_likelihood as likelihood
-from galloping.identification.likelihood import weak_gls as weak
-from galloping.identification.likelihood.estimate import Estimate
+from galloping.identification.limit import maximum_likelihood as likelihood
+from galloping.identification.limit import weak_gls as weak
+from galloping.identification.limit.result import Identified as Estimate
 from galloping.identification.result import Identified
 from galloping.polynomial import library
 from galloping.recording import Recording
