@@ -66,15 +66,16 @@ class Recordings:
         }
         if first.derivatives is not None:
             arrays["derivatives"] = stack([r.derivatives for r in self.replicates])
-        write_arrays(path, states=np.array(first.states), **arrays)
+        count = np.array(len(self.replicates))
+        write_arrays(path, states=np.array(first.states), replicates=count, **arrays)
 
     @classmethod
     def read(cls, path: str | os.PathLike) -> Recordings:
         """Recordings as `write` left them."""
         with np.load(path) as file:
             states = tuple(map(str, file["states"]))
+            count = int(file["replicates"])
             arrays = {key: file[key] for key in ("time", "values", "derivatives") if key in file}
-        count = max(len(a) for a in arrays.values())
         arrays = {key: np.broadcast_to(a, (count, *a.shape[1:])) for key, a in arrays.items()}
         derivatives = arrays.get("derivatives", [None] * count)
         return cls(
