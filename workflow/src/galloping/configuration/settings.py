@@ -337,7 +337,9 @@ class Figures(Section):
 
 def paper_cases() -> dict[str, Case]:
     """The two lines of the paper: tuned to internal resonance, and away from it."""
-    return {"internal_resonance": Case(), "non_resonant": Case(line=Line(tension=35000))}
+    wide = InitialState(q_w=3)
+    non_resonant = Case(line=Line(tension=35000), releases={"wide": wide})
+    return {"internal_resonance": Case(), "non_resonant": non_resonant}
 
 
 class Settings(Section):
