@@ -21,7 +21,8 @@ from galloping.identification.registry import METHODS
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
 ROOT = Path(__file__).parents[2]
-METHOD_NAMES = "stlsq, stlsq_raw, lasso, ensemble, weak"
+THRESHOLDED = "stlsq, stlsq_raw, lasso, ensemble, weak"
+METHOD_NAMES = f"{THRESHOLDED}, weak_gls, maximum_likelihood"
 NAME_RULE = "lower-case letters, digits and '_', a letter first"
 
 
@@ -54,7 +55,8 @@ def test_default_study():
     resonant, tighter = settings.cases["internal_resonance"], settings.cases["non_resonant"]
     assert resonant.line.tension == 25000
     assert tighter.line.tension == 35000
-    assert tighter.model_copy(update={"line": resonant.line}) == resonant
+    assert (tighter.releases["wide"].q_w, tighter.releases["wide"].q_v) == (3, 0.1)
+    assert tighter.model_copy(update={"line": resonant.line, "releases": {}}) == resonant
     assert settings.simulation.samples == 30001
     assert settings.identification.methods == tuple(method.name for method in METHODS)
 
@@ -66,7 +68,7 @@ def test_smoke_changes_only_the_extent_of_the_study():
     expected["results"] = "results/smoke"
     expected["measurement"] |= {"replicates": 2, "levels": [0, 0.05]}
     expected["measurement"]["subsets"]["points"] = [1000]
-    expected["identification"]["methods"] = ["stlsq", "weak"]
+    expected["identification"]["methods"] = ["stlsq", "maximum_likelihood"]
     assert plain(load(config)) == expected
 
 
@@ -167,7 +169,7 @@ REFUSED = [
     (
         {"measurement": {"protocols": "state"}},
         "measurement.protocols: 'state' is not a list; "
-        "must be a list of one or more of derivative, state",
+        "must be a list of one or more of derivative, state, displacement",
     ),
     ({"figures": None}, "figures: null is not a section; must be a mapping of dpi, font_size"),
     (
@@ -295,7 +297,7 @@ REFUSED = [
     (
         {"measurement": {"protocols": ["stat"]}},
         "measurement.protocols: unknown protocol 'stat'; did you mean 'state'? "
-        "allowed: derivative, state",
+        "allowed: derivative, state, displacement",
     ),
     # the identification
     (
@@ -306,12 +308,12 @@ REFUSED = [
     (
         {"identification": {"methods": ["weak"]}, "measurement": {"protocols": ["derivative"]}},
         "identification.methods: ['weak'] cannot use the recordings of protocol derivative; "
-        "must hold one of stlsq, stlsq_raw, lasso, ensemble",
+        "must hold one of stlsq, stlsq_raw, lasso, ensemble, maximum_likelihood",
     ),
     (
         {"identification": {"thresholds": {"laso": 1}}},
         "identification.thresholds.laso: unknown name; did you mean 'lasso'? "
-        f"allowed: {METHOD_NAMES}",
+        f"allowed: {THRESHOLDED}",
     ),
     (
         {"identification": {"thresholds": {"lasso": 0}}},
@@ -488,8 +490,11 @@ def test_spacers_are_listed_one_by_one():
 
 
 def test_both_tables_together_hold_every_parameter():
-    settings = load(case())
-    keys = {row.key for row in conductor_parameters(settings) + spacer_parameters(settings)}
+    settings = load(case(releases={"wide": {}}))
+    keys = {
+        row.key.replace("wide", "<name>")
+        for row in conductor_parameters(settings) + spacer_parameters(settings)
+    }
     documented = {path.partition("<name>.")[2] for path, _ in leaves() if "<name>" in path}
     assert keys == documented - {"ice.vertical", "ice.horizontal"}
 

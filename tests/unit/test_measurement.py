@@ -23,7 +23,16 @@ def record(simulated, **settings):
         "name": NAME,
         "replicates": 2,
     }
-    return measure(line, trajectory.time, trajectory.states, **(defaults | settings)).replicates
+    measured = measure(
+        line, trajectory.time, trajectory.states[np.newaxis], **(defaults | settings)
+    )
+    return tuple(recording for (recording,) in measured.replicates)
+
+
+def as_file(replicates, path):
+    """Through a file and back."""
+    Recordings(tuple((recording,) for recording in replicates)).write(path)
+    return [recording for (recording,) in Recordings.read(path).replicates]
 
 
 def same(a, b):
@@ -153,35 +162,61 @@ def test_measuring_leaves_the_global_random_state_alone(resonant):
 @pytest.mark.parametrize("points", [None, 1000])
 def test_recordings_come_back_from_files(resonant, tmp_path, protocol, points):
     written = record(resonant, protocol=protocol, points=points, replicates=3)
-    Recordings(written).write(tmp_path / "a.npz")
-    read = Recordings.read(tmp_path / "a.npz").replicates
+    read = as_file(written, tmp_path / "a.npz")
     assert len(read) == 3
     assert all(same(a, b) for a, b in zip(read, written, strict=True))
-    Recordings(written).write(tmp_path / "b.npz")
+    as_file(written, tmp_path / "b.npz")
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
 def test_what_replicates_share_is_stored_once(resonant, tmp_path):
-    Recordings(record(resonant, protocol="derivative", replicates=3)).write(tmp_path / "a.npz")
+    as_file(record(resonant, protocol="derivative", replicates=3), tmp_path / "a.npz")
     with np.load(tmp_path / "a.npz") as file:
         shapes = {name: file[name].shape for name in file}
-    assert shapes["time"] == (1, 30001)
-    assert shapes["values"] == (1, 30001, 4)
-    assert shapes["derivatives"] == (3, 30001, 4)
+    assert shapes["time_0"] == (1, 30001)
+    assert shapes["values_0"] == (1, 30001, 4)
+    assert shapes["derivatives_0"] == (3, 30001, 4)
 
 
 def test_missing_samples_survive_files(tmp_path):
     values = np.array([[0.0, np.nan], [1.0, 2.0], [np.nan, 3.0]])
     recording = Recording(np.arange(3.0), ("a", "b"), values)
-    Recordings((recording,)).write(tmp_path / "a.npz")
-    (read,) = Recordings.read(tmp_path / "a.npz").replicates
+    (read,) = as_file([recording], tmp_path / "a.npz")
     assert np.array_equal(read.values, values, equal_nan=True)
 
 
 def test_equal_replicates_stay_as_many(tmp_path):
     recording = Recording(np.arange(3.0), ("a",), np.ones((3, 1)))
-    Recordings((recording, recording)).write(tmp_path / "a.npz")
-    assert len(Recordings.read(tmp_path / "a.npz").replicates) == 2
+    assert len(as_file([recording, recording], tmp_path / "a.npz")) == 2
+
+
+def test_several_releases_in_one_replicate(resonant, tmp_path):
+    line, trajectory = resonant
+    motions = np.stack([trajectory.states, 2 * trajectory.states])
+    both, first = (
+        measure(
+            line, trajectory.time, states, protocol="state", level=0.05, points=None,
+            relative=True, seed=1, name=NAME, replicates=2,
+        )
+        for states in (motions, motions[:1])
+    )  # fmt: skip
+    both.write(tmp_path / "a.npz")
+    for pair, (alone,), again in zip(
+        both.replicates, first.replicates, Recordings.read(tmp_path / "a.npz").replicates,
+        strict=True,
+    ):  # fmt: skip
+        assert same(pair[0], alone)  # a further release changes nothing of the first
+        check_noise(pair[1].values - motions[1], 0.05 * motions[1].std(axis=0))
+        assert all(map(same, pair, again))
+
+
+def test_displacements_without_velocities(resonant):
+    _, trajectory = resonant
+    (recording,) = record(resonant, protocol="displacement", replicates=1)
+    assert np.isnan(recording.values[:, 2:]).all()
+    check_noise(
+        (recording.values - trajectory.states)[:, :2], 0.05 * trajectory.states.std(axis=0)[:2]
+    )
 
 
 @pytest.mark.parametrize(

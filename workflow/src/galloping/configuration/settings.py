@@ -30,8 +30,9 @@ DampingRatio = real(ge=0, lt=1)
 NoiseLevel = real(ge=0, lt=10)
 Protocol = one_of(PROTOCOLS)
 MethodName = one_of(tuple(method.name for method in METHODS))
+ThresholdName = one_of(tuple(m.name for m in METHODS if "threshold" in m.options))
 CaseName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-_PART = "[A-Za-z0-9_][A-Za-z0-9_.-]*"
+NAME_RULE = "lower-case letters, digits and '_', a letter first"
 FolderName = Annotated[
     str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*$")
 ]
@@ -198,7 +199,9 @@ class Case(Section):
     damping: Damping = section(Damping)
     initial_state: InitialState = section(InitialState)
     releases: dict[CaseName, InitialState] = setting(
-        {}, "further recordings of the same line, each released from a state of its own"
+        {},
+        "further recordings of the same line, each released from a state of its own",
+        rule=NAME_RULE,
     )
     gravity: Positive = parameter(9.81, "gravitational acceleration", "m/s2", "g", "assumed")
 
@@ -318,7 +321,7 @@ class Identification(Section):
     methods: selection(MethodName) = setting(
         tuple(method.name for method in METHODS), "identification methods"
     )
-    thresholds: dict[MethodName, Positive] = setting(
+    thresholds: dict[ThresholdName, Positive] = setting(
         {}, "fixed threshold of a method; a method not listed chooses its own from the data", "1"
     )
     path_length: whole(ge=5, le=1000) = setting(
@@ -353,7 +356,7 @@ class Settings(Section):
     cases: Annotated[dict[CaseName, Case], Field(min_length=1)] = Field(
         default_factory=paper_cases,
         description="the lines under study, by name",
-        json_schema_extra={"rule": "lower-case letters, digits and '_', a letter first"},
+        json_schema_extra={"rule": NAME_RULE},
     )
     simulation: Simulation = section(Simulation)
     measurement: Measurement = section(Measurement)
