@@ -54,7 +54,10 @@ class Recordings:
 
     def write(self, path: str | os.PathLike) -> None:
         """One .npz; what all replicates share (times, exact states) is stored once."""
-        arrays: dict[str, np.ndarray] = {"states": np.array(self.replicates[0][0].states)}
+        arrays = {
+            "states": np.array(self.replicates[0][0].states),
+            "replicates": np.array(len(self.replicates)),
+        }
         for i, copies in enumerate(zip(*self.replicates, strict=True)):
             for field in FIELDS:
                 if getattr(copies[0], field) is not None:
@@ -68,7 +71,7 @@ class Recordings:
         with np.load(path) as file:
             arrays = {key: file[key] for key in file.files}
         states = tuple(map(str, arrays.pop("states")))
-        count = max(map(len, arrays.values()))
+        count = int(arrays.pop("replicates"))
         releases = sum(key.startswith("time_") for key in arrays)
 
         def one(replicate: int, i: int) -> Recording:
