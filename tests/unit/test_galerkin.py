@@ -1,0 +1,305 @@
+"""Coefficients of the galloping equations: printed numbers, identities, and a second derivation."""
+
+from copy import deepcopy
+from math import isclose, sqrt
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given
+from hypothesis import strategies as st
+
+from galloping import aerodynamics
+from galloping.configuration.load import load, plain
+from galloping.equations import STATES, TERMS, model, symbol_of
+from galloping.evaluation.motion import steady_amplitude
+from galloping.galerkin import coefficients, derive
+from galloping.line import Line
+from galloping.simulation import Simulator, time_grid
+
+CASES = plain(load({}))["cases"]
+RESONANT = CASES["internal_resonance"]
+
+
+def edited(case=RESONANT, **keys):
+    """A copy of a case with keys such as line__mode_shape replaced."""
+    case = deepcopy(case)
+    for key, value in keys.items():
+        section, _, name = key.partition("__")
+        assert name in case[section]
+        case[section][name] = value
+    return case
+
+
+# An independent implementation's numbers, to all the digits that it printed.
+PRINTED = {
+    "internal_resonance": {
+        "gamma_1": "-3.393285e-2", "gamma_2": "6.979585", "gamma_3": "-1.256278",
+        "gamma_4": "-4.256673e-1", "gamma_5": "-2.016001e-2", "gamma_6": "3.064528e-3",
+        "gamma_7": "7.545046e-2", "gamma_8": "7.669510e-2", "kappa_1": "1.344773e-2",
+        "kappa_2": "1.808415", "kappa_3": "-6.496859e-1", "kappa_4": "5.852896e-2",
+        "kappa_5": "5.949446e-2", "kappa_7": "-3.903898e-1",
+        "omega_v_rad_s": "2.641890", "omega_w_rad_s": "1.344773",
+    },
+    "sine": {
+        "gamma_1": "-3.321265e-2", "gamma_2": "7.365574", "gamma_3": "-1.219750",
+        "gamma_4": "-4.065834e-1", "gamma_5": "-2.053393e-2", "gamma_6": "3.151880e-3",
+        "gamma_7": "5.949446e-2", "gamma_8": "5.949446e-2", "kappa_1": "1.344773e-2",
+        "kappa_2": "1.808415", "kappa_3": "-8.131669e-1", "kappa_4": "5.949446e-2",
+        "kappa_5": "5.949446e-2", "kappa_7": "-4.546900e-1",
+        "omega_v_rad_s": "2.713959", "omega_w_rad_s": "1.344773",
+    },
+    "non_resonant": {
+        "gamma_1": "-3.730903e-2", "gamma_2": "5.309054", "gamma_3": "-8.369494e-1",
+        "gamma_4": "-2.966248e-1", "gamma_5": "-2.033295e-2", "gamma_6": "3.103822e-3",
+        "gamma_7": "5.738147e-2", "gamma_8": "6.101003e-2", "kappa_1": "1.591157e-2",
+        "kappa_2": "2.531781", "kappa_3": "-5.441056e-1", "kappa_4": "5.595604e-2",
+        "kappa_5": "5.949446e-2", "kappa_7": "-4.348106e-1",
+        "omega_v_rad_s": "2.304138", "omega_w_rad_s": "1.591157",
+    },
+}  # fmt: skip
+RATIOS = {"internal_resonance": 1.96456, "sine": 2.01815, "non_resonant": 1.44809}
+VARIANTS = {**CASES, "sine": edited(line__mode_shape="sine")}
+
+
+def half_a_digit(text):
+    mantissa, _, exponent = text.partition("e")
+    return 0.501 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+
+
+@pytest.mark.parametrize(
+    ("name", "symbol"), [(name, symbol) for name in PRINTED for symbol in PRINTED[name]]
+)
+def test_printed_numbers(name, symbol):
+    derived = derive(VARIANTS[name])
+    value = (derived | derived["coefficients"])[symbol]
+    text = PRINTED[name][symbol]
+    assert value == pytest.approx(float(text), rel=0, abs=half_a_digit(text))
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_frequency_ratio_and_absent_terms(name):
+    derived = derive(VARIANTS[name])
+    ratio = derived["omega_v_rad_s"] / derived["omega_w_rad_s"]
+    assert ratio == pytest.approx(RATIOS[name], abs=5.1e-6)
+    absent = {symbol for symbol, value in derived["coefficients"].items() if value == 0}
+    assert absent == {"kappa_6", "kappa_8", "kappa_9", "kappa_10"}
+
+
+def test_identities_of_the_sine_mode():
+    c = coefficients(VARIANTS["sine"])
+    assert c["gamma_3"] == pytest.approx(3 * c["gamma_4"], rel=1e-12)
+    assert c["kappa_3"] == pytest.approx(2 * c["gamma_4"], rel=1e-12)
+    cubic = [c[symbol] for symbol in ("gamma_7", "gamma_8", "kappa_4", "kappa_5")]
+    assert cubic == pytest.approx([cubic[0]] * 4, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_structural_coupling_derives_from_one_potential(name):
+    derived = derive(VARIANTS[name])
+    c, m_v, m_w = (derived[k] for k in ("coefficients", "modal_mass_v_kg", "modal_mass_w_kg"))
+    assert m_w * c["kappa_3"] == pytest.approx(2 * m_v * c["gamma_4"], rel=1e-12)
+    assert m_w * c["kappa_4"] == pytest.approx(m_v * c["gamma_8"], rel=1e-12)
+
+
+# --- a second derivation, from the energies ---
+
+
+def lagrange(case):
+    """ddq + ... = 0 of both sine modes by Lagrange's equations, as SymPy polynomials."""
+    line = Line.from_case(case)
+    exact = {
+        name: sp.Rational(str(getattr(line, name)))
+        for name in (
+            "mass", "tension", "axial_stiffness", "bending_stiffness", "span", "gravity",
+            "spacer_mass",
+        )
+    }  # fmt: skip
+    mass, tension, stiffness, bending, length, gravity, spacer = exact.values()
+    s = sp.symbols("s")
+    q_v, q_w, dq_v, dq_w = coordinates = sp.symbols("q_v q_w dq_v dq_w")
+    shape = sp.sin(sp.pi * s / length)
+    v, w, v_t, w_t = (shape * q for q in coordinates)
+    y_s = mass * gravity / tension * (s - length / 2)  # slope of the parabola, V upward
+
+    def over_span(integrand):
+        return sp.integrate(sp.expand(integrand), (s, 0, length))
+
+    at_spacers = sum(shape.subs(s, sp.Rational(str(p))) ** 2 for p in line.spacer_positions)
+    kinetic = mass / 2 * over_span(v_t**2 + w_t**2) + spacer / 2 * at_spacers * (dq_v**2 + dq_w**2)
+    bend = over_span(sp.diff(v, s, 2) ** 2 + sp.diff(w, s, 2) ** 2)
+    stretch = over_span(sp.diff(v, s) ** 2 + sp.diff(w, s) ** 2)
+    strain = (over_span(y_s * sp.diff(v, s)) + stretch / 2) / length
+    potential = (tension * stretch + bending * bend + stiffness * length * strain**2) / 2
+
+    speed = sp.Rational(str(case["wind"]["speed"]))
+    density, width = (
+        sp.Rational(str(value))
+        for value in (case["wind"]["air_density"], case["bundle"]["dimension"])
+    )
+    alpha = v_t / speed
+    forces = []
+    for printed in aerodynamics.coefficients(case["ice"]):
+        load = sum(sp.Rational(str(c)) * alpha**i for i, c in enumerate(printed, start=1))
+        load *= density * width * speed**2 / 2
+        forces.append(over_span(load * shape))  # virtual work per unit of q
+
+    equations = []
+    for q, dq, force, ratio in zip(
+        (q_v, q_w),
+        (dq_v, dq_w),
+        forces,
+        (case["damping"]["vertical"], case["damping"]["horizontal"]),
+        strict=True,
+    ):
+        modal_mass = sp.diff(kinetic, dq, 2)
+        restoring = sp.diff(potential, q) / modal_mass
+        omega = sp.sqrt(restoring.diff(q).subs({q_v: 0, q_w: 0}))
+        damping = 2 * sp.Rational(str(ratio)) * omega * dq
+        equation = sp.expand(restoring + damping - force / modal_mass)
+        equations.append(sp.Poly(equation, *coordinates))
+    return equations
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        VARIANTS["sine"],
+        edited(
+            line__mode_shape="sine", line__span=240, spacers__positions=[60, 110], wind__speed=9.5,
+            ice__reading="custom", ice__vertical=[0.4, 1.1, -3.2], ice__horizontal=[2.1, 0.7, -0.3],
+            damping__vertical=0.003, damping__horizontal=0.008, conductor__mass=1.8,
+        ),
+    ],
+    ids=["default", "another"],
+)  # fmt: skip
+def test_lagrange_equations_of_the_energies(case):
+    ours = coefficients(case)
+    expected = dict.fromkeys(TERMS, 0.0)
+    for row, equation in zip((2, 3), lagrange(case), strict=True):
+        for exponents, value in equation.terms():
+            expected[symbol_of(row, exponents)] = float(value)
+    assert set(expected) == set(TERMS)  # the energies give no term that we do not have
+    for symbol, value in expected.items():
+        assert ours[symbol] == pytest.approx(value, rel=1e-9, abs=1e-12), symbol
+
+
+# --- what always holds ---
+
+FACTORS = st.floats(0.1, 10)
+
+
+def close(a, b):
+    return all(isclose(a[symbol], b[symbol], rel_tol=1e-9, abs_tol=1e-15) for symbol in TERMS)
+
+
+@pytest.mark.parametrize("shape", ["irvine", "sine"])
+@given(factor=FACTORS)
+def test_a_heavier_stiffer_line_in_denser_air_moves_alike(shape, factor):
+    case = edited(line__mode_shape=shape)
+    scaled = deepcopy(case)
+    for section, name in (
+        ("conductor", "mass"),
+        ("conductor", "bending_stiffness"),
+        ("conductor", "tensile_stiffness"),
+        ("line", "tension"),
+        ("spacers", "mass"),
+        ("wind", "air_density"),
+    ):
+        scaled[section][name] *= factor
+    assert close(coefficients(case), coefficients(scaled))
+
+
+@given(factor=FACTORS)
+def test_units_of_time(factor):
+    # clocks that run `factor` times as fast, and forces with them
+    scaled = deepcopy(RESONANT)
+    for section, name in (
+        ("conductor", "bending_stiffness"),
+        ("conductor", "tensile_stiffness"),
+        ("line", "tension"),
+    ):
+        scaled[section][name] *= factor**2
+    scaled["gravity"] *= factor**2
+    scaled["wind"]["speed"] *= factor
+    ours, theirs = coefficients(RESONANT), coefficients(scaled)
+    rates = {symbol: exponents[2] + exponents[3] for symbol, (_, exponents) in TERMS.items()}
+    expected = {symbol: ours[symbol] * factor ** (2 - rates[symbol]) for symbol in TERMS}
+    assert close(theirs, expected)
+
+
+@given(positions=st.permutations([40, 75, 150, 225, 260]))
+def test_order_of_spacers_does_not_matter(positions):
+    ordered = coefficients(edited(spacers__positions=sorted(positions)))
+    assert close(coefficients(edited(spacers__positions=positions)), ordered)
+
+
+@given(positions=st.lists(st.floats(1, 299), max_size=5))
+def test_mirrored_spacers_do_not_matter(positions):
+    mirrored = [300 - p for p in positions]
+    assert close(
+        coefficients(edited(spacers__positions=positions)),
+        coefficients(edited(spacers__positions=mirrored)),
+    )
+
+
+@given(speed=st.floats(2, 40))
+def test_no_wind_force_without_air(speed):
+    c = coefficients(edited(wind__speed=speed, wind__air_density=0.0))
+    assert [c[f"gamma_{i}"] for i in (5, 6)] + [c[f"kappa_{i}"] for i in (6, 7, 9)] == [0] * 5
+    assert c["gamma_1"] == pytest.approx(0.01 * sqrt(c["gamma_2"]))
+
+
+def test_line_gallops_above_the_critical_wind_speed():
+    # gamma_1 = 2 zeta omega - (rho D b1 / 2) U <phi^2>/m_v is zero at U_c
+    c = coefficients(RESONANT)
+    structural = 0.01 * sqrt(c["gamma_2"])
+    critical = 12 * structural / (structural - c["gamma_1"])
+    assert 0 < critical < 12
+    assert coefficients(edited(wind__speed=critical))["gamma_1"] == pytest.approx(0, abs=1e-15)
+
+    time, start = time_grid(100, 50), np.array([0.1, 0, 0, 0])
+    for speed, grows in ((0.8 * critical, False), (1.2 * critical, True)):
+        line = model(coefficients(edited(wind__speed=speed)))
+        states = Simulator(line.states, line.terms)(line, start, time).states
+        assert (np.ptp(states[-500:, 0]) > np.ptp(states[:500, 0])) == grows
+
+
+def test_vertical_limit_cycle_by_averaging():
+    # without stiffness beyond the linear one, A = (U/omega)(4/3) sqrt((b1 - b_c)/|b3|)
+    case = VARIANTS["sine"]
+    derived = derive(case)
+    c, omega = derived["coefficients"], derived["omega_v_rad_s"]
+    speed, mass = case["wind"]["speed"], 2 * derived["modal_mass_v_kg"] / case["line"]["span"]
+    b1, _, b3 = aerodynamics.coefficients(case["ice"])[0]
+    drag = case["wind"]["air_density"] * case["bundle"]["dimension"] * speed
+    damped = 4 * mass * case["damping"]["vertical"] * omega / drag
+    expected = speed / omega * 4 / 3 * sqrt((b1 - damped) / abs(b3))
+
+    line = model({symbol: c[symbol] for symbol in ("gamma_1", "gamma_2", "gamma_5", "gamma_6")})
+    time = time_grid(600, 100)
+    states = Simulator(line.states, line.terms)(line, np.array([1.0, 0, 0, 0]), time).states
+    # averaging is of first order in a growth rate of about 1 % a radian
+    assert steady_amplitude(states[-2000:])[0] == pytest.approx(expected, rel=0.01)
+
+
+def test_unknown_symbol_is_named():
+    with pytest.raises(ValueError, match=r"gamma_9: the derivation has no such term.*gamma_8"):
+        model({"gamma_1": 1.0, "gamma_9": 2.0})
+
+
+def test_model_is_the_paper_s_equations():
+    values = coefficients(RESONANT) | {"kappa_6": 0.3, "kappa_8": 0.5, "kappa_10": 0.7}
+    values["kappa_9"] = -0.2
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((5, 4))
+    q_v, q_w, dq_v, dq_w = x.T
+    g = {i: values[f"gamma_{i}"] for i in range(1, 9)}
+    k = {i: values[f"kappa_{i}"] for i in range(1, 11)}
+    vertical = g[1] * dq_v + g[2] * q_v + g[3] * q_v**2 + g[4] * q_w**2 + g[5] * dq_v**2
+    vertical += g[6] * dq_v**3 + g[7] * q_v**3 + g[8] * q_v * q_w**2
+    horizontal = k[1] * dq_w + k[2] * q_w + k[3] * q_v * q_w + k[4] * q_v**2 * q_w + k[5] * q_w**3
+    horizontal += k[6] * dq_v**2 + k[7] * dq_v + k[8] * q_v + k[9] * dq_v**3 + k[10] * q_v * q_w**2
+    expected = np.column_stack([dq_v, dq_w, -vertical, -horizontal])
+    assert model(values)(x) == pytest.approx(expected, rel=1e-12)
+    assert model(values).states == STATES

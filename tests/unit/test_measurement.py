@@ -1,0 +1,204 @@
+"""Recordings: noise, subsets, seeds by name, and files."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from galloping.measurement import measure
+from galloping.recording import Recording, Recordings
+from galloping.seeds import generator
+
+NAME = ("internal_resonance", "state", "noise_0.05")
+
+
+def record(simulated, **settings):
+    line, trajectory = simulated
+    defaults = {
+        "protocol": "state",
+        "level": 0.05,
+        "points": None,
+        "relative": True,
+        "seed": 1,
+        "name": NAME,
+        "replicates": 2,
+    }
+    return measure(line, trajectory.time, trajectory.states, **(defaults | settings)).replicates
+
+
+def same(a, b):
+    arrays = [(a.time, b.time), (a.values, b.values)]
+    if a.derivatives is not None or b.derivatives is not None:
+        arrays.append((a.derivatives, b.derivatives))
+    return a.states == b.states and all(np.array_equal(x, y) for x, y in arrays)
+
+
+@pytest.mark.parametrize("level", [0.01, 0.15])
+def test_noise_of_derivatives_is_absolute(simulated, level):
+    line, trajectory = simulated
+    (recording,) = record(simulated, protocol="derivative", level=level, replicates=1)
+    assert np.array_equal(recording.values, trajectory.states)
+    check_noise(recording.derivatives - line(trajectory.states), np.full(4, level))
+
+
+@pytest.mark.parametrize("relative", [True, False])
+def test_noise_of_states(simulated, relative):
+    _, trajectory = simulated
+    (recording,) = record(simulated, relative=relative, replicates=1)
+    assert recording.derivatives is None
+    deviation = trajectory.states.std(axis=0) if relative else np.ones(4)
+    check_noise(recording.values - trajectory.states, 0.05 * deviation)
+
+
+def check_noise(noise, sigma):
+    """White, Gaussian, independent between channels; bounds at five standard errors."""
+    n, unit = len(noise), noise / sigma
+    assert np.abs(unit.mean(axis=0)).max() < 5 / np.sqrt(n)
+    assert np.abs(unit.std(axis=0) - 1).max() < 5 / np.sqrt(2 * n)
+    assert np.abs((unit**4).mean(axis=0) - 3).max() < 5 * np.sqrt(96 / n)
+    assert np.abs((unit[1:] * unit[:-1]).mean(axis=0)).max() < 5 / np.sqrt(n)
+    assert all(abs(np.mean(a * b)) < 5 / np.sqrt(n) for a, b in combinations(unit.T, 2))
+
+
+@pytest.mark.parametrize("protocol", ["derivative", "state"])
+def test_without_noise_one_recording_is_the_trajectory(simulated, protocol):
+    line, trajectory = simulated
+    (recording,) = record(simulated, protocol=protocol, level=0, replicates=20)
+    assert np.array_equal(recording.values, trajectory.states)
+    assert np.array_equal(recording.time, trajectory.time)
+    if protocol == "derivative":
+        assert np.array_equal(recording.derivatives, line(trajectory.states))
+
+
+def test_subsets_are_drawn_without_replacement_and_sorted(resonant):
+    _, trajectory = resonant
+    rows = [
+        np.searchsorted(trajectory.time, recording.time)
+        for recording in record(resonant, points=5000, replicates=3)
+    ]
+    for drawn in rows:
+        assert len(drawn) == 5000
+        assert np.all(np.diff(drawn) > 0)
+        # spread over the whole record: a third of it holds a third of them
+        assert abs(np.mean(drawn < 10000) - 1 / 3) < 5 * np.sqrt(2 / 9 / 5000)
+    assert not any(np.array_equal(a, b) for a, b in combinations(rows, 2))
+
+
+def test_a_subset_measures_the_trajectory_at_its_times(resonant):
+    line, trajectory = resonant
+    (recording,) = record(resonant, protocol="derivative", points=1000, replicates=1)
+    rows = np.searchsorted(trajectory.time, recording.time)
+    assert np.array_equal(recording.time, trajectory.time[rows])
+    assert np.array_equal(recording.values, trajectory.states[rows])
+    check_noise(recording.derivatives - line(trajectory.states[rows]), np.full(4, 0.05))
+
+
+def test_a_subset_of_all_points_is_the_record(resonant):
+    _, trajectory = resonant
+    (recording,) = record(resonant, points=30001, replicates=1)
+    assert np.array_equal(recording.time, trajectory.time)
+
+
+def test_replicates_are_independent(resonant):
+    _, trajectory = resonant
+    noise = [r.values - trajectory.states for r in record(resonant, replicates=4)]
+    for a, b in combinations(noise, 2):
+        correlation = np.mean(a / a.std(axis=0) * (b / b.std(axis=0)), axis=0)
+        assert np.abs(correlation).max() < 5 / np.sqrt(len(a))
+
+
+def test_cells_are_independent(resonant):
+    _, trajectory = resonant
+    a, b = (
+        record(resonant, name=(*NAME[:2], cell), replicates=1)[0].values - trajectory.states
+        for cell in ("noise_0.05", "noise_0.1")
+    )
+    assert abs(np.corrcoef(a[:, 0], b[:, 0])[0, 1]) < 5 / np.sqrt(len(a))
+
+
+@pytest.mark.parametrize("points", [None, 1000])
+def test_more_replicates_change_none_of_the_first(resonant, points):
+    few, many = (record(resonant, points=points, replicates=n) for n in (2, 5))
+    assert all(same(a, b) for a, b in zip(few, many, strict=False))
+
+
+def test_draws_depend_on_seed_and_name_only(resonant):
+    first = record(resonant)[0]
+    record(resonant, name=("another", "state", "noise_0.03"), replicates=3)
+    assert same(first, record(resonant)[0])
+    assert not same(first, record(resonant, seed=2)[0])
+    assert not same(first, record(resonant, name=("non_resonant", *NAME[1:]))[0])
+
+
+def test_names_do_not_run_together():
+    draws = {
+        tuple(generator(1, *names).integers(2**32, size=4))
+        for names in (("a", "b", 1), ("a", "b", 11), ("ab", 1), ("a", "b1"), ("b", "a", 1))
+    }
+    assert len(draws) == 5
+    assert generator(7, "a").random() == generator(7, "a").random()
+
+
+def test_measuring_leaves_the_global_random_state_alone(resonant):
+    before = np.random.get_state()
+    record(resonant, points=1000)
+    after = np.random.get_state()
+    assert np.array_equal(before[1], after[1]) and before[2:] == after[2:]
+
+
+# --- files ---
+
+
+@pytest.mark.parametrize("protocol", ["derivative", "state"])
+@pytest.mark.parametrize("points", [None, 1000])
+def test_recordings_come_back_from_files(resonant, tmp_path, protocol, points):
+    written = record(resonant, protocol=protocol, points=points, replicates=3)
+    Recordings(written).write(tmp_path / "a.npz")
+    read = Recordings.read(tmp_path / "a.npz").replicates
+    assert len(read) == 3
+    assert all(same(a, b) for a, b in zip(read, written, strict=True))
+    Recordings(written).write(tmp_path / "b.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_what_replicates_share_is_stored_once(resonant, tmp_path):
+    Recordings(record(resonant, protocol="derivative", replicates=3)).write(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as file:
+        shapes = {name: file[name].shape for name in file}
+    assert shapes["time"] == (1, 30001)
+    assert shapes["values"] == (1, 30001, 4)
+    assert shapes["derivatives"] == (3, 30001, 4)
+
+
+def test_missing_samples_survive_files(tmp_path):
+    values = np.array([[0.0, np.nan], [1.0, 2.0], [np.nan, 3.0]])
+    recording = Recording(np.arange(3.0), ("a", "b"), values)
+    Recordings((recording,)).write(tmp_path / "a.npz")
+    (read,) = Recordings.read(tmp_path / "a.npz").replicates
+    assert np.array_equal(read.values, values, equal_nan=True)
+
+
+def test_equal_replicates_stay_as_many(tmp_path):
+    recording = Recording(np.arange(3.0), ("a",), np.ones((3, 1)))
+    Recordings((recording, recording)).write(tmp_path / "a.npz")
+    assert len(Recordings.read(tmp_path / "a.npz").replicates) == 2
+
+
+@pytest.mark.parametrize(
+    ("time", "values", "derivatives", "reason"),
+    [
+        ([0.0, 1.0, 1.0], np.ones((3, 1)), None, "strictly increasing"),
+        ([0.0], np.ones((1, 1)), None, "two samples or more"),
+        ([0.0, np.nan, 2.0], np.ones((3, 1)), None, "strictly increasing"),
+        ([0.0, 1.0], np.ones((3, 1)), None, r"shape \(3, 1\), expected \(2, 1\)"),
+        ([0.0, 1.0], np.ones((2, 1)), np.ones((2, 2)), "same shape"),
+    ],
+)
+def test_recordings_that_cannot_be(time, values, derivatives, reason):
+    with pytest.raises(ValueError, match=reason):
+        Recording(np.array(time), ("a",), values, derivatives)
+
+
+def test_uniform_sampling(resonant):
+    assert record(resonant)[0].is_uniform
+    assert not record(resonant, points=29000)[0].is_uniform

@@ -1,0 +1,167 @@
+"""The compiled integrator: printed states, a second integrator, energy, and models that end early."""
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from galloping.configuration.load import load, plain
+from galloping.equations import model
+from galloping.evaluation.motion import steady_amplitude
+from galloping.galerkin import coefficients, frequencies, modes
+from galloping.line import Line, integrate
+from galloping.polynomial import library
+from galloping.simulation import Simulator, time_grid
+
+CASES = plain(load({}))["cases"]
+START = np.array([0.1, 0.1, 0, 0])
+TIME = time_grid(300, 100)
+
+
+def variant(name):
+    if name == "sine":
+        case = deepcopy(CASES["internal_resonance"])
+        case["line"]["mode_shape"] = "sine"
+        return case
+    return CASES[name]
+
+
+PRINTED = {
+    "internal_resonance": ((0.35202677, 1.81831793, -1.84807987, -0.88856756), (1.106, 1.873)),
+    "sine": ((0.17784683, 0.53246272, -1.04591588, -2.64306990), (1.054, 2.132)),
+    "non_resonant": ((-0.28807116, -0.63631260, 3.90279507, -0.43758123), (1.770, 0.672)),
+}
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_printed_motion(name):
+    end, amplitudes = PRINTED[name]
+    line = model(coefficients(variant(name)))
+    trajectory = Simulator(line.states, line.terms)(line, START, TIME)
+    assert trajectory.status == "ok"
+    assert trajectory.states[-1] == pytest.approx(end, rel=0, abs=1e-7)
+    steady = trajectory.states[20000:]
+    assert steady_amplitude(steady)[:2] == pytest.approx(amplitudes, rel=0, abs=5.1e-4)
+
+
+def test_agrees_with_a_second_integrator(simulated):
+    line, trajectory = simulated
+
+    def right_hand_side(_, x):
+        return line(x[np.newaxis])[0]
+
+    every = 1000  # samples
+    second = solve_ivp(
+        right_hand_side,
+        (0, 300),
+        START,
+        method="DOP853",
+        t_eval=TIME[::every],
+        rtol=1e-13,
+        atol=1e-15,
+    )
+    scale = np.max(np.abs(trajectory.states), axis=0)
+    error = np.abs(trajectory.states[::every] - second.y.T) / scale
+    assert error.max() < 1e-10
+
+
+def test_full_library_gives_the_same_motion(simulated):
+    line, trajectory = simulated
+    full = Simulator(line.states, library(4, 3))(line, START, TIME)
+    assert full.states == pytest.approx(trajectory.states, rel=0, abs=1e-10)
+
+
+@pytest.mark.parametrize("shape", ["irvine", "sine"])
+@settings(max_examples=50)
+@given(
+    q_v=st.floats(-3, 3), q_w=st.floats(-3, 3), dq_v=st.floats(-3, 3), dq_w=st.floats(-3, 3),
+    tension=st.floats(15e3, 60e3),
+)  # fmt: skip
+def test_energy_is_conserved_without_wind_and_damping(shape, q_v, q_w, dq_v, dq_w, tension):
+    case = deepcopy(CASES["internal_resonance"])
+    case["line"] |= {"tension": tension, "mode_shape": shape}
+    case["wind"]["air_density"] = 0.0
+    case["damping"] = {"vertical": 0.0, "horizontal": 0.0}
+    still = model(coefficients(case))
+    run = Simulator(still.states, still.terms)(
+        still, np.array([q_v, q_w, dq_v, dq_w]), time_grid(60, 10)
+    )
+    energy = energies(case, run.states)
+    # the accuracy that is asked of a simulation; 1e-10 J is a motion too small to see
+    assert np.ptp(energy) <= 1e-10 * max(energy.max(), 1.0)
+
+
+def energies(case, states):
+    """Kinetic and potential energy in J, from the line's own integrals, not its coefficients."""
+    line = Line.from_case(case)
+    phi, psi = modes(case, line)
+    _, _, m_v, m_w = frequencies(line, phi, psi)
+    q_v, q_w, dq_v, dq_w = states.T
+    span = line.span
+    stretch = [integrate(mode.slope**2, span) for mode in (phi, psi)]
+    bend = [integrate(mode.curvature**2, span) for mode in (phi, psi)]
+    sway = line.static_curvature() * integrate(phi.shape, span)
+    strain = (-sway * q_v + (stretch[0] * q_v**2 + stretch[1] * q_w**2) / 2) / span
+    quadratic = [
+        line.tension * s + line.bending_stiffness * b for s, b in zip(stretch, bend, strict=True)
+    ]
+    return (
+        m_v * dq_v**2
+        + m_w * dq_w**2
+        + quadratic[0] * q_v**2
+        + quadratic[1] * q_w**2
+        + line.axial_stiffness * span * strain**2
+    ) / 2
+
+
+def test_diverging_model_ends_early_and_leaves_the_simulator_usable(resonant):
+    line, trajectory = resonant
+    simulator = Simulator(line.states, line.terms)
+    values = coefficients(CASES["internal_resonance"])
+    wild = simulator(model(values | {"gamma_6": 0.0, "gamma_1": -3.0}), START, TIME)
+    assert wild.status.startswith("diverged: |x| exceeded 1000 at t = ")
+    ended = np.isnan(wild.states).any(axis=1)
+    first = np.argmax(ended)
+    assert 0 < first < len(TIME)
+    assert not ended[:first].any() and np.isnan(wild.states[first:]).all()
+    assert np.abs(wild.states[:first]).max() <= 1000
+    assert float(wild.status.split()[-2]) == pytest.approx(TIME[first], abs=0.02)
+
+    again = simulator(line, START, TIME)
+    assert again.status == "ok"
+    assert np.array_equal(again.states, trajectory.states)
+
+
+@pytest.mark.parametrize(
+    ("symbol", "value", "reason"),
+    [
+        ("gamma_2", np.nan, "diverged: not finite"),
+        ("gamma_1", 1e8, "stopped: more than 300001 integration steps"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore")
+def test_models_that_cannot_be_integrated_end_with_a_reason(resonant, symbol, value, reason):
+    line, trajectory = resonant
+    simulator = Simulator(line.states, line.terms)
+    values = coefficients(CASES["internal_resonance"])
+    ended = simulator(model(values | {symbol: value}), START, TIME)
+    assert ended.status.startswith(reason)
+    assert np.isnan(ended.states[-1]).all()
+    assert np.array_equal(simulator(line, START, TIME).states, trajectory.states)
+
+
+def test_motion_does_not_depend_on_the_grid_it_is_read_on(resonant):
+    line, trajectory = resonant
+    simulator = Simulator(line.states, line.terms)
+    thinned = simulator(line, START, TIME[::100])
+    assert thinned.states == pytest.approx(trajectory.states[::100], rel=0, abs=1e-12)
+
+
+def test_time_grid():
+    time = time_grid(300, 100)
+    assert len(time) == 30001
+    assert (time[0], time[1], time[-1]) == (0.0, 0.01, 300.0)
+    assert time_grid(0.3, 10).tolist() == [0.0, 0.1, 0.2, 0.3]

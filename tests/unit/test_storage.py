@@ -1,0 +1,98 @@
+"""Files are written whole or not at all, with the same bytes for the same content."""
+
+import numpy as np
+import pytest
+
+from galloping.storage import (
+    read_json,
+    replacing,
+    write_arrays,
+    write_json,
+    write_rows,
+    write_text,
+)
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("interruption", [RuntimeError, KeyboardInterrupt, SystemExit])
+def test_an_interrupted_write_leaves_the_old_file_and_no_part(tmp_path, interruption):
+    path = tmp_path / "table.csv"
+    write_text(path, "old")
+    with pytest.raises(interruption), replacing(path) as partial:
+        partial.write_text("half of the n")
+        raise interruption
+    assert path.read_text() == "old"
+    assert files(tmp_path) == ["table.csv"]
+
+
+def test_an_interrupted_first_write_leaves_nothing(tmp_path):
+    with pytest.raises(RuntimeError), replacing(tmp_path / "new" / "table.csv") as partial:
+        partial.write_text("half")
+        raise RuntimeError
+    assert files(tmp_path / "new") == []
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda path: write_json(path, {"a": float("nan")}),
+        lambda path: write_rows(path, [{"a": 1}, {"b": 2}]),
+        lambda path: write_arrays(path, a=Unwritable()),
+    ],
+    ids=["json", "rows", "arrays"],
+)
+def test_content_that_cannot_be_written_leaves_the_old_file(tmp_path, write):
+    path = tmp_path / "file"
+    path.write_text("old")
+    with pytest.raises((ValueError, RuntimeError)):
+        write(path)
+    assert path.read_text() == "old"
+    assert files(tmp_path) == ["file"]
+
+
+class Unwritable:
+    def __array__(self, *_, **__):
+        raise RuntimeError("cannot be written")
+
+
+def test_readers_see_the_old_file_until_the_new_one_is_whole(tmp_path):
+    path = tmp_path / "file"
+    write_text(path, "old")
+    with replacing(path) as partial:
+        partial.write_text("new")
+        assert path.read_text() == "old"
+        assert partial.parent == path.parent  # a rename within one file system
+    assert path.read_text() == "new"
+
+
+def test_json_comes_back(tmp_path):
+    content = {"b": [1, 2.5, None], "a": {"text": "½"}}
+    write_json(tmp_path / "new" / "a.json", content)
+    assert read_json(tmp_path / "new" / "a.json") == content
+
+
+def test_rows(tmp_path):
+    rows = [
+        {"name": "a, b", "value": 1 / 3, "count": 2},
+        {"name": "c", "value": np.float64("inf"), "count": 3},
+        {"name": "d", "value": float("nan"), "count": 4},
+        {"name": "e", "value": 1e-20, "count": 5},
+    ]
+    write_rows(tmp_path / "a.csv", rows)
+    assert (tmp_path / "a.csv").read_bytes() == (
+        b'name,value,count\n"a, b",0.3333333333,2\nc,inf,3\nd,,4\ne,1e-20,5\n'
+    )
+
+
+def test_same_arrays_same_bytes(tmp_path):
+    arrays = {"x": np.arange(5.0), "status": np.array(["ok", "diverged"])}
+    for name in ("a.npz", "b.npz"):
+        write_arrays(tmp_path / name, **arrays)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    with np.load(tmp_path / "a.npz") as file:
+        assert {name: file[name].tolist() for name in file} == {
+            name: array.tolist() for name, array in arrays.items()
+        }
