@@ -11,11 +11,11 @@ from galloping.identification.sparse.reduction import Regression
 from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit, scores
 
 
-def lasso(problem: Regression, *, threshold: float | None, path_length: int) -> Identified:
+def lasso(problem: Regression, *, threshold: float | None) -> Identified:
     """The l1 penalty of each equation is a kink of its path: the one that EBIC prefers.
 
-    threshold: penalty alpha on unit columns and targets, or None to choose it. path_length:
-    how many kinks are followed. Terms whose refitted share is NEGLIGIBLE are dropped.
+    threshold: penalty alpha on unit columns and targets, or None to choose it. Terms whose
+    refitted share is NEGLIGIBLE are dropped.
     """
     library, targets = compact(problem)
     scale, lengths = np.linalg.norm(targets, axis=0), np.linalg.norm(library, axis=0)
@@ -25,7 +25,7 @@ def lasso(problem: Regression, *, threshold: float | None, path_length: int) -> 
         target = targets[:, [i]]
         alpha = threshold
         if alpha is None:
-            alphas, _, path = lars_path(library, target[:, 0], method="lasso", max_iter=path_length)
+            alphas, _, path = lars_path(library, target[:, 0], method="lasso")
             supports = _prune(library, target, (path.T != 0)[np.newaxis])
             judged = scores(library, target, supports, problem.observations[[i]])
             alpha = alphas[np.argmin(judged[0])]
