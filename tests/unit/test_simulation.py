@@ -1,4 +1,4 @@
-"""The compiled integrator: printed states, a second integrator, energy, and models that end early."""
+"""The compiled integrator: printed states, a second one, energy, and models that end early."""
 
 from copy import deepcopy
 

@@ -1,0 +1,398 @@
+"""Identification: exact without noise, equal to pysindy's own, and failures kept as rows."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pysindy as ps
+import pytest
+from conftest import simulate
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from galloping.configuration.load import load, plain
+from galloping.identification import reduction, result, selection, stlsq
+from galloping.identification.cell import identify
+from galloping.identification.reduction import reduce, regression
+from galloping.identification.registry import BY_NAME, METHODS
+from galloping.identification.smoothing import smooth
+from galloping.measurement import measure
+from galloping.polynomial import design_matrix, library
+from galloping.recording import Recording
+
+TERMS = library(4, 3)
+SHAPE = (4, len(TERMS))
+OPTIONS = plain(load({}))["identification"] | {"threshold": None}
+COMBINATIONS = [(m.name, protocol) for m in METHODS for protocol in m.protocols]
+NAME = ("a_case", "state", "a_cell")
+
+
+def recordings(simulated, protocol, level=0.05, points=None, replicates=1):
+    line, trajectory = simulated
+    return measure(
+        line,
+        trajectory.time,
+        trajectory.states,
+        protocol=protocol,
+        level=level,
+        points=points,
+        relative=True,
+        seed=3,
+        name=("a_case", protocol, "a_cell"),
+        replicates=replicates,
+    ).replicates
+
+
+def evidence(method, replicates):
+    if BY_NAME[method].evidence == "recordings":
+        return list(replicates)
+    return [reduce(recording, TERMS) for recording in replicates]
+
+
+def run(method, items, **options):
+    return identify(method, items, settings=OPTIONS | options, seed=3, name=NAME, shape=SHAPE)
+
+
+def equal(a, b):
+    return a.status == b.status and all(
+        np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
+        for name in ("coefficients", "thresholds", "standard_errors")
+    )
+
+
+# --- what comes back without noise ---
+
+
+@pytest.mark.parametrize(("method", "protocol"), COMBINATIONS)
+def test_exact_without_noise(simulated, method, protocol):
+    true = simulated[0].on_library(TERMS)
+    (found,) = run(method, evidence(method, recordings(simulated, protocol, level=0)))
+    assert found.status == "ok"
+    assert np.array_equal(found.coefficients != 0, true.support)
+    ratio = found.coefficients[true.support] / true.coefficients[true.support]
+    assert np.abs(ratio - 1).max() < 1e-6
+
+
+@pytest.mark.parametrize("method", [m.name for m in METHODS if not m.needs_uniform])
+def test_exact_from_few_points_without_noise(simulated, method):
+    true = simulated[0].on_library(TERMS)
+    items = evidence(method, recordings(simulated, "derivative", level=0, points=1000))
+    (found,) = run(method, items)
+    assert np.array_equal(found.coefficients != 0, true.support)
+    assert found.coefficients == pytest.approx(true.coefficients, rel=1e-6)
+
+
+@pytest.mark.parametrize("points", [100, 105, 389])
+@pytest.mark.parametrize("method", [m.name for m in METHODS if not m.needs_uniform])
+def test_recordings_shorter_than_their_factor(resonant, method, points):
+    true = resonant[0].on_library(TERMS)
+    items = evidence(method, recordings(resonant, "derivative", level=1e-6, points=points))
+    (found,) = run(method, items)
+    assert found.status == "ok"
+    assert found.coefficients[true.support] == pytest.approx(
+        true.coefficients[true.support], rel=0.05
+    )
+
+
+# --- the same as pysindy on the whole recording ---
+
+
+@pytest.mark.parametrize("threshold", [0.01, 0.05])
+def test_reduced_regression_equals_pysindy_on_all_samples(resonant, threshold):
+    (recording,) = recordings(resonant, "derivative")
+    whole = ps.SINDy(
+        feature_library=ps.PolynomialLibrary(degree=3),
+        optimizer=ps.STLSQ(threshold=threshold, alpha=0),
+    ).fit(
+        recording.values,
+        t=recording.time,
+        x_dot=recording.derivatives,
+        feature_names=list(recording.states),
+    )
+    ours = stlsq.raw(reduce(recording, TERMS), threshold=threshold, path_length=30)
+    theirs = whole.coefficients()
+    assert np.count_nonzero(theirs) > 10
+    assert np.array_equal(ours.coefficients != 0, theirs != 0)
+    assert ours.coefficients == pytest.approx(theirs, rel=1e-8)
+
+
+@pytest.mark.parametrize("method", ["stlsq", "stlsq_raw"])
+def test_chosen_thresholds_give_pysindy_s_model_on_all_samples(resonant, method):
+    (recording,) = recordings(resonant, "derivative")
+    (ours,) = run(method, evidence(method, [recording]))
+    theta, targets = design_matrix(recording.values, TERMS), recording.derivatives
+    lengths, scale = np.ones(len(TERMS)), np.ones(4)
+    if method == "stlsq":
+        lengths, scale = np.linalg.norm(theta, axis=0), np.linalg.norm(targets, axis=0)
+    for row in range(4):
+        optimizer = ps.STLSQ(threshold=ours.thresholds[row], alpha=0)
+        optimizer.fit(theta / lengths, targets[:, [row]] / scale[row])
+        expected = optimizer.coef_[0] * scale[row] / lengths
+        assert ours.coefficients[row] == pytest.approx(expected, rel=1e-8)
+
+
+@given(
+    n=st.integers(2, 600),
+    columns=st.integers(1, 8),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_reduction_keeps_inner_products(n, columns, seed):
+    rng = np.random.default_rng(seed)
+    theta, dx = rng.standard_normal((n, columns)), rng.standard_normal((n, 2))
+    reduced = regression(theta, dx, np.array([n, n]))
+    small = np.hstack([reduced.library, reduced.targets])
+    whole = np.hstack([theta, dx])
+    assert small.T @ small == pytest.approx(whole.T @ whole, rel=1e-10, abs=1e-10)
+    assert len(small) <= 10 * (columns + 2)
+
+
+@pytest.mark.filterwarnings("ignore:Sparsity parameter is too big")
+@pytest.mark.parametrize("protocol", ["derivative", "state"])
+def test_thresholded_supports_are_those_of_pysindy(simulated, protocol):
+    (recording,) = recordings(simulated, protocol, level=0.1)
+    problem = reduce(recording, TERMS)
+    lengths = np.linalg.norm(problem.library, axis=0)
+    unit = problem.library / lengths
+    targets = problem.targets / np.linalg.norm(problem.targets, axis=0)
+    thresholds = np.geomspace(1e-4, 0.5, 25)
+    for weights in (np.ones(len(TERMS)), lengths.min() / lengths):
+        ours = selection.thresholded_supports(unit, targets, np.tile(thresholds, (4, 1)), weights)
+        for row, k in np.ndindex(4, len(thresholds)):
+            optimizer = ps.STLSQ(threshold=thresholds[k], alpha=0, max_iter=100)
+            optimizer.fit(unit / weights, targets[:, [row]])
+            assert np.array_equal(ours[row, k], optimizer.coef_[0] != 0), (row, thresholds[k])
+
+
+@pytest.mark.filterwarnings("ignore:Sparsity parameter is too big")
+def test_thresholds_beyond_every_term_leave_nothing(resonant):
+    (recording,) = recordings(resonant, "derivative")
+    found = stlsq.normalised(reduce(recording, TERMS), threshold=1e3, path_length=30)
+    assert not found.coefficients.any()
+
+
+# --- choice of thresholds ---
+
+
+def test_refit_is_least_squares_on_each_support():
+    rng = np.random.default_rng(5)
+    theta, targets = rng.standard_normal((40, 6)), rng.standard_normal((40, 2))
+    supports = rng.random((2, 5, 6)) < 0.5
+    coefficients = selection.refit(theta, targets, supports)
+    for row, k in np.ndindex(2, 5):
+        mask = supports[row, k]
+        expected = np.linalg.lstsq(theta[:, mask], targets[:, row], rcond=None)[0]
+        assert coefficients[row, k, mask] == pytest.approx(expected, rel=1e-9)
+        assert not coefficients[row, k, ~mask].any()
+
+
+def test_ebic_charges_for_terms():
+    lean, rich = selection.ebic(np.array([1.0, 1.0]), np.array([3, 4]), 1000, 35)
+    assert rich - lean == pytest.approx(np.log(1000) + 2 * np.log(35))
+    worse, better = selection.ebic(np.array([2.0, 1.0]), np.array([3, 3]), 1000, 35)
+    assert worse - better == pytest.approx(1000 * np.log(2))
+    assert np.isfinite(selection.ebic(np.array([0.0]), np.array([3]), 1000, 35)).all()
+
+
+def test_best_threshold_is_the_middle_of_its_range():
+    thresholds = np.array([0.001, 0.01, 0.1, 1.0])
+    supports = np.array([[1, 1, 1], [1, 1, 0], [1, 1, 0], [1, 0, 0]], dtype=bool)
+    score = np.array([5.0, 2.0, 2.0, 9.0])
+    assert selection.best_threshold(thresholds, supports, score) == pytest.approx(10**-1.5)
+
+
+@pytest.mark.parametrize("method", ["stlsq", "stlsq_raw", "lasso", "ensemble"])
+def test_choice_does_not_depend_on_the_truth_or_the_scale(resonant, method):
+    # in other units of time, the same structure and scaled coefficients
+    (recording,) = recordings(resonant, "derivative", level=0.01)
+    (found,) = run(method, evidence(method, [recording]))
+    scaled = replace(recording, derivatives=4 * recording.derivatives)
+    (again,) = run(method, evidence(method, [scaled]))
+    assert again.coefficients == pytest.approx(4 * found.coefficients, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["stlsq", "stlsq_raw", "lasso", "ensemble"])
+def test_a_configured_threshold_is_used(resonant, method):
+    items = evidence(method, recordings(resonant, "derivative"))
+    (loose,) = run(method, items, threshold=1e-3)
+    (tight,) = run(method, items, threshold=0.1)
+    assert np.all(loose.thresholds == 1e-3) and np.all(tight.thresholds == 0.1)
+    assert np.count_nonzero(tight.coefficients) < np.count_nonzero(loose.coefficients)
+
+
+# --- derivatives from samples ---
+
+
+def waves(time):
+    phases = 2 * np.pi * np.outer(time, [0.2, 0.43])
+    return np.sin(phases), 2 * np.pi * np.array([0.2, 0.43]) * np.cos(phases)
+
+
+@pytest.mark.parametrize("sampling", ["regular", "irregular"])
+def test_smoothing_without_noise(sampling):
+    time = np.arange(6001) / 100
+    if sampling == "irregular":
+        time = np.sort(np.random.default_rng(0).choice(time, 3000, replace=False))
+    values, slopes = waves(time)
+    smoothed, derivative, effective = smooth(time, values)
+    assert smoothed == pytest.approx(values, abs=1e-9)
+    assert derivative == pytest.approx(slopes, abs=1e-7)
+    assert np.all((effective > 0) & (effective < len(time)))
+
+
+@pytest.mark.parametrize("sampling", ["regular", "irregular"])
+def test_smoothing_takes_out_noise(sampling):
+    rng = np.random.default_rng(1)
+    time = np.arange(6001) / 100
+    if sampling == "irregular":
+        time = np.sort(rng.choice(time, 3000, replace=False))
+    values, slopes = waves(time)
+    smoothed, derivative, effective = smooth(
+        time, values + 0.05 * rng.standard_normal(values.shape)
+    )
+    inner = slice(len(time) // 20, -len(time) // 20)
+    residual = np.std((smoothed - values)[inner], axis=0)
+    assert np.all(residual < 0.02)
+    assert np.all(np.std((derivative - slopes)[inner], axis=0) < 0.1)
+    # as many values are left as the noise that stays says: sigma^2 p / n
+    assert residual == pytest.approx(0.05 * np.sqrt(effective / len(time)), rel=0.4)
+
+
+def test_smoothing_treats_channels_alone():
+    rng = np.random.default_rng(2)
+    time = np.arange(3001) / 100
+    values, _ = waves(time)
+    noisy = values + np.array([0, 0.1]) * rng.standard_normal(values.shape)
+    together = smooth(time, noisy)
+    for k in range(2):
+        alone = smooth(time, noisy[:, [k]])
+        assert together[0][:, k] == pytest.approx(alone[0][:, 0], abs=1e-12)
+        assert together[2][k] == alone[2][0]
+
+
+def test_too_few_samples_to_differentiate():
+    with pytest.raises(ValueError, match="recording: 12 samples are too few to differentiate"):
+        smooth(np.arange(12.0), np.ones((12, 1)))
+
+
+# --- recordings that cannot be used, and fits that fail ---
+
+
+@pytest.mark.parametrize("protocol", ["derivative", "state"])
+def test_missing_values_are_refused(resonant, protocol):
+    (recording,) = recordings(resonant, protocol)
+    values = recording.values.copy()
+    values[7, 1] = np.nan
+    with pytest.raises(ValueError, match="needs every state at every sample"):
+        reduce(replace(recording, values=values), TERMS)
+
+
+def test_missing_derivatives_are_refused(resonant):
+    (recording,) = recordings(resonant, "derivative")
+    derivatives = recording.derivatives.copy()
+    derivatives[7, 1] = np.nan
+    with pytest.raises(ValueError, match="needs every derivative at every sample"):
+        reduce(replace(recording, derivatives=derivatives), TERMS)
+
+
+def test_weak_form_refuses_what_it_cannot_use(resonant):
+    (good,) = recordings(resonant, "state")
+    (subset,) = recordings(resonant, "state", points=1000)
+    values = good.values.copy()
+    values[3, 0] = np.nan
+    results = run("weak", [subset, replace(good, values=values), good])
+    assert [found.status for found in results] == [
+        "weak: weak: needs a regularly sampled recording",
+        "weak: weak: needs every state at every sample",
+        "ok",
+    ]
+
+
+@pytest.mark.parametrize("method", ["stlsq", "stlsq_raw", "lasso", "ensemble"])
+def test_a_motionless_recording_is_a_row_with_a_reason(resonant, method):
+    (recording,) = recordings(resonant, "derivative")
+    values, derivatives = recording.values.copy(), recording.derivatives.copy()
+    values[:, 1] = values[:, 3] = derivatives[:, 1] = derivatives[:, 3] = 0
+    still = replace(recording, values=values, derivatives=derivatives)
+    failed, good = run(method, evidence(method, [still, recording]))
+    assert failed.status == (f"{method}: a state or a derivative is zero throughout the recording")
+    assert failed.coefficients.shape == SHAPE and np.isnan(failed.coefficients).all()
+    assert good.status == "ok"
+
+
+def test_errors_of_our_own_making_are_not_kept_as_rows():
+    with pytest.raises(AttributeError):
+        run("stlsq", ["no regression"])
+
+
+# --- replicates ---
+
+
+@pytest.fixture(scope="module")
+def replicates():
+    """Five replicates of what each method takes, of a short record."""
+    noisy = recordings(simulate("internal_resonance"), "state", replicates=5)
+    short = [Recording(r.time[:6000], r.states, r.values[:6000]) for r in noisy]
+    return {method.name: evidence(method.name, short) for method in METHODS}
+
+
+@pytest.mark.parametrize("method", BY_NAME)
+def test_a_replicate_does_not_depend_on_how_many_there_are(replicates, method):
+    items = replicates[method]
+    few, many = run(method, items[:2]), run(method, items[:4])
+    assert all(equal(a, b) for a, b in zip(few, many, strict=False))
+
+
+@pytest.mark.parametrize("method", ["stlsq", "stlsq_raw", "lasso"])
+@settings(max_examples=10)
+@given(order=st.permutations(range(5)))
+def test_permuting_replicates_permutes_results(replicates, method, order):
+    items = replicates[method]
+    straight = run(method, items)
+    permuted = run(method, [items[i] for i in order])
+    assert all(equal(permuted[k], straight[i]) for k, i in enumerate(order))
+
+
+@pytest.mark.parametrize("method", ["ensemble", "weak"])
+def test_random_methods_draw_by_position(replicates, method):
+    # every replicate has its own draws: the same recording twice gives two models
+    first, second = run(method, [replicates[method][0]] * 2)
+    assert not equal(first, second)
+    assert equal(first, run(method, [replicates[method][0]])[0])
+
+
+@pytest.mark.parametrize("method", ["ensemble", "weak"])
+def test_global_random_state_is_left_alone(replicates, method):
+    np.random.seed(12)
+    before = np.random.get_state()
+    run(method, replicates[method][:1])
+    after = np.random.get_state()
+    assert np.array_equal(before[1], after[1]) and before[2:] == after[2:]
+
+
+# --- registry and files ---
+
+
+def test_every_method_says_what_it_takes():
+    available = {*OPTIONS, "rng"}
+    for method in METHODS:
+        assert re.fullmatch(r"galloping(\.\w+)+:\w+", method.function)
+        assert set(method.options) <= available
+        assert method.evidence in ("reduced", "recordings")
+
+
+def test_results_come_back_from_files(tmp_path):
+    found = result.Identified.of(np.array([[1.0, 0.0], [0.0, -2.0]]), np.array([0.1, 0.2]))
+    failed = result.Identified.failed(2, 2, "stlsq: no luck")
+    for name in ("a.npz", "b.npz"):
+        result.write(tmp_path / name, [found, failed])
+    assert all(map(equal, result.read(tmp_path / "a.npz"), [found, failed]))
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_reductions_come_back_from_files(resonant, tmp_path):
+    written = [reduce(r, TERMS) for r in recordings(resonant, "derivative", replicates=2)]
+    reduction.write(tmp_path / "a.npz", written)
+    for a, b in zip(reduction.read(tmp_path / "a.npz"), written, strict=True):
+        assert np.array_equal(a.library, b.library)
+        assert np.array_equal(a.targets, b.targets)
+        assert np.array_equal(a.observations, b.observations)
