@@ -1,0 +1,454 @@
+"""Metrics and tables on cases whose answer is known."""
+
+from itertools import product
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from galloping.equations import model
+from galloping.evaluation.coefficients import (
+    mean_error_by_order,
+    relative_errors,
+    relative_norm_error,
+    support_scores,
+)
+from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
+from galloping.evaluation.reconstruction import summarise as summarise_motions
+from galloping.evaluation.score import Truth, reconstruct, score
+from galloping.galerkin import coefficients
+from galloping.identification.result import Identified
+from galloping.polynomial import PolynomialModel, library
+from galloping.simulation import Simulator, Trajectory
+from galloping.tables.claims import CLAIMS, Claim, claims_table, verdict
+from galloping.tables.coefficients import identified_terms, table3
+from galloping.tables.data_amount import data_amount
+from galloping.tables.noise import noise_coefficients, noise_r2
+from galloping.tables.parameters import conductor, spacers
+from galloping.tables.summary import interval, read_scores
+
+INF = float("inf")
+
+# --- motion ---
+
+
+@pytest.mark.parametrize("frequency", [0.2137, 0.4204, 1.0, 7.77])
+def test_frequency_of_a_sinusoid(frequency):
+    time = np.arange(10001) / 100
+    states = np.column_stack([np.sin(2 * np.pi * frequency * time + phase) for phase in (0, 1)])
+    # a fiftieth of the spectral resolution of 0.01 Hz
+    assert steady_frequency(5 + states, 0.01) == pytest.approx([frequency] * 2, abs=2e-4)
+
+
+def test_frequency_is_that_of_the_strongest_line():
+    time = np.arange(10001) / 100
+    states = np.sin(2 * np.pi * 0.4 * time) + 0.5 * np.sin(2 * np.pi * 0.21 * time)
+    assert steady_frequency(states[:, np.newaxis], 0.01) == pytest.approx([0.4], rel=1e-3)
+
+
+def test_amplitude_is_half_peak_to_peak():
+    time = np.arange(10001) / 100
+    states = 3 + 1.25 * np.sin(2 * np.pi * 0.5 * time)[:, np.newaxis]
+    assert steady_amplitude(states) == pytest.approx([1.25])
+    assert steady_amplitude(np.array([[0.0, 1.0], [3.0, -1.0]])).tolist() == [1.5, 1.0]
+
+
+def test_r_squared_is_the_coefficient_of_determination():
+    true = np.array([[1.0], [2.0], [3.0], [6.0]])  # mean 3, sum of squares about it 14
+    assert r_squared(true, true).tolist() == [1.0]
+    assert r_squared(true, np.full((4, 1), 3.0)).tolist() == [0.0]
+    assert r_squared(true, np.array([[2.0], [2.0], [3.0], [4.0]])) == pytest.approx([1 - 5 / 14])
+
+
+def test_r_squared_of_a_motion_that_ended_early():
+    true = np.random.default_rng(0).standard_normal((10, 2))
+    model = true.copy()
+    model[8:, 0] = np.nan
+    assert r_squared(true, model).tolist() == [-INF, 1.0]
+
+
+# --- coefficients ---
+
+TRUE = PolynomialModel(
+    ("a", "b"), library(2, 3), np.array([[0, 0, 1.0] + [0] * 7, [0, 2, 0, 0, 4, 0, 0, 0, 0, -5]])
+)
+
+
+def found(**changes):
+    values = TRUE.coefficients.copy()
+    for place, value in changes.items():
+        row, column = map(int, place.removeprefix("at_").split("_"))
+        values[row, column] = value
+    return values
+
+
+def test_errors_by_order():
+    values = found(at_1_1=2.2, at_1_4=3.0, at_1_9=0.0)
+    assert mean_error_by_order(TRUE, values, (1,)) == pytest.approx(
+        {"linear": 0.1, "quadratic": 0.25, "cubic": 1.0}
+    )
+    assert mean_error_by_order(TRUE, values, (0, 1))["linear"] == pytest.approx(0.05)
+    assert mean_error_by_order(TRUE, values, (0,)) == {"linear": 0.0}
+    errors = relative_errors(TRUE, values)
+    assert np.array_equal(np.isfinite(errors), TRUE.support)
+    assert errors[1, 9] == 1.0
+
+
+def test_support_scores():
+    assert support_scores(TRUE, TRUE.coefficients) == {
+        "missing": 0, "spurious": 0, "true_positive_ratio": 1.0,
+    }  # fmt: skip
+    # 3 of the 4 terms found, 1 missing, 2 spurious
+    assert support_scores(TRUE, found(at_1_9=0.0, at_0_0=1e-9, at_0_5=7.0)) == {
+        "missing": 1, "spurious": 2, "true_positive_ratio": 3 / 6,
+    }  # fmt: skip
+    assert support_scores(TRUE, np.full((2, 10), np.nan)) == {
+        "missing": 4, "spurious": 0, "true_positive_ratio": 0.0,
+    }  # fmt: skip
+
+
+def test_norm_error():
+    assert relative_norm_error(TRUE, found(at_0_0=3.0)) == pytest.approx(3 / np.sqrt(46))
+    assert relative_norm_error(TRUE, np.full((2, 10), np.nan)) == INF
+
+
+# --- scores of a replicate ---
+
+
+@pytest.fixture
+def truth(resonant):
+    line, trajectory = resonant
+    line = line.on_library(library(4, 3))
+    return Truth(line, trajectory.time, trajectory.states, (200.0, 300.0))
+
+
+def test_the_true_model_scores_best(truth):
+    simulator = Simulator(truth.model.states, truth.model.terms)
+    result = Identified.of(truth.model.coefficients)
+    row = score(truth, result, reconstruct(simulator, truth, result))
+    assert row["status"] == "ok"
+    assert (row["missing"], row["spurious"], row["true_positive_ratio"]) == (0, 0, 1)
+    errors = [value for name, value in row.items() if "error" in name or name == "e2"]
+    assert len(errors) == 8 and max(errors) < 1e-6
+    assert all(
+        row[f"r2_{k}{s}"] == pytest.approx(1) for k in ("", "steady_") for s in ("q_v", "q_w")
+    )
+
+
+def test_the_steady_window_is_where_amplitudes_are_read(truth):
+    assert np.array_equal(truth.time[truth.steady_rows], truth.time[20000:])
+    states = truth.states.copy()
+    states[20000:, 0] = 1.1 * states[20000:, 0]
+    states[:20000, 1] = 0.0
+    row = score(
+        truth, Identified.of(truth.model.coefficients), Trajectory(truth.time, states, "ok")
+    )
+    assert row["amplitude_error_q_v_percent"] == pytest.approx(10)
+    assert row["frequency_error_q_v_percent"] == pytest.approx(0, abs=1e-9)
+    assert row["amplitude_error_q_w_percent"] == row["frequency_error_q_w_percent"] == 0
+    assert row["r2_steady_q_w"] == 1 > row["r2_q_w"]
+
+
+@pytest.mark.parametrize("failure", ["fit", "motion"])
+def test_failures_are_rows_of_worst_values(truth, failure):
+    result = Identified.of(truth.model.coefficients.copy())
+    if failure == "fit":
+        result = Identified.failed(4, 35, "stlsq: no luck")
+    else:
+        result.coefficients[2, 3] = 3.0  # strong negative damping
+        result.coefficients[2, 31:] = 0.0
+    simulator = Simulator(truth.model.states, truth.model.terms)
+    row = score(truth, result, reconstruct(simulator, truth, result))
+    expected = "stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
+    assert row["status"].startswith(expected)
+    for state in ("q_v", "q_w"):
+        assert row[f"r2_{state}"] == row[f"r2_steady_{state}"] == -INF
+        assert row[f"amplitude_error_{state}_percent"] == INF
+        assert row[f"frequency_error_{state}_percent"] == INF
+    assert (row["mean_error_linear_percent"] == INF) == (failure == "fit")
+    assert (row["e2"] == INF) == (failure == "fit")
+    assert not any(value != value for value in row.values())  # no NaN: nothing is left out
+
+
+def test_representative_motion_is_the_median_one():
+    time = np.arange(0, 10, 0.01)
+    motions = [Trajectory(time, np.full((1000, 4), float(k)), "ok") for k in range(5)]
+    scores = [{"r2_q_v": r2, "r2_q_w": 0.0} for r2 in (0.9, -INF, 0.5, 0.7, 0.99)]
+    summary = summarise_motions(motions, scores)
+    assert np.diff(summary["time"]) == pytest.approx(np.full(199, 0.05))
+    assert np.all(summary["representative"] == 3)
+    assert summary["low"][0] == pytest.approx(0.2) and summary["high"][0] == pytest.approx(3.8)
+
+
+# --- intervals ---
+
+
+def test_interval_is_median_and_percentiles_that_occurred():
+    assert interval(range(21)) == (10.0, 1.0, 19.0)
+    assert interval([3.0]) == (3.0, 3.0, 3.0)
+
+
+def test_failures_count_as_the_worst_value_in_intervals():
+    assert interval([1.0, 2.0, INF]) == (2.0, 1.0, INF)
+    assert interval([1.0, INF, INF]) == (INF, 1.0, INF)
+    assert interval([INF] * 4) == (INF, INF, INF)
+    assert interval([-INF, 0.5, 0.6]) == (0.5, -INF, 0.6)
+
+
+@given(st.lists(st.floats(allow_nan=False), min_size=1, max_size=30))
+@pytest.mark.filterwarnings("ignore")  # the middle of two huge numbers
+def test_intervals_do_not_depend_on_order(values):
+    low, high = interval(values)[1:]
+    assert interval(sorted(values))[1:] == (low, high)
+    assert low <= high and {low, high} <= set(values)
+
+
+# --- tables over replicates ---
+
+CASES = ["internal_resonance", "non_resonant"]
+
+
+def study_scores(replicates=4):
+    """Scores of a small study with numbers that differ from row to row, and some failures."""
+    cells = [("noise_0", 0.0, 30001), ("noise_0.05", 0.05, 30001), ("points_1000", 0.05, 1000)]
+    rng = np.random.default_rng(4)
+    rows = []
+    for case, method, (cell, level, points), replicate in product(
+        CASES, ["stlsq", "weak"], cells, range(replicates)
+    ):
+        if method == "weak" and cell.startswith("points"):
+            continue
+        failed = (replicate, level) == (2, 0.05)
+        error, r2 = rng.uniform(1, 30, 6), rng.uniform(0.5, 1, 2)
+        rows.append(
+            {
+                "case": case,
+                "protocol": "state",
+                "cell": cell,
+                "level": level,
+                "points": points,
+                "method": method,
+                "replicate": replicate,
+                "status": "diverged: far away" if failed else "ok",
+                "mean_error_linear_percent": error[0],
+                "mean_error_quadratic_percent": error[1],
+                "mean_error_cubic_percent": error[2],
+                "e2": 1e-9 if level == 0 else error[3],
+                "missing": 0 if level == 0 else 1,
+                "spurious": 0,
+                "true_positive_ratio": 1.0 if level == 0 else 0.9,
+                "r2_q_v": -INF if failed else r2[0],
+                "r2_q_w": -INF if failed else r2[1],
+                "amplitude_error_q_v_percent": INF if failed else error[4],
+                "amplitude_error_q_w_percent": INF if failed else error[5],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def claims_of(scores, cases=CASES, combinations=(("state", "stlsq"), ("state", "weak"))):
+    return claims_table(scores, 0.05, cases, list(combinations))
+
+
+@pytest.mark.parametrize("table", [noise_coefficients, noise_r2, data_amount, claims_of])
+def test_tables_do_not_depend_on_the_order_of_replicates(table):
+    scores = study_scores()
+    expected = table(scores)
+    for seed in range(5):
+        shuffled = scores.sample(frac=1, random_state=seed, ignore_index=True)
+        pd.testing.assert_frame_equal(table(shuffled), expected)
+
+
+def test_noise_tables_hold_whole_records_with_failures_counted():
+    scores = study_scores()
+    errors, r2 = noise_coefficients(scores), noise_r2(scores)
+    assert set(errors["order"]) == {"linear", "quadratic", "cubic"}
+    assert set(errors["level"]) == set(r2["level"]) == {0.0, 0.05}
+    assert len(r2) == 2 * 2 * 2 * 2 and len(errors) == 2 * 2 * 2 * 3
+    assert set(r2["replicates"]) == {4}
+    noisy = r2["level"] == 0.05
+    assert (r2["failures"] == noisy).all()
+    assert (r2.loc[noisy, "r2_low"] == -INF).all()
+    row = r2.query("case == 'non_resonant' and method == 'weak' and level == 0 and state == 'q_w'")
+    chosen = (scores["case"] == "non_resonant") & (scores["method"] == "weak")
+    values = scores[chosen & (scores["level"] == 0)]["r2_q_w"]
+    assert row[["r2_median", "r2_low", "r2_high"]].to_numpy().tolist() == [
+        [values.median(), values.min(), values.max()]
+    ]
+
+
+def test_data_amount_holds_subsets():
+    table = data_amount(study_scores())
+    assert set(table["points"]) == {1000} and set(table["method"]) == {"stlsq"}
+    assert len(table) == 2 * 2
+    assert set(table["failures"]) == {1}
+    assert (table["amplitude_error_percent_high"] == INF).all()
+    assert (table["r2_low"] == -INF).all()
+    assert np.isfinite(table[["amplitude_error_percent", "r2"]]).all(axis=None)
+
+
+def test_scores_are_read_in_one_order(tmp_path):
+    scores = study_scores()
+    paths = []
+    for i, (_, cell) in enumerate(scores.groupby(["case", "method", "cell"])):
+        paths.append(tmp_path / f"{i}.csv")
+        cell.to_csv(paths[-1], index=False)
+    forward, backward = read_scores(paths), read_scores(paths[::-1])
+    pd.testing.assert_frame_equal(forward, backward)
+    assert len(forward) == len(scores)
+
+
+# --- claims ---
+
+
+@pytest.mark.parametrize(
+    ("kind", "median", "low", "high", "expected"),
+    [
+        ("value", 5.0, 4.0, 6.0, "better"),
+        ("value", 9.0, 8.0, 10.5, "reproduced"),
+        ("value", 10.0, 10.0, 10.0, "reproduced"),
+        ("value", 20.0, 10.0, INF, "reproduced"),
+        ("value", 20.0, 10.1, 30.0, "not reproduced"),
+        ("value", INF, INF, INF, "not reproduced"),
+        ("at_least", 10.0, 0.0, 11.0, "reproduced"),
+        ("at_least", 9.9, 0.0, 11.0, "not reproduced"),
+        ("at_least", -INF, -INF, -INF, "not reproduced"),
+        ("at_most", 10.0, 0.0, 99.0, "reproduced"),
+        ("at_most", 10.1, 0.0, 99.0, "not reproduced"),
+        ("at_most", INF, INF, INF, "not reproduced"),
+    ],
+)
+def test_verdicts(kind, median, low, high, expected):
+    claim = Claim("a claim", "a quantity", 10.0, kind, "column")
+    assert verdict(claim, median, low, high) == expected
+
+
+def test_claims_hold_the_paper_s_numbers():
+    printed = {claim.name: claim.paper_value for claim in CLAIMS}
+    assert len(printed) == len(CLAIMS)
+    assert printed["mean error of linear terms at 0.05"] == 9.56
+    assert printed["mean error of cubic terms at 0.05"] == 21.05
+    amplitudes = {
+        "q_v": {30000: 0.83, 10000: 5.25, 5000: 9.45, 1000: 13.21},
+        "q_w": {30000: 1.03, 10000: 5.12, 5000: 10.91, 1000: 15.97},
+    }
+    for state, values in amplitudes.items():
+        for points, value in values.items():
+            assert printed[f"amplitude error of {state} from {points} points"] == value
+        for level, bounds in ((0.05, (0.99, 0.97)), (0.1, (0.95, 0.93))):
+            names = [n for n in printed if n.startswith(f"R2 of {state} at {level:g} (")]
+            assert sorted(printed[n] for n in names) == sorted(bounds)
+        assert printed[f"R2 of {state} with 10000 points"] == 0.95
+    for level in (0.01, 0.03, 0.05):
+        assert printed[f"all terms found at {level:g}"] == 0
+
+
+def test_claims_table_is_complete_and_says_what_was_not_run():
+    scores = study_scores()
+    table = claims_of(scores)
+    whole = [claim for claim in CLAIMS if not claim.points]
+    for method, claims in (("stlsq", CLAIMS), ("weak", whole)):
+        rows = table[table["method"] == method]
+        expected = [(c.name, case) for c in claims for case in ([c.case] if c.case else CASES)]
+        assert sorted(zip(rows["claim"], rows["case"], strict=True)) == sorted(expected)
+    ran = {c.name for c in CLAIMS if (c.points or 30001, c.level) in
+           {(30001, 0), (30001, 0.05), (1000, 0.05)}}  # fmt: skip
+    not_run = table["verdict"] == "not run"
+    assert set(table.loc[not_run, "claim"]) == {c.name for c in CLAIMS} - ran
+    assert (table.loc[not_run, "replicates"] == 0).all()
+    assert table.loc[not_run, ["study_value", "low", "high"]].isna().all(axis=None)
+    assert (table.loc[~not_run, "replicates"] == 4).all()
+    assert set(table.loc[~not_run, "verdict"]) <= {"better", "reproduced", "not reproduced"}
+
+
+def test_claims_about_a_case_left_out_are_not_run():
+    scores = study_scores()
+    table = claims_of(scores[scores["case"] == "non_resonant"], cases=["non_resonant"])
+    assert set(table["claim"]) == {claim.name for claim in CLAIMS}
+    left_out = table["case"] == "internal_resonance"
+    assert set(table.loc[left_out, "verdict"]) == {"not run"}
+    assert set(table.loc[~left_out, "verdict"]) == {"reproduced"}  # exact without noise
+
+
+def test_subsets_at_another_level_answer_no_claim():
+    table = claims_table(study_scores(), 0.1, CASES, [("state", "stlsq")])
+    subsets = table["claim"].str.contains("points")
+    assert subsets.sum() == 10
+    assert set(table.loc[subsets, "verdict"]) == {"not run"}
+
+
+def test_claims_read_the_scores_of_their_cell():
+    scores = study_scores()
+    cell = (scores["case"] == "internal_resonance") & (scores["method"] == "stlsq")
+    values = scores[cell & (scores["cell"] == "noise_0.05")]["mean_error_cubic_percent"]
+    rows = claims_of(scores).query("claim == 'mean error of cubic terms at 0.05'")
+    row = rows[rows["method"] == "stlsq"].iloc[0]
+    assert (row["study_value"], row["low"], row["high"]) == interval(values)
+    assert row["paper_value"] == 21.05
+
+
+def test_a_difference_is_taken_within_replicates():
+    scores = study_scores()
+    noisy = scores["level"] == 0.05
+    scores.loc[noisy, "mean_error_linear_percent"] = [*range(10, 10 + noisy.sum())]
+    scores["mean_error_cubic_percent"] = scores["mean_error_linear_percent"] + 2
+    rows = claims_of(scores).query("claim == 'cubic error above linear at 0.05'")
+    assert rows[["study_value", "low", "high"]].to_numpy().tolist() == [[2.0] * 3] * 2
+    assert set(rows["verdict"]) == {"reproduced"}
+
+
+def test_failures_reproduce_no_claim():
+    scores = study_scores()
+    scores["status"] = "diverged: far away"
+    for column in scores.columns:
+        if column.startswith(("mean_error", "amplitude", "e2")):
+            scores[column] = INF
+        elif column.startswith("r2"):
+            scores[column] = -INF
+    scores["missing"], scores["true_positive_ratio"] = 16, 0.0
+    verdicts = claims_of(scores)["verdict"]
+    assert set(verdicts) == {"not reproduced", "not run"}
+
+
+# --- tables of parameters and coefficients ---
+
+
+def test_table_3_shows_true_and_spurious_terms(cases):
+    true = coefficients(cases["internal_resonance"])
+    terms = library(4, 3)
+    values = model(true).on_library(terms).coefficients
+    off = values.copy()
+    off[2, terms.index((1, 0, 0, 0))] *= 1.1  # gamma_2
+    off[3, terms.index((0, 0, 0, 1))] = 0.0  # kappa_1 missed
+    off[3, terms.index((1, 0, 0, 0))] = -0.5  # kappa_8 spurious
+    off[2, terms.index((0, 0, 0, 3))] = 0.2  # spurious, without a symbol
+    table = identified_terms(true, [Identified.of(off)] * 3, terms)
+    table = table3(table.assign(case="a", protocol="state", method="stlsq", level=0.0))
+    by_symbol = table.set_index("symbol")
+    assert list(table["equation"].unique()) == ["vertical", "horizontal"]
+    present = [symbol for symbol, value in true.items() if value]
+    assert set(present) | {"kappa_8", "dq_w^3"} == set(by_symbol.index)
+    assert list(by_symbol.index[:9]) == [f"gamma_{i}" for i in range(1, 9)] + ["dq_w^3"]
+    assert by_symbol.loc["gamma_2", "relative_error_percent"] == pytest.approx(10)
+    assert by_symbol.loc["gamma_2", "identified"] == pytest.approx(1.1 * true["gamma_2"])
+    assert by_symbol.loc["kappa_1", "relative_error_percent"] == 100
+    assert by_symbol.loc["kappa_8", "identified"] == 0.5
+    assert by_symbol.loc["kappa_8", "relative_error_percent"] == INF
+    assert by_symbol.loc["kappa_3", "term"] == "q_v q_w"
+    exact = by_symbol.drop(["gamma_2", "kappa_1", "kappa_8", "dq_w^3"])
+    assert (exact["relative_error_percent"] == 0).all()
+
+
+def test_parameters_have_units_and_provenance(cases):
+    rows = pd.DataFrame(conductor(cases) + spacers(cases))
+    assert set(rows["case"]) == set(CASES)
+    assert set(rows["provenance"]) <= {"seed", "derived", "assumed"}
+    values = rows[rows["case"] == "non_resonant"].set_index("key")["value"]
+    assert values["line.tension"] == 35000
+    assert values["wind.speed"] == 12
+    one = rows[rows["case"] == "internal_resonance"]
+    numbers = [value for value in one["value"] if isinstance(value, float)]
+    assert {0.442, 2.126, -4.432, 3.33} <= set(numbers)
+    assert one.loc[[isinstance(v, float) for v in one["value"]], "unit"].ne("").all()
