@@ -54,7 +54,7 @@ def _boxes(settings: Mapping) -> list[tuple[str, str]]:
         ("Line and wind", "conductor, bundle, span, tension, spacers, ice, wind speed, damping"),
         (
             "Galloping equations",
-            "Galerkin projection on the first modes: coefficients γ₁ … γ₈, κ₁ … κ₁₀",
+            "Galerkin projection on the first modes: γ₁…γ₈ and κ₁…κ₁₀",
         ),
         ("True motion", "Taylor integration to machine precision: displacements and velocities"),
         (

@@ -45,7 +45,7 @@ def draw_histories(
         handles=[
             Line2D([], [], color=TRUE, lw=2.2, label="true"),
             Line2D([], [], color=MODEL, lw=0.8, ls="--", label="reconstructed (median replicate)"),
-            Patch(facecolor=BAND, label="90 % of replicates"),
+            Patch(facecolor=BAND, label="5th to 95th percentile of replicates"),
         ],
         loc="outside upper center",
         ncols=3,

@@ -20,7 +20,7 @@ def draw_load(case: Mapping, velocity: np.ndarray) -> Figure:
 
     case: a `cases` section. velocity: (n,) vertical modal velocity of the line's motion, m/s.
     """
-    figure = Figure(figsize=(DOUBLE, 3.0), layout="constrained")
+    figure = Figure(figsize=(DOUBLE, 2.75), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1))
     _vectors(left.subplots())
     attack = velocity / case["wind"]["speed"]

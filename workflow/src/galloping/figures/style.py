@@ -63,9 +63,9 @@ def spoken(name: str) -> str:
 
 def scientific(value: float) -> str:
     """One digit and a power of ten."""
-    digit, exponent = f"{value:.0e}".replace("-", "−").split("e")
-    exponent = exponent.replace("+", "").replace("−0", "−").lstrip("0") or "0"
-    return f"${digit} \\times 10^{{{exponent}}}$".replace("−", "-")
+    digit, exponent = f"{value:.0e}".split("e")
+    power = f"10^{{{int(exponent)}}}"
+    return f"${power}$" if digit == "1" else f"${digit} \\times {power}$"
 
 
 @contextmanager
