@@ -119,7 +119,9 @@ def test_figures_without_cells_say_so(tmp_path, swing):
     for draw in (
         lambda: draw_histories(swing, [], empty),
         lambda: draw_coefficients([], empty),
-        lambda: draw_claims(pd.DataFrame(columns=["protocol", "method"]), {"combinations": []}),
+        lambda: draw_claims(
+            pd.DataFrame(columns=["claim", "case", "protocol", "method"]), {"combinations": []}
+        ),
     ):
         assert b"<svg" in drawn(tmp_path, draw)[0]
 

@@ -43,7 +43,8 @@ def draw_claims(table: pd.DataFrame, settings: Mapping) -> Figure:
     table: claims.csv. settings: combinations, the (protocol, method) pairs to show.
     """
     pairs = [tuple(pair) for pair in settings["combinations"]]
-    shown = table[[pair in pairs for pair in zip(table["protocol"], table["method"], strict=True)]]
+    ran = zip(table["protocol"], table["method"], strict=True)
+    shown = table[np.array([pair in pairs for pair in ran], bool)]
     groups = [group for group in _groups(shown) if group.rows]
     if not groups:
         figure = Figure(figsize=(DOUBLE, 2))

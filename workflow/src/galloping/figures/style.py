@@ -37,9 +37,10 @@ KNOWN = {
     "ensemble": MethodStyle("ensemble", "#2fa86a", "P", ":"),
     "weak": MethodStyle("weak form", "#8a1c3b", "X", (0, (5, 1, 1, 1, 1, 1))),
 }
-# for methods without a place of their own above: picked by the name alone
+# For methods without a place of their own above: picked by the name alone. No triangles and no
+# star, which stand for values beyond the axis and for the paper.
 _COLORS = ("#6a51a3", "#c2478d", "#5f5f5f", "#a6611a", "#17a2a8")
-_MARKERS = ("v", "p", "h", "*", "<", ">", "d")
+_MARKERS = ("p", "d", "h", "+", "x")
 _LINES = ((0, (3, 1)), (0, (7, 2)), (0, (1, 1)))
 
 
