@@ -30,7 +30,7 @@ def draw_histories(
     labels, window = settings["labels"], settings["window"]
     figure = Figure(figsize=(DOUBLE, 0.8 + 0.95 * max(2, 2 * len(labels))), layout="constrained")
     if not labels:
-        panels.nothing(figure.subplots(), "this study has no such cell")
+        panels.nothing(figure.subplots(), "nothing to show: this study has no such recordings")
         return figure
     grid = figure.subplots(2 * len(labels), 1, sharex=True, squeeze=False)[:, 0]
     for k, (label, motion) in enumerate(zip(labels, motions, strict=True)):

@@ -66,7 +66,10 @@ def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
         axes.text(place, rest(place) - 0.12 * sag, f"$s_{{{k}}}$", ha="center", va="top")
     middle = 0.44 * span
     arrow(axes, (middle, 0), (middle, rest(middle)), style="<|-|>", width=0.8)
-    axes.text(middle - 0.01 * span, -0.5 * sag, f"sag {sag:.2f} m", ha="right", va="center")
+    axes.text(
+        middle - 0.01 * span, -0.35 * sag, f"sag {sag:.2f} m", ha="right", va="center",
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1},
+    )  # fmt: skip
     _triad(axes, 0.03 * span, 0.3 * sag, 0.13 * span, 0.5 * sag)
     axes.text(
         0.98 * span, 0.92 * sag,

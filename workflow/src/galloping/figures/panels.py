@@ -22,6 +22,7 @@ R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
 def nothing(axes: Axes, reason: str) -> None:
     """An empty panel that says why."""
     axes.set(xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
     axes.text(0.5, 0.5, reason, transform=axes.transAxes, ha="center", va="center", color="#5f5f5f")
 
 
