@@ -186,6 +186,7 @@ def _cells(axes: Axes, table: pd.DataFrame, group: Group, pairs: list[tuple[str,
         spine.set_visible(False)
     for k in range(0, len(group.rows), 2):
         axes.axhspan(k - 0.5, k + 0.5, color="#f2f2f2", lw=0, zorder=-2)
+    digits = 4 if group.axis == "r2" else 3  # 0.9899 must not read 0.99 beside a bound
     kinds = {claim.name: BOUNDS.get(claim.kind, "") for claim in CLAIMS}
     for k, row in enumerate(group.rows):
         printed = table[(table["claim"] == row[0]) & (table["case"] == row[1])]["paper_value"]
@@ -200,7 +201,9 @@ def _cells(axes: Axes, table: pd.DataFrame, group: Group, pairs: list[tuple[str,
             marker, color = VERDICTS[found["verdict"]]
             axes.plot(j + 0.08, k, marker=marker, color=color, ms=4, mew=1.2)
             if found["replicates"]:
-                axes.text(j + 0.2, k, _number(found["study_value"]), va="center", fontsize="small")
+                axes.text(
+                    j + 0.2, k, _number(found["study_value"], digits), va="center", fontsize="small"
+                )
 
 
 def _number(value: float, digits: int = 3) -> str:
