@@ -1,1 +1,334 @@
-def figures(): return []
+# tables and motions -> figures, numbered as in the paper
+FIGURES = {
+    "figure01": "1 line and coordinates",
+    "figure02": "2 aerodynamic load",
+    "figure03": "3 flow chart",
+    "figure04": "4 motion without noise",
+    "figure05": "5 coefficients under noise",
+    "figure06": "6 coefficient error against noise",
+    "figure07": "7 R2 against noise",
+    "figure08": "8 time histories under noise",
+    "figure09": "9 time histories by amount of data",
+    "figure10": "10 R2 and amplitude by amount of data",
+    "claims": "claims of the paper",
+}
+FIRST_CASE = CASES[0]  # shown where one case has to do
+CLAIM_METHODS = METHODS[:2]
+
+
+def figures():
+    return [out(f"figures/{name}.{form}") for name in FIGURES for form in ("svg", "png")]
+
+
+def vector(name):
+    """The SVG of a figure, with its caption in the report."""
+    return report(
+        out(f"figures/{name}.svg"),
+        caption=f"../report/{'figure_claims' if name == 'claims' else name}.rst",
+        category="Figures",
+        labels={"figure": FIGURES[name]},
+    )
+
+
+def raster(name):
+    return out(f"figures/{name}.png")
+
+
+def shown_levels(wanted):
+    """Those of the wanted noise levels that the study has, else its three lowest above zero."""
+    positive = sorted(level for level in LEVELS.values() if level > 0)
+    return [level for level in positive if level in wanted] or positive[:3]
+
+
+def of_paper(chosen, cells):
+    """The chosen levels or sizes that the figures' one protocol and method have, by cell.
+
+    cells: from the cell's name to its level or size.
+    """
+    return {
+        cell: cells[cell]
+        for cell in sorted(cells, key=cells.get)
+        if cells[cell] in chosen and runs(PAPER_CELL["method"], PAPER_CELL["protocol"], cell)
+    }
+
+
+MOTION = "reconstructions/{case}/{protocol}/{cell}/{method}.npz"
+IDENTIFIED = "identified/{case}/{protocol}/{cell}/{method}.npz"
+
+
+COEFFICIENT_CELLS = of_paper(shown_levels((0.01, 0.03, 0.05)), LEVELS)
+NOISE_CELLS = of_paper(shown_levels((0.05, 0.1, 0.15)), LEVELS)
+AMOUNT_CELLS = of_paper(SUBSETS.values(), SUBSETS)
+
+
+rule draw_line:
+    input:
+        model=out(f"models/{FIRST_CASE}.json"),
+    output:
+        svg=vector("figure01"),
+        png=raster("figure01"),
+    log:
+        log_of("draw_line"),
+    benchmark:
+        benchmark_of("draw_line")
+    params:
+        settings={
+            "case": FIRST_CASE,
+            "line": STUDY["cases"][FIRST_CASE],
+            "look": STUDY["figures"],
+            "code": script_code("draw_line.py"),
+        },
+    message:
+        "Figure 1: line and coordinates"
+    script:
+        "../scripts/draw_line.py"
+
+
+rule draw_load:
+    input:
+        trajectory=out(f"trajectories/{FIRST_CASE}.npz"),
+    output:
+        svg=vector("figure02"),
+        png=raster("figure02"),
+    log:
+        log_of("draw_load"),
+    benchmark:
+        benchmark_of("draw_load")
+    params:
+        settings={
+            "line": STUDY["cases"][FIRST_CASE],
+            "look": STUDY["figures"],
+            "code": script_code("draw_load.py"),
+        },
+    message:
+        "Figure 2: aerodynamic load"
+    script:
+        "../scripts/draw_load.py"
+
+
+rule draw_flow:
+    output:
+        svg=vector("figure03"),
+        png=raster("figure03"),
+    log:
+        log_of("draw_flow"),
+    benchmark:
+        benchmark_of("draw_flow")
+    params:
+        settings={
+            "degree": STUDY["identification"]["degree"],
+            "protocols": PROTOCOLS,
+            "methods": METHODS,
+            "levels": list(LEVELS.values()),
+            "points": list(SUBSETS.values()),
+            "replicates": STUDY["measurement"]["replicates"],
+            "look": STUDY["figures"],
+            "code": script_code("draw_flow.py"),
+        },
+    message:
+        "Figure 3: flow chart"
+    script:
+        "../scripts/draw_flow.py"
+
+
+rule draw_recovery:
+    input:
+        trajectories=expand(out("trajectories/{case}.npz"), case=CASES),
+        motions=expand(out(MOTION), case=CASES, cell=min(LEVELS, key=LEVELS.get), **PAPER_CELL),
+    output:
+        svg=vector("figure04"),
+        png=raster("figure04"),
+    log:
+        log_of("draw_recovery"),
+    benchmark:
+        benchmark_of("draw_recovery")
+    params:
+        settings={
+            "cases": CASES,
+            **PAPER_CELL,
+            "level": min(LEVELS.values()),
+            "look": STUDY["figures"],
+            "code": script_code("draw_recovery.py"),
+        },
+    message:
+        "Figure 4: motion without noise"
+    script:
+        "../scripts/draw_recovery.py"
+
+
+rule draw_coefficients:
+    input:
+        model=out(f"models/{FIRST_CASE}.json"),
+        identified=expand(out(IDENTIFIED), case=FIRST_CASE, cell=COEFFICIENT_CELLS, **PAPER_CELL),
+    output:
+        svg=vector("figure05"),
+        png=raster("figure05"),
+    log:
+        log_of("draw_coefficients"),
+    benchmark:
+        benchmark_of("draw_coefficients")
+    params:
+        settings={
+            "case": FIRST_CASE,
+            **PAPER_CELL,
+            "levels": list(COEFFICIENT_CELLS.values()),
+            "degree": STUDY["identification"]["degree"],
+            "look": STUDY["figures"],
+            "code": script_code("draw_coefficients.py"),
+        },
+    message:
+        "Figure 5: coefficients under noise"
+    script:
+        "../scripts/draw_coefficients.py"
+
+
+rule draw_noise_coefficients:
+    input:
+        table=out("tables/noise_coefficients.csv"),
+    output:
+        svg=vector("figure06"),
+        png=raster("figure06"),
+    log:
+        log_of("draw_noise_coefficients"),
+    benchmark:
+        benchmark_of("draw_noise_coefficients")
+    params:
+        settings={
+            "cases": CASES,
+            "protocols": PROTOCOLS,
+            "methods": METHODS,
+            "look": STUDY["figures"],
+            "code": script_code("draw_noise_coefficients.py"),
+        },
+    message:
+        "Figure 6: coefficient errors against noise"
+    script:
+        "../scripts/draw_noise_coefficients.py"
+
+
+rule draw_noise_r2:
+    input:
+        table=out("tables/noise_r2.csv"),
+    output:
+        svg=vector("figure07"),
+        png=raster("figure07"),
+    log:
+        log_of("draw_noise_r2"),
+    benchmark:
+        benchmark_of("draw_noise_r2")
+    params:
+        settings={
+            "cases": CASES,
+            "protocols": PROTOCOLS,
+            "methods": METHODS,
+            "look": STUDY["figures"],
+            "code": script_code("draw_noise_r2.py"),
+        },
+    message:
+        "Figure 7: R2 against noise"
+    script:
+        "../scripts/draw_noise_r2.py"
+
+
+rule draw_noise_histories:
+    input:
+        trajectory=out(f"trajectories/{FIRST_CASE}.npz"),
+        motions=expand(out(MOTION), case=FIRST_CASE, cell=NOISE_CELLS, **PAPER_CELL),
+    output:
+        svg=vector("figure08"),
+        png=raster("figure08"),
+    log:
+        log_of("draw_noise_histories"),
+    benchmark:
+        benchmark_of("draw_noise_histories")
+    params:
+        settings={
+            "case": FIRST_CASE,
+            **PAPER_CELL,
+            "labels": [f"noise level {level:g}" for level in NOISE_CELLS.values()],
+            "window": STUDY["simulation"]["steady_window"],
+            "look": STUDY["figures"],
+            "code": script_code("draw_histories.py"),
+        },
+    message:
+        "Figure 8: time histories under noise"
+    script:
+        "../scripts/draw_histories.py"
+
+
+rule draw_amount_histories:
+    input:
+        trajectory=out(f"trajectories/{FIRST_CASE}.npz"),
+        motions=expand(out(MOTION), case=FIRST_CASE, cell=AMOUNT_CELLS, **PAPER_CELL),
+    output:
+        svg=vector("figure09"),
+        png=raster("figure09"),
+    log:
+        log_of("draw_amount_histories"),
+    benchmark:
+        benchmark_of("draw_amount_histories")
+    params:
+        settings={
+            "case": FIRST_CASE,
+            **PAPER_CELL,
+            "labels": [f"{points} points" for points in AMOUNT_CELLS.values()],
+            "window": STUDY["simulation"]["steady_window"],
+            "look": STUDY["figures"],
+            "code": script_code("draw_histories.py"),
+        },
+    message:
+        "Figure 9: time histories by amount of data"
+    script:
+        "../scripts/draw_histories.py"
+
+
+rule draw_data_amount:
+    input:
+        table=out("tables/data_amount.csv"),
+    output:
+        svg=vector("figure10"),
+        png=raster("figure10"),
+    log:
+        log_of("draw_data_amount"),
+    benchmark:
+        benchmark_of("draw_data_amount")
+    params:
+        settings={
+            "cases": CASES,
+            "protocols": PROTOCOLS,
+            "methods": METHODS,
+            "level": STUDY["measurement"]["subsets"]["level"],
+            "look": STUDY["figures"],
+            "code": script_code("draw_data_amount.py"),
+        },
+    message:
+        "Figure 10: errors by amount of data"
+    script:
+        "../scripts/draw_data_amount.py"
+
+
+rule draw_claims:
+    input:
+        table=out("tables/claims.csv"),
+    output:
+        svg=vector("claims"),
+        png=raster("claims"),
+    log:
+        log_of("draw_claims"),
+    benchmark:
+        benchmark_of("draw_claims")
+    params:
+        settings={
+            "combinations": [
+                [protocol, method]
+                for protocol in PROTOCOLS
+                for method in CLAIM_METHODS
+                if runs(method, protocol, min(LEVELS, key=LEVELS.get))
+            ],
+            "look": STUDY["figures"],
+            "code": script_code("draw_claims.py"),
+        },
+    message:
+        "Claims of the paper"
+    script:
+        "../scripts/draw_claims.py"

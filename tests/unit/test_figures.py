@@ -1,0 +1,167 @@
+"""Figures: the same bytes for the same data, one look per method, and nothing that stops them."""
+
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from galloping.configuration.load import load, plain
+from galloping.figures.amount import draw_data_amount
+from galloping.figures.claims import draw_claims
+from galloping.figures.coefficients import draw_coefficients
+from galloping.figures.flow import draw_flow
+from galloping.figures.histories import draw_histories
+from galloping.figures.line import draw_line
+from galloping.figures.load import draw_load
+from galloping.figures.noise import draw_noise_coefficients, draw_noise_r2
+from galloping.figures.recovery import draw_recovery
+from galloping.figures.style import KNOWN, method_style
+from galloping.figures.write import write_figure
+from galloping.galerkin import derive
+from galloping.tables.claims import CLAIMS
+
+NAMES = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "new_method"]}
+CELL = {"case": "line", "protocol": "state", "method": "weak"}
+
+
+def drawn(tmp_path, draw):
+    """Bytes of the SVG and the PNG."""
+    svg, png = tmp_path / "figure.svg", tmp_path / "figure.png"
+    write_figure(svg, png, draw, dpi=60, font_size=8)
+    assert sorted(tmp_path.iterdir()) == [png, svg]
+    return svg.read_bytes(), png.read_bytes()
+
+
+def values(name, low, median, high):
+    return {name: median, f"{name}_low": low, f"{name}_high": high}
+
+
+def noise_errors(levels=(0, 0.05), worst=np.inf):
+    return pd.DataFrame(
+        {"case": "line", "protocol": "state", "method": method, "level": level, "order": order}
+        | values("mean_error_percent", 1e-13 + level, level, worst if level else 1e-12)
+        for method in NAMES["methods"]
+        for level in levels
+        for order in ("linear", "cubic")
+    )
+
+
+def noise_motion(median):
+    return pd.DataFrame(
+        {"case": "line", "protocol": "state", "method": "weak", "level": level, "state": state,
+         "r2_median": median, "r2_low": -np.inf, "r2_high": 1.0}
+        for level in (0, 0.05)
+        for state in ("q_v", "q_w")
+    )  # fmt: skip
+
+
+def motion(states):
+    time = np.linspace(0, 100, len(states))
+    return {"time": time, "representative": states, "low": states - 1, "high": states + 1}
+
+
+@pytest.fixture
+def swing():
+    t = np.linspace(0, 100, 2001)
+    return {"time": t, "states": np.column_stack([np.sin(t), np.cos(t), np.cos(t), -np.sin(t)])}
+
+
+def test_same_data_same_bytes_without_a_date(tmp_path):
+    first = drawn(tmp_path, lambda: draw_noise_coefficients(noise_errors(), NAMES))
+    assert drawn(tmp_path, lambda: draw_noise_coefficients(noise_errors(), NAMES)) == first
+    assert b"<dc:date>" not in first[0]
+    assert b"Software" not in first[1]
+
+
+def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
+    names = [*KNOWN, "weak_gls", "maximum_likelihood"]
+    looks = [method_style(name) for name in names]
+    assert looks == [method_style(name) for name in names]
+    for one, other in combinations(looks, 2):
+        assert one.color != other.color
+        assert one.marker != other.marker
+
+
+@pytest.mark.parametrize("levels", [(0,), (0.05,), (0, 0.01, 0.05)])
+def test_noise_levels_of_any_number_and_failures(tmp_path, levels):
+    drawn(tmp_path, lambda: draw_noise_coefficients(noise_errors(levels), NAMES))
+
+
+@pytest.mark.parametrize("median", [1.0, 0.97, -3.0, -np.inf])
+def test_r2_of_any_size(tmp_path, median):
+    drawn(tmp_path, lambda: draw_noise_r2(noise_motion(median), NAMES))
+
+
+@pytest.mark.parametrize("error", [0.0, 5.0, np.inf])
+def test_amplitude_errors_of_any_size(tmp_path, error):
+    table = pd.DataFrame(
+        {"case": "line", "protocol": "state", "method": "weak", "points": 1000, "state": state}
+        | values("amplitude_error_percent", 0, error, np.inf)
+        | values("r2", -np.inf, 0.5, 1)
+        for state in ("q_v", "q_w")
+    )
+    drawn(tmp_path, lambda: draw_data_amount(table, {**NAMES, "level": 0.05}))
+    drawn(tmp_path, lambda: draw_data_amount(table[:0], {**NAMES, "level": 0.05}))
+
+
+@pytest.mark.parametrize("bad", [0.0, np.nan])
+def test_motions_that_ended_early(tmp_path, swing, bad):
+    settings = {**CELL, "labels": ["noise level 0.1"], "window": (50, 100)}
+    motions = [motion(swing["states"] + bad)]
+    drawn(tmp_path, lambda: draw_histories(swing, motions, settings))
+    settings = {"cases": ["line"], "protocol": "state", "method": "weak", "level": 0}
+    drawn(tmp_path, lambda: draw_recovery([swing], motions, settings))
+
+
+def test_figures_without_cells_say_so(tmp_path, swing):
+    empty = {**CELL, "labels": [], "levels": [], "window": (50, 100)}
+    for draw in (
+        lambda: draw_histories(swing, [], empty),
+        lambda: draw_coefficients([], empty),
+        lambda: draw_claims(
+            pd.DataFrame(columns=["claim", "case", "protocol", "method"]), {"combinations": []}
+        ),
+    ):
+        assert b"<svg" in drawn(tmp_path, draw)[0]
+
+
+def test_coefficients_with_missing_and_spurious_terms(tmp_path):
+    table = pd.DataFrame(
+        [
+            ("vertical", "gamma_1", -0.03, 0.0, -0.04, 0.0, 0.4),
+            ("vertical", "q_v q_w", 0.0, 0.0, 0.0, 9.0, 0.1),
+            ("horizontal", "kappa_1", 0.01, 5.0, 4.0, np.inf, 1.0),
+        ],
+        columns=["equation", "symbol", "true", "identified", "low", "high", "found"],
+    )
+    drawn(tmp_path, lambda: draw_coefficients([table], {**CELL, "levels": [0.05]}))
+
+
+def test_claims_with_failures_and_cells_not_run(tmp_path):
+    def row(claim, verdict, value):
+        return {
+            "claim": claim.name, "case": "line", "quantity": claim.quantity,
+            "paper_value": claim.paper_value, "study_value": value, "low": value, "high": value,
+            "replicates": 0 if verdict == "not run" else 2, "protocol": "state", "method": "weak",
+            "verdict": verdict,
+        }  # fmt: skip
+
+    verdicts = [("better", 0.1), ("not run", np.nan), ("not reproduced", np.inf)]
+    table = pd.DataFrame(
+        [row(claim, *verdicts[k % len(verdicts)]) for k, claim in enumerate(CLAIMS)]
+    )
+    drawn(tmp_path, lambda: draw_claims(table, {"combinations": [["state", "weak"]]}))
+
+
+def test_drawings_of_the_configured_line(tmp_path):
+    study = plain(load({"cases": {"pair": {"bundle": {"subconductors": 2}}}}))
+    case = study["cases"]["pair"]
+    settings = {"degree": 3, "protocols": ["state"], "methods": ["weak"], "levels": [0],
+                "points": [1000], "replicates": 1}  # fmt: skip
+    for draw in (
+        lambda: draw_line(case, derive(case), "pair"),
+        lambda: draw_load(case, np.array([-1.0, 2.0])),
+        lambda: draw_flow(settings),
+    ):
+        drawn(tmp_path, draw)

@@ -1,0 +1,20 @@
+"""Figure 2: the aerodynamic load."""
+
+import numpy as np
+
+from galloping.figures.load import draw_load
+from galloping.figures.write import write_figure
+from galloping.galerkin import STATES
+from galloping.reproducibility.job import run
+
+
+def main() -> None:
+    settings, output = snakemake.params.settings, snakemake.output
+    with np.load(snakemake.input.trajectory) as file:
+        velocity = file["states"][:, STATES.index("dq_v")]
+    write_figure(
+        output.svg, output.png, lambda: draw_load(settings["line"], velocity), **settings["look"]
+    )
+
+
+run(main, snakemake.log[0])

@@ -1,0 +1,116 @@
+"""Figure 5: identified coefficients against the true ones, term by term."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from galloping.figures import panels
+from galloping.figures.style import DOUBLE, method_style, spoken
+
+LOOKS = (("#11115a", "o"), ("#1f78b4", "s"), ("#e69f00", "D"), ("#2fa86a", "P"), ("#8a1c3b", "X"))
+WIDEST = (-0.5, 2.5)  # of identified / true
+
+
+def draw_coefficients(tables: Sequence[pd.DataFrame], settings: Mapping) -> Figure:
+    """Identified over true coefficient of each equation, and how often each term was found.
+
+    tables: `identified_terms` of each level. settings: case, protocol, method, levels.
+    """
+    levels = settings["levels"]
+    figure = Figure(figsize=(DOUBLE, 3.9), layout="constrained")
+    if not levels:
+        panels.nothing(figure.subplots(), "this study has no noise level above zero")
+        return figure
+    true = tables[0][tables[0]["true"] != 0]
+    equations = list(dict.fromkeys(true["equation"]))
+    counts = [int((true["equation"] == equation).sum()) for equation in equations]
+    grid = figure.subplots(
+        2, len(equations), squeeze=False, sharey="row", sharex="col",
+        height_ratios=(2.4, 1), width_ratios=counts,
+    )  # fmt: skip
+    limits = _limits(tables)
+    for column, equation in enumerate(equations):
+        upper, lower = grid[:, column]
+        parts = [table[table["equation"] == equation] for table in tables]
+        _ratios(upper, parts, limits)
+        _shares(lower, parts, levels)
+        panels.letter(upper, column, f"{equation} equation")
+        panels.letter(lower, len(equations) + column, "terms found")
+        lower.set_xticks(*_ticks(parts[0][parts[0]["true"] != 0]), fontsize="x-small")
+    grid[0, 0].set_ylabel("identified / true")
+    grid[1, 0].set_ylabel("share found")
+    figure.legend(
+        handles=[
+            Line2D([], [], ls="", color=color, marker=marker, label=f"noise level {level:g}")
+            for level, (color, marker) in zip(levels, LOOKS, strict=False)
+        ],
+        loc="outside upper center",
+        ncols=len(levels),
+        title=f"{spoken(settings['case'])}, protocol {settings['protocol']}, "
+        f"{method_style(settings['method']).label}",
+    )
+    return figure
+
+
+def _ticks(true: pd.DataFrame) -> tuple[list[int], list[str]]:
+    """Symbol and true value of each term."""
+    labels = []
+    for symbol, value in zip(true["symbol"], true["true"], strict=True):
+        letter, _, number = symbol.partition("_")
+        labels.append(f"$\\{letter}_{{{number}}}$\n{value:.3g}".replace("-", "−"))
+    return list(range(len(true))), labels
+
+
+def _ratio(table: pd.DataFrame) -> np.ndarray:
+    """Median and interval over the true value, sorted: (n_terms, 3)."""
+    true = table[table["true"] != 0]
+    ratio = true[["identified", "low", "high"]].to_numpy(float) / true[["true"]].to_numpy(float)
+    ratio[:, 1:].sort(axis=1)
+    return ratio
+
+
+def _limits(tables: Sequence[pd.DataFrame]) -> tuple[float, float]:
+    """Room for all intervals, as far as they stay within the widest axis."""
+    values = np.concatenate([_ratio(table) for table in tables])
+    reach = 1.1 * max(0.02, np.nanmax(np.abs(values - 1)))
+    return max(WIDEST[0], 1 - reach), min(WIDEST[1], 1 + reach)
+
+
+def _dodge(k: int, count: int) -> float:
+    return 0.2 * (k - (count - 1) / 2)
+
+
+def _ratios(axes: Axes, parts: Sequence[pd.DataFrame], limits: tuple[float, float]) -> None:
+    axes.axhline(1, color="#9a9a9a", lw=0.8)
+    for k, (table, (color, marker)) in enumerate(zip(parts, LOOKS, strict=False)):
+        ratio = _ratio(table)
+        x = np.arange(len(ratio)) + _dodge(k, len(parts))
+        medians, lows, highs = np.clip(ratio, *limits).T
+        axes.vlines(x, lows, highs, color=color, lw=1.0)
+        outside = (ratio[:, 0] < limits[0]) | (ratio[:, 0] > limits[1])
+        axes.plot(x[~outside], medians[~outside], ls="", color=color, marker=marker)
+        for chosen, arrow in ((ratio[:, 0] < limits[0], "v"), (ratio[:, 0] > limits[1], "^")):
+            axes.plot(x[chosen], medians[chosen], ls="", mfc="white", mec=color, marker=arrow)
+    margin = 0.04 * (limits[1] - limits[0])
+    axes.set_ylim(limits[0] - margin, limits[1] + margin)
+
+
+def _shares(axes: Axes, parts: Sequence[pd.DataFrame], levels: Sequence[float]) -> None:
+    spurious = []
+    for k, (table, (color, _)) in enumerate(zip(parts, LOOKS, strict=False)):
+        found = table.loc[table["true"] != 0, "found"].to_numpy(float)
+        x = np.arange(len(found)) + _dodge(k, len(parts))
+        axes.bar(x, found, width=0.17, color=color)
+        spurious.append(f"{table.loc[table['true'] == 0, 'found'].sum():.2g}")
+    axes.set_ylim(0, 1.45)
+    axes.set_yticks([0, 0.5, 1])
+    axes.text(
+        0.5, 0.97, f"terms too many per replicate: {', '.join(spurious)}",
+        transform=axes.transAxes, ha="center", va="top", fontsize="small",
+    )  # fmt: skip

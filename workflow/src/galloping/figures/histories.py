@@ -1,0 +1,83 @@
+"""Figures 8 and 9: local time histories, true and reconstructed, with a band over replicates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from galloping.figures import panels
+from galloping.figures.style import BAND, DOUBLE, MODEL, STATES, TRUE, method_style, spoken
+
+HEADROOM = 1.5  # of the true motion: what goes beyond is cut
+
+
+def draw_histories(
+    true: Mapping[str, np.ndarray],
+    motions: Sequence[Mapping[str, np.ndarray]],
+    settings: Mapping,
+) -> Figure:
+    """Two rows, q_v and q_w, for each cell of the study, over the steady window.
+
+    true: time (n,) s and states (n, n_states). motions: for each cell time (m,), representative,
+    low and high (m, n_states), NaN where a motion ended early. settings: case, protocol, method,
+    labels of the cells, window in s.
+    """
+    labels, window = settings["labels"], settings["window"]
+    figure = Figure(figsize=(DOUBLE, 0.8 + 0.95 * max(2, 2 * len(labels))), layout="constrained")
+    if not labels:
+        panels.nothing(figure.subplots(), "nothing to show: this study has no such recordings")
+        return figure
+    grid = figure.subplots(2 * len(labels), 1, sharex=True, squeeze=False)[:, 0]
+    for k, (label, motion) in enumerate(zip(labels, motions, strict=True)):
+        for j, state in enumerate(STATES):
+            axes = grid[2 * k + j]
+            _history(axes, true, motion, j, window)
+            axes.set_ylabel(f"{STATES[state]}, m")
+        panels.letter(grid[2 * k], k, label)
+    grid[-1].set_xlabel("time, s")
+    figure.align_ylabels(grid)
+    figure.legend(
+        handles=[
+            Line2D([], [], color=TRUE, lw=2.2, label="true"),
+            Line2D([], [], color=MODEL, lw=0.8, ls="--", label="reconstructed (median replicate)"),
+            Patch(facecolor=BAND, label="5th to 95th percentile of replicates"),
+        ],
+        loc="outside upper center",
+        ncols=3,
+        title=f"{spoken(settings['case'])}, protocol {settings['protocol']}, "
+        f"{method_style(settings['method']).label}",
+    )
+    return figure
+
+
+def _history(
+    axes: Axes,
+    true: Mapping[str, np.ndarray],
+    motion: Mapping[str, np.ndarray],
+    column: int,
+    window: Sequence[float],
+) -> None:
+    inside = (true["time"] >= window[0]) & (true["time"] <= window[1])
+    states = true["states"][inside, column]
+    shown = (motion["time"] >= window[0]) & (motion["time"] <= window[1])
+    time, middle = motion["time"][shown], motion["representative"][shown, column]
+    low, high = motion["low"][shown, column], motion["high"][shown, column]
+    axes.fill_between(time, low, high, color=BAND, lw=0)
+    axes.plot(true["time"][inside], states, color=TRUE, lw=1.8)
+    axes.plot(time, middle, color=MODEL, lw=0.8, ls="--")
+    centre, half = (states.max() + states.min()) / 2, np.ptp(states) / 2
+    axes.set(xlim=window, ylim=(centre - HEADROOM * half, centre + HEADROOM * half))
+    note = ""
+    if not np.any(np.isfinite(middle)):
+        note = "the motion of the median replicate ended before this window"
+    elif not np.all(np.isfinite(low) & np.isfinite(high)):
+        note = "no band where a replicate's motion has ended"
+    axes.text(
+        0.995, 0.96, note, transform=axes.transAxes, ha="right", va="top", fontsize="small",
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1} if note else None,
+    )  # fmt: skip

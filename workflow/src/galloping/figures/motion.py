@@ -1,0 +1,13 @@
+"""Motions as the study stores them."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+
+def read_motion(path: str | os.PathLike) -> dict[str, np.ndarray]:
+    """All arrays of a trajectory (time, states) or of a reconstruction (time, low, ...)."""
+    with np.load(path) as file:
+        return {name: file[name] for name in file.files}

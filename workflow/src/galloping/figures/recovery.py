@@ -1,0 +1,91 @@
+"""Figure 4: motion of the line without noise, true and reconstructed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from galloping.figures import panels
+from galloping.figures.style import (
+    DIRECTIONS,
+    DOUBLE,
+    MODEL,
+    STATES,
+    TRUE,
+    method_style,
+    scientific,
+    spoken,
+)
+
+LAST = 30.0  # s at the end of the record, where single periods can be seen
+
+
+def draw_recovery(
+    true: Sequence[Mapping[str, np.ndarray]],
+    motions: Sequence[Mapping[str, np.ndarray]],
+    settings: Mapping,
+) -> Figure:
+    """Whole record, its last seconds, and their phase portrait; two rows for each case.
+
+    true: for each case time (n,) s and states (n, 4). motions: for each case time (m,) and
+    representative (m, 4) of the cell at the lowest level. settings: cases, protocol, method
+    and level.
+    """
+    cases = settings["cases"]
+    figure = Figure(figsize=(DOUBLE, 0.6 + 2.9 * len(cases)), layout="constrained")
+    grid = figure.subplots(2 * len(cases), 3, squeeze=False, width_ratios=(2, 2, 1.25))
+    for k, case in enumerate(cases):
+        for j, state in enumerate(STATES):
+            row = grid[2 * k + j]
+            _row(row, true[k], motions[k], j)
+            panels.letter(row[0], 3 * (2 * k + j), f"{spoken(case)}, {DIRECTIONS[state]}")
+            panels.letter(row[1], 3 * (2 * k + j) + 1, _distance(true[k], motions[k], j))
+            panels.letter(row[2], 3 * (2 * k + j) + 2, "phase portrait")
+            row[0].set_ylabel(f"{STATES[state]}, m")
+            row[2].set(xlabel=f"{STATES[state]}, m", ylabel=rf"$\dot{{q}}_{state[-1]}$, m/s")
+            for axes in row[:2]:
+                axes.set_xlabel("time, s" if j else "")
+    figure.legend(
+        handles=[
+            Line2D([], [], color=TRUE, lw=2.2, label="true"),
+            Line2D(
+                [], [], color=MODEL, lw=0.8, ls="--",
+                label=f"reconstructed by {method_style(settings['method']).label} "
+                f"(protocol {settings['protocol']}, noise level {settings['level']:g})",
+            ),
+        ],
+        loc="outside upper center",
+        ncols=2,
+    )  # fmt: skip
+    return figure
+
+
+def _row(row, true: Mapping, motion: Mapping, column: int) -> None:
+    end = true["time"][-1]
+    last = (max(true["time"][0], end - LAST), end)
+    spans = ((true["time"][0], end), last, last)
+    for axes, span in zip(row, spans, strict=True):
+        whole = axes is row[0]
+        for time, states, look in (
+            (true["time"], true["states"], {"color": TRUE, "lw": 1.2 if whole else 2.0}),
+            (motion["time"], motion["representative"],
+             {"color": MODEL, "lw": 0.4 if whole else 0.8, "ls": "-" if whole else "--"}),
+        ):  # fmt: skip
+            inside = (time >= span[0]) & (time <= span[1])
+            x = states[inside, column] if axes is row[2] else time[inside]
+            y = states[inside, column + 2] if axes is row[2] else states[inside, column]
+            axes.plot(x, y, **look)
+        if axes is not row[2]:
+            axes.set_xlim(*span)
+
+
+def _distance(true: Mapping, motion: Mapping, column: int) -> str:
+    """How far apart the two motions are at most, at the times of the thinned one."""
+    expected = np.interp(motion["time"], true["time"], true["states"][:, column])
+    largest = np.max(np.abs(motion["representative"][:, column] - expected))
+    if not np.isfinite(largest):
+        return "motion ended early"
+    return f"largest difference {scientific(largest)} m"

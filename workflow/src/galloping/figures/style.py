@@ -1,0 +1,103 @@
+"""One look for all figures: sizes, fonts, and how each method is drawn wherever it appears."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from hashlib import sha256
+
+import matplotlib.style
+
+SINGLE, DOUBLE = 3.5, 7.2  # inches: one and two columns of a paper
+
+TRUE = "#9a9a9a"  # the true motion: a broad grey line under the reconstructed one
+MODEL = "#11115a"
+BAND = "#f2c46d"
+PAPER = "#b30000"  # what the paper prints
+
+STATES = {"q_v": "$q_v$", "q_w": "$q_w$"}
+DIRECTIONS = {"q_v": "vertical", "q_w": "horizontal"}
+
+
+@dataclass(frozen=True)
+class MethodStyle:
+    """How one method is drawn: no two methods share colour, marker and line at once."""
+
+    label: str
+    color: str
+    marker: str
+    line: str | tuple
+
+
+KNOWN = {
+    "stlsq": MethodStyle("STLSQ", "#11115a", "o", "-"),
+    "stlsq_raw": MethodStyle("STLSQ, raw columns", "#1f78b4", "s", "--"),
+    "lasso": MethodStyle("LASSO", "#e69f00", "D", "-."),
+    "ensemble": MethodStyle("ensemble", "#2fa86a", "P", ":"),
+    "weak": MethodStyle("weak form", "#8a1c3b", "X", (0, (5, 1, 1, 1, 1, 1))),
+}
+# For methods without a place of their own above: picked by the name alone. No triangles and no
+# star, which stand for values beyond the axis and for the paper.
+_COLORS = ("#6a51a3", "#c2478d", "#5f5f5f", "#a6611a", "#17a2a8")
+_MARKERS = ("p", "d", "h", "+", "x")
+_LINES = ((0, (3, 1)), (0, (7, 2)), (0, (1, 1)))
+
+
+def method_style(name: str) -> MethodStyle:
+    """The style of a method, the same in every figure and every study."""
+    if name in KNOWN:
+        return KNOWN[name]
+    first, second, third, *_ = sha256(name.encode()).digest()
+    return MethodStyle(
+        name.replace("_", " "),
+        _COLORS[first % len(_COLORS)],
+        _MARKERS[second % len(_MARKERS)],
+        _LINES[third % len(_LINES)],
+    )
+
+
+def spoken(name: str) -> str:
+    """A name of the configuration as words."""
+    return name.replace("_", " ").replace("non ", "non-")
+
+
+def scientific(value: float) -> str:
+    """One digit and a power of ten."""
+    digit, exponent = f"{value:.0e}".split("e")
+    power = f"10^{{{int(exponent)}}}"
+    return f"${power}$" if digit == "1" else f"${digit} \\times {power}$"
+
+
+@contextmanager
+def styled(font_size: float) -> Iterator[None]:
+    """matplotlib's defaults and this style, whatever the user's own settings are."""
+    small = 0.85 * font_size
+    with matplotlib.style.context(
+        [
+            "default",
+            {
+                "font.family": "DejaVu Sans",  # comes with matplotlib
+                "font.size": font_size,
+                "axes.titlesize": font_size,
+                "axes.labelsize": font_size,
+                "legend.fontsize": small,
+                "xtick.labelsize": small,
+                "ytick.labelsize": small,
+                "axes.linewidth": 0.6,
+                "lines.linewidth": 1.0,
+                "lines.markersize": 3.5,
+                "xtick.direction": "in",
+                "ytick.direction": "in",
+                "xtick.major.width": 0.6,
+                "ytick.major.width": 0.6,
+                "axes.spines.top": False,
+                "axes.spines.right": False,
+                "legend.frameon": False,
+                "hatch.linewidth": 0.5,
+                "svg.fonttype": "path",
+                "svg.hashsalt": "galloping",
+            },
+        ]
+    ):
+        yield
