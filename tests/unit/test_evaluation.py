@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from galloping.equations import model
 from galloping.evaluation.coefficients import (
+    coverage,
+    efficiency,
     mean_error_by_order,
     relative_errors,
     relative_norm_error,
@@ -117,6 +119,9 @@ def test_norm_error():
 # --- scores of a replicate ---
 
 
+NO_BOUND = np.full((4, 35), np.nan)
+
+
 @pytest.fixture
 def truth(resonant):
     line, trajectory = resonant
@@ -127,7 +132,7 @@ def truth(resonant):
 def test_the_true_model_scores_best(truth):
     simulator = Simulator(truth.model.states, truth.model.terms)
     result = Identified.of(truth.model.coefficients)
-    row = score(truth, result, reconstruct(simulator, truth, result))
+    row = score(truth, result, reconstruct(simulator, truth, result), NO_BOUND)
     assert row["status"] == "ok"
     assert (row["missing"], row["spurious"], row["true_positive_ratio"]) == (0, 0, 1)
     errors = [value for name, value in row.items() if "error" in name or name == "e2"]
@@ -142,9 +147,8 @@ def test_the_steady_window_is_where_amplitudes_are_read(truth):
     states = truth.states.copy()
     states[20000:, 0] = 1.1 * states[20000:, 0]
     states[:20000, 1] = 0.0
-    row = score(
-        truth, Identified.of(truth.model.coefficients), Trajectory(truth.time, states, "ok")
-    )
+    result = Identified.of(truth.model.coefficients)
+    row = score(truth, result, Trajectory(truth.time, states, "ok"), NO_BOUND)
     assert row["amplitude_error_q_v_percent"] == pytest.approx(10)
     assert row["frequency_error_q_v_percent"] == pytest.approx(0, abs=1e-9)
     assert row["amplitude_error_q_w_percent"] == row["frequency_error_q_w_percent"] == 0
@@ -160,7 +164,7 @@ def test_failures_are_rows_of_worst_values(truth, failure):
         result.coefficients[2, 3] = 3.0  # strong negative damping
         result.coefficients[2, 31:] = 0.0
     simulator = Simulator(truth.model.states, truth.model.terms)
-    row = score(truth, result, reconstruct(simulator, truth, result))
+    row = score(truth, result, reconstruct(simulator, truth, result), NO_BOUND)
     expected = "stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
     assert row["status"].startswith(expected)
     for state in ("q_v", "q_w"):
@@ -169,7 +173,28 @@ def test_failures_are_rows_of_worst_values(truth, failure):
         assert row[f"frequency_error_{state}_percent"] == INF
     assert (row["mean_error_linear_percent"] == INF) == (failure == "fit")
     assert (row["e2"] == INF) == (failure == "fit")
-    assert not any(value != value for value in row.values())  # no NaN: nothing is left out
+    left_out = {name for name, value in row.items() if value != value}
+    assert left_out == {"efficiency", "intervals", "intervals_holding"}  # no bound, no intervals
+
+
+def test_efficiency_is_error_over_bound():
+    bound = np.where(TRUE.support, 0.1, np.nan)
+    assert efficiency(TRUE, found(at_1_1=2.2, at_1_4=4.1), bound, (1,)) == pytest.approx(
+        np.sqrt((4 + 1 + 0) / 3)
+    )
+    assert efficiency(TRUE, TRUE.coefficients, bound, (0, 1)) == 0
+    assert efficiency(TRUE, np.full((2, 10), np.nan), bound, (1,)) == INF
+    assert np.isnan(efficiency(TRUE, TRUE.coefficients, np.full((2, 10), np.nan), (1,)))
+
+
+def test_coverage_counts_missed_terms_as_not_held():
+    errors = np.where(TRUE.support, 0.1, np.nan)
+    values = found(at_1_1=2.19, at_1_4=4.3, at_1_9=0.0)
+    assert coverage(TRUE, values, np.where(values != 0, errors, np.nan), (1,)) == {
+        "intervals": 3, "intervals_holding": 1,
+    }  # fmt: skip
+    nothing = coverage(TRUE, values, np.full((2, 10), np.nan), (1,))
+    assert all(np.isnan(value) for value in nothing.values())
 
 
 def test_representative_motion_is_the_median_one():

@@ -8,6 +8,10 @@ rule bound_cell:
         recordings=out("recordings/{case}/{protocol}/{cell}.npz"),
     output:
         bounds=out("bounds/{case}/{protocol}/{cell}.npz"),
+    log:
+        log_of("bound_cell/{case}/{protocol}/{cell}"),
+    benchmark:
+        benchmark_of("bound_cell/{case}/{protocol}/{cell}")
     params:
         settings=lambda wildcards: {
             **cell_settings(wildcards.case, wildcards.cell),
@@ -15,10 +19,6 @@ rule bound_cell:
             "degree": STUDY["identification"]["degree"],
             "code": script_code("bound_cell.py"),
         },
-    log:
-        log_of("bound_cell/{case}/{protocol}/{cell}"),
-    benchmark:
-        benchmark_of("bound_cell/{case}/{protocol}/{cell}")
     message:
         "Cramer-Rao bound of {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
     script:
@@ -31,16 +31,16 @@ rule rank_releases:
         trajectory=out("trajectories/{case}.npz"),
     output:
         ranking=out("bounds/{case}/further_recordings.csv"),
+    log:
+        log_of("rank_releases/{case}"),
+    benchmark:
+        benchmark_of("rank_releases/{case}")
     params:
         settings=lambda wildcards: {
             "level": STUDY["measurement"]["subsets"]["level"],
             "heights": [1.0, 2.0, 3.0],
             "code": script_code("rank_releases.py"),
         },
-    log:
-        log_of("rank_releases/{case}"),
-    benchmark:
-        benchmark_of("rank_releases/{case}")
     message:
         "Which further recording of {wildcards.case} would help most"
     script:

@@ -4,15 +4,15 @@
 rule derive_model:
     output:
         model=out("models/{case}.json"),
+    log:
+        log_of("derive_model/{case}"),
+    benchmark:
+        benchmark_of("derive_model/{case}")
     params:
         settings=lambda wildcards: {
             "case": STUDY["cases"][wildcards.case],
             "code": script_code("derive_model.py"),
         },
-    log:
-        log_of("derive_model/{case}"),
-    benchmark:
-        benchmark_of("derive_model/{case}")
     message:
         "Deriving the galloping equations of {wildcards.case}"
     script:

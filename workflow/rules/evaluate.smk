@@ -10,6 +10,10 @@ rule evaluate_model:
     output:
         scores=out("scores/{case}/{protocol}/{cell}/{method}.csv"),
         motion=out("reconstructions/{case}/{protocol}/{cell}/{method}.npz"),
+    log:
+        log_of("evaluate_model/{case}/{protocol}/{cell}/{method}"),
+    benchmark:
+        benchmark_of("evaluate_model/{case}/{protocol}/{cell}/{method}")
     params:
         settings=lambda wildcards: {
             **cell_settings(wildcards.case, wildcards.cell),
@@ -17,10 +21,6 @@ rule evaluate_model:
             "steady_window": STUDY["simulation"]["steady_window"],
             "code": script_code("evaluate_model.py"),
         },
-    log:
-        log_of("evaluate_model/{case}/{protocol}/{cell}/{method}"),
-    benchmark:
-        benchmark_of("evaluate_model/{case}/{protocol}/{cell}/{method}")
     message:
         "Evaluating {wildcards.method} on {wildcards.case}, {wildcards.protocol}, {wildcards.cell}"
     script:

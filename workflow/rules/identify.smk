@@ -6,15 +6,15 @@ rule reduce_recordings:
         recordings=out("recordings/{case}/{protocol}/{cell}.npz"),
     output:
         reduced=out("reduced/{case}/{protocol}/{cell}.npz"),
+    log:
+        log_of("reduce_recordings/{case}/{protocol}/{cell}"),
+    benchmark:
+        benchmark_of("reduce_recordings/{case}/{protocol}/{cell}")
     params:
         settings={
             "degree": STUDY["identification"]["degree"],
             "code": script_code("reduce_recordings.py"),
         },
-    log:
-        log_of("reduce_recordings/{case}/{protocol}/{cell}"),
-    benchmark:
-        benchmark_of("reduce_recordings/{case}/{protocol}/{cell}")
     message:
         "Reducing the recordings of {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
     script:
@@ -44,12 +44,12 @@ rule identify_model:
         ),
     output:
         models=out("identified/{case}/{protocol}/{cell}/{method}.npz"),
-    params:
-        settings=method_settings,
     log:
         log_of("identify_model/{case}/{protocol}/{cell}/{method}"),
     benchmark:
         benchmark_of("identify_model/{case}/{protocol}/{cell}/{method}")
+    params:
+        settings=method_settings,
     message:
         "Identifying {wildcards.case} by {wildcards.method} from {wildcards.protocol}, {wildcards.cell}"
     script:

@@ -7,6 +7,10 @@ rule measure_motion:
         trajectory=out("trajectories/{case}.npz"),
     output:
         recordings=out("recordings/{case}/{protocol}/{cell}.npz"),
+    log:
+        log_of("measure_motion/{case}/{protocol}/{cell}"),
+    benchmark:
+        benchmark_of("measure_motion/{case}/{protocol}/{cell}")
     params:
         settings=lambda wildcards: {
             **cell_settings(wildcards.case, wildcards.cell),
@@ -15,10 +19,6 @@ rule measure_motion:
             "seed": STUDY["measurement"]["seed"],
             "code": script_code("measure_motion.py"),
         },
-    log:
-        log_of("measure_motion/{case}/{protocol}/{cell}"),
-    benchmark:
-        benchmark_of("measure_motion/{case}/{protocol}/{cell}")
     message:
         "Measuring {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
     script:

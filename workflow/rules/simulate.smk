@@ -6,6 +6,10 @@ rule simulate_line:
         model=out("models/{case}.json"),
     output:
         trajectory=out("trajectories/{case}.npz"),
+    log:
+        log_of("simulate_line/{case}"),
+    benchmark:
+        benchmark_of("simulate_line/{case}")
     params:
         settings=lambda wildcards: {
             "releases": releases(wildcards.case),
@@ -13,10 +17,6 @@ rule simulate_line:
             "sampling_rate": STUDY["simulation"]["sampling_rate"],
             "code": script_code("simulate_line.py"),
         },
-    log:
-        log_of("simulate_line/{case}"),
-    benchmark:
-        benchmark_of("simulate_line/{case}")
     message:
         "Simulating {wildcards.case}"
     script:

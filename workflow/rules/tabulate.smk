@@ -36,12 +36,12 @@ rule tabulate_parameters:
     output:
         conductor=table("table1_conductor"),
         spacers=table("table2_spacers"),
-    params:
-        settings={"cases": STUDY["cases"], "code": script_code("tabulate_parameters.py")},
     log:
         log_of("tabulate_parameters"),
     benchmark:
         benchmark_of("tabulate_parameters")
+    params:
+        settings={"cases": STUDY["cases"], "code": script_code("tabulate_parameters.py")},
     message:
         "Tables 1 and 2: parameters"
     script:
@@ -59,6 +59,10 @@ rule tabulate_coefficients:
         ),
     output:
         table=table("table3_coefficients"),
+    log:
+        log_of("tabulate_coefficients"),
+    benchmark:
+        benchmark_of("tabulate_coefficients")
     params:
         settings={
             "cases": CASES,
@@ -67,10 +71,6 @@ rule tabulate_coefficients:
             "degree": STUDY["identification"]["degree"],
             "code": script_code("tabulate_coefficients.py"),
         },
-    log:
-        log_of("tabulate_coefficients"),
-    benchmark:
-        benchmark_of("tabulate_coefficients")
     message:
         "Table 3: coefficients"
     script:
@@ -86,6 +86,10 @@ rule tabulate_scores:
         noise_r2=table("noise_r2"),
         data_amount=table("data_amount"),
         claims=table("claims"),
+    log:
+        log_of("tabulate_scores"),
+    benchmark:
+        benchmark_of("tabulate_scores")
     params:
         settings={
             "cases": CASES,
@@ -94,10 +98,6 @@ rule tabulate_scores:
             "subset_level": STUDY["measurement"]["subsets"]["level"],
             "code": script_code("tabulate_scores.py"),
         },
-    log:
-        log_of("tabulate_scores"),
-    benchmark:
-        benchmark_of("tabulate_scores")
     message:
         "Tables of noise, data amount and claims"
     script:
@@ -114,6 +114,10 @@ rule tabulate_limit:
         efficiency=table("efficiency"),
         identifiability=table("identifiability"),
         further_recordings=table("further_recordings"),
+    log:
+        log_of("tabulate_limit"),
+    benchmark:
+        benchmark_of("tabulate_limit")
     params:
         settings={
             "cases": CASES,
@@ -128,10 +132,6 @@ rule tabulate_limit:
             ],
             "code": script_code("tabulate_limit.py"),
         },
-    log:
-        log_of("tabulate_limit"),
-    benchmark:
-        benchmark_of("tabulate_limit")
     message:
         "Tables of identifiability and efficiency"
     script:

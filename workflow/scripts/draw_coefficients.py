@@ -1,8 +1,8 @@
 """Figure 5: coefficients under noise."""
 
+from galloping.equations import STATES
 from galloping.figures.coefficients import draw_coefficients
 from galloping.figures.write import write_figure
-from galloping.galerkin import STATES
 from galloping.identification import result
 from galloping.polynomial import library
 from galloping.reproducibility.job import run

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from galloping.equations import STATES
 from galloping.figures.load import draw_load
 from galloping.figures.write import write_figure
-from galloping.galerkin import STATES
 from galloping.reproducibility.job import run
 
 
