@@ -11,6 +11,7 @@ report: "workflow/report/workflow.rst"
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/shown.smk"
 include: "workflow/rules/derive.smk"
 include: "workflow/rules/simulate.smk"
 include: "workflow/rules/measure.smk"

@@ -8,15 +8,19 @@ rule bound_cell:
         recordings=out("recordings/{case}/{protocol}/{cell}.npz"),
     output:
         bounds=out("bounds/{case}/{protocol}/{cell}.npz"),
+        models=out("identified/{case}/{protocol}/{cell}/bound.npz"),
     log:
         log_of("bound_cell/{case}/{protocol}/{cell}"),
     benchmark:
         benchmark_of("bound_cell/{case}/{protocol}/{cell}")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings=lambda wildcards: {
             **cell_settings(wildcards.case, wildcards.cell),
             "relative": STUDY["measurement"]["state_noise"] == "relative",
             "degree": STUDY["identification"]["degree"],
+            "seed": STUDY["measurement"]["seed"],
             "code": script_code("bound_cell.py"),
         },
     message:
@@ -35,6 +39,8 @@ rule rank_releases:
         log_of("rank_releases/{case}"),
     benchmark:
         benchmark_of("rank_releases/{case}")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings=lambda wildcards: {
             "level": STUDY["measurement"]["subsets"]["level"],

@@ -6,10 +6,9 @@ from pathlib import Path
 LIBRARY = Path(workflow.basedir) / "workflow" / "src"
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
 sys.path.insert(0, str(LIBRARY))
-os.environ["PYTHONPATH"] = str(LIBRARY)
 # One thread a job: Snakemake fills the cores, and sums keep their order on any machine.
-for library in ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM"):
-    os.environ[f"{library}_NUM_THREADS"] = "1"
+threads = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+os.environ.update(PYTHONPATH=str(LIBRARY), **threads)
 
 from galloping.configuration.load import ConfigurationError, load, plain, read
 from galloping.identification.registry import BY_NAME
@@ -26,6 +25,7 @@ RESULTS = STUDY["results"]
 CASES = list(STUDY["cases"])
 PROTOCOLS = STUDY["measurement"]["protocols"]
 METHODS = STUDY["identification"]["methods"]
+BOUND = "bound"  # models drawn at the Cramer-Rao bound, evaluated like those of a method
 LEVELS = {f"noise_{level:.12g}": level for level in STUDY["measurement"]["levels"]}
 SUBSETS = {f"points_{points}": points for points in STUDY["measurement"]["subsets"]["points"]}
 JOINT = {f"joint_{level:.12g}": level for level in STUDY["measurement"]["joint_levels"]}
@@ -35,7 +35,7 @@ wildcard_constraints:
     case="|".join(CASES),
     protocol="|".join(PROTOCOLS),
     cell="|".join([*LEVELS, *SUBSETS, *JOINT]),
-    method="|".join(METHODS),
+    method="|".join([*METHODS, BOUND]),
 
 
 def out(path):
@@ -58,6 +58,8 @@ def script_code(name, *modules):
 
 def runs(method, protocol, cell):
     """Whether a method can use the recordings of a cell."""
+    if method == BOUND:
+        return True
     described = BY_NAME[method]
     return protocol in described.protocols and not (described.needs_uniform and cell in SUBSETS)
 
@@ -80,7 +82,7 @@ def cells():
         for case in CASES
         for protocol in PROTOCOLS
         for cell in cells_of(case)
-        for method in METHODS
+        for method in [*METHODS, BOUND]
         if runs(method, protocol, cell)
     ]
 
@@ -104,3 +106,19 @@ def cell_settings(case, cell):
     if cell in JOINT:
         return {"level": JOINT[cell], "points": None, "releases": len(releases(case))}
     return {"level": LEVELS[cell], "points": None, "releases": 1}
+
+
+def method_settings(wildcards):
+    """What one method reads of the settings: editing another's keys reruns nothing here."""
+    identification = STUDY["identification"]
+    method = BY_NAME[wildcards.method]
+    available = {
+        **identification,
+        "threshold": identification["thresholds"].get(method.name),
+    }
+    return {
+        "degree": identification["degree"],
+        "options": {key: available[key] for key in method.options if key in available},
+        "seed": STUDY["measurement"]["seed"],
+        "code": script_code("identify_model.py", method.module),
+    }

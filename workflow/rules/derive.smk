@@ -8,6 +8,8 @@ rule derive_model:
         log_of("derive_model/{case}"),
     benchmark:
         benchmark_of("derive_model/{case}")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings=lambda wildcards: {
             "case": STUDY["cases"][wildcards.case],

@@ -1,64 +1,4 @@
 # tables and motions -> figures, numbered as in the paper
-FIGURES = {
-    "figure01": "1 line and coordinates",
-    "figure02": "2 aerodynamic load",
-    "figure03": "3 flow chart",
-    "figure04": "4 motion without noise",
-    "figure05": "5 coefficients under noise",
-    "figure06": "6 coefficient error against noise",
-    "figure07": "7 R2 against noise",
-    "figure08": "8 time histories under noise",
-    "figure09": "9 time histories by amount of data",
-    "figure10": "10 R2 and amplitude by amount of data",
-    "claims": "claims of the paper",
-}
-FIRST_CASE = CASES[0]  # shown where one case has to do
-CLAIM_METHODS = METHODS[:2]
-
-
-def figures():
-    return [out(f"figures/{name}.{form}") for name in FIGURES for form in ("svg", "png")]
-
-
-def vector(name):
-    """The SVG of a figure, with its caption in the report."""
-    return report(
-        out(f"figures/{name}.svg"),
-        caption=f"../report/{'figure_claims' if name == 'claims' else name}.rst",
-        category="Figures",
-        labels={"figure": FIGURES[name]},
-    )
-
-
-def raster(name):
-    return out(f"figures/{name}.png")
-
-
-def shown_levels(wanted):
-    """Those of the wanted noise levels that the study has, else its three lowest above zero."""
-    positive = sorted(level for level in LEVELS.values() if level > 0)
-    return [level for level in positive if level in wanted] or positive[:3]
-
-
-def of_paper(chosen, cells):
-    """The chosen levels or sizes that the figures' one protocol and method have, by cell.
-
-    cells: from the cell's name to its level or size.
-    """
-    return {
-        cell: cells[cell]
-        for cell in sorted(cells, key=cells.get)
-        if cells[cell] in chosen and runs(PAPER_CELL["method"], PAPER_CELL["protocol"], cell)
-    }
-
-
-MOTION = "reconstructions/{case}/{protocol}/{cell}/{method}.npz"
-IDENTIFIED = "identified/{case}/{protocol}/{cell}/{method}.npz"
-
-
-COEFFICIENT_CELLS = of_paper(shown_levels((0.01, 0.03, 0.05)), LEVELS)
-NOISE_CELLS = of_paper(shown_levels((0.05, 0.1, 0.15)), LEVELS)
-AMOUNT_CELLS = of_paper(SUBSETS.values(), SUBSETS)
 
 
 rule draw_line:
@@ -71,6 +11,8 @@ rule draw_line:
         log_of("draw_line"),
     benchmark:
         benchmark_of("draw_line")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "case": FIRST_CASE,
@@ -94,6 +36,8 @@ rule draw_load:
         log_of("draw_load"),
     benchmark:
         benchmark_of("draw_load")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "line": STUDY["cases"][FIRST_CASE],
@@ -114,6 +58,8 @@ rule draw_flow:
         log_of("draw_flow"),
     benchmark:
         benchmark_of("draw_flow")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "degree": STUDY["identification"]["degree"],
@@ -142,6 +88,8 @@ rule draw_recovery:
         log_of("draw_recovery"),
     benchmark:
         benchmark_of("draw_recovery")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "cases": CASES,
@@ -167,6 +115,8 @@ rule draw_coefficients:
         log_of("draw_coefficients"),
     benchmark:
         benchmark_of("draw_coefficients")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "case": FIRST_CASE,
@@ -192,6 +142,8 @@ rule draw_noise_coefficients:
         log_of("draw_noise_coefficients"),
     benchmark:
         benchmark_of("draw_noise_coefficients")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "cases": CASES,
@@ -216,6 +168,8 @@ rule draw_noise_r2:
         log_of("draw_noise_r2"),
     benchmark:
         benchmark_of("draw_noise_r2")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "cases": CASES,
@@ -241,6 +195,8 @@ rule draw_noise_histories:
         log_of("draw_noise_histories"),
     benchmark:
         benchmark_of("draw_noise_histories")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "case": FIRST_CASE,
@@ -267,6 +223,8 @@ rule draw_amount_histories:
         log_of("draw_amount_histories"),
     benchmark:
         benchmark_of("draw_amount_histories")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "case": FIRST_CASE,
@@ -292,6 +250,8 @@ rule draw_data_amount:
         log_of("draw_data_amount"),
     benchmark:
         benchmark_of("draw_data_amount")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "cases": CASES,
@@ -317,6 +277,8 @@ rule draw_claims:
         log_of("draw_claims"),
     benchmark:
         benchmark_of("draw_claims")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "combinations": [

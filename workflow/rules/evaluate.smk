@@ -14,6 +14,8 @@ rule evaluate_model:
         log_of("evaluate_model/{case}/{protocol}/{cell}/{method}"),
     benchmark:
         benchmark_of("evaluate_model/{case}/{protocol}/{cell}/{method}")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings=lambda wildcards: {
             **cell_settings(wildcards.case, wildcards.cell),

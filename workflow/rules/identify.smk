@@ -10,6 +10,8 @@ rule reduce_recordings:
         log_of("reduce_recordings/{case}/{protocol}/{cell}"),
     benchmark:
         benchmark_of("reduce_recordings/{case}/{protocol}/{cell}")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "degree": STUDY["identification"]["degree"],
@@ -19,22 +21,6 @@ rule reduce_recordings:
         "Reducing the recordings of {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
     script:
         "../scripts/reduce_recordings.py"
-
-
-def method_settings(wildcards):
-    """What one method reads of the settings: editing another's keys reruns nothing here."""
-    identification = STUDY["identification"]
-    method = BY_NAME[wildcards.method]
-    available = {
-        **identification,
-        "threshold": identification["thresholds"].get(method.name),
-    }
-    return {
-        "degree": identification["degree"],
-        "options": {key: available[key] for key in method.options if key in available},
-        "seed": STUDY["measurement"]["seed"],
-        "code": script_code("identify_model.py", method.module),
-    }
 
 
 rule identify_model:
@@ -48,6 +34,10 @@ rule identify_model:
         log_of("identify_model/{case}/{protocol}/{cell}/{method}"),
     benchmark:
         benchmark_of("identify_model/{case}/{protocol}/{cell}/{method}")
+    wildcard_constraints:
+        method="|".join(METHODS),
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings=method_settings,
     message:

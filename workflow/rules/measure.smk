@@ -11,6 +11,8 @@ rule measure_motion:
         log_of("measure_motion/{case}/{protocol}/{cell}"),
     benchmark:
         benchmark_of("measure_motion/{case}/{protocol}/{cell}")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings=lambda wildcards: {
             **cell_settings(wildcards.case, wildcards.cell),

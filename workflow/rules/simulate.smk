@@ -10,6 +10,8 @@ rule simulate_line:
         log_of("simulate_line/{case}"),
     benchmark:
         benchmark_of("simulate_line/{case}")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings=lambda wildcards: {
             "releases": releases(wildcards.case),

@@ -1,35 +1,4 @@
 # scores -> tables
-TABLES = [
-    "table1_conductor",
-    "table2_spacers",
-    "table3_coefficients",
-    "scores",
-    "noise_coefficients",
-    "noise_r2",
-    "data_amount",
-    "claims",
-    "efficiency",
-    "identifiability",
-    "further_recordings",
-]
-PAPER_CELL = {  # where tables and figures that show one cell look for it
-    "protocol": PROTOCOLS[0],
-    "method": METHODS[0],
-}
-
-
-def tables():
-    return [out(f"tables/{name}.csv") for name in TABLES]
-
-
-def table(name):
-    """A table of the study, with its caption in the report."""
-    return report(
-        out(f"tables/{name}.csv"),
-        caption=f"../report/{name}.rst",
-        category="Tables",
-        labels={"table": name},
-    )
 
 
 rule tabulate_parameters:
@@ -40,6 +9,8 @@ rule tabulate_parameters:
         log_of("tabulate_parameters"),
     benchmark:
         benchmark_of("tabulate_parameters")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={"cases": STUDY["cases"], "code": script_code("tabulate_parameters.py")},
     message:
@@ -63,6 +34,8 @@ rule tabulate_coefficients:
         log_of("tabulate_coefficients"),
     benchmark:
         benchmark_of("tabulate_coefficients")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "cases": CASES,
@@ -90,6 +63,8 @@ rule tabulate_scores:
         log_of("tabulate_scores"),
     benchmark:
         benchmark_of("tabulate_scores")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "cases": CASES,
@@ -118,6 +93,8 @@ rule tabulate_limit:
         log_of("tabulate_limit"),
     benchmark:
         benchmark_of("tabulate_limit")
+    conda:
+        "../envs/galloping.yaml"
     params:
         settings={
             "cases": CASES,

@@ -1,36 +1,49 @@
-"""Cramer-Rao bound of one cell, for each replicate whose samples differ."""
+"""Cramer-Rao bound of one cell, and models drawn at it."""
 
 import numpy as np
 
 from galloping.equations import EQUATIONS, model
-from galloping.evaluation.limit import Noise, bound, on_library
+from galloping.evaluation.limit import Noise, at_the_bound, bound, on_library
+from galloping.identification import result
+from galloping.identification.result import Identified
 from galloping.polynomial import library
 from galloping.recording import Recordings
 from galloping.reproducibility.job import run
+from galloping.seeds import generator
 from galloping.storage import read_json, write_arrays
 
 
 def main() -> None:
-    settings, protocol = snakemake.params.settings, snakemake.wildcards.protocol
+    settings, cell = snakemake.params.settings, snakemake.wildcards
     line = model(read_json(snakemake.input.model)["coefficients"])
     line = line.on_library(library(len(line.states), settings["degree"]))
     with np.load(snakemake.input.trajectory) as file:
         time, motions = file["time"], file["states"][: settings["releases"]]
     replicates = Recordings.read(snakemake.input.recordings).replicates
     if settings["level"] == 0:
-        std = [np.full(line.coefficients.shape, np.nan)]
-    else:
-        noises = [Noise.of(protocol, settings["level"], x, settings["relative"]) for x in motions]
-        differing = replicates if settings["points"] else replicates[:1]
-        std = []
-        for recordings in differing:
-            starts = [
-                motion[np.searchsorted(time, recording.time[0])]
-                for motion, recording in zip(motions, recordings, strict=True)
-            ]
-            found = bound(line, tuple(EQUATIONS), protocol, recordings, starts, noises)
-            std.append(on_library(line, found))
-    write_arrays(snakemake.output.bounds, std=np.stack(std))
+        write_arrays(snakemake.output.bounds, std=np.full((1, *line.coefficients.shape), np.nan))
+        result.write(snakemake.output.models, [Identified.of(line.coefficients)])
+        return
+    noises = [Noise.of(cell.protocol, settings["level"], x, settings["relative"]) for x in motions]
+
+    def of(recordings):
+        starts = [
+            motion[np.searchsorted(time, recording.time[0])]
+            for motion, recording in zip(motions, recordings, strict=True)
+        ]
+        return bound(line, tuple(EQUATIONS), cell.protocol, recordings, starts, noises)
+
+    # the bound depends on the times of the samples alone, which only subsets vary
+    found = [
+        of(recordings) for recordings in (replicates if settings["points"] else replicates[:1])
+    ]
+    name = ("bound", cell.case, cell.protocol, cell.cell)
+    models = [
+        at_the_bound(line, found[k % len(found)], generator(settings["seed"], *name, k))
+        for k in range(len(replicates))
+    ]
+    write_arrays(snakemake.output.bounds, std=np.stack([on_library(line, one) for one in found]))
+    result.write(snakemake.output.models, models)
 
 
 run(main, snakemake.log[0])

@@ -14,6 +14,7 @@ from galloping.identification.limit.bounds import (
     ranked_experiments,
     state_bound,
 )
+from galloping.identification.result import Identified
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
@@ -74,6 +75,21 @@ def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
     std = np.full(model.coefficients.shape, np.nan)
     std[tuple(found.free.T)] = found.std
     return std
+
+
+def at_the_bound(model: PolynomialModel, found: Bound, rng: np.random.Generator) -> Identified:
+    """What an efficient method that knows the terms would find: one draw at the bound.
+
+    Where the data leave a coefficient undetermined there is no such method, and no model.
+    """
+    if not np.all(np.isfinite(found.covariance)):
+        return Identified.failed(*model.coefficients.shape, "bound: a term is undetermined")
+    values, vectors = np.linalg.eigh(found.covariance)
+    draw = vectors @ (np.sqrt(np.maximum(values, 0)) * rng.standard_normal(len(values)))
+    coefficients = model.coefficients.copy()
+    coefficients[tuple(found.free.T)] += draw
+    nothing = np.full(len(coefficients), np.nan)
+    return Identified(coefficients, nothing, on_library(model, found))
 
 
 def rank_releases(

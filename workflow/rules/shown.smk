@@ -1,0 +1,97 @@
+# what readers see: the tables and figures of the study, and where they look
+TABLES = [
+    "table1_conductor",
+    "table2_spacers",
+    "table3_coefficients",
+    "scores",
+    "noise_coefficients",
+    "noise_r2",
+    "data_amount",
+    "claims",
+    "efficiency",
+    "identifiability",
+    "further_recordings",
+]
+# where tables and figures that show one protocol and method look: the first pair that can run
+PAPER_CELL = next(
+    {"protocol": protocol, "method": method}
+    for method in METHODS
+    for protocol in PROTOCOLS
+    if runs(method, protocol, min(LEVELS, key=LEVELS.get))
+)
+
+
+def tables():
+    return [out(f"tables/{name}.csv") for name in TABLES]
+
+
+def table(name):
+    """A table of the study, with its caption in the report."""
+    return report(
+        out(f"tables/{name}.csv"),
+        caption=f"../report/{name}.rst",
+        category="Tables",
+        labels={"table": name},
+    )
+
+
+FIGURES = {
+    "figure01": "1 line and coordinates",
+    "figure02": "2 aerodynamic load",
+    "figure03": "3 flow chart",
+    "figure04": "4 motion without noise",
+    "figure05": "5 coefficients under noise",
+    "figure06": "6 coefficient error against noise",
+    "figure07": "7 R2 against noise",
+    "figure08": "8 time histories under noise",
+    "figure09": "9 time histories by amount of data",
+    "figure10": "10 R2 and amplitude by amount of data",
+    "claims": "claims of the paper",
+}
+FIRST_CASE = CASES[0]  # shown where one case has to do
+CLAIM_METHODS = METHODS[:2]
+
+
+def figures():
+    return [out(f"figures/{name}.{form}") for name in FIGURES for form in ("svg", "png")]
+
+
+def vector(name):
+    """The SVG of a figure, with its caption in the report."""
+    return report(
+        out(f"figures/{name}.svg"),
+        caption=f"../report/{'figure_claims' if name == 'claims' else name}.rst",
+        category="Figures",
+        labels={"figure": FIGURES[name]},
+    )
+
+
+def raster(name):
+    return out(f"figures/{name}.png")
+
+
+def shown_levels(wanted):
+    """Those of the wanted noise levels that the study has, else its three lowest above zero."""
+    positive = sorted(level for level in LEVELS.values() if level > 0)
+    return [level for level in positive if level in wanted] or positive[:3]
+
+
+def of_paper(chosen, cells):
+    """The chosen levels or sizes that the figures' one protocol and method have, by cell.
+
+    cells: from the cell's name to its level or size.
+    """
+    return {
+        cell: cells[cell]
+        for cell in sorted(cells, key=cells.get)
+        if cells[cell] in chosen and runs(PAPER_CELL["method"], PAPER_CELL["protocol"], cell)
+    }
+
+
+MOTION = "reconstructions/{case}/{protocol}/{cell}/{method}.npz"
+IDENTIFIED = "identified/{case}/{protocol}/{cell}/{method}.npz"
+
+
+COEFFICIENT_CELLS = of_paper(shown_levels((0.01, 0.03, 0.05)), LEVELS)
+NOISE_CELLS = of_paper(shown_levels((0.05, 0.1, 0.15)), LEVELS)
+AMOUNT_CELLS = of_paper(SUBSETS.values(), SUBSETS)
