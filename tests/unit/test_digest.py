@@ -122,5 +122,5 @@ def test_scripts_of_the_study_see_their_stages(root):
     assert {"galerkin", "line", "aerodynamics", "storage"} <= derive
     assert not {"measurement", "simulation", "stlsq"} & derive
     assert not {"stlsq", "lasso", "claims"} & used(scripts / "identify_model.py")
-    method = digest._find("galloping.identification.lasso")
+    method = digest._find("galloping.identification.sparse.lasso")
     assert {"lasso", "selection"} <= used(scripts / "identify_model.py", method)

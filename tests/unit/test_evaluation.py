@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from galloping.equations import model
 from galloping.evaluation.coefficients import (
+    coverage,
+    efficiency,
     mean_error_by_order,
     relative_errors,
     relative_norm_error,
@@ -114,7 +116,27 @@ def test_norm_error():
     assert relative_norm_error(TRUE, np.full((2, 10), np.nan)) == INF
 
 
+def test_efficiency_is_the_error_over_the_bound():
+    bound = np.full((2, 10), 0.5)
+    values = found(at_1_1=2.5, at_1_4=3.0, at_1_9=-5.0)
+    assert efficiency(TRUE, values, bound, (1,)) == pytest.approx(np.sqrt((1 + 4 + 0) / 3))
+    assert np.isnan(efficiency(TRUE, values, np.full((2, 10), np.nan), (1,)))
+    assert efficiency(TRUE, np.full((2, 10), np.nan), bound, (1,)) == INF
+
+
+def test_coverage_counts_the_intervals_that_hold():
+    errors = np.full((2, 10), np.nan)
+    errors[1, [1, 4]] = 0.1
+    values = found(at_1_1=2.19, at_1_4=4.2, at_1_9=0.0)
+    # held; off by two standard deviations; missed
+    assert coverage(TRUE, values, errors, (1,)) == {"intervals": 3.0, "intervals_holding": 1.0}
+    nothing = coverage(TRUE, values, np.full((2, 10), np.nan), (1,))
+    assert all(np.isnan(value) for value in nothing.values())
+
+
 # --- scores of a replicate ---
+
+NO_BOUND = np.full((4, 35), np.nan)
 
 
 @pytest.fixture
@@ -127,7 +149,7 @@ def truth(resonant):
 def test_the_true_model_scores_best(truth):
     simulator = Simulator(truth.model.states, truth.model.terms)
     result = Identified.of(truth.model.coefficients)
-    row = score(truth, result, reconstruct(simulator, truth, result))
+    row = score(truth, result, reconstruct(simulator, truth, result), NO_BOUND)
     assert row["status"] == "ok"
     assert (row["missing"], row["spurious"], row["true_positive_ratio"]) == (0, 0, 1)
     errors = [value for name, value in row.items() if "error" in name or name == "e2"]
@@ -143,7 +165,10 @@ def test_the_steady_window_is_where_amplitudes_are_read(truth):
     states[20000:, 0] = 1.1 * states[20000:, 0]
     states[:20000, 1] = 0.0
     row = score(
-        truth, Identified.of(truth.model.coefficients), Trajectory(truth.time, states, "ok")
+        truth,
+        Identified.of(truth.model.coefficients),
+        Trajectory(truth.time, states, "ok"),
+        NO_BOUND,
     )
     assert row["amplitude_error_q_v_percent"] == pytest.approx(10)
     assert row["frequency_error_q_v_percent"] == pytest.approx(0, abs=1e-9)
@@ -160,7 +185,8 @@ def test_failures_are_rows_of_worst_values(truth, failure):
         result.coefficients[2, 3] = 3.0  # strong negative damping
         result.coefficients[2, 31:] = 0.0
     simulator = Simulator(truth.model.states, truth.model.terms)
-    row = score(truth, result, reconstruct(simulator, truth, result))
+    bound = np.full((4, 35), 0.1)
+    row = score(truth, result, reconstruct(simulator, truth, result), bound)
     expected = "stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
     assert row["status"].startswith(expected)
     for state in ("q_v", "q_w"):
@@ -169,7 +195,9 @@ def test_failures_are_rows_of_worst_values(truth, failure):
         assert row[f"frequency_error_{state}_percent"] == INF
     assert (row["mean_error_linear_percent"] == INF) == (failure == "fit")
     assert (row["e2"] == INF) == (failure == "fit")
-    assert not any(value != value for value in row.values())  # no NaN: nothing is left out
+    assert (row["efficiency"] == INF) == (failure == "fit")
+    left_out = {name for name, value in row.items() if value != value}
+    assert left_out == {"intervals", "intervals_holding"}  # the method states none
 
 
 def test_representative_motion_is_the_median_one():
@@ -212,7 +240,12 @@ CASES = ["internal_resonance", "non_resonant"]
 
 def study_scores(replicates=4):
     """Scores of a small study with numbers that differ from row to row, and some failures."""
-    cells = [("noise_0", 0.0, 30001), ("noise_0.05", 0.05, 30001), ("points_1000", 0.05, 1000)]
+    cells = [
+        ("noise_0", 0.0, 30001),
+        ("noise_0.05", 0.05, 30001),
+        ("points_1000", 0.05, 1000),
+        ("joint_0.05", 0.05, 30001),
+    ]
     rng = np.random.default_rng(4)
     rows = []
     for case, method, (cell, level, points), replicate in product(
