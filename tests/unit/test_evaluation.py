@@ -116,8 +116,25 @@ def test_norm_error():
     assert relative_norm_error(TRUE, np.full((2, 10), np.nan)) == INF
 
 
-# --- scores of a replicate ---
+def test_efficiency_is_the_error_over_the_bound():
+    bound = np.full((2, 10), 0.5)
+    values = found(at_1_1=2.5, at_1_4=3.0, at_1_9=-5.0)
+    assert efficiency(TRUE, values, bound, (1,)) == pytest.approx(np.sqrt((1 + 4 + 0) / 3))
+    assert np.isnan(efficiency(TRUE, values, np.full((2, 10), np.nan), (1,)))
+    assert efficiency(TRUE, np.full((2, 10), np.nan), bound, (1,)) == INF
 
+
+def test_coverage_counts_the_intervals_that_hold():
+    errors = np.full((2, 10), np.nan)
+    errors[1, [1, 4]] = 0.1
+    values = found(at_1_1=2.19, at_1_4=4.2, at_1_9=0.0)
+    # held; off by two standard deviations; missed
+    assert coverage(TRUE, values, errors, (1,)) == {"intervals": 3.0, "intervals_holding": 1.0}
+    nothing = coverage(TRUE, values, np.full((2, 10), np.nan), (1,))
+    assert all(np.isnan(value) for value in nothing.values())
+
+
+# --- scores of a replicate ---
 
 NO_BOUND = np.full((4, 35), np.nan)
 
@@ -147,8 +164,12 @@ def test_the_steady_window_is_where_amplitudes_are_read(truth):
     states = truth.states.copy()
     states[20000:, 0] = 1.1 * states[20000:, 0]
     states[:20000, 1] = 0.0
-    result = Identified.of(truth.model.coefficients)
-    row = score(truth, result, Trajectory(truth.time, states, "ok"), NO_BOUND)
+    row = score(
+        truth,
+        Identified.of(truth.model.coefficients),
+        Trajectory(truth.time, states, "ok"),
+        NO_BOUND,
+    )
     assert row["amplitude_error_q_v_percent"] == pytest.approx(10)
     assert row["frequency_error_q_v_percent"] == pytest.approx(0, abs=1e-9)
     assert row["amplitude_error_q_w_percent"] == row["frequency_error_q_w_percent"] == 0
@@ -164,7 +185,8 @@ def test_failures_are_rows_of_worst_values(truth, failure):
         result.coefficients[2, 3] = 3.0  # strong negative damping
         result.coefficients[2, 31:] = 0.0
     simulator = Simulator(truth.model.states, truth.model.terms)
-    row = score(truth, result, reconstruct(simulator, truth, result), NO_BOUND)
+    bound = np.full((4, 35), 0.1)
+    row = score(truth, result, reconstruct(simulator, truth, result), bound)
     expected = "stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
     assert row["status"].startswith(expected)
     for state in ("q_v", "q_w"):
@@ -173,28 +195,9 @@ def test_failures_are_rows_of_worst_values(truth, failure):
         assert row[f"frequency_error_{state}_percent"] == INF
     assert (row["mean_error_linear_percent"] == INF) == (failure == "fit")
     assert (row["e2"] == INF) == (failure == "fit")
+    assert (row["efficiency"] == INF) == (failure == "fit")
     left_out = {name for name, value in row.items() if value != value}
-    assert left_out == {"efficiency", "intervals", "intervals_holding"}  # no bound, no intervals
-
-
-def test_efficiency_is_error_over_bound():
-    bound = np.where(TRUE.support, 0.1, np.nan)
-    assert efficiency(TRUE, found(at_1_1=2.2, at_1_4=4.1), bound, (1,)) == pytest.approx(
-        np.sqrt((4 + 1 + 0) / 3)
-    )
-    assert efficiency(TRUE, TRUE.coefficients, bound, (0, 1)) == 0
-    assert efficiency(TRUE, np.full((2, 10), np.nan), bound, (1,)) == INF
-    assert np.isnan(efficiency(TRUE, TRUE.coefficients, np.full((2, 10), np.nan), (1,)))
-
-
-def test_coverage_counts_missed_terms_as_not_held():
-    errors = np.where(TRUE.support, 0.1, np.nan)
-    values = found(at_1_1=2.19, at_1_4=4.3, at_1_9=0.0)
-    assert coverage(TRUE, values, np.where(values != 0, errors, np.nan), (1,)) == {
-        "intervals": 3, "intervals_holding": 1,
-    }  # fmt: skip
-    nothing = coverage(TRUE, values, np.full((2, 10), np.nan), (1,))
-    assert all(np.isnan(value) for value in nothing.values())
+    assert left_out == {"intervals", "intervals_holding"}  # the method states none
 
 
 def test_representative_motion_is_the_median_one():
@@ -237,7 +240,12 @@ CASES = ["internal_resonance", "non_resonant"]
 
 def study_scores(replicates=4):
     """Scores of a small study with numbers that differ from row to row, and some failures."""
-    cells = [("noise_0", 0.0, 30001), ("noise_0.05", 0.05, 30001), ("points_1000", 0.05, 1000)]
+    cells = [
+        ("noise_0", 0.0, 30001),
+        ("noise_0.05", 0.05, 30001),
+        ("points_1000", 0.05, 1000),
+        ("joint_0.05", 0.05, 30001),
+    ]
     rng = np.random.default_rng(4)
     rows = []
     for case, method, (cell, level, points), replicate in product(

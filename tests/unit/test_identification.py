@@ -7,7 +7,7 @@ import numpy as np
 import pysindy as ps
 import pytest
 from conftest import simulate
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from galloping.configuration.load import load, plain
@@ -60,7 +60,7 @@ def run(method, items, **options):
 
 
 def equal(a, b):
-    return a.status == b.status and all(
+    return (a.status, a.verdict) == (b.status, b.verdict) and all(
         np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
         for name in ("coefficients", "thresholds", "standard_errors")
     )
@@ -189,6 +189,15 @@ def test_thresholds_beyond_every_term_leave_nothing(resonant):
     (recording,) = recordings(resonant, "derivative")
     found = stlsq.normalised(reduce([recording], TERMS), threshold=1e3, path_length=30)
     assert not found.coefficients.any()
+
+
+def test_joint_recordings_are_one_regression(resonant):
+    first, second = recordings(resonant, "derivative", replicates=2)
+    joint = reduce([first, second], TERMS)
+    theta = np.vstack([design_matrix(r.values, TERMS) for r in (first, second)])
+    dx = np.vstack([r.derivatives for r in (first, second)])
+    assert joint.library.T @ joint.targets == pytest.approx(theta.T @ dx, rel=1e-9)
+    assert joint.observations.tolist() == [60002] * 4
 
 
 # --- choice of thresholds ---
@@ -364,9 +373,8 @@ def test_a_replicate_does_not_depend_on_how_many_there_are(replicates, method):
 
 
 @pytest.mark.parametrize("method", ["stlsq", "stlsq_raw", "lasso"])
-@settings(max_examples=10)
-@given(order=st.permutations(range(5)))
-def test_permuting_replicates_permutes_results(replicates, method, order):
+def test_permuting_replicates_permutes_results(replicates, method):
+    order = [3, 0, 4, 1, 2]
     items = replicates[method]
     straight = run(method, items)
     permuted = run(method, [items[i] for i in order])
@@ -403,6 +411,7 @@ def test_every_method_says_what_it_takes():
 
 def test_results_come_back_from_files(tmp_path):
     found = result.Identified.of(np.array([[1.0, 0.0], [0.0, -2.0]]), np.array([0.1, 0.2]))
+    found = replace(found, verdict="not identifiable: one term")
     failed = result.Identified.failed(2, 2, "stlsq: no luck")
     for name in ("a.npz", "b.npz"):
         result.write(tmp_path / name, [found, failed])
