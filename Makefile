@@ -52,7 +52,7 @@ $(VENV)/made: requirements.lock
 	  { echo "Python 3.11 or newer is needed: make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv --clear $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes \
-	  --only-binary :all: -r requirements.lock
+	  -r requirements.lock
 	@touch $@
 
 lock: $(VENV)/made
