@@ -60,7 +60,7 @@ def simulation(results: Path) -> list[dict]:
     terms = library(len(line.states), 3)
     full = line.on_library(terms)
     with np.load(results / f"trajectories/{CASE}.npz") as file:
-        grid, exact = file["time"], file["states"]
+        grid, exact = file["time"], file["states"][0]
     simulator = Simulator(full.states, terms)
     ours = seconds(lambda: simulator(full, exact[0], grid), 15)
 
