@@ -39,7 +39,7 @@ bench: study
 reference: study
 	mkdir -p results/reference
 	cp results/tables/table3_coefficients.csv results/tables/noise_*.csv \
-	  results/tables/data_amount.csv results/tables/claims.csv results/figures/figure06.png \
+	  results/tables/data_amount.csv results/tables/claims.csv results/tables/efficiency.csv results/figures/overview.png \
 	  results/reference
 
 docs: $(VENV)/made
