@@ -35,7 +35,7 @@ wildcard_constraints:
     case="|".join(CASES),
     protocol="|".join(PROTOCOLS),
     cell="|".join([*LEVELS, *SUBSETS, *JOINT]),
-    method="|".join([*METHODS, BOUND]),
+    method="|".join(METHODS),
 
 
 def out(path):
@@ -58,8 +58,6 @@ def script_code(name, *modules):
 
 def runs(method, protocol, cell):
     """Whether a method can use the recordings of a cell."""
-    if method == BOUND:
-        return True
     described = BY_NAME[method]
     return protocol in described.protocols and not (described.needs_uniform and cell in SUBSETS)
 
@@ -76,26 +74,24 @@ def cells_of(case):
 
 
 def cells():
-    """All (case, protocol, cell, method) of the study."""
+    """All (case, protocol, cell) of the study that a method can use."""
     return [
-        (case, protocol, cell, method)
+        (case, protocol, cell)
         for case in CASES
         for protocol in PROTOCOLS
         for cell in cells_of(case)
-        for method in [*METHODS, BOUND]
-        if runs(method, protocol, cell)
+        if methods_of(protocol, cell)[1:]
     ]
 
 
+def methods_of(protocol, cell):
+    """The bound, and the methods that can use the recordings of a cell."""
+    return [BOUND, *(method for method in METHODS if runs(method, protocol, cell))]
+
+
 def noisy_cells():
-    """All (case, protocol, cell) with noise, which have a Cramer-Rao bound."""
-    return list(
-        dict.fromkeys(
-            (case, protocol, cell)
-            for case, protocol, cell, _ in cells()
-            if cell_settings(case, cell)["level"] > 0
-        )
-    )
+    """Those with noise, which have a Cramer-Rao bound."""
+    return [one for one in cells() if cell_settings(one[0], one[2])["level"] > 0]
 
 
 def cell_settings(case, cell):

@@ -1,29 +1,34 @@
 # identified models -> scores
 
 
-rule evaluate_model:
+rule evaluate_cell:
     input:
         model=out("models/{case}.json"),
         trajectory=out("trajectories/{case}.npz"),
-        identified=out("identified/{case}/{protocol}/{cell}/{method}.npz"),
         bounds=out("bounds/{case}/{protocol}/{cell}.npz"),
+        identified=lambda wildcards: expand(
+            out("identified/{case}/{protocol}/{cell}/{method}.npz"),
+            method=methods_of(wildcards.protocol, wildcards.cell),
+            **wildcards,
+        ),
     output:
-        scores=out("scores/{case}/{protocol}/{cell}/{method}.csv"),
-        motion=out("reconstructions/{case}/{protocol}/{cell}/{method}.npz"),
+        scores=out("scores/{case}/{protocol}/{cell}.csv"),
+        motions=out("reconstructions/{case}/{protocol}/{cell}.npz"),
     log:
-        log_of("evaluate_model/{case}/{protocol}/{cell}/{method}"),
+        log_of("evaluate_cell/{case}/{protocol}/{cell}"),
     benchmark:
-        benchmark_of("evaluate_model/{case}/{protocol}/{cell}/{method}")
+        benchmark_of("evaluate_cell/{case}/{protocol}/{cell}")
     conda:
         "../envs/galloping.yaml"
     params:
         settings=lambda wildcards: {
             **cell_settings(wildcards.case, wildcards.cell),
+            "methods": methods_of(wildcards.protocol, wildcards.cell),
             "degree": STUDY["identification"]["degree"],
             "steady_window": STUDY["simulation"]["steady_window"],
-            "code": script_code("evaluate_model.py"),
+            "code": script_code("evaluate_cell.py"),
         },
     message:
-        "Evaluating {wildcards.method} on {wildcards.case}, {wildcards.protocol}, {wildcards.cell}"
+        "Evaluating {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
     script:
-        "../scripts/evaluate_model.py"
+        "../scripts/evaluate_cell.py"

@@ -34,8 +34,6 @@ rule identify_model:
         log_of("identify_model/{case}/{protocol}/{cell}/{method}"),
     benchmark:
         benchmark_of("identify_model/{case}/{protocol}/{cell}/{method}")
-    wildcard_constraints:
-        method="|".join(METHODS),
     conda:
         "../envs/galloping.yaml"
     params:

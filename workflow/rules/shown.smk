@@ -88,7 +88,7 @@ def of_paper(chosen, cells):
     }
 
 
-MOTION = "reconstructions/{case}/{protocol}/{cell}/{method}.npz"
+MOTION = "reconstructions/{case}/{protocol}/{cell}.npz"
 IDENTIFIED = "identified/{case}/{protocol}/{cell}/{method}.npz"
 
 

@@ -52,7 +52,7 @@ rule tabulate_coefficients:
 
 rule tabulate_scores:
     input:
-        scores=[out("scores/{}/{}/{}/{}.csv".format(*cell)) for cell in cells()],
+        scores=[out("scores/{}/{}/{}.csv".format(*cell)) for cell in cells()],
     output:
         scores=out("tables/scores.csv"),
         noise_coefficients=table("noise_coefficients"),

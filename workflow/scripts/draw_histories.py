@@ -1,15 +1,15 @@
 """Figures 8 and 9: local time histories."""
 
 from galloping.figures.histories import draw_histories
-from galloping.figures.motion import read_motion
+from galloping.figures.motion import read_reconstruction, read_trajectory
 from galloping.figures.write import write_figure
 from galloping.reproducibility.job import run
 
 
 def main() -> None:
     settings, output = snakemake.params.settings, snakemake.output
-    true = read_motion(snakemake.input.trajectory)
-    motions = [read_motion(path) for path in snakemake.input.motions]
+    true = read_trajectory(snakemake.input.trajectory)
+    motions = [read_reconstruction(path, settings["method"]) for path in snakemake.input.motions]
     write_figure(
         output.svg, output.png, lambda: draw_histories(true, motions, settings), **settings["look"]
     )
