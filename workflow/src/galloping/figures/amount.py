@@ -78,9 +78,7 @@ def _panel(
     return _mark(axes, places, settings["level"], table.iloc[0], quantity)
 
 
-def _mark(
-    axes: Axes, places: panels.LogAxis, level: float, cell: pd.Series, quantity: str
-) -> set:
+def _mark(axes: Axes, places: panels.LogAxis, level: float, cell: pd.Series, quantity: str) -> set:
     kinds = set()
     for claim in paper.claims_of(SCORES[quantity].format(cell["state"]), cell["case"], subset=True):
         if claim.points in places.values and claim.level == level:

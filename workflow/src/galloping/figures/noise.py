@@ -130,9 +130,7 @@ def draw_noise_r2(table: pd.DataFrame, settings: Mapping) -> Figure:
     return figure
 
 
-def _r2_panel(
-    axes: Axes, table: pd.DataFrame, places: panels.LogAxis, order: list[str]
-) -> None:
+def _r2_panel(axes: Axes, table: pd.DataFrame, places: panels.LogAxis, order: list[str]) -> None:
     methods = panels.in_order(table, "method", order)
     places.prepare(axes, LEVEL_LABEL)
     panels.prepare_r2(axes, "")

@@ -38,6 +38,7 @@ def draw_overview(scores: pd.DataFrame, settings: Mapping) -> Figure:
     shown = _shown(table)
     claims = _claims(case, places)
     limits = _limits(table[table["method"].isin(shown)], [c.paper_value for c in claims.values()])
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.set(ylim=limits, ylabel="mean error of the coefficients, %")
     _beyond(axes, table, places, limits)
     shift = panels.shifts(list(shown), 0.03)
@@ -51,8 +52,9 @@ def draw_overview(scores: pd.DataFrame, settings: Mapping) -> Figure:
         above = claim.paper_value == max(other.paper_value for other in claims.values())
         axes.annotate(
             f"paper, {order} terms: {claim.paper_value:g} %",
-            (x, claim.paper_value), (0, 8 if above else -6), textcoords="offset points",
-            ha="center", va="bottom" if above else "top", color=PAPER, fontsize="small",
+            (x, claim.paper_value), (4 if above else 0, 8 if above else -6),
+            textcoords="offset points", ha="right" if above else "center",
+            va="bottom" if above else "top", color=PAPER, fontsize="small",
         )  # fmt: skip
     figure.legend(handles=panels.method_handles(shown), loc="outside upper left", handlelength=3)
     return figure
@@ -71,9 +73,7 @@ def best_of_pysindy(table: pd.DataFrame) -> str | None:
 def _errors(scores: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
     """method, level, median, low, high over replicates, at the levels above zero."""
     cells = of_kind(scores, "noise")
-    cells = cells[
-        (cells["case"] == case) & (cells["protocol"] == protocol) & (cells["level"] > 0)
-    ]
+    cells = cells[(cells["case"] == case) & (cells["protocol"] == protocol) & (cells["level"] > 0)]
     columns = [name for order in ORDERS if (name := f"mean_error_{order}_percent") in cells]
     return pd.DataFrame(
         [
