@@ -10,11 +10,15 @@ from galloping.configuration.load import load, plain
 from galloping.figures.amount import draw_data_amount
 from galloping.figures.claims import draw_claims
 from galloping.figures.coefficients import draw_coefficients
+from galloping.figures.efficiency import draw_efficiency
 from galloping.figures.flow import draw_flow
 from galloping.figures.histories import draw_histories
+from galloping.figures.identifiability import draw_identifiability
 from galloping.figures.line import draw_line
 from galloping.figures.load import draw_load
 from galloping.figures.noise import draw_noise_coefficients, draw_noise_r2
+from galloping.figures.overview import best_of_pysindy, draw_overview
+from galloping.figures.panels import shifts
 from galloping.figures.recovery import draw_recovery
 from galloping.figures.style import KNOWN, method_style
 from galloping.figures.write import write_figure
@@ -23,6 +27,7 @@ from galloping.tables.claims import CLAIMS
 
 NAMES = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "new_method"]}
 CELL = {"case": "line", "protocol": "state", "method": "weak"}
+CELLS = {"case": "line", "columns": [CELL, {**CELL, "method": "maximum_likelihood"}]}
 
 
 def drawn(tmp_path, draw):
@@ -75,7 +80,7 @@ def test_same_data_same_bytes_without_a_date(tmp_path):
 
 
 def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
-    names = [*KNOWN, "weak_gls", "maximum_likelihood"]
+    names = [*KNOWN, "new_method"]
     looks = [method_style(name) for name in names]
     assert looks == [method_style(name) for name in names]
     for one, other in combinations(looks, 2):
@@ -86,6 +91,101 @@ def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
 @pytest.mark.parametrize("levels", [(0,), (0.05,), (0, 0.01, 0.05)])
 def test_noise_levels_of_any_number_and_failures(tmp_path, levels):
     drawn(tmp_path, lambda: draw_noise_coefficients(noise_errors(levels), NAMES))
+
+
+@pytest.mark.parametrize("levels", [(0, 0.05), (0, 0.01, 0.05)])
+def test_the_bound_is_a_line_without_marks(tmp_path, levels):
+    table, names = noise_errors(levels), {**NAMES, "methods": ["weak", "bound"]}
+    bound = table[table["method"] == "weak"].assign(method="bound")
+    with_bound = drawn(tmp_path, lambda: draw_noise_coefficients(pd.concat([table, bound]), names))
+    assert with_bound != drawn(tmp_path, lambda: draw_noise_coefficients(table, names))
+    assert shifts(["weak", "bound"], 0.1) == {"weak": 0.0, "bound": 0.0}
+
+
+def efficiencies(methods=("weak", "maximum_likelihood", "bound"), joint=True):
+    return pd.DataFrame(
+        {"case": "line", "recordings": recordings, "protocol": "state", "level": level,
+         "points": 30001, "method": method, "efficiency": value}
+        for recordings, level, value in [(1, 0.01, 1.0), (1, 0.05, np.inf), (2, 0.05, np.nan)]
+        for method in methods
+        if joint or recordings == 1
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("joint", [False, True])
+def test_efficiency_with_failures_and_joint_recordings(tmp_path, joint):
+    settings = {"cases": ["line", "other"], "protocols": ["state", "displacement"],
+                "methods": ["weak", "maximum_likelihood", "absent", "bound"]}  # fmt: skip
+    first = drawn(tmp_path, lambda: draw_efficiency(efficiencies(joint=joint), settings))
+    assert drawn(tmp_path, lambda: draw_efficiency(efficiencies(joint=joint), settings)) == first
+    drawn(tmp_path, lambda: draw_efficiency(efficiencies(["bound"]), settings))
+    drawn(tmp_path, lambda: draw_efficiency(efficiencies()[:0], settings))
+
+
+def identifiable(t, recordings=(1, 2)):
+    return pd.DataFrame(
+        {"case": "line", "recordings": count, "protocol": "state", "level": level,
+         "points": 30001, "equation": equation, "term": term, "t": t * count}
+        for count in recordings
+        for level in (0.01, 0.1)
+        for equation, term in (("vertical", "q_v q_w^2"), ("horizontal", "dq_w"))
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("t", [0.0, 1e-9, 7.6, 1e5])
+def test_identifiability_of_any_size(tmp_path, t):
+    settings = {"cases": ["line", "other"], "protocols": ["state", "derivative"], "level": 0.05}
+    first = drawn(tmp_path, lambda: draw_identifiability(identifiable(t), settings))
+    assert drawn(tmp_path, lambda: draw_identifiability(identifiable(t), settings)) == first
+    drawn(tmp_path, lambda: draw_identifiability(identifiable(t, [1]), settings))
+    drawn(tmp_path, lambda: draw_identifiability(identifiable(t)[:0], settings))
+
+
+def scored(methods, error=5.0, levels=(0, 0.01, 0.05)):
+    return pd.DataFrame(
+        {"case": "line", "protocol": "state", "cell": f"noise_{level}", "level": level,
+         "method": method, "mean_error_linear_percent": error * (k + 1) * level,
+         "mean_error_cubic_percent": error * level}
+        for k, method in enumerate(methods)
+        for level in levels
+        for replicate in range(2)
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("error", [5.0, np.inf])
+@pytest.mark.parametrize(
+    "methods",
+    [
+        ["stlsq_raw", "weak", "maximum_likelihood", "bound"],
+        ["weak", "stlsq_raw"],
+        ["stlsq", "maximum_likelihood"],
+        ["bound"],
+        ["new_method"],
+    ],
+)
+def test_overview_with_the_methods_there_are(tmp_path, methods, error):
+    settings = {"case": "line", "protocol": "state"}
+    table = scored(methods, error).fillna(0.0)
+    first = drawn(tmp_path, lambda: draw_overview(table, settings))
+    assert drawn(tmp_path, lambda: draw_overview(table, settings)) == first
+    one_level = table[table["level"] < 0.05]
+    drawn(tmp_path, lambda: draw_overview(one_level, settings))
+    drawn(tmp_path, lambda: draw_overview(table[table["level"] == 0], settings))
+
+
+def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
+    def errors(method, medians):
+        return pd.DataFrame({"method": method, "median": medians})
+
+    table = pd.concat(
+        [
+            errors("weak", [1.0, 4.0, np.inf]),
+            errors("stlsq", [3.0, 5.0, 6.0]),
+            errors("maximum_likelihood", [0.1, 0.1, 0.1]),
+        ]
+    )
+    assert best_of_pysindy(table) == "weak"
+    assert best_of_pysindy(table[table["method"] == "maximum_likelihood"]) is None
 
 
 @pytest.mark.parametrize("median", [1.0, 0.97, -3.0, -np.inf])
@@ -107,15 +207,15 @@ def test_amplitude_errors_of_any_size(tmp_path, error):
 
 @pytest.mark.parametrize("bad", [0.0, np.nan])
 def test_motions_that_ended_early(tmp_path, swing, bad):
-    settings = {**CELL, "labels": ["noise level 0.1"], "window": (50, 100)}
+    settings = {**CELLS, "labels": ["noise level 0.1"], "window": (50, 100)}
     motions = [motion(swing["states"] + bad)]
-    drawn(tmp_path, lambda: draw_histories(swing, motions, settings))
+    drawn(tmp_path, lambda: draw_histories(swing, 2 * motions, settings))
     settings = {"cases": ["line"], "protocol": "state", "method": "weak", "level": 0}
     drawn(tmp_path, lambda: draw_recovery([swing], motions, settings))
 
 
 def test_figures_without_cells_say_so(tmp_path, swing):
-    empty = {**CELL, "labels": [], "levels": [], "window": (50, 100)}
+    empty = {**CELLS, **CELL, "labels": [], "levels": [], "window": (50, 100)}
     for draw in (
         lambda: draw_histories(swing, [], empty),
         lambda: draw_coefficients([], empty),

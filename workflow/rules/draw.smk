@@ -148,7 +148,7 @@ rule draw_noise_coefficients:
         settings={
             "cases": CASES,
             "protocols": PROTOCOLS,
-            "methods": METHODS,
+            "methods": SHOWN_METHODS,
             "look": STUDY["figures"],
             "code": script_code("draw_noise_coefficients.py"),
         },
@@ -174,7 +174,7 @@ rule draw_noise_r2:
         settings={
             "cases": CASES,
             "protocols": PROTOCOLS,
-            "methods": METHODS,
+            "methods": SHOWN_METHODS,
             "look": STUDY["figures"],
             "code": script_code("draw_noise_r2.py"),
         },
@@ -187,7 +187,11 @@ rule draw_noise_r2:
 rule draw_noise_histories:
     input:
         trajectory=out(f"trajectories/{FIRST_CASE}.npz"),
-        motions=expand(out(MOTION), case=FIRST_CASE, cell=NOISE_CELLS, **PAPER_CELL),
+        motions=[
+            out(MOTION).format(case=FIRST_CASE, cell=cell, **shown)
+            for shown in SHOWN_CELLS
+            for cell in NOISE_CELLS
+        ],
     output:
         svg=vector("figure08"),
         png=raster("figure08"),
@@ -200,7 +204,7 @@ rule draw_noise_histories:
     params:
         settings={
             "case": FIRST_CASE,
-            **PAPER_CELL,
+            "columns": SHOWN_CELLS,
             "labels": [f"noise level {level:g}" for level in NOISE_CELLS.values()],
             "window": STUDY["simulation"]["steady_window"],
             "look": STUDY["figures"],
@@ -215,7 +219,11 @@ rule draw_noise_histories:
 rule draw_amount_histories:
     input:
         trajectory=out(f"trajectories/{FIRST_CASE}.npz"),
-        motions=expand(out(MOTION), case=FIRST_CASE, cell=AMOUNT_CELLS, **PAPER_CELL),
+        motions=[
+            out(MOTION).format(case=FIRST_CASE, cell=cell, **shown)
+            for shown in SHOWN_CELLS
+            for cell in AMOUNT_CELLS
+        ],
     output:
         svg=vector("figure09"),
         png=raster("figure09"),
@@ -228,7 +236,7 @@ rule draw_amount_histories:
     params:
         settings={
             "case": FIRST_CASE,
-            **PAPER_CELL,
+            "columns": SHOWN_CELLS,
             "labels": [f"{points} points" for points in AMOUNT_CELLS.values()],
             "window": STUDY["simulation"]["steady_window"],
             "look": STUDY["figures"],
@@ -256,7 +264,7 @@ rule draw_data_amount:
         settings={
             "cases": CASES,
             "protocols": PROTOCOLS,
-            "methods": METHODS,
+            "methods": SHOWN_METHODS,
             "level": STUDY["measurement"]["subsets"]["level"],
             "look": STUDY["figures"],
             "code": script_code("draw_data_amount.py"),
@@ -283,7 +291,7 @@ rule draw_claims:
         settings={
             "combinations": [
                 [protocol, method]
-                for protocol in PROTOCOLS
+                for protocol in CLAIM_PROTOCOLS
                 for method in CLAIM_METHODS
                 if runs(method, protocol, min(LEVELS, key=LEVELS.get))
             ],
@@ -294,3 +302,80 @@ rule draw_claims:
         "Claims of the paper"
     script:
         "../scripts/draw_claims.py"
+
+
+rule draw_overview:
+    input:
+        table=out("tables/scores.csv"),
+    output:
+        svg=vector("overview"),
+        png=raster("overview"),
+    log:
+        log_of("draw_overview"),
+    benchmark:
+        benchmark_of("draw_overview")
+    conda:
+        "../envs/galloping.yaml"
+    params:
+        settings={
+            "case": FIRST_CASE,
+            "protocol": SENSOR_PROTOCOL,
+            "look": STUDY["figures"],
+            "code": script_code("draw_overview.py"),
+        },
+    message:
+        "Overview: error against noise, and the bound"
+    script:
+        "../scripts/draw_overview.py"
+
+
+rule draw_efficiency:
+    input:
+        table=out("tables/efficiency.csv"),
+    output:
+        svg=vector("efficiency"),
+        png=raster("efficiency"),
+    log:
+        log_of("draw_efficiency"),
+    benchmark:
+        benchmark_of("draw_efficiency")
+    conda:
+        "../envs/galloping.yaml"
+    params:
+        settings={
+            "cases": CASES,
+            "protocols": PROTOCOLS,
+            "methods": SHOWN_METHODS,
+            "look": STUDY["figures"],
+            "code": script_code("draw_efficiency.py"),
+        },
+    message:
+        "Efficiency against noise"
+    script:
+        "../scripts/draw_efficiency.py"
+
+
+rule draw_identifiability:
+    input:
+        table=out("tables/identifiability.csv"),
+    output:
+        svg=vector("identifiability"),
+        png=raster("identifiability"),
+    log:
+        log_of("draw_identifiability"),
+    benchmark:
+        benchmark_of("draw_identifiability")
+    conda:
+        "../envs/galloping.yaml"
+    params:
+        settings={
+            "cases": CASES,
+            "protocols": PROTOCOLS,
+            "level": STUDY["measurement"]["subsets"]["level"],
+            "look": STUDY["figures"],
+            "code": script_code("draw_identifiability.py"),
+        },
+    message:
+        "Identifiability of each term"
+    script:
+        "../scripts/draw_identifiability.py"

@@ -47,9 +47,20 @@ FIGURES = {
     "figure09": "9 time histories by amount of data",
     "figure10": "10 R2 and amplitude by amount of data",
     "claims": "claims of the paper",
+    "overview": "overview: error against noise, and the bound",
+    "efficiency": "efficiency against noise",
+    "identifiability": "identifiability of each term",
 }
 FIRST_CASE = CASES[0]  # shown where one case has to do
-CLAIM_METHODS = METHODS[:2]
+SHOWN_METHODS = [*METHODS, BOUND]  # in figures of all methods
+OURS = "maximum_likelihood"
+CLAIM_METHODS = [m for m in METHODS if m in METHODS[:2] or m == OURS]
+# the paper had velocities, which its method needs
+CLAIM_PROTOCOLS = [p for p in PROTOCOLS if runs(PAPER_CELL["method"], p, min(LEVELS))]
+SENSOR_PROTOCOL = "state" if "state" in PROTOCOLS else PROTOCOLS[0]
+OUR_CELL = {"protocol": SENSOR_PROTOCOL, "method": OURS}
+# time histories: what the paper did, and beside it what can be had from sensors
+SHOWN_CELLS = [PAPER_CELL, *([OUR_CELL] if OURS in METHODS and OUR_CELL != PAPER_CELL else ())]
 
 
 def figures():
@@ -60,7 +71,7 @@ def vector(name):
     """The SVG of a figure, with its caption in the report."""
     return report(
         out(f"figures/{name}.svg"),
-        caption=f"../report/{'figure_claims' if name == 'claims' else name}.rst",
+        caption=f"../report/{f'figure_{name}' if name in TABLES else name}.rst",
         category="Figures",
         labels={"figure": FIGURES[name]},
     )
@@ -77,7 +88,7 @@ def shown_levels(wanted):
 
 
 def of_paper(chosen, cells):
-    """The chosen levels or sizes that the figures' one protocol and method have, by cell.
+    """The chosen levels or sizes that the paper's protocol and method have, by cell.
 
     cells: from the cell's name to its level or size.
     """

@@ -9,7 +9,8 @@ from galloping.reproducibility.job import run
 def main() -> None:
     settings, output = snakemake.params.settings, snakemake.output
     true = read_trajectory(snakemake.input.trajectory)
-    motions = [read_reconstruction(path, settings["method"]) for path in snakemake.input.motions]
+    methods = [cell["method"] for cell in settings["columns"] for _ in settings["labels"]]
+    motions = list(map(read_reconstruction, snakemake.input.motions, methods))
     write_figure(
         output.svg, output.png, lambda: draw_histories(true, motions, settings), **settings["look"]
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -15,7 +16,7 @@ from galloping.figures import panels
 from galloping.figures.style import DOUBLE, PAPER, STATES, method_style, scientific, spoken
 from galloping.tables.claims import CLAIMS
 
-ROW, HEAD = 0.2, 1.05  # inches: height of a claim, room for the heads and the legend
+ROW, HEAD = 0.23, 1.25  # inches: height of a claim, room for the heads and the legend
 GAPS = {"none": 0.36, "error": 0.66, "r2": 0.66}  # below a group: its axis, the next one's title
 VERDICTS = {  # marker and colour
     "better": ("^", "#2fa86a"),
@@ -23,7 +24,7 @@ VERDICTS = {  # marker and colour
     "not reproduced": ("x", "#111111"),
     "not run": ("_", "#9a9a9a"),
 }
-DOTS, CELLS = (0.375, 0.2), (0.59, 0.405)  # of the figure's width: left, width
+DOTS, CELLS = (0.352, 0.165), (0.53, 0.47)  # of the figure's width: left, width
 ERROR_LIMITS = (1e-2, 1e2)  # percent
 BOUNDS = {"at_least": "≥ ", "at_most": "≤ "}
 
@@ -154,7 +155,8 @@ def _quantities(axes: Axes, table: pd.DataFrame, group: Group) -> None:
         found = table[(table["claim"] == name) & (table["case"] == case)].iloc[0]
         axes.text(
             0.5, k, _typeset(found["quantity"]),
-            transform=axes.get_yaxis_transform(), ha="center", va="center", fontsize="x-small",
+            transform=axes.get_yaxis_transform(), ha="center", va="center",
+            fontsize=0.63 * rcParams["font.size"],
         )  # fmt: skip
 
 
@@ -192,7 +194,7 @@ def _cells(axes: Axes, table: pd.DataFrame, group: Group, pairs: list[tuple[str,
         printed = table[(table["claim"] == row[0]) & (table["case"] == row[1])]["paper_value"]
         axes.text(
             0.5, k, kinds.get(row[0], "") + _number(printed.iloc[0], 4), ha="center", va="center",
-            color=PAPER, fontsize="small",
+            color=PAPER, fontsize="x-small",
         )  # fmt: skip
         for j, pair in enumerate(pairs, start=1):
             found = _of(table, row, pair)
@@ -202,8 +204,9 @@ def _cells(axes: Axes, table: pd.DataFrame, group: Group, pairs: list[tuple[str,
             axes.plot(j + 0.08, k, marker=marker, color=color, ms=4, mew=1.2)
             if found["replicates"]:
                 axes.text(
-                    j + 0.2, k, _number(found["study_value"], digits), va="center", fontsize="small"
-                )
+                    j + 0.2, k, _number(found["study_value"], digits), va="center",
+                    fontsize="x-small",
+                )  # fmt: skip
 
 
 def _number(value: float, digits: int = 3) -> str:
@@ -224,7 +227,7 @@ def _heads(figure: Figure, pairs: list[tuple[str, str]], height: float, place: t
     entries = [Line2D([], [], ls="", marker="|", color=PAPER, ms=8, mew=1.5, label="paper")]
     for j, (protocol, method) in enumerate(pairs, start=1):
         style = method_style(method)
-        name = style.label.replace(", ", ",\n")
+        name = style.label.replace(" ", "\n")
         figure.text(left + j * step, y, f"{protocol}\n{name}", fontsize="x-small")
         face = style.color if protocol == pairs[0][0] else "white"
         entries.append(

@@ -21,26 +21,31 @@ def draw_histories(
     motions: Sequence[Mapping[str, np.ndarray]],
     settings: Mapping,
 ) -> Figure:
-    """Two rows, q_v and q_w, for each cell of the study, over the steady window.
+    """Two rows, q_v and q_w, for each cell of the study; a column for each protocol and method.
 
-    true: time (n,) s and states (n, n_states). motions: for each cell time (m,), representative,
-    low and high (m, n_states), NaN where a motion ended early. settings: case, protocol, method,
-    labels of the cells, window in s.
+    true: time (n,) s and states (n, n_states). motions: for each cell of each column in turn,
+    time (m,), representative, low and high (m, n_states), NaN where a motion ended early.
+    settings: case; columns, each with protocol and method; labels of the cells; window in s, of
+    which as many columns as there are show only the last part.
     """
-    labels, window = settings["labels"], settings["window"]
+    labels, columns, window = settings["labels"], settings["columns"], settings["window"]
     figure = Figure(figsize=(DOUBLE, 0.8 + 0.95 * max(2, 2 * len(labels))), layout="constrained")
     if not labels:
         panels.nothing(figure.subplots(), "nothing to show: this study has no such recordings")
         return figure
-    grid = figure.subplots(2 * len(labels), 1, sharex=True, squeeze=False)[:, 0]
-    for k, (label, motion) in enumerate(zip(labels, motions, strict=True)):
+    window = (window[1] - (window[1] - window[0]) / len(columns), window[1])
+    grid = figure.subplots(2 * len(labels), len(columns), sharex=True, sharey="row", squeeze=False)
+    cells = [(column, k) for column in range(len(columns)) for k in range(len(labels))]
+    for (column, k), motion in zip(cells, motions, strict=True):
         for j, state in enumerate(STATES):
-            axes = grid[2 * k + j]
-            _history(axes, true, motion, j, window)
-            axes.set_ylabel(f"{STATES[state]}, m")
-        panels.letter(grid[2 * k], k, label)
-    grid[-1].set_xlabel("time, s")
-    figure.align_ylabels(grid)
+            _history(grid[2 * k + j, column], true, motion, j, window)
+            grid[2 * k + j, 0].set_ylabel(f"{STATES[state]}, m")
+        cell = columns[column]
+        text = f"{labels[k]}, {cell['protocol']}, {method_style(cell['method']).label}"
+        panels.letter(grid[2 * k, column], k * len(columns) + column, text)
+    for axes in grid[-1]:
+        axes.set_xlabel("time, s")
+    figure.align_ylabels(grid[:, 0])
     figure.legend(
         handles=[
             Line2D([], [], color=TRUE, lw=2.2, label="true"),
@@ -49,8 +54,7 @@ def draw_histories(
         ],
         loc="outside upper center",
         ncols=3,
-        title=f"{spoken(settings['case'])}, protocol {settings['protocol']}, "
-        f"{method_style(settings['method']).label}",
+        title=spoken(settings["case"]),
     )
     return figure
 

@@ -10,53 +10,59 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import panels, paper
-from galloping.figures.style import DIRECTIONS, DOUBLE, STATES, spoken
+from galloping.figures.style import DIRECTIONS, DOUBLE, STATES
 
 ORDERS = ("linear", "quadratic", "cubic")
 LEVEL_LABEL = "noise level"
+SPREAD = 0.09  # decades, within which methods are moved apart
 
 
 def draw_noise_coefficients(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Mean coefficient error by order: a row for each case and protocol, a column for each order.
+    """Mean coefficient error: a row for each case and order, a column for each protocol.
 
     table: noise_coefficients.csv. settings: cases, protocols, methods in the study's order.
     """
-    rows = [(case, protocol) for case in settings["cases"] for protocol in settings["protocols"]]
-    figure = Figure(figsize=(DOUBLE, 0.75 + 1.75 * len(rows)), layout="constrained")
-    grid = figure.subplots(len(rows), len(ORDERS), squeeze=False, sharex=True)
+    cases, columns = settings["cases"], settings["protocols"]
+    rows = [(case, order) for case in cases for order in ORDERS]
+    figure = Figure(figsize=(DOUBLE, 0.8 + 1.3 * len(rows)), layout="constrained")
+    grids = panels.case_grids(figure, cases, len(ORDERS), len(columns))
+    places = panels.LogAxis.of(table["level"])
     marked = False
-    for row, (case, protocol) in enumerate(rows):
-        part = table[(table["case"] == case) & (table["protocol"] == protocol)]
-        limits = _error_limits(part, case)
-        for column, order in enumerate(ORDERS):
-            axes = grid[row, column]
-            panels.letter(axes, row * len(ORDERS) + column, f"{order}, {spoken(case)}")
-            chosen = part[part["order"] == order]
+    for row, (case, order) in enumerate(rows):
+        line = grids[case][row % len(ORDERS)]
+        of_row = table[(table["case"] == case) & (table["order"] == order)]
+        limits = _error_limits(of_row, case, order)
+        for column, (axes, protocol) in enumerate(zip(line, columns, strict=True)):
+            panels.letter(axes, row * len(columns) + column, f"{order}, {protocol}")
+            chosen = of_row[of_row["protocol"] == protocol]
             if chosen.empty:
                 panels.nothing(axes, "no values in this study")
                 continue
-            places = _error_panel(axes, chosen, settings["methods"], limits)
+            _error_panel(axes, chosen, places, settings["methods"], limits)
             for claim in paper.claims_of(f"mean_error_{order}_percent", case):
                 if claim.level in places.values:
                     paper.mark(axes, places.position(claim.level), claim.paper_value, claim)
                     marked = True
-            if row < len(rows) - 1:
+            if order != ORDERS[-1]:
                 axes.set_xlabel("")
-        grid[row, 0].set_ylabel(f"protocol {protocol}\nmean error, %")
+        line[0].set_ylabel("mean error, %")
     present = panels.in_order(table, "method", settings["methods"])
     panels.method_legend(figure, present, paper.handles(value=marked, bound=False), columns=4)
     return figure
 
 
 def _error_panel(
-    axes: Axes, table: pd.DataFrame, order: list[str], limits: tuple[float, float]
-) -> panels.LogAxis:
+    axes: Axes,
+    table: pd.DataFrame,
+    places: panels.LogAxis,
+    order: list[str],
+    limits: tuple[float, float],
+) -> None:
     methods = panels.in_order(table, "method", order)
-    places = panels.LogAxis.of(table["level"])
     places.prepare(axes, LEVEL_LABEL)
     axes.set_yscale("log")
     axes.set_ylim(limits[0] / 1.6, limits[1] * 1.6)
-    shift = panels.shifts(methods, 0.025)
+    shift = panels.shifts(methods, SPREAD)
     for method in methods:
         line = table[table["method"] == method].sort_values("level")
         panels.series(
@@ -69,19 +75,15 @@ def _error_panel(
             limits,
             joined=line["level"] > 0,
         )
-    return places
 
 
-def _error_limits(table: pd.DataFrame, case: str) -> tuple[float, float]:
+def _error_limits(table: pd.DataFrame, case: str, order: str) -> tuple[float, float]:
     """Whole decades around the noisy errors and the paper's; exact recovery lies far below."""
     noisy = table[table["level"] > 0]
     columns = ["mean_error_percent", "mean_error_percent_low", "mean_error_percent_high"]
     values = noisy[columns].to_numpy(float).ravel()
-    printed = [
-        claim.paper_value
-        for order in ORDERS
-        for claim in paper.claims_of(f"mean_error_{order}_percent", case)
-    ]
+    claims = paper.claims_of(f"mean_error_{order}_percent", case)
+    printed = [claim.paper_value for claim in claims]
     values = np.array([*values[np.isfinite(values) & (values > 0)], *printed])
     if not values.size:
         values = np.array([1e-2, 1e2])
@@ -96,19 +98,16 @@ def draw_noise_r2(table: pd.DataFrame, settings: Mapping) -> Figure:
 
     table: noise_r2.csv. settings: cases, protocols, methods in the study's order.
     """
-    rows = [(case, state) for case in settings["cases"] for state in STATES]
-    columns = settings["protocols"]
-    figure = Figure(figsize=(DOUBLE, 0.75 + 1.75 * len(rows)), layout="constrained")
-    grid = figure.subplots(len(rows), len(columns), squeeze=False, sharex=True)
+    cases, columns = settings["cases"], settings["protocols"]
+    rows = [(case, state) for case in cases for state in STATES]
+    figure = Figure(figsize=(DOUBLE, 0.8 + 1.75 * len(rows)), layout="constrained")
+    grids = panels.case_grids(figure, cases, len(STATES), len(columns))
+    places = panels.LogAxis.of(table["level"])
     marked = False
     for row, (case, state) in enumerate(rows):
-        for column, protocol in enumerate(columns):
-            axes = grid[row, column]
-            panels.letter(
-                axes,
-                row * len(columns) + column,
-                f"{DIRECTIONS[state]}, {spoken(case)}, protocol {protocol}",
-            )
+        line = grids[case][row % len(STATES)]
+        for column, (axes, protocol) in enumerate(zip(line, columns, strict=True)):
+            panels.letter(axes, row * len(columns) + column, f"{DIRECTIONS[state]}, {protocol}")
             chosen = table[
                 (table["case"] == case)
                 & (table["protocol"] == protocol)
@@ -117,27 +116,25 @@ def draw_noise_r2(table: pd.DataFrame, settings: Mapping) -> Figure:
             if chosen.empty:
                 panels.nothing(axes, "no values in this study")
                 continue
-            places = _r2_panel(axes, chosen, settings["methods"], state)
+            _r2_panel(axes, chosen, places, settings["methods"])
             for claim in paper.claims_of(f"r2_{state}", case):
                 if claim.level in places.values:
                     height = panels.r2_place(claim.paper_value)
                     paper.mark(axes, places.position(claim.level), height, claim)
                     marked = True
-            if row < len(rows) - 1:
+            if row % len(STATES) < len(STATES) - 1:
                 axes.set_xlabel("")
-            if column:
-                axes.set_ylabel("")
+        line[0].set_ylabel(f"$R^2$ of {STATES[state]}")
     present = panels.in_order(table, "method", settings["methods"])
     panels.method_legend(figure, present, paper.handles(value=False, bound=marked), columns=4)
     return figure
 
 
-def _r2_panel(axes: Axes, table: pd.DataFrame, order: list[str], state: str) -> panels.LogAxis:
+def _r2_panel(axes: Axes, table: pd.DataFrame, places: panels.LogAxis, order: list[str]) -> None:
     methods = panels.in_order(table, "method", order)
-    places = panels.LogAxis.of(table["level"])
     places.prepare(axes, LEVEL_LABEL)
-    panels.prepare_r2(axes, f"$R^2$ of {STATES[state]}")
-    shift = panels.shifts(methods, 0.02)
+    panels.prepare_r2(axes, "")
+    shift = panels.shifts(methods, SPREAD)
     for method in methods:
         line = table[table["method"] == method].sort_values("level")
         panels.r2_series(
@@ -149,4 +146,3 @@ def _r2_panel(axes: Axes, table: pd.DataFrame, order: list[str], state: str) -> 
             method,
             joined=line["level"] > 0,
         )
-    return places

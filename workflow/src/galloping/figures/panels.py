@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator
 
-from galloping.figures.style import method_style
+from galloping.figures.style import method_style, spoken
 
 R2_LIMITS = (0.0, 0.9999)
 R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
@@ -21,7 +21,8 @@ R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
 
 def nothing(axes: Axes, reason: str) -> None:
     """An empty panel that says why."""
-    axes.set(xticks=[], yticks=[])
+    hidden = {"bottom": False, "left": False, "labelbottom": False, "labelleft": False}
+    axes.tick_params(which="both", **hidden)  # others may share the ticks themselves
     axes.spines[:].set_visible(False)
     axes.text(0.5, 0.5, reason, transform=axes.transAxes, ha="center", va="center", color="#5f5f5f")
 
@@ -29,6 +30,18 @@ def nothing(axes: Axes, reason: str) -> None:
 def letter(axes: Axes, index: int, text: str) -> None:
     """(a), (b), ... and what the panel shows."""
     axes.set_title(f"({chr(ord('a') + index % 26)}) {text}", loc="left")
+
+
+def case_grids(
+    figure: Figure, cases: Sequence[str], rows: int, columns: int
+) -> dict[str, np.ndarray]:
+    """A headed block of rows x columns panels for each case, heights shared along a row."""
+    blocks = figure.subfigures(len(cases), 1, squeeze=False)[:, 0]
+    grids = {}
+    for case, block in zip(cases, blocks, strict=True):
+        block.suptitle(spoken(case), x=0.01, ha="left", weight="bold", size=rcParams["font.size"])
+        grids[case] = block.subplots(rows, columns, squeeze=False, sharex=True, sharey="row")
+    return grids
 
 
 @dataclass(frozen=True)
@@ -76,10 +89,12 @@ def r2_place(r2: float | np.ndarray) -> float | np.ndarray:
     return -np.log10(1 - np.clip(r2, *R2_LIMITS))
 
 
-def prepare_r2(axes: Axes, label: str, vertical: bool = True) -> None:
+def prepare_r2(
+    axes: Axes, label: str, vertical: bool = True, ticks: Sequence[float] = R2_TICKS
+) -> None:
     """An axis of `r2_place`, labelled in R2; vertical: the y axis, else the x axis."""
     low, high = map(r2_place, R2_LIMITS)
-    places, labels = [r2_place(r) for r in R2_TICKS], [f"{r:g}" for r in R2_TICKS]
+    places, labels = [r2_place(r) for r in ticks], [f"{r:g}" for r in ticks]
     labels[0], labels[-1] = "≤ 0", "≥ 0.9999"
     limits = (low - 0.25, high + 0.25)
     if vertical:
@@ -103,13 +118,20 @@ def series(
     """Medians of one method, intervals as bars; those `joined` (all) lie on one line.
 
     Values beyond `limits`, failures (inf) among them, stand at the limit as open triangles.
+    A method without a marker is its line alone.
     """
     style = method_style(method)
     x, medians = np.asarray(x, float), np.asarray(medians, float)
     inside = np.clip(medians, *limits)
-    axes.vlines(x, np.clip(lows, *limits), np.clip(highs, *limits), color=style.color, lw=0.7)
     line = np.ones(len(x), bool) if joined is None else np.asarray(joined, bool)
-    axes.plot(x[line], inside[line], color=style.color, ls=style.line, zorder=3)
+    look = line_look(method)
+    if not style.marker:
+        dash = "_" if line.sum() == 1 else ""  # a line needs two points
+        axes.plot(x[line], inside[line], **look | {"markersize": 14}, marker=dash, zorder=4.5)
+        return
+    axes.vlines(x, np.clip(lows, *limits), np.clip(highs, *limits), color=style.color, lw=0.7)
+    axes.plot(x[line], inside[line], **look, zorder=2 + style.weight)
+    size = look["markersize"]
     for chosen, marker, face in (
         ((medians >= limits[0]) & (medians <= limits[1]), style.marker, style.color),
         (medians < limits[0], "v", "white"),
@@ -117,14 +139,28 @@ def series(
     ):
         axes.plot(
             x[chosen], inside[chosen], ls="", marker=marker, mfc=face, mec=style.color,
-            mew=0.7, zorder=4,
+            mew=0.7, ms=size, zorder=3 + style.weight,
         )  # fmt: skip
 
 
-def shifts(methods: Sequence[str], step: float) -> dict[str, float]:
-    """Small displacements, in decades, that keep the methods' bars apart."""
-    middle = (len(methods) - 1) / 2
-    return {method: step * (k - middle) for k, method in enumerate(methods)}
+def line_look(method: str) -> dict:
+    """Colour, dashes and sizes of a method's line and marker."""
+    style = method_style(method)
+    return {
+        "color": style.color,
+        "ls": style.line,
+        "lw": style.weight * rcParams["lines.linewidth"],
+        "markersize": style.weight * rcParams["lines.markersize"],
+    }
+
+
+def shifts(methods: Sequence[str], width: float) -> dict[str, float]:
+    """Small displacements that keep bars apart, `width` decades for six; lines alone stay."""
+    marked = [method for method in methods if method_style(method).marker]
+    step = width / max(5, len(marked) - 1)
+    middle = (len(marked) - 1) / 2
+    places = {method: step * (k - middle) for k, method in enumerate(marked)}
+    return dict.fromkeys(methods, 0.0) | places
 
 
 def in_order(table: pd.DataFrame, column: str, order: Sequence[str]) -> list[str]:
@@ -137,20 +173,22 @@ def method_legend(
     figure: Figure, methods: Sequence[str], extra: Sequence[Line2D] = (), columns: int = 5
 ) -> None:
     """All methods and marks, above the panels."""
-    entries = []
-    for method in methods:
-        style = method_style(method)
-        entries.append(
-            Line2D([], [], color=style.color, ls=style.line, marker=style.marker,
-                   label=style.label)
-        )  # fmt: skip
     clipped = Line2D(
         [], [], ls="", marker="v", mfc="white", mec="k", mew=0.7, label="beyond the axis"
     )
+    entries = method_handles({method: method_style(method).label for method in methods})
     figure.legend(
         handles=[*entries, *extra, clipped], loc="outside upper center", ncols=columns,
         columnspacing=1.4, handlelength=2.8,
     )  # fmt: skip
+
+
+def method_handles(names: Mapping[str, str]) -> list[Line2D]:
+    """Legend entries of methods, as they are to be named."""
+    return [
+        Line2D([], [], **line_look(method), marker=method_style(method).marker, label=name)
+        for method, name in names.items()
+    ]
 
 
 def r2_series(

@@ -22,12 +22,16 @@ DIRECTIONS = {"q_v": "vertical", "q_w": "horizontal"}
 
 @dataclass(frozen=True)
 class MethodStyle:
-    """How one method is drawn: no two methods share colour, marker and line at once."""
+    """How one method is drawn: no two methods share colour, marker and line at once.
+
+    marker: empty for a line alone. weight: of line and marker, in those of a usual method.
+    """
 
     label: str
     color: str
     marker: str
     line: str | tuple
+    weight: float = 1.0
 
 
 KNOWN = {
@@ -36,12 +40,16 @@ KNOWN = {
     "lasso": MethodStyle("LASSO", "#e69f00", "D", "-."),
     "ensemble": MethodStyle("ensemble", "#2fa86a", "P", ":"),
     "weak": MethodStyle("weak form", "#8a1c3b", "X", (0, (5, 1, 1, 1, 1, 1))),
+    "weak_gls": MethodStyle("weak form, GLS", "#7b3fbf", "d", (0, (7, 2)), 1.3),
+    "maximum_likelihood": MethodStyle("maximum likelihood", "#e6007e", "p", "-", 1.5),
+    "bound": MethodStyle("Cramér-Rao bound", "#000000", "", (0, (3, 1.5)), 1.1),
 }
+OURS = "maximum_likelihood"
 # For methods without a place of their own above: picked by the name alone. No triangles and no
 # star, which stand for values beyond the axis and for the paper.
-_COLORS = ("#6a51a3", "#c2478d", "#5f5f5f", "#a6611a", "#17a2a8")
-_MARKERS = ("p", "d", "h", "+", "x")
-_LINES = ((0, (3, 1)), (0, (7, 2)), (0, (1, 1)))
+_COLORS = ("#5f5f5f", "#a6611a", "#17a2a8")
+_MARKERS = ("h", "8", "+", "x")
+_LINES = ((0, (3, 1)), (0, (9, 3)), (0, (1, 1)))
 
 
 def method_style(name: str) -> MethodStyle:

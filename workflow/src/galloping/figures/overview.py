@@ -1,0 +1,132 @@
+"""The study in one picture: error of the coefficients against noise, and what limits it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from galloping.figures import panels, paper
+from galloping.figures.style import OURS, PAPER, SINGLE, method_style
+from galloping.tables.summary import interval, of_kind
+
+BOUND = "bound"
+PAPERS_METHOD = "stlsq_raw"
+PYSINDY = ("stlsq", "stlsq_raw", "lasso", "ensemble", "weak")
+ORDERS = ("linear", "quadratic", "cubic")
+
+
+def draw_overview(scores: pd.DataFrame, settings: Mapping) -> Figure:
+    """Mean coefficient error over the orders against noise: the paper's method, the best of
+    pysindy, ours, and the bound; those that the study has.
+
+    scores: scores.csv. settings: case and protocol to show.
+    """
+    case, protocol = settings["case"], settings["protocol"]
+    figure = Figure(figsize=(SINGLE, 3.3), layout="constrained")
+    axes = figure.subplots()
+    table = _errors(scores, case, protocol)
+    if table.empty:
+        panels.nothing(axes, "this study has no noisy recordings to show")
+        return figure
+    places = panels.LogAxis.of(table["level"])
+    places.prepare(axes, "noise level")
+    axes.set_yscale("log")
+    shown = _shown(table)
+    claims = _claims(case, places)
+    limits = _limits(table[table["method"].isin(shown)], [c.paper_value for c in claims.values()])
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set(ylim=limits, ylabel="mean error of the coefficients, %")
+    _beyond(axes, table, places, limits)
+    shift = panels.shifts(list(shown), 0.03)
+    for method in shown:
+        line = table[table["method"] == method]
+        x = [places.position(level, shift[method]) for level in line["level"]]
+        panels.series(axes, x, line["median"], line["low"], line["high"], method, limits)
+    for order, claim in claims.items():
+        x = places.position(claim.level)
+        paper.mark(axes, x, claim.paper_value, claim)
+        above = claim.paper_value == max(other.paper_value for other in claims.values())
+        axes.annotate(
+            f"paper, {order} terms: {claim.paper_value:g} %",
+            (x, claim.paper_value), (4 if above else 0, 8 if above else -6),
+            textcoords="offset points", ha="right" if above else "center",
+            va="bottom" if above else "top", color=PAPER, fontsize="small",
+        )  # fmt: skip
+    figure.legend(handles=panels.method_handles(shown), loc="outside upper left", handlelength=3)
+    return figure
+
+
+def best_of_pysindy(table: pd.DataFrame) -> str | None:
+    """The method with the lowest median, over the noisy levels, of the median error."""
+    medians = {
+        method: float(np.median(table.loc[table["method"] == method, "median"]))
+        for method in PYSINDY
+        if (table["method"] == method).any()
+    }
+    return min(medians, key=medians.get) if medians else None
+
+
+def _errors(scores: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
+    """method, level, median, low, high over replicates, at the levels above zero."""
+    cells = of_kind(scores, "noise")
+    cells = cells[(cells["case"] == case) & (cells["protocol"] == protocol) & (cells["level"] > 0)]
+    columns = [name for order in ORDERS if (name := f"mean_error_{order}_percent") in cells]
+    return pd.DataFrame(
+        [
+            (*names, *interval(cell[columns].mean(axis=1)))
+            for names, cell in cells.groupby(["method", "level"], sort=True)
+        ],
+        columns=["method", "level", "median", "low", "high"],
+    )
+
+
+def _shown(table: pd.DataFrame) -> dict[str, str]:
+    """Names for the legend of the methods to draw, those of them that the study has."""
+    best = best_of_pysindy(table)
+    names = {PAPERS_METHOD: "paper's method", OURS: "ours", BOUND: ""}
+    if best == PAPERS_METHOD:
+        names[best] += ", best of pysindy"
+    elif best:
+        names[best] = "best of pysindy"
+    ordered = [PAPERS_METHOD, best, OURS, BOUND]
+    present = set(table["method"])
+    return {
+        name: f"{names[name]}: {method_style(name).label}".removeprefix(": ")
+        for name in dict.fromkeys(ordered)
+        if name in present
+    }
+
+
+def _claims(case: str, places: panels.LogAxis) -> dict:
+    return {
+        order: claim
+        for order in ORDERS
+        for claim in paper.claims_of(f"mean_error_{order}_percent", case)
+        if claim.level in places.values
+    }
+
+
+def _limits(table: pd.DataFrame, printed: list[float]) -> tuple[float, float]:
+    """Room for all finite values, at most up to ten times what a lost model costs."""
+    values = table[["median", "low", "high"]].to_numpy(float).ravel()
+    values = np.array([*values[np.isfinite(values) & (values > 0)], *printed])
+    if not values.size:
+        return 1e-2, 1e2
+    return float(values.min() / 2), float(min(values.max() * 1.5, 1e3))
+
+
+def _beyond(axes: Axes, table: pd.DataFrame, places: panels.LogAxis, limits: tuple) -> None:
+    """Shades what lies below the bound."""
+    bound = table[table["method"] == BOUND]
+    if len(bound) < 2:
+        return
+    x = [places.position(level) for level in bound["level"]]
+    axes.fill_between(x, limits[0], bound["median"], color="#ececec", lw=0, zorder=0)
+    axes.text(
+        0.96, 0.04, "more than the data hold", transform=axes.transAxes, ha="right",
+        fontsize="small", color="#5f5f5f",
+    )  # fmt: skip
