@@ -1,0 +1,78 @@
+"""One real run of the smoke study, in a copy of the repository, for all tests that look at it."""
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+
+@dataclass(frozen=True)
+class Study:
+    """A copy of the repository. run: Snakemake's own output of the first run."""
+
+    folder: Path
+    first: subprocess.CompletedProcess | None = None
+
+    @property
+    def results(self) -> Path:
+        return self.folder / "results" / "smoke"
+
+    def snakemake(self, *options: str, config: tuple[str, ...] = ()) -> subprocess.CompletedProcess:
+        """The smoke study with further configuration files and options."""
+        command = [sys.executable, "-m", "snakemake"]
+        command += ["--workflow-profile", "workflow/profiles/default"]
+        command += ["--configfile", "config/smoke.yaml", *config]
+        environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+        return subprocess.run(
+            [*command, "--cores", "2", *options],
+            cwd=self.folder,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+        )
+
+    def files(self) -> dict[str, tuple[int, int]]:
+        """Size and time of every file, but Snakemake's records and compiled Python."""
+        found = {}
+        for path in self.folder.rglob("*"):
+            name = path.relative_to(self.folder)
+            if path.is_file() and not {".snakemake", "__pycache__"} & set(name.parts):
+                found[str(name)] = (path.stat().st_size, path.stat().st_mtime_ns)
+        return found
+
+
+def copy_repository(root: Path, folder: Path) -> None:
+    """What is or will be tracked by git, without results."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=root,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    ).stdout
+    for name in filter(None, listed.split("\0")):
+        if not name.startswith("results/") and (root / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(root / name, folder / name)
+
+
+@pytest.fixture(scope="session")
+def fresh(root, tmp_path_factory):
+    """A copy in which nothing has been run."""
+    folder = tmp_path_factory.mktemp("fresh")
+    copy_repository(root, folder)
+    return Study(folder)
+
+
+@pytest.fixture(scope="session")
+def study(root, tmp_path_factory):
+    """A copy in which the smoke study has been run once."""
+    folder = tmp_path_factory.mktemp("study")
+    copy_repository(root, folder)
+    return Study(folder, Study(folder).snakemake())

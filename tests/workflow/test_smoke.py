@@ -1,0 +1,221 @@
+"""The smoke study through Snakemake: what it writes, and what an edit runs again."""
+
+import csv
+import math
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
+
+# What a reader or a script can count on; tables may have more.
+COLUMNS = {
+    "table1_conductor": "case value unit provenance",
+    "table2_spacers": "case value unit provenance",
+    "table3_coefficients": "case equation symbol term true identified relative_error_percent",
+    "noise_coefficients": "case protocol method level order mean_error_percent",
+    "noise_r2": "case protocol method level state r2_median r2_low r2_high failures",
+    "data_amount": "case protocol method points state amplitude_error_percent r2",
+    "claims": "claim quantity paper_value study_value low high protocol method verdict",
+}
+CASES = {"internal_resonance", "non_resonant"}
+
+
+def table(study, name):
+    with (study.results / "tables" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def planned(study, *config):
+    """(rule, file) of what Snakemake would write, by its own summary."""
+    run = study.snakemake("--summary", config=config)
+    assert run.returncode == 0, run.stdout
+    lines = [line.split("\t") for line in run.stdout.splitlines() if line.count("\t") == 5]
+    assert lines[0] == ["output_file", "date", "rule", "log-file(s)", "status", "plan"]
+    assert len(lines) > 100
+    return [
+        (rule, Path(name).relative_to("results/smoke"))
+        for name, _, rule, *_, plan in lines[1:]
+        if plan == "update pending"
+    ]
+
+
+def of_cases(plan):
+    """Those of the files that belong to one case: below a folder of its name, or named so."""
+    return [(rule, path) for rule, path in plan if path.parts[0] not in ("tables", "figures")]
+
+
+def test_study_runs_to_the_end(study):
+    assert study.first.returncode == 0, study.first.stdout
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_tables_have_the_columns_of_the_contract(study, name):
+    rows = table(study, name)
+    assert set(COLUMNS[name].split()) <= set(rows[0])
+    if "case" in rows[0]:
+        assert {row["case"] for row in rows} == CASES
+    if "provenance" in rows[0]:
+        assert {row["provenance"] for row in rows} <= {"seed", "derived", "assumed"}
+
+
+def test_models_without_noise_are_exact(study):
+    rows = table(study, "table3_coefficients")
+    assert len(rows) == 2 * 14
+    assert all(float(row["relative_error_percent"]) < 1e-4 for row in rows)
+
+
+def test_every_cell_has_all_its_replicates(study):
+    rows = table(study, "scores")
+    cells = {}
+    for row in rows:
+        key = tuple(row[k] for k in ("case", "protocol", "cell", "method"))
+        cells.setdefault(key, []).append(int(row["replicate"]))
+    assert {key[2] for key in cells} >= {"noise_0", "noise_0.05", "points_1000"}
+    for key, replicates in cells.items():
+        assert replicates == ([0] if key[2] == "noise_0" else [0, 1]), key
+
+
+def test_claims_are_judged(study):
+    rows = table(study, "claims")
+    verdicts = {row["verdict"] for row in rows}
+    assert verdicts <= {"reproduced", "better", "not reproduced", "not run"}
+    for row in rows:
+        assert math.isfinite(float(row["paper_value"]))
+        assert (row["study_value"] == "") == (row["verdict"] == "not run")
+    exact = [r for r in rows if r["claim"].startswith("exact") and r["method"] == "stlsq"]
+    assert exact and {row["verdict"] for row in exact} == {"reproduced"}
+
+
+def test_figures_are_drawn(study):
+    drawn = {path.stem for path in (study.results / "figures").iterdir()}
+    assert drawn >= {f"figure{i:02d}" for i in range(4, 11)}
+    for name in drawn:
+        svg, png = (study.results / "figures" / f"{name}.{form}" for form in ("svg", "png"))
+        assert svg.read_text(encoding="utf-8").rstrip().endswith("</svg>")
+        assert png.read_bytes().startswith(b"\x89PNG")
+
+
+def test_every_job_leaves_a_log_and_a_benchmark(study):
+    logs = {p.relative_to(study.results / "logs").with_suffix("")
+            for p in (study.results / "logs").rglob("*.log")}  # fmt: skip
+    benchmarks = {p.relative_to(study.results / "benchmarks").with_suffix("")
+                  for p in (study.results / "benchmarks").rglob("*.tsv")}  # fmt: skip
+    assert logs and logs == benchmarks
+
+
+def test_second_run_has_nothing_to_do(study):
+    before = study.files()
+    run = study.snakemake()
+    assert run.returncode == 0, run.stdout
+    assert "Nothing to be done" in run.stdout
+    assert study.files() == before
+
+
+def test_wind_speed_of_a_case_runs_that_case_alone(study, tmp_path):
+    edit = tmp_path / "edit.yaml"
+    edit.write_text("cases: {internal_resonance: {wind: {speed: 12.5}}}\n")
+    plan = planned(study, str(edit))
+    files = of_cases(plan)
+    assert {path.parts[1].removesuffix(path.suffix) for _, path in files} == {"internal_resonance"}
+    assert {rule for rule, _ in files} >= {
+        "derive_model", "simulate_line", "measure_motion", "identify_model", "evaluate_cell",
+    }  # fmt: skip
+    aggregates = {path.as_posix() for _, path in plan} - {path.as_posix() for _, path in files}
+    assert aggregates >= {"tables/scores.csv", "tables/claims.csv", "figures/figure07.svg"}
+
+
+ALL_CELLS = {"noise_0", "noise_0.05", "points_1000", "joint_0.05"}
+ALL_METHODS = {"stlsq", "maximum_likelihood", "bound"}
+
+
+@pytest.mark.parametrize(
+    ("edit", "cells", "methods"),
+    [
+        ("measurement: {levels: [0, 0.03, 0.05]}", {"noise_0.03"}, ALL_METHODS),
+        ("measurement: {subsets: {points: [1000, 2000]}}", {"points_2000"}, ALL_METHODS),
+        ("identification: {thresholds: {stlsq: 0.01}}", ALL_CELLS, {"stlsq"}),
+        ("figures: {dpi: 100}", set(), set()),
+    ],
+    ids=["a level", "a size", "a threshold", "a look"],
+)
+def test_edits_run_their_own_cells(study, tmp_path, edit, cells, methods):
+    file = tmp_path / "edit.yaml"
+    file.write_text(f"{edit}\n")
+    plan = planned(study, str(file))
+    assert plan
+    by_cell = [path.with_suffix("") for _, path in of_cases(plan)]
+    models = [path.parts for path in by_cell if path.parts[0] == "identified"]
+    assert {parts[3] for parts in models} == cells
+    assert {parts[4] for parts in models} == methods
+    others = {part for path in by_cell for part in path.parts[3:4]} - cells
+    assert not others
+
+
+def test_an_edit_of_a_module_runs_what_uses_it(study, tmp_path):
+    edited = type(study)(tmp_path / "edited")
+    shutil.copytree(study.folder, edited.folder)
+    module = edited.folder / "workflow/src/galloping/identification/sparse/stlsq.py"
+    text = module.read_text(encoding="utf-8")
+
+    module.write_text(f"# a comment\n{text}", encoding="utf-8")
+    assert planned(edited) == []
+
+    module.write_text(f"{text}\nEDITED = True\n", encoding="utf-8")
+    files = of_cases(planned(edited))
+    assert {rule for rule, _ in files} == {"identify_model", "evaluate_cell"}
+    assert {path.stem for _, path in files if path.parts[0] == "identified"} == {"stlsq"}
+
+
+def test_lost_results_come_back_with_the_same_bytes(study):
+    cell = "/non_resonant/state/noise_0.05"
+    stages = ("recordings", "reduced", "identified", "scores", "reconstructions", "tables")
+    lost = [
+        path
+        for stage in stages
+        for path in (study.results / stage).rglob("*.*")
+        if path.is_file() and (stage == "tables" or cell in path.as_posix())
+    ]
+    before = {path: path.read_bytes() for path in lost}
+    assert {path.relative_to(study.results).parts[0] for path in lost} == set(stages)
+    for path in lost:
+        path.unlink()
+    run = study.snakemake()
+    assert run.returncode == 0, run.stdout
+    changed = [str(path) for path, content in before.items() if path.read_bytes() != content]
+    assert changed == []
+
+
+@pytest.mark.parametrize(
+    ("edit", "line"),
+    [
+        ("measurment: {seed: 1}", r"measurment: unknown key; did you mean 'measurement'\?"),
+        (
+            "cases: {internal_resonance: {wind: {sped: 9}}}",
+            r"cases\.internal_resonance\.wind\.sped: ",
+        ),
+        ("measurement: {replicates: many}", r"measurement\.replicates: 'many' is text"),
+        ("measurement: {levels: [-0.1]}", r"measurement\.levels: -0\.1 is not allowed"),
+        ("cases: {non_resonant: {line: {span: 0}}}", r"cases\.non_resonant\.line\.span: 0 is not"),
+        (
+            "cases: {non_resonant: {spacers: {positions: [400]}}}",
+            r"cases\.non_resonant\.spacers\.positions: 400 is beyond the span",
+        ),
+        (
+            "measurement: {subsets: {points: [30002]}}",
+            r"measurement\.subsets\.points: 30002 is larger than the record \(30001 samples\)",
+        ),
+        ("identification: {methods: [stlsk]}", r"identification\.methods: unknown method 'stlsk'"),
+    ],
+)
+def test_bad_configurations_end_in_one_line_and_write_nothing(fresh, tmp_path, edit, line):
+    file = tmp_path / "edit.yaml"
+    file.write_text(f"{edit}\n")
+    before = fresh.files()
+    run = fresh.snakemake(config=(str(file),))
+    assert run.returncode != 0
+    assert fresh.files() == before
+    said = [text for text in run.stdout.splitlines() if not text.startswith(("Using ", "Config "))]
+    assert len(said) == 1 and re.match(line, said[0]), run.stdout
