@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from textwrap import fill
 
 import numpy as np
 import pandas as pd
-from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -133,7 +133,7 @@ def _dots(axes: Axes, table: pd.DataFrame, group: Group, pairs: list[tuple[str, 
         limits, place = tuple(map(panels.r2_place, panels.R2_LIMITS)), panels.r2_place
         panels.prepare_r2(axes, "$R^2$", vertical=False)
         ticks = (0, 0.9, 0.99, 0.999)
-        axes.set_xticks(panels.r2_place(ticks), ["≤ 0", "0.9", "0.99", "0.999"])
+        axes.set_xticks(panels.r2_place(ticks), ["≤ 0", "0.9", "0.99", "0.999"], fontsize="x-small")
     for k, row in enumerate(group.rows):
         for j, pair in enumerate(pairs):
             found = _of(table, row, pair)
@@ -154,9 +154,9 @@ def _quantities(axes: Axes, table: pd.DataFrame, group: Group) -> None:
     for k, (name, case) in enumerate(group.rows):
         found = table[(table["claim"] == name) & (table["case"] == case)].iloc[0]
         axes.text(
-            0.5, k, _typeset(found["quantity"]),
+            0.5, k, _typeset(fill(found["quantity"], 26)),
             transform=axes.get_yaxis_transform(), ha="center", va="center",
-            fontsize=0.63 * rcParams["font.size"],
+            fontsize="x-small", linespacing=1.0,
         )  # fmt: skip
 
 
@@ -228,7 +228,8 @@ def _heads(figure: Figure, pairs: list[tuple[str, str]], height: float, place: t
     for j, (protocol, method) in enumerate(pairs, start=1):
         style = method_style(method)
         name = style.label.replace(" ", "\n")
-        figure.text(left + j * step, y, f"{protocol}\n{name}", fontsize="x-small")
+        text = f"{protocol}\n{name}"
+        figure.text(left + j * step, y + 0.4 / height, text, va="top", fontsize="x-small")
         face = style.color if protocol == pairs[0][0] else "white"
         entries.append(
             Line2D([], [], ls="", marker=style.marker, mfc=face, mec=style.color, ms=3.5,

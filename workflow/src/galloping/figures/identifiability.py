@@ -63,7 +63,7 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
 def _prepare(axes: Axes, terms: list[tuple[str, str]], t: pd.Series) -> None:
     lowest = max(t.min(), IDENTIFIABLE / LEAST)
     axes.set_xscale("log")
-    axes.set_xlim(min(lowest, IDENTIFIABLE / 2) / 1.5, t.max() * 1.5)
+    axes.set_xlim(min(lowest, IDENTIFIABLE / 2) / 1.5, 1.5 * max(t.max(), 2 * IDENTIFIABLE))
     axes.set_xlabel("$t$ = |coefficient| / bound")
     axes.set_yticks(range(len(terms)), [_typeset(*term) for term in terms])
     axes.tick_params(axis="y", length=0)

@@ -127,6 +127,6 @@ def _beyond(axes: Axes, table: pd.DataFrame, places: panels.LogAxis, limits: tup
     x = [places.position(level) for level in bound["level"]]
     axes.fill_between(x, limits[0], bound["median"], color="#ececec", lw=0, zorder=0)
     axes.text(
-        0.96, 0.04, "more than the data hold", transform=axes.transAxes, ha="right",
+        x[-1] / 1.05, limits[0] * 1.15, "more than the data hold", ha="right",
         fontsize="small", color="#5f5f5f",
     )  # fmt: skip
