@@ -116,7 +116,7 @@ def _limits(table: pd.DataFrame, printed: list[float]) -> tuple[float, float]:
     values = np.array([*values[np.isfinite(values) & (values > 0)], *printed])
     if not values.size:
         return 1e-2, 1e2
-    return float(values.min() / 2), float(min(values.max() * 1.5, 1e3))
+    return float(values.min() / 2), float(min(values.max() * 2, 1e3))
 
 
 def _beyond(axes: Axes, table: pd.DataFrame, places: panels.LogAxis, limits: tuple) -> None:
