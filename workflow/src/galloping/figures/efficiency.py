@@ -10,10 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import panels
-from galloping.figures.style import DOUBLE
+from galloping.figures.style import BOUND, DOUBLE
 
 LOWEST, HIGHEST = 0.5, 1e4  # of rms error / bound
-BOUND = "bound"
 SPREAD = 0.09  # decades, within which methods are moved apart
 STEP = 1.75  # factor along the axis, from the last level to joint recordings
 

@@ -10,10 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import panels, paper
-from galloping.figures.style import OURS, PAPER, SINGLE, method_style
+from galloping.figures.style import BOUND, OURS, PAPER, SINGLE, method_style
 from galloping.tables.summary import interval, of_kind
 
-BOUND = "bound"
 PAPERS_METHOD = "stlsq_raw"
 PYSINDY = ("stlsq", "stlsq_raw", "lasso", "ensemble", "weak")
 ORDERS = ("linear", "quadratic", "cubic")

@@ -44,7 +44,7 @@ KNOWN = {
     "maximum_likelihood": MethodStyle("maximum likelihood", "#e6007e", "p", "-", 1.5),
     "bound": MethodStyle("Cramér-Rao bound", "#000000", "", (0, (3, 1.5)), 1.1),
 }
-OURS = "maximum_likelihood"
+OURS, BOUND = "maximum_likelihood", "bound"
 # For methods without a place of their own above: picked by the name alone. No triangles and no
 # star, which stand for values beyond the axis and for the paper.
 _COLORS = ("#5f5f5f", "#a6611a", "#17a2a8")
