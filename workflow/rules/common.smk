@@ -14,6 +14,11 @@ from galloping.configuration.load import ConfigurationError, load, plain, read
 from galloping.identification.registry import BY_NAME
 from galloping.reproducibility.digest import code_digest
 
+# No limit on the rate of starting jobs: its timers wake the scheduler once a second for every
+# job that has finished, and Snakemake then takes a third of a core from the study.
+if workflow.scheduling_settings:
+    workflow.scheduling_settings.max_jobs_per_timespan = None
+
 try:
     for file in workflow.configfiles:
         read(file)  # Snakemake keeps the last of two equal keys in silence
