@@ -64,10 +64,10 @@ def _boxes(settings: Mapping) -> list[tuple[str, str]]:
         ),
         (
             "Candidate library",
-            f"{candidates} monomials up to degree {degree}, a recording reduced once by QR "
-            "(weak form: by integrals)",
+            f"{candidates} monomials up to degree {degree}: regressed on derivatives or "
+            "integrals, or fitted to the motion",
         ),
-        ("Sparse regression", f"{methods}; threshold by a rule from the data alone"),
+        ("Identification", f"{methods}; terms by a rule from the data alone"),
         ("Identified model", "support and coefficients of both equations, for each replicate"),
         (
             "Reconstructed motion",

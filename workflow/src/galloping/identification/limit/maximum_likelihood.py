@@ -25,16 +25,16 @@ from galloping.identification.limit.weak_gls import WeakFit, prepared, weak_fit
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
-WINDOWS_PER_PERIOD = 12
-PERIODS_PER_SEGMENT = 6
-PATIENCE = 5
+WINDOWS_PER_PERIOD = 12  # of the shortest period; the projections of a window lose nothing
+PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
+PATIENCE = 5  # passes after which terms are chosen and segments matched, however bad the fit
 MOST_PASSES = 20
-MOST_HALVINGS = 6
-CLOSE = 1.5
-CONVERGED = 0.01
-MATCHED = 1e-3
-TRUNCATION = 1e-7
-SMALLEST_NOISE = 1e-5
+MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
+CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
+CONVERGED = 0.01  # squared length of a step, in standard deviations
+MATCHED = 1e-3  # gap between segments, relative to each state
+TRUNCATION = 1e-7  # of the Taylor series, relative to each state
+SMALLEST_NOISE = 1e-5  # of a channel, relative to its size: rounding is not weighed as noise
 
 
 @dataclass(frozen=True)
