@@ -27,3 +27,11 @@ rule all:
     input:
         tables(),
         figures(),
+
+
+onsuccess:
+    cancel_timers()
+
+
+onerror:
+    cancel_timers()

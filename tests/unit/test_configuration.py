@@ -66,7 +66,11 @@ def test_smoke_changes_only_the_extent_of_the_study():
     update_config(config, read(ROOT / "config/smoke.yaml"))
     expected = plain(load({}))
     expected["results"] = "results/smoke"
-    expected["measurement"] |= {"replicates": 2, "levels": [0, 0.05]}
+    expected["measurement"] |= {
+        "replicates": 2,
+        "protocols": ["state"],
+        "levels": [0, 0.05],
+    }
     expected["measurement"]["subsets"]["points"] = [1000]
     expected["identification"]["methods"] = ["stlsq", "maximum_likelihood"]
     assert plain(load(config)) == expected

@@ -1,6 +1,7 @@
 # Settings, the cells of the study, and the environment of its jobs.
 import os
 import sys
+import threading
 from pathlib import Path
 
 LIBRARY = Path(workflow.basedir) / "workflow" / "src"
@@ -13,11 +14,6 @@ os.environ.update(PYTHONPATH=str(LIBRARY), **threads)
 from galloping.configuration.load import ConfigurationError, load, plain, read
 from galloping.identification.registry import BY_NAME
 from galloping.reproducibility.digest import code_digest
-
-# No limit on the rate of starting jobs: its timers wake the scheduler once a second for every
-# job that has finished, and Snakemake then takes a third of a core from the study.
-if workflow.scheduling_settings:
-    workflow.scheduling_settings.max_jobs_per_timespan = None
 
 try:
     for file in workflow.configfiles:
@@ -41,6 +37,13 @@ wildcard_constraints:
     protocol="|".join(PROTOCOLS),
     cell="|".join([*LEVELS, *SUBSETS, *JOINT]),
     method="|".join(METHODS),
+
+
+def cancel_timers():
+    """End the timers of Snakemake's rate limit, which would hold up its exit."""
+    for thread in threading.enumerate():
+        if isinstance(thread, threading.Timer):
+            thread.cancel()
 
 
 def out(path):
