@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 FAILED = re.compile(r"^ {4}log: (\S+) \(check log file", re.MULTILINE)
 
 
-def closing_line(log: str | Path) -> str:
+def closing_line(logs: Iterable[str | Path]) -> str:
     """What ended a run and what to do next.
 
-    log: Snakemake's log of the run; the last line in the log of a failed job says why it failed.
+    logs: Snakemake's own of the run; the last line in the log of a failed job says why it failed.
     """
-    causes = {_cause(Path(job)) for job in FAILED.findall(_text(Path(log)))}
+    failed = (job for log in logs for job in FAILED.findall(_text(Path(log))))
+    causes = {_cause(Path(job)) for job in failed}
     reason = "; ".join(sorted(causes)) or "it was interrupted, or Snakemake's last lines say why"
     return f"The study stopped: {reason}. Finished jobs are kept; run it again to go on."
 

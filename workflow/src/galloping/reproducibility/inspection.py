@@ -34,9 +34,10 @@ def repair_command(configfiles: Iterable[str | Path] = ()) -> str:
 def lost(results: str, repair: str) -> list[str]:
     """Files of a study that were made and are gone; to be made again.
 
-    repair: the command that mends damage, for messages. Raises DamagedResults if a file is not what
-    its job wrote, or if Snakemake's records of the results are gone, without which it would not see
-    what was edited since. While Snakemake holds its lock, files come and go, and nothing is compared.
+    repair: the command that mends damage, for messages. Raises DamagedResults if a file is not
+    what its job wrote, or if Snakemake's records of the results are gone, without which it would
+    not see what was edited since. While Snakemake holds its lock, files come and go, and nothing
+    is compared.
     """
     if locked():
         return []
