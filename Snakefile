@@ -20,6 +20,7 @@ include: "workflow/rules/bound.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/tabulate.smk"
 include: "workflow/rules/draw.smk"
+include: "workflow/rules/check.smk"
 
 
 rule all:
@@ -27,6 +28,7 @@ rule all:
     input:
         tables(),
         figures(),
+        LOST,
 
 
 onsuccess:
@@ -34,4 +36,5 @@ onsuccess:
 
 
 onerror:
+    print(closing_line(log), file=sys.stderr)
     cancel_timers()
