@@ -33,8 +33,9 @@ def run(work: Callable[[], None], job) -> None:
             try:
                 with redirect_stdout(file), redirect_stderr(file):
                     _run(work, job)
-            except Exception:
+            except Exception as error:
                 traceback.print_exc(file=file)
+                print(_line(error), file=file)
                 raise
     except Exception as error:
         sys.exit(f"{_line(error)} (details: {log})")
