@@ -1,27 +1,43 @@
 # make            the environment, the whole study and its report
 # make smoke      the same in a minute, in results/smoke
 # make test       the study, then all checks
+# make repair     after a kill, a crash or an edit by hand: mend what is there, then the study
+# make verify     compare every result with its receipt, and every receipt with the settings
+# make prune      list and remove results that the settings no longer ask for
 # make lint       style checks alone
 # make bench      measured speed, in results/benchmarks.csv
 # make reference  take the finished study as the published numbers, in results/reference
 # make docs       write the key table and schema again from the settings
 # make lock       pin the environment again
+#
+# CONFIG=file     settings merged over config/config.yaml, for study, repair, verify and prune
+# CORES=n         how many cores to use; all
 PYTHON ?= python3
 CORES ?= all
 VENV := .venv
 BIN := $(VENV)/bin
-SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) $(shell [ -t 1 ] && echo --logger rich)
+SCRIPT := PYTHONPATH=workflow/src $(BIN)/python workflow/scripts
+OPTIONS := $(if $(CONFIG),--configfile $(CONFIG))
 
-.PHONY: all study smoke test lint bench reference docs lock help
+.PHONY: all study smoke test repair verify prune lint bench reference docs lock help
 all: study
 
 study: $(VENV)/made
-	$(SNAKEMAKE)
-	@$(BIN)/python workflow/scripts/make_report.py results
+	@$(SCRIPT)/run_study.py --cores $(CORES) $(shell [ -t 1 ] && echo --logger rich) $(OPTIONS)
+	@$(SCRIPT)/make_report.py $(OPTIONS)
 
-smoke: $(VENV)/made
-	$(SNAKEMAKE) --configfile config/smoke.yaml
-	@$(BIN)/python workflow/scripts/make_report.py results/smoke --configfile config/smoke.yaml
+smoke:
+	@$(MAKE) --no-print-directory study CONFIG=config/smoke.yaml
+
+repair: $(VENV)/made
+	@$(SCRIPT)/repair.py $(OPTIONS)
+	@$(MAKE) --no-print-directory study
+
+verify: $(VENV)/made
+	@$(SCRIPT)/verify_results.py $(OPTIONS)
+
+prune: $(VENV)/made
+	@$(SCRIPT)/prune_results.py $(OPTIONS)
 
 test: study
 	$(BIN)/python -m pytest -n 2 --dist loadgroup

@@ -46,4 +46,4 @@ def main() -> None:
     result.write(snakemake.output.models, models)
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

@@ -9,4 +9,4 @@ def main() -> None:
     write_json(snakemake.output.model, derive(snakemake.params.settings["case"]))
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

@@ -22,4 +22,4 @@ def main() -> None:
     )
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

@@ -10,4 +10,4 @@ def main() -> None:
     write_figure(output.svg, output.png, lambda: draw_flow(settings), **settings["look"])
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

@@ -15,4 +15,4 @@ def main() -> None:
     )
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

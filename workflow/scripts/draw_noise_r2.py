@@ -13,4 +13,4 @@ def main() -> None:
     write_figure(output.svg, output.png, lambda: draw_noise_r2(table, settings), **settings["look"])
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

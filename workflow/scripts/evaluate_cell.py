@@ -49,4 +49,4 @@ def main() -> None:
     write_arrays(snakemake.output.motions, **arrays)
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

@@ -27,4 +27,4 @@ def main() -> None:
     result.write(snakemake.output.models, results)
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

@@ -27,4 +27,4 @@ def main() -> None:
     recordings.write(snakemake.output.recordings)
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

@@ -44,4 +44,4 @@ def main() -> None:
     write_rows(snakemake.output.ranking, rows)
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

@@ -12,4 +12,4 @@ def main() -> None:
     write(snakemake.output.reduced, [reduce(recordings, terms) for recordings in replicates])
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

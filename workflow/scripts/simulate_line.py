@@ -23,4 +23,4 @@ def main() -> None:
     write_arrays(snakemake.output.trajectory, time=time, states=np.stack(states))
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

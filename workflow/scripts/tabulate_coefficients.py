@@ -25,4 +25,4 @@ def main() -> None:
     write_rows(snakemake.output.table, table3(pd.concat(tables)).to_dict("records"))
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

@@ -35,4 +35,4 @@ def main() -> None:
     write_rows(output.further_recordings, rankings.to_dict("records"))
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

@@ -11,4 +11,4 @@ def main() -> None:
     write_rows(snakemake.output.spacers, parameters.spacers(cases))
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

@@ -23,4 +23,4 @@ def main() -> None:
         write_rows(path, table.to_dict("records"))
 
 
-run(main, snakemake.log[0])
+run(main, snakemake)

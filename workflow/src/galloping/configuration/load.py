@@ -56,6 +56,12 @@ def plain(settings: Section) -> dict:
     return settings.model_dump(mode="json")
 
 
+def results_folder(configfiles: Iterable[str | Path]) -> str:
+    """The folder that a study writes; of its configuration files a later one overrides."""
+    named = [part["results"] for file in configfiles if "results" in (part := read(file))]
+    return load({"results": named[-1]} if named else {}).results
+
+
 def read(path: str | Path) -> dict:
     """The mapping in a YAML file.
 

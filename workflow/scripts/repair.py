@@ -1,0 +1,39 @@
+"""Makes a study fit to go on after a kill, a crash, an edit by hand or a lost .snakemake.
+
+Usage: repair.py [--configfile FILE ...]
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from galloping.reproducibility.inspection import recorded
+from galloping.reproducibility.plan import planning
+from galloping.reproducibility.recovery import (
+    StillRunning,
+    adopt,
+    release,
+    set_aside_damaged,
+    sweep,
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--configfile", nargs="+", default=[])
+    try:
+        for line in release(Path.cwd()):
+            print(line)
+        with planning(parser.parse_args().configfile) as plan:
+            results = plan.settings["results"]
+            for line in (*sweep(results), *set_aside_damaged(results)):
+                print(line)
+            if not recorded():
+                for line in adopt(plan):
+                    print(line)
+    except StillRunning as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""What is wrong, missing or left over in a study's results, against its plan and its receipts."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from galloping.reproducibility.inspection import inspect
+from galloping.reproducibility.plan import Plan
+from galloping.reproducibility.receipts import Receipt, receipt_path, receipts
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Files by state; each planned file is in exactly one of the first six.
+
+    sound: as planned and as written. damaged: not what its job wrote. lost: made once, gone now.
+    outdated: made with other settings or code. inconsistent: made from another version of an input.
+    unknown: without a receipt. absent: never made. left_over: made, no longer planned.
+    """
+
+    sound: tuple[str, ...]
+    damaged: tuple[str, ...]
+    lost: tuple[str, ...]
+    outdated: tuple[str, ...]
+    inconsistent: tuple[str, ...]
+    unknown: tuple[str, ...]
+    absent: tuple[str, ...]
+    left_over: tuple[Receipt, ...]
+
+
+def audit(plan: Plan) -> Audit:
+    """Read every file of a study and compare it with its receipt, its settings and its inputs."""
+    known = {receipt.path: receipt for receipt in receipts(plan.settings["results"])}
+    planned = {path: job for job in plan.jobs for path in job.outputs}
+    findings = inspect((known[path] for path in planned if path in known), thorough=True)
+    lost = {receipt.path for receipt in findings.missing}
+    damaged = {receipt.path for receipt in findings.damaged}
+
+    def state(path: str) -> str:
+        if path not in known:
+            return "unknown" if Path(path).exists() else "absent"
+        if path in lost:
+            return "lost"
+        if path in damaged:
+            return "damaged"
+        if not planned[path].made(known[path]):
+            return "outdated"
+        inputs = known[path].inputs
+        if any(known[i].sha256 != read for i, read in inputs.items() if i in known):
+            return "inconsistent"
+        return "sound"
+
+    states = {path: state(path) for path in sorted(planned)}
+    return Audit(
+        **{
+            name: tuple(path for path, found in states.items() if found == name)
+            for name in Audit.__dataclass_fields__
+            if name != "left_over"
+        },
+        left_over=tuple(receipt for path, receipt in known.items() if path not in planned),
+    )
+
+
+def remove(receipt: Receipt) -> list[Path]:
+    """Remove a file with its receipt, log and benchmark; those that there were."""
+    log = Path(receipt.log)
+    parts = ["benchmarks" if part == "logs" else part for part in log.parts]
+    benchmark = Path(*parts).with_suffix(".tsv")
+    files = [Path(receipt.path), receipt_path(receipt.path), log, benchmark]
+    present = [file for file in files if file.exists()]
+    for file in present:
+        file.unlink()
+        with suppress(OSError):  # not empty
+            file.parent.rmdir()
+    return present

@@ -1,0 +1,33 @@
+"""Why a run stopped, in a line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+FAILED = re.compile(r"^ {4}log: (\S+) \(check log file", re.MULTILINE)
+
+
+def closing_line(logs: Iterable[str | Path]) -> str:
+    """What ended a run and what to do next.
+
+    logs: Snakemake's own of the run; the last line in the log of a failed job says why it failed.
+    """
+    failed = (job for log in logs for job in FAILED.findall(_text(Path(log))))
+    causes = {_cause(Path(job)) for job in failed}
+    reason = "; ".join(sorted(causes)) or "it was interrupted, or Snakemake's last lines say why"
+    return f"The study stopped: {reason}. Finished jobs are kept; run it again to go on."
+
+
+def _cause(log: Path) -> str:
+    lines = _text(log).split("\n")
+    said = next((line for line in reversed(lines) if line.strip()), "see its message above")
+    return f"{said.strip()} ({log})"
+
+
+def _text(log: Path) -> str:
+    try:
+        return log.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""

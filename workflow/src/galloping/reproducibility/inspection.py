@@ -1,0 +1,115 @@
+"""Compares the files of a study with their receipts, quickly enough for the start of every run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from galloping.reproducibility.receipts import Receipt, digest, receipts
+from galloping.storage import read_json, write_json
+
+RECORDS = Path(".snakemake")
+SEEN = RECORDS / "digests.json"
+
+
+class DamagedResults(ValueError):
+    """Results that must not be used as they are; the message says so in one line."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Receipts whose file is missing, and those whose file has other content."""
+
+    missing: tuple[Receipt, ...]
+    damaged: tuple[Receipt, ...]
+
+
+def repair_command(configfiles: Iterable[str | Path] = ()) -> str:
+    """What to type for the study of these configuration files."""
+    return " ".join(["make repair", *(f"CONFIG={file}" for file in configfiles)])
+
+
+def lost(results: str, repair: str) -> list[str]:
+    """Files of a study that were made and are gone; to be made again.
+
+    repair: the command that mends damage, for messages. Raises DamagedResults if a file is not
+    what its job wrote, or if Snakemake's records of the results are gone, without which it would
+    not see what was edited since. While Snakemake holds its lock, files come and go, and nothing
+    is compared.
+    """
+    if locked():
+        return []
+    found = list(receipts(results))
+    if found and not recorded():
+        raise DamagedResults(
+            f"{results}: Snakemake's records of these files (.snakemake/metadata) are gone, "
+            f"and with them what was edited since; `{repair}` compares the receipts instead"
+        )
+    findings = inspect(found)
+    if findings.damaged:
+        first, *others = (receipt.path for receipt in findings.damaged)
+        more = f" and {len(others)} more" if others else ""
+        raise DamagedResults(
+            f"{first}{more}: edited or damaged since its job wrote it; "
+            f"`{repair}` sets it aside and makes it again"
+        )
+    return [receipt.path for receipt in findings.missing]
+
+
+def locked() -> bool:
+    """Whether Snakemake's lock lies in the working folder."""
+    return any((RECORDS / "locks").glob("*"))
+
+
+def recorded() -> bool:
+    """Whether Snakemake has records of any file it made in the working folder."""
+    return any((RECORDS / "metadata").glob("*"))
+
+
+def inspect(found: Iterable[Receipt], *, thorough: bool = False) -> Findings:
+    """Compare files with their receipts.
+
+    thorough: read every file, also those whose size and times are as when last read.
+    """
+    found = list(found)
+    states = {receipt.path: _state(receipt.path) for receipt in found}
+    seen = {} if thorough else _seen()
+    changed = [p for p, state in states.items() if state and seen.get(p, [None])[:-1] != state]
+    with ThreadPoolExecutor() as pool:
+        read = dict(zip(changed, pool.map(digest, changed), strict=True))
+    known = {
+        path: [*state, read[path] if path in read else seen[path][-1]]
+        for path, state in states.items()
+        if state
+    }
+    if read:
+        _remember(known)
+    return Findings(
+        missing=tuple(r for r in found if not states[r.path]),
+        damaged=tuple(r for r in found if states[r.path] and known[r.path][-1] != r.sha256),
+    )
+
+
+def _state(path: str) -> list[int] | None:
+    """What changes when a file is written, even if its time is set back."""
+    try:
+        status = Path(path).stat()
+    except OSError:
+        return None
+    return [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
+
+
+def _seen() -> dict[str, list]:
+    try:
+        return read_json(SEEN)
+    except (OSError, ValueError):
+        return {}
+
+
+def _remember(known: dict[str, list]) -> None:
+    try:
+        write_json(SEEN, {**_seen(), **known})
+    except OSError:
+        return  # only costs time: a full or read-only disk is told by what must write to it

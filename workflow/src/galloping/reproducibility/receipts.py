@@ -1,0 +1,79 @@
+"""What every job leaves beside an output: what it was made from, and the digest of what it is.
+
+The receipt of `models/a.json` is `models/.a.json.receipt`. Snakemake's own records live in
+`.snakemake`, know times but not contents, and stay behind when results are moved; receipts travel
+with the results and show an edited, damaged or lost file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from galloping.storage import read_json, write_json
+
+SUFFIX = ".receipt"
+
+
+@dataclass(frozen=True)
+class Receipt:
+    """How one file was made.
+
+    path, log: relative to the working folder. settings: of the job, with the digest of its code.
+    inputs: digests of what the job read, by path. seconds: wall time of the job's own work.
+    """
+
+    path: str
+    rule: str
+    wildcards: dict[str, str]
+    log: str
+    settings: dict
+    inputs: dict[str, str]
+    sha256: str
+    size: int
+    seconds: float
+
+
+def digest(path: str | Path) -> str:
+    """SHA-256 of a file, in hex."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def digests(paths: Iterable[str]) -> dict[str, str]:
+    """SHA-256 of files by path."""
+    return {str(path): digest(path) for path in paths}
+
+
+def receipt_path(path: str | Path) -> Path:
+    path = Path(path)
+    return path.with_name(f".{path.name}{SUFFIX}")
+
+
+def as_written(settings: Mapping) -> dict:
+    """Settings as a receipt holds them, for comparison."""
+    return json.loads(json.dumps(settings))
+
+
+def write_receipt(receipt: Receipt) -> None:
+    write_json(receipt_path(receipt.path), asdict(receipt))
+
+
+def read_receipt(path: str | Path) -> Receipt | None:
+    """The receipt of an output, or None if it has none that can be read."""
+    try:
+        return Receipt(**read_json(receipt_path(path)))
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def receipts(results: str | Path) -> Iterator[Receipt]:
+    """The receipts of one results folder by path, without those of results inside it."""
+    found = Path(results).rglob(f".*{SUFFIX}")
+    for path in sorted(found):
+        receipt = read_receipt(path.with_name(path.name[1 : -len(SUFFIX)]))
+        if receipt and receipt.log.startswith(f"{results}/logs/"):
+            yield receipt

@@ -1,0 +1,99 @@
+"""Brings a study back to a state from which it can go on, whatever ended or befell it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+from galloping.reproducibility.inspection import RECORDS, inspect, locked
+from galloping.reproducibility.plan import Plan, PlannedJob
+from galloping.reproducibility.processes import end, orphans, running
+from galloping.reproducibility.receipts import Receipt, receipt_path, receipts
+
+SET_ASIDE = "set_aside"
+
+
+class StillRunning(RuntimeError):
+    """A live run works in the folder; the message says which."""
+
+
+def release(folder: Path) -> Iterator[str]:
+    """End what a killed run left running and take its lock; says what was done.
+
+    Raises StillRunning if the run is alive.
+    """
+    if live := running(folder):
+        raise StillRunning(
+            f"process {live[0].pid} is running a study in this folder: wait for it, or stop it"
+        )
+    if left := orphans(folder):
+        end(left)
+        yield f"ended {len(left)} jobs that a killed run had left running"
+    if locked():
+        shutil.rmtree(folder / RECORDS / "locks")
+        yield "removed the lock of a killed run"
+
+
+def sweep(results: str) -> Iterator[str]:
+    """Remove what a killed job had not finished writing (see `storage.replacing`)."""
+    for path in sorted(Path(results).rglob(".[0-9]*-*")):
+        path.unlink()
+        yield f"removed the unfinished {path}"
+
+
+def set_aside_damaged(results: str) -> Iterator[str]:
+    """Move files that are not what their jobs wrote out of the way; their receipts stay.
+
+    A receipt without its file lets the next run make the file again.
+    """
+    for receipt in inspect(receipts(results), thorough=True).damaged:
+        kept = _set_aside(results, receipt.path)
+        yield f"{receipt.path} was edited or damaged: set aside as {kept}"
+
+
+def adopt(plan: Plan) -> Iterator[str]:
+    """Let Snakemake's records take over files that are exactly those of the plan.
+
+    For results that Snakemake has no records of. A file counts if its receipt names the same
+    settings and code as the plan, and the same inputs as the receipts of those; the caller has made
+    sure that files are as in their receipts. Others are set aside, to be made again.
+    """
+    results = plan.settings["results"]
+    known = {receipt.path: receipt for receipt in receipts(results)}
+    adopted = [job for job in plan.jobs if _is_as_planned(job, known)]
+    plan.record(adopted)
+    kept = {path for job in adopted for path in job.outputs}
+    others = sorted(({p for job in plan.jobs for p in job.outputs} | known.keys()) - kept)
+    others = [path for path in others if Path(path).exists()]
+    for path in others:
+        _set_aside(results, path)
+    for path in known.keys() - {path for job in plan.jobs for path in job.outputs}:
+        receipt_path(path).unlink()  # else the file would be missed
+    if kept:
+        yield f"{len(kept)} files are as their receipts say and made as configured now: kept"
+    if others:
+        yield (
+            f"{len(others)} files were made otherwise than configured now: set aside in "
+            f"{results}/{SET_ASIDE}"
+        )
+
+
+def _is_as_planned(job: PlannedJob, known: dict[str, Receipt]) -> bool:
+    return all(
+        Path(path).exists()
+        and job.made(receipt := known.get(path))
+        and all(known[i].sha256 == made for i, made in receipt.inputs.items() if i in known)
+        for path in job.outputs
+    )
+
+
+def _set_aside(results: str, path: str) -> Path:
+    base = Path(results) / SET_ASIDE / Path(path).relative_to(results)
+    target, number = base, 1
+    while target.exists():
+        number += 1
+        target = base.with_name(f"{base.name}.{number}")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    Path(path).replace(target)
+    return target
