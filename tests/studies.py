@@ -31,7 +31,6 @@ class Study:
     def snakemake(self, *options: str, config: tuple[str, ...] = ()) -> subprocess.CompletedProcess:
         """The smoke study with further configuration files and options."""
         command = [sys.executable, "-m", "snakemake"]
-        command += ["--workflow-profile", "workflow/profiles/default"]
         command += ["--configfile", "config/smoke.yaml", *config]
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
         return subprocess.run(

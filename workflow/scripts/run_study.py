@@ -12,23 +12,17 @@ from pathlib import Path
 from galloping.reproducibility.inspection import locked, repair_command
 from galloping.reproducibility.processes import orphans, running
 
-PROFILE = "workflow/profiles/default"  # Snakemake looks for it beside the Snakefile only
-
 
 def main(*options: str) -> int:
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--configfile", nargs="+", default=[])
-    parser.add_argument("--workflow-profile", default=PROFILE)
-    known, others = parser.parse_known_args(options)
-    repair = repair_command(known.configfile)
+    repair = repair_command(parser.parse_known_args(options)[0].configfile)
     if line := obstacle(repair):
         sys.exit(line)
-    command = [sys.executable, "-m", "snakemake", "--workflow-profile", known.workflow_profile]
-    command += others
-    command += ["--configfile", *known.configfile] if known.configfile else []
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for Snakemake; this waits for it
     study = subprocess.Popen(
-        command, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
+        [sys.executable, "-m", "snakemake", *options],
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     status = study.wait()
     if status < 0:
