@@ -19,6 +19,7 @@ from galloping.reproducibility.receipts import (
     read_receipt,
     receipt_path,
     receipts,
+    write_receipt,
 )
 
 RESULTS = "results/mine"
@@ -273,6 +274,60 @@ def test_a_file_made_from_another_input_is_not_adopted():
     assert plan.recorded == [model]
 
 
+def test_nothing_made_from_what_is_not_as_planned_is_adopted():
+    make("models/a.json", settings={"speed": 13.0})
+    make("scores/s.csv", inputs=["models/a.json"])
+    make("tables/t.csv", inputs=["scores/s.csv"])
+    alone = make("tables/u.csv")
+    plan = FakePlan(
+        planned("tables/t.csv", ["scores/s.csv"]),
+        planned("scores/s.csv", ["models/a.json"]),
+        planned("models/a.json"),
+        planned("tables/u.csv"),
+    )
+    list(recovery.adopt(plan))
+    assert plan.recorded == [alone]
+
+
+def test_a_table_of_other_cells_is_not_adopted():
+    model = make("models/a.json")
+    other = make("models/b.json")
+    make("tables/t.csv", inputs=["models/a.json", "models/b.json"])
+    models = (planned("models/a.json"), planned("models/b.json"))
+    plan = FakePlan(*models, planned("tables/t.csv", ["models/a.json"]))
+    list(recovery.adopt(plan))
+    assert plan.recorded == [model, other]
+
+
+def leave_elsewhere(path):
+    """What restoring does with a file that the archive does not hold."""
+    write_receipt(replace(read_receipt(path), kept=False))
+    Path(path).unlink()
+
+
+def test_a_file_left_elsewhere_is_neither_lost_nor_damaged_and_stands_for_its_job():
+    model = make("models/a.json")
+    table = make("tables/t.csv", inputs=["models/a.json"])
+    leave_elsewhere(model)
+    assert lost() == []
+    plan = FakePlan(planned("models/a.json"), planned("tables/t.csv", ["models/a.json"]))
+    (kept,) = recovery.adopt(plan)
+    assert plan.recorded == [model, table] and kept.startswith("1 files")
+    found = audit.audit(plan)
+    assert (found.elsewhere, found.sound) == ((model,), (table,))
+
+
+def test_a_file_left_elsewhere_with_other_settings_stands_for_nothing():
+    model = make("models/a.json", settings={"speed": 13.0})
+    make("tables/t.csv", inputs=["models/a.json"])
+    leave_elsewhere(model)
+    plan = FakePlan(planned("models/a.json"), planned("tables/t.csv", ["models/a.json"]))
+    assert audit.audit(plan).outdated == (model,)
+    list(recovery.adopt(plan))
+    assert plan.recorded == []
+    assert lost() == [f"{RESULTS}/tables/t.csv"]
+
+
 SLEEPER = "import time; print('up', flush=True); time.sleep(60)"
 
 
@@ -345,8 +400,9 @@ def test_each_file_has_one_state():
     receipt_path(make("tables/unknown.csv")).unlink()
     left = make("tables/left_over.csv")
     names = ("sound", "damaged", "lost", "outdated", "inconsistent", "unknown", "absent")
-    plan = FakePlan(planned("models/a.json"), *(planned(f"tables/{name}.csv") for name in names))
-    found = audit.audit(plan)
+    inputs = {"sound": ["models/a.json"], "inconsistent": ["models/a.json"]}
+    tables = (planned(f"tables/{name}.csv", inputs.get(name, ())) for name in names)
+    found = audit.audit(FakePlan(planned("models/a.json"), *tables))
     assert found.sound == (f"{RESULTS}/models/a.json", f"{RESULTS}/tables/sound.csv")
     for name in names[1:]:
         assert getattr(found, name) == (f"{RESULTS}/tables/{name}.csv",)

@@ -2,17 +2,19 @@
 import os
 import sys
 import threading
+from functools import cache
 from pathlib import Path
 
-LIBRARY = Path(workflow.basedir) / "workflow" / "src"
-SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
-sys.path.insert(0, str(LIBRARY))
-# One thread a job: Snakemake fills the cores, and sums keep their order on any machine.
-threads = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
-search = os.pathsep.join([str(LIBRARY), *filter(None, [os.environ.get("PYTHONPATH")])])
-os.environ.update(PYTHONPATH=search, **threads)
+if isinstance(workflow.current_basedir, os.PathLike):  # a clone: its library is beside it
+    LIBRARY = str(Path(workflow.current_basedir).parent / "src")
+    sys.path.insert(0, LIBRARY)
+    inherited = os.getenv("PYTHONPATH")
+    os.environ.update(PYTHONPATH=f"{LIBRARY}{os.pathsep}{inherited}" if inherited else LIBRARY)
 
-from galloping.configuration.load import ConfigurationError, load, plain, read
+try:
+    from galloping.configuration.load import ConfigurationError, load, plain, read
+except ModuleNotFoundError as error:  # a workflow that was read from a host
+    sys.exit(f"{error}: install the library of this workflow with pip, or use a clone")
 from galloping.identification.registry import BY_NAME
 from galloping.reproducibility.digest import code
 
@@ -60,9 +62,10 @@ def benchmark_of(path):
     return f"{RESULTS}/benchmarks/{path}.tsv"
 
 
+@cache
 def script_code(name, *modules):
     """Digests of what a script runs: in `params`, so that an edit of it reruns the rule."""
-    return code(SCRIPTS / name, *modules)
+    return code(workflow.source_path(f"../scripts/{name}"), *modules)
 
 
 def runs(method, protocol, cell):

@@ -1,0 +1,101 @@
+"""Tables of two runs are compared by what their rows are about, within stated tolerances."""
+
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from galloping.reproducibility.comparison import COLUMNS, compare_tables, describe
+
+TABLE = """case,method,level,r2,failures,verdict
+a,stlsq,0.05,0.9,0,ok
+a,lasso,0.05,0.8,1,ok
+b,stlsq,0.05,,2,refused
+b,lasso,0.05,inf,0,
+"""
+
+
+def table(text=TABLE, **options):
+    return pd.read_csv(io.StringIO(text), **options)
+
+
+def changes(text, **options):
+    found = compare_tables(table(), table(text, **options))
+    return [tuple(row) for row in found[["row", "column", "reference", "found"]].to_numpy()]
+
+
+def test_a_table_agrees_with_itself_in_any_order_and_form():
+    assert len(compare_tables(table(), table().sample(frac=1, random_state=1))) == 0
+    assert len(compare_tables(table(), table()[table().columns[::-1]])) == 0
+    assert len(compare_tables(table(), table(dtype=str, keep_default_na=False))) == 0
+    assert tuple(compare_tables(table(), table()).columns) == COLUMNS
+
+
+@pytest.mark.parametrize(
+    ("value", "agrees"), [("0.9008", True), ("0.9011", False), ("0.8992", True), ("0.8989", False)]
+)
+def test_numbers_agree_to_a_thousandth(value, agrees):
+    found = changes(TABLE.replace("0.9,", f"{value},"))
+    assert found == ([] if agrees else [("case=a, method=stlsq, level=0.05", "r2", "0.9", value)])
+
+
+def test_numbers_near_zero_agree_to_a_millionth():
+    zero = TABLE.replace("0.9,", "0,")
+    assert len(compare_tables(table(zero), table(zero.replace(",0,", ",-9e-7,", 1)))) == 0
+    found = compare_tables(table(zero), table(zero.replace(",0,", ",-2e-6,", 1)))
+    assert found["difference"].tolist() == [-2e-6] and found["tolerance"].tolist() == [1e-6]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "column"),
+    [
+        ("inf", "-inf", "r2"),
+        ("inf", "1e300", "r2"),
+        ("0.9", "inf", "r2"),
+        ("0.9", "", "r2"),
+        ("b,stlsq,0.05,,", "b,stlsq,0.05,0.1,", "r2"),
+        ("0.9", "many", "r2"),
+        ("refused", "ok", "verdict"),
+        ("0,ok", "0,", "verdict"),
+        ("2,refused", "3,refused", "failures"),
+    ],
+)
+def test_what_is_not_the_same_is_named(old, new, column):
+    assert [one[1] for one in changes(TABLE.replace(old, new, 1))] == [column]
+
+
+def test_rows_and_columns_that_one_table_lacks_are_named():
+    without = TABLE.replace("a,lasso,0.05,0.8,1,ok\n", "")
+    row = "case=a, method=lasso, level=0.05"
+    assert changes(without) == [(row, "(row)", "present", "absent")]
+    assert changes(TABLE.replace("lasso,0.05,0.8", "lasso,0.1,0.8")) == [
+        (row, "(row)", "present", "absent"),
+        ("case=a, method=lasso, level=0.1", "(row)", "absent", "present"),
+    ]
+    assert changes(TABLE.replace("failures", "fits")) == [
+        ("(column)", "failures", "present", "absent"),
+        ("(column)", "fits", "absent", "present"),
+    ]
+
+
+def test_rows_that_cannot_be_told_apart_are_an_error():
+    with pytest.raises(ValueError, match="two rows are about the same: case=a, method=stlsq"):
+        compare_tables(table(), table(TABLE.replace("lasso", "stlsq", 1)))
+    with pytest.raises(ValueError, match="no column says what a row is about: x"):
+        compare_tables(pd.DataFrame({"x": [1]}), pd.DataFrame({"x": [1]}))
+
+
+def test_keys_can_be_given():
+    one, other = pd.DataFrame({"x": [1, 2], "y": [3.0, 4.0]}), pd.DataFrame({"x": [2], "y": [5.0]})
+    found = compare_tables(one, other, keys=["x"])
+    assert found["row"].tolist() == ["x=1", "x=2"]
+    assert found["difference"].tolist()[1] == 1.0 and np.isnan(found["difference"].tolist()[0])
+
+
+def test_a_difference_in_words():
+    found = compare_tables(table(), table(TABLE.replace("0.9,", "1,").replace("refused", "ok")))
+    assert [describe(row) for _, row in found.iterrows()] == [
+        "case=a, method=stlsq, level=0.05, r2: reference 0.9, found 1.0 (allowed 0.0009)",
+        "case=b, method=stlsq, level=0.05, verdict: reference refused, found ok",
+    ]
