@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from galloping.configuration.load import load, plain
 from galloping.identification import result
-from galloping.identification.cell import identify
+from galloping.identification.cell import identify, imported
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import reduction, selection, stlsq
 from galloping.identification.sparse.reduction import reduce, regression, stretches
@@ -23,7 +23,7 @@ from galloping.recording import Recording
 
 TERMS = library(4, 3)
 SHAPE = (4, len(TERMS))
-OPTIONS = plain(load({}))["identification"] | {"threshold": None}
+SETTINGS = plain(load({}))["identification"]
 FROM_SUBSETS = [m.name for m in METHODS if not m.needs_uniform and "derivative" in m.protocols]
 COMBINATIONS = [
     (m.name, protocol) for m in METHODS for protocol in m.protocols if m.name != "weak_gls"
@@ -56,7 +56,15 @@ def evidence(method, replicates):
 
 
 def run(method, items, **options):
-    return identify(method, items, settings=OPTIONS | options, seed=3, name=NAME, shape=SHAPE)
+    settings = BY_NAME[method].settings(SETTINGS, 3)
+    return identify(
+        imported(settings["function"]),
+        items,
+        options=settings["options"] | options,
+        seed=settings["seed"],
+        name=(*NAME, method),
+        shape=SHAPE,
+    )
 
 
 def equal(a, b):
@@ -402,11 +410,20 @@ def test_global_random_state_is_left_alone(replicates, method):
 
 
 def test_every_method_says_what_it_takes():
-    available = {*OPTIONS, "rng", "seed"}
+    available = {*SETTINGS, "threshold", "rng", "seed"}
     for method in METHODS:
         assert re.fullmatch(r"galloping(\.\w+)+:\w+", method.function)
         assert set(method.options) <= available
-        assert method.evidence in ("reduced", "recordings")
+        assert callable(imported(method.reader))
+
+
+def test_a_method_is_told_its_own_settings_alone():
+    fixed = SETTINGS | {"thresholds": {"stlsq": 0.1}}
+    changed = [m.name for m in METHODS if m.settings(fixed, 3) != m.settings(SETTINGS, 3)]
+    assert changed == ["stlsq"]
+    assert BY_NAME["stlsq"].settings(fixed, 3)["options"]["threshold"] == 0.1
+    drawing = [m.name for m in METHODS if m.settings(SETTINGS, 4) != m.settings(SETTINGS, 3)]
+    assert drawing == ["ensemble", "weak"]
 
 
 def test_results_come_back_from_files(tmp_path):

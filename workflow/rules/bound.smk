@@ -17,10 +17,8 @@ rule bound_cell:
         "../envs/galloping.yaml"
     params:
         settings=lambda wildcards: {
-            **cell_settings(wildcards.case, wildcards.cell),
-            "relative": STUDY["measurement"]["state_noise"] == "relative",
+            **noise_settings(wildcards),
             "degree": STUDY["identification"]["degree"],
-            "seed": STUDY["measurement"]["seed"],
             "code": script_code("bound_cell.py"),
         },
     message:

@@ -16,7 +16,7 @@ try:
 except ModuleNotFoundError as error:  # a workflow that was read from a host
     sys.exit(f"{error}: install the library of this workflow with pip, or use a clone")
 from galloping.identification.registry import BY_NAME
-from galloping.reproducibility.digest import code_digest
+from galloping.reproducibility.digest import code
 
 try:
     for file in workflow.configfiles:
@@ -64,8 +64,8 @@ def benchmark_of(path):
 
 @cache
 def script_code(name, *modules):
-    """Digest of the library code behind a script: in `params`, so that an edit reruns the rule."""
-    return code_digest(workflow.source_path(f"../scripts/{name}"), *modules)
+    """Digests of what a script runs: in `params`, so that an edit of it reruns the rule."""
+    return code(workflow.source_path(f"../scripts/{name}"), *modules)
 
 
 def runs(method, protocol, cell):
@@ -78,6 +78,12 @@ def releases(case):
     """Initial states of the recordings of a case."""
     section = STUDY["cases"][case]
     return [section["initial_state"], *section["releases"].values()]
+
+
+def line_settings(case):
+    """A line in its wind: a case but for the states that it is released from."""
+    section = STUDY["cases"][case]
+    return {key: section[key] for key in section if key not in ("initial_state", "releases")}
 
 
 def cells_of(case):
@@ -116,17 +122,24 @@ def cell_settings(case, cell):
     return {"level": LEVELS[cell], "points": None, "releases": 1}
 
 
+def noise_settings(wildcards):
+    """A cell and what its noise is drawn from; where it has none, whatever the study draws from."""
+    cell = cell_settings(wildcards.case, wildcards.cell)
+    measurement = STUDY["measurement"]
+    drawn = cell["level"] > 0 or cell["points"] is not None
+    scaled = cell["level"] > 0 and wildcards.protocol != "derivative"
+    return {
+        **cell,
+        "relative": scaled and measurement["state_noise"] == "relative",
+        "replicates": measurement["replicates"] if drawn else 1,
+        "seed": measurement["seed"] if drawn else 0,
+    }
+
+
 def method_settings(wildcards):
     """What one method reads of the settings: editing another's keys reruns nothing here."""
-    identification = STUDY["identification"]
     method = BY_NAME[wildcards.method]
-    available = {
-        **identification,
-        "threshold": identification["thresholds"].get(method.name),
-    }
     return {
-        "degree": identification["degree"],
-        "options": {key: available[key] for key in method.options if key in available},
-        "seed": STUDY["measurement"]["seed"],
-        "code": script_code("identify_model.py", method.module),
+        **method.settings(STUDY["identification"], STUDY["measurement"]["seed"]),
+        "code": script_code("identify_model.py", method.reader, method.function),
     }

@@ -12,7 +12,7 @@ rule derive_model:
         "../envs/galloping.yaml"
     params:
         settings=lambda wildcards: {
-            "case": STUDY["cases"][wildcards.case],
+            "case": line_settings(wildcards.case),
             "code": script_code("derive_model.py"),
         },
     message:

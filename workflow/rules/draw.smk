@@ -16,7 +16,7 @@ rule draw_line:
     params:
         settings={
             "case": FIRST_CASE,
-            "line": STUDY["cases"][FIRST_CASE],
+            "line": line_settings(FIRST_CASE),
             "look": STUDY["figures"],
             "code": script_code("draw_line.py"),
         },
@@ -40,7 +40,7 @@ rule draw_load:
         "../envs/galloping.yaml"
     params:
         settings={
-            "line": STUDY["cases"][FIRST_CASE],
+            "line": line_settings(FIRST_CASE),
             "look": STUDY["figures"],
             "code": script_code("draw_load.py"),
         },
@@ -65,8 +65,8 @@ rule draw_flow:
             "degree": STUDY["identification"]["degree"],
             "protocols": PROTOCOLS,
             "methods": METHODS,
-            "levels": list(LEVELS.values()),
-            "points": list(SUBSETS.values()),
+            "levels": [min(LEVELS.values()), max(LEVELS.values())],
+            "points": [min(SUBSETS.values()), max(SUBSETS.values())],
             "replicates": STUDY["measurement"]["replicates"],
             "look": STUDY["figures"],
             "code": script_code("draw_flow.py"),

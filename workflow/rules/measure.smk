@@ -15,10 +15,7 @@ rule measure_motion:
         "../envs/galloping.yaml"
     params:
         settings=lambda wildcards: {
-            **cell_settings(wildcards.case, wildcards.cell),
-            "replicates": STUDY["measurement"]["replicates"],
-            "relative": STUDY["measurement"]["state_noise"] == "relative",
-            "seed": STUDY["measurement"]["seed"],
+            **noise_settings(wildcards),
             "code": script_code("measure_motion.py"),
         },
     message:

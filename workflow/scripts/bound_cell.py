@@ -7,7 +7,7 @@ from galloping.evaluation.limit import Noise, at_the_bound, bound, on_library
 from galloping.identification import result
 from galloping.identification.result import Identified
 from galloping.polynomial import library
-from galloping.recording import Recordings
+from galloping.recording import read_replicates
 from galloping.reproducibility.job import run
 from galloping.seeds import generator
 from galloping.storage import read_json, write_arrays
@@ -19,7 +19,7 @@ def main() -> None:
     line = line.on_library(library(len(line.states), settings["degree"]))
     with np.load(snakemake.input.trajectory) as file:
         time, motions = file["time"], file["states"][: settings["releases"]]
-    replicates = Recordings.read(snakemake.input.recordings).replicates
+    replicates = read_replicates(snakemake.input.recordings)
     if settings["level"] == 0:
         write_arrays(snakemake.output.bounds, std=np.full((1, *line.coefficients.shape), np.nan))
         result.write(snakemake.output.models, [Identified.of(line.coefficients)])

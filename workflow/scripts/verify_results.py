@@ -31,6 +31,8 @@ def main() -> None:
             print(f"{path}: {meaning}")
     faults = sum(len(getattr(found, state)) for state in FAULTS)
     print(f"{results}: {len(found.sound)} files verified, {faults} at fault")
+    if found.elsewhere:
+        print(f"{len(found.elsewhere)} files are not here: the archive restored from has none")
     if found.left_over:
         print(f"{len(found.left_over)} files are no longer asked for (`make prune` removes them)")
     sys.exit(faults > 0)

@@ -85,6 +85,11 @@ class Recordings:
         return cls(tuple(tuple(one(r, i) for i in range(releases)) for r in range(count)))
 
 
+def read_replicates(path: str | os.PathLike) -> tuple[tuple[Recording, ...], ...]:
+    """The recordings of each replicate in a file."""
+    return Recordings.read(path).replicates
+
+
 FIELDS = ("time", "values", "derivatives")
 
 

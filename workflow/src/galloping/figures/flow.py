@@ -26,7 +26,8 @@ COLORS = ("#e6e6e6", "#fdf1d8", "#d6e6f2")  # truth, data, identified model
 def draw_flow(settings: Mapping) -> Figure:
     """Boxes joined in reading order, and the way of the truth into the comparison.
 
-    settings: degree of the library, protocols, methods, levels, points of the subsets, replicates.
+    settings: degree of the library, protocols, methods, replicates; least and greatest of the noise
+    levels and of the points of the subsets.
     """
     figure = Figure(figsize=(DOUBLE, HEIGHT))
     axes = figure.add_axes((0, 0, 1, 1))

@@ -2,40 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 
 import numpy as np
 
-from galloping.identification.registry import BY_NAME
 from galloping.identification.result import Identified
 from galloping.seeds import generator
 
 
+def imported(path: str) -> Callable:
+    """The function `module:function`, imported only now: see `registry`."""
+    module, _, function = path.partition(":")
+    return getattr(import_module(module), function)
+
+
 def identify(
-    method: str,
+    fit: Callable[..., Identified],
     evidence: Sequence,
     *,
-    settings: Mapping,
-    seed: int,
+    options: Mapping,
+    seed: int | None,
     name: Sequence[str],
     shape: tuple[int, int],
 ) -> list[Identified]:
     """Identify a model from each replicate.
 
-    evidence: what the method asks for (see `registry`), one item a replicate. settings: the
-    options of the method. seed, name: of its random numbers. shape: (n_states, n_terms).
+    evidence: what `fit` takes, one item a replicate. options: further keywords of `fit`. seed: of
+    its random numbers, the keyword `rng`, or None if it draws none. name: of what is identified,
+    the method last. shape: (n_states, n_terms).
     """
-    described = BY_NAME[method]
-    module, _, function = described.function.partition(":")
-    fit = getattr(import_module(module), function)
     results = []
     for replicate, item in enumerate(evidence):
-        rng = generator(seed, "identification", *name, method, replicate)
-        available = {**settings, "rng": rng, "seed": seed}
-        options = {key: available[key] for key in described.options}
+        rng = {}
+        if seed is not None:
+            rng["rng"] = generator(seed, "identification", *name, replicate)
         try:
-            results.append(fit(item, **options))
+            results.append(fit(item, **options, **rng))
         except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-            results.append(Identified.failed(*shape, f"{method}: {str(error).splitlines()[0]}"))
+            results.append(Identified.failed(*shape, f"{name[-1]}: {str(error).splitlines()[0]}"))
     return results

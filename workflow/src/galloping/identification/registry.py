@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 PROTOCOLS = ("derivative", "state", "displacement")
 ALL_STATES = ("derivative", "state")
+# Who reads each kind of evidence from its file, as `module:function`.
+READERS = {
+    "reduced": "galloping.identification.sparse.reduction:read",
+    "recordings": "galloping.recording:read_replicates",
+}
 
 
 @dataclass(frozen=True)
@@ -31,9 +37,28 @@ class Method:
     summary: str
 
     @property
-    def module(self) -> str:
-        """Where the function lives."""
-        return self.function.partition(":")[0]
+    def reader(self) -> str:
+        """Who reads the evidence."""
+        return READERS[self.evidence]
+
+    def settings(self, identification: Mapping, seed: int) -> dict:
+        """What a job reads of the study's settings: editing those of another method changes none.
+
+        identification: that section. seed: of the study. The options without `rng`, which the job
+        makes from `seed` and the name of each replicate; no seed where the method draws nothing.
+        """
+        available = {
+            **identification,
+            "threshold": identification["thresholds"].get(self.name),
+            "seed": seed,
+        }
+        return {
+            "reader": self.reader,
+            "function": self.function,
+            "options": {key: available[key] for key in self.options if key != "rng"},
+            "degree": identification["degree"],
+            "seed": seed if "rng" in self.options else None,
+        }
 
 
 METHODS = (

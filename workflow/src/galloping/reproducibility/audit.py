@@ -8,19 +8,21 @@ from pathlib import Path
 
 from galloping.reproducibility.inspection import inspect
 from galloping.reproducibility.plan import Plan
-from galloping.reproducibility.receipts import Receipt, receipt_path, receipts
+from galloping.reproducibility.receipts import Receipt, consistent, receipt_path, receipts
 
 
 @dataclass(frozen=True)
 class Audit:
-    """Files by state; each planned file is in exactly one of the first six.
+    """Files by state; each planned file is in exactly one of all but the last.
 
-    sound: as planned and as written. damaged: not what its job wrote. lost: made once, gone now.
-    outdated: made with other settings or code. inconsistent: made from another version of an input.
+    sound: as planned and as written. elsewhere: the same, but the file was left elsewhere on
+    purpose. damaged: not what its job wrote. lost: made once, gone now. outdated: made with other
+    settings or code, or from other files. inconsistent: made from another version of an input.
     unknown: without a receipt. absent: never made. left_over: made, no longer planned.
     """
 
     sound: tuple[str, ...]
+    elsewhere: tuple[str, ...]
     damaged: tuple[str, ...]
     lost: tuple[str, ...]
     outdated: tuple[str, ...]
@@ -47,10 +49,9 @@ def audit(plan: Plan) -> Audit:
             return "damaged"
         if not planned[path].made(known[path]):
             return "outdated"
-        inputs = known[path].inputs
-        if any(known[i].sha256 != read for i, read in inputs.items() if i in known):
+        if not consistent(known[path], known):
             return "inconsistent"
-        return "sound"
+        return "sound" if Path(path).exists() else "elsewhere"
 
     states = {path: state(path) for path in sorted(planned)}
     return Audit(

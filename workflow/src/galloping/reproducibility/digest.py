@@ -1,81 +1,158 @@
-"""Digest of the code a script runs, so that Snakemake reruns what an edit touches.
+"""Digest of the code that a script runs, so that Snakemake reruns what an edit touches.
 
-Snakemake tracks a rule's script but not the modules it imports. The digest covers the script's
-imports from this package, transitively, without comments, docstrings and layout.
+Snakemake tracks a rule's script by its time, and not at all what the script imports. The digest
+covers the script and its imports from this package, transitively. It leaves out what does not
+change what they do: comments, docstrings, layout, and where imports and definitions stand.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from galloping.reproducibility.libraries import versions
+
 SOURCE = Path(__file__).parents[2]
 PACKAGE = Path(__file__).parents[1].name
+DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+DOCUMENTED = (ast.Module, *DEFINITIONS)
+IMPORTS = (ast.Import, ast.ImportFrom)
 
 
-def code_digest(*roots: str | Path) -> str:
-    """Hex digest of the package modules that `roots` use.
+@cache
+def code(*roots: str | Path) -> dict:
+    """What `roots` run, as plain values: digest of the code, versions of the libraries it uses.
 
-    roots: script files, or dotted names of modules that are imported by name at run time.
+    roots: script files, or `module` or `module:function` of what is imported by name at run time.
+    Raises ValueError for a module that is not in the package.
     """
-    modules: set[Path] = set()
-    for root in roots:
-        path = Path(root) if Path(root).suffix == ".py" else _find(str(root))
-        if path is None:
-            raise ValueError(f"{root}: no such module")
-        modules |= _closure(path)
+    files = _closure(roots)
     content = hashlib.sha256()
-    for path in sorted(modules):
-        if path.is_relative_to(SOURCE):
-            content.update(f"{path.relative_to(SOURCE)}\n{_parse(path)[0]}\n".encode())
-    return content.hexdigest()[:16]
+    # A script first, wherever it lies: a workflow read from a host has it in a cache.
+    for path in sorted(files, key=lambda path: (path.is_relative_to(SOURCE), path)):
+        name = path.relative_to(SOURCE) if path.is_relative_to(SOURCE) else "script"
+        content.update(f"{name}\n{_parse(path).content}\n".encode())
+    libraries = frozenset().union(*(_parse(path).libraries for path in files))
+    return {"digest": content.hexdigest()[:16], "libraries": versions(libraries)}
 
 
-def _closure(root: Path) -> set[Path]:
-    seen, waiting = set(), [root]
+def _closure(roots: tuple[str | Path, ...]) -> set[Path]:
+    """Files of the package that `roots` import, and those of `roots`."""
+    seen: set[Path] = set()
+    waiting = [path for root in roots for path in _rooted(root)]
     while waiting:
         path = waiting.pop()
         if path not in seen:
             seen.add(path)
-            waiting += _parse(path)[1]
+            waiting += _parse(path).modules
     return seen
 
 
+def _rooted(root: str | Path) -> list[Path]:
+    if Path(root).suffix == ".py":
+        return [Path(root)]
+    module = str(root).partition(":")[0]
+    if not _find(module):
+        raise ValueError(f"{module}: no such module")
+    return _files(module)
+
+
+@dataclass(frozen=True)
+class _Module:
+    """What counts of one file. modules: files of the package, libraries: other packages."""
+
+    content: str
+    modules: tuple[Path, ...]
+    libraries: frozenset[str]
+
+
 @cache
-def _parse(path: Path) -> tuple[str, list[Path]]:
-    """A module's code without docstrings, and the package files that it imports."""
+def _parse(path: Path) -> _Module:
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    names = set()
+    names: set[str] = set()
     for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
-        body = getattr(node, "body", None)
-        if isinstance(body, list) and body and _is_docstring(body[0]):
-            del body[0]
-    parts = {
-        ".".join(name.split(".")[: k + 1])
-        for name in names
-        if name.split(".")[0] == PACKAGE
-        for k in range(len(name.split(".")))
-    }
-    return ast.dump(tree), [found for part in sorted(parts) if (found := _find(part))]
-
-
-def _is_docstring(node: ast.stmt) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
+        if isinstance(node, IMPORTS):
+            names |= _imported(node, path)
+        elif isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+            del node.body[0]
+    tops = {name.partition(".")[0] for name in names}
+    files = {file for name in names if name.partition(".")[0] == PACKAGE for file in _files(name)}
+    return _Module(
+        content=_content(tree),
+        modules=tuple(sorted(files)),
+        libraries=frozenset(tops - {PACKAGE} - sys.stdlib_module_names),
     )
 
 
+def _imported(node: ast.Import | ast.ImportFrom, path: Path) -> set[str]:
+    """Full names of the modules that a statement imports, and of what may be modules."""
+    if isinstance(node, ast.Import):
+        return {alias.name for alias in node.names}
+    parts = path.relative_to(SOURCE).parts[: -node.level] if node.level else ()
+    module = ".".join([*parts, *filter(None, [node.module])])
+    return {module, *(f"{module}.{alias.name}" for alias in node.names)}
+
+
+def _files(name: str) -> list[Path]:
+    """Files that importing a module of the package runs: its own and those of its parents."""
+    parts = name.split(".")
+    names = (".".join(parts[: k + 1]) for k in range(len(parts)))
+    return [file for name in names if (file := _find(name))]
+
+
+@cache
 def _find(name: str) -> Path | None:
     base = SOURCE.joinpath(*name.split("."))
-    for path in (base.with_suffix(".py"), base / "__init__.py"):
+    for path in (base / "__init__.py", base.with_suffix(".py")):
         if path.is_file():
             return path
     return None
+
+
+def _content(tree: ast.Module) -> str:
+    """A module as text; where no name is bound twice, its imports and definitions sorted."""
+    if not _binds_once(tree.body):
+        return ast.dump(tree)
+    movable, rest = [], []
+    for node in tree.body:
+        if isinstance(node, IMPORTS):
+            node.names.sort(key=lambda alias: alias.name)
+        (movable if isinstance(node, (*DEFINITIONS, *IMPORTS)) else rest).append(ast.dump(node))
+    return "\n".join(sorted(movable) + rest)
+
+
+def _binds_once(body: list[ast.stmt]) -> bool:
+    """Whether the order of the definitions in a module's body cannot matter once it runs."""
+    # `import a.b` and `import a.c` both bind a, to the same module
+    packages = {
+        alias.name.partition(".")[0]
+        for node in body
+        if isinstance(node, ast.Import)
+        for alias in node.names
+        if not alias.asname
+    }
+    bound = Counter([*packages, *(name for node in body for name in _bound(node))])
+    return all(count == 1 for count in bound.values())
+
+
+def _bound(node: ast.stmt) -> Iterator[str]:
+    if isinstance(node, DEFINITIONS):
+        yield node.name
+    elif isinstance(node, IMPORTS):
+        yield from (
+            alias.asname or alias.name
+            for alias in node.names
+            if alias.asname or isinstance(node, ast.ImportFrom)
+        )
+    else:
+        for part in ast.walk(node):
+            if isinstance(part, ast.Name) and not isinstance(part.ctx, ast.Load):
+                yield part.id
+            elif isinstance(part, (*DEFINITIONS, *IMPORTS)) and part is not node:
+                yield from _bound(part)

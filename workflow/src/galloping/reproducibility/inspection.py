@@ -20,7 +20,7 @@ class DamagedResults(ValueError):
 
 @dataclass(frozen=True)
 class Findings:
-    """Receipts whose file is missing, and those whose file has other content."""
+    """Receipts whose file should be here and is not, and those whose file has other content."""
 
     missing: tuple[Receipt, ...]
     damaged: tuple[Receipt, ...]
@@ -87,7 +87,7 @@ def inspect(found: Iterable[Receipt], *, thorough: bool = False) -> Findings:
     if read:
         _remember(known)
     return Findings(
-        missing=tuple(r for r in found if not states[r.path]),
+        missing=tuple(r for r in found if r.kept and not states[r.path]),
         damaged=tuple(r for r in found if states[r.path] and known[r.path][-1] != r.sha256),
     )
 

@@ -8,6 +8,7 @@ import time
 import traceback
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
+from datetime import UTC, datetime
 from pathlib import Path
 
 from galloping.reproducibility.receipts import (
@@ -50,6 +51,7 @@ def _run(work: Callable[[], None], job) -> None:
     start = time.perf_counter()
     work()
     seconds = time.perf_counter() - start
+    finished = datetime.now(UTC).isoformat(timespec="seconds")
     for path in job.output:
         receipt = Receipt(
             path=str(path),
@@ -61,6 +63,7 @@ def _run(work: Callable[[], None], job) -> None:
             sha256=digest(path),
             size=Path(path).stat().st_size,
             seconds=round(seconds, 3),
+            finished=finished,
         )
         write_receipt(receipt)
 

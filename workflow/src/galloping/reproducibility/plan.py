@@ -40,12 +40,11 @@ class PlannedJob:
     benchmark: str
 
     def made(self, receipt: Receipt | None) -> bool:
-        """Whether a receipt is of this very job, settings and code included."""
-        return bool(receipt) and (receipt.rule, receipt.wildcards, receipt.settings) == (
-            self.rule,
-            self.wildcards,
-            self.settings,
-        )
+        """Whether a receipt is of this very job: settings, code and the inputs by name."""
+        if receipt is None:
+            return False
+        named = (receipt.rule, receipt.wildcards, receipt.settings, receipt.inputs.keys())
+        return named == (self.rule, self.wildcards, self.settings, set(self.inputs))
 
 
 class Plan:
@@ -64,6 +63,14 @@ class Plan:
                 planned = _planned(job)
                 self.jobs.append(planned)
                 self._scheduled[planned.log] = job
+
+    def begin(self, jobs: Iterable[PlannedJob]) -> None:
+        """Let Snakemake's records say that these jobs run now, and what they write is unfinished.
+
+        Until `record` says otherwise: if this process is killed, the next run makes their files.
+        """
+        for planned in jobs:
+            self._workflow.persistence.started(self._scheduled[planned.log])
 
     def record(self, jobs: Iterable[PlannedJob]) -> None:
         """Let Snakemake's records say that these jobs have run as they are planned now."""

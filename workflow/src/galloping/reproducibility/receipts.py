@@ -24,6 +24,8 @@ class Receipt:
 
     path, log: relative to the working folder. settings: of the job, with the digest of its code.
     inputs: digests of what the job read, by path. seconds: wall time of the job's own work.
+    finished: when it ended (ISO 8601, UTC). kept: False where the file itself was left elsewhere on
+    purpose, by restoring results from an archive that holds only a part of them.
     """
 
     path: str
@@ -35,6 +37,8 @@ class Receipt:
     sha256: str
     size: int
     seconds: float
+    finished: str = ""
+    kept: bool = True
 
 
 def digest(path: str | Path) -> str:
@@ -56,6 +60,11 @@ def receipt_path(path: str | Path) -> Path:
 def as_written(settings: Mapping) -> dict:
     """Settings as a receipt holds them, for comparison."""
     return json.loads(json.dumps(settings))
+
+
+def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
+    """Whether a file was made from its inputs as they are, by the receipts known of them."""
+    return all(known[path].sha256 == made for path, made in receipt.inputs.items() if path in known)
 
 
 def write_receipt(receipt: Receipt) -> None:

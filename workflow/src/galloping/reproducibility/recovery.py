@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from galloping.reproducibility.inspection import RECORDS, inspect, locked
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.processes import end, orphans, running
-from galloping.reproducibility.receipts import Receipt, receipt_path, receipts
+from galloping.reproducibility.receipts import Receipt, consistent, receipt_path, receipts
 
 SET_ASIDE = "set_aside"
 
@@ -48,7 +49,7 @@ def set_aside_damaged(results: str) -> Iterator[str]:
     A receipt without its file lets the next run make the file again.
     """
     for receipt in inspect(receipts(results), thorough=True).damaged:
-        kept = _set_aside(results, receipt.path)
+        kept = set_aside(results, receipt.path)
         yield f"{receipt.path} was edited or damaged: set aside as {kept}"
 
 
@@ -56,18 +57,19 @@ def adopt(plan: Plan) -> Iterator[str]:
     """Let Snakemake's records take over files that are exactly those of the plan.
 
     For results that Snakemake has no records of. A file counts if its receipt names the same
-    settings and code as the plan, and the same inputs as the receipts of those; the caller has made
-    sure that files are as in their receipts. Others are set aside, to be made again.
+    settings and code as the plan, and the same inputs as the receipts of those, and so on back to
+    the first files; the caller has made sure that files are as in their receipts. Others are set
+    aside, to be made again.
     """
     results = plan.settings["results"]
     known = {receipt.path: receipt for receipt in receipts(results)}
-    adopted = [job for job in plan.jobs if _is_as_planned(job, known)]
+    adopted = [job for job in _as_planned(plan, known) if _complete(job, known)]
     plan.record(adopted)
-    kept = {path for job in adopted for path in job.outputs}
+    kept = {path for job in adopted for path in job.outputs if Path(path).exists()}
     others = sorted(({p for job in plan.jobs for p in job.outputs} | known.keys()) - kept)
     others = [path for path in others if Path(path).exists()]
     for path in others:
-        _set_aside(results, path)
+        set_aside(results, path)
     for path in known.keys() - {path for job in plan.jobs for path in job.outputs}:
         receipt_path(path).unlink()  # else the file would be missed
     if kept:
@@ -79,16 +81,8 @@ def adopt(plan: Plan) -> Iterator[str]:
         )
 
 
-def _is_as_planned(job: PlannedJob, known: dict[str, Receipt]) -> bool:
-    return all(
-        Path(path).exists()
-        and job.made(receipt := known.get(path))
-        and all(known[i].sha256 == made for i, made in receipt.inputs.items() if i in known)
-        for path in job.outputs
-    )
-
-
-def _set_aside(results: str, path: str) -> Path:
+def set_aside(results: str, path: str) -> Path:
+    """Move a file of the results out of the way, over no other one; where to."""
     base = Path(results) / SET_ASIDE / Path(path).relative_to(results)
     target, number = base, 1
     while target.exists():
@@ -97,3 +91,28 @@ def _set_aside(results: str, path: str) -> Path:
     target.parent.mkdir(parents=True, exist_ok=True)
     Path(path).replace(target)
     return target
+
+
+def _as_planned(plan: Plan, known: dict[str, Receipt]) -> list[PlannedJob]:
+    """The jobs of which no receipt, nor any of what they were made from, tells otherwise."""
+    maker = {path: job for job in plan.jobs for path in job.outputs}
+
+    @cache
+    def as_planned(log: str) -> bool:
+        job = jobs[log]
+        before = {maker[path].log for path in job.inputs if path in maker}
+        return all(map(as_planned, sorted(before))) and all(
+            job.made(known[path]) and consistent(known[path], known)
+            for path in job.outputs
+            if path in known
+        )
+
+    jobs = {job.log: job for job in plan.jobs}
+    return [job for job in plan.jobs if as_planned(job.log)]
+
+
+def _complete(job: PlannedJob, known: dict[str, Receipt]) -> bool:
+    """Whether all that a job writes is here, or was left elsewhere on purpose."""
+    return all(
+        path in known and (Path(path).exists() or not known[path].kept) for path in job.outputs
+    )
