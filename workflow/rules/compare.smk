@@ -5,17 +5,17 @@ OF_NUMBERS = {
 }
 
 
-def published():
-    """The files of the reference that there are: settings and tables."""
-    files = ["settings.json", *(f"{name}.csv" for name in COMPARED)]
-    paths = [f"{STUDY['reference']}/{file}" for file in files]
-    return [path for path in paths if os.path.exists(path)]
+# what may be published of this study
+REFERENCE = [
+    f"{STUDY['reference']}/{file}"
+    for file in ("settings.json", *(f"{name}.csv" for name in COMPARED))
+]
 
 
 rule compare_reference:
     input:
         tables=[out(f"tables/{name}.csv") for name in COMPARED],
-        reference=published(),
+        reference=[file for file in REFERENCE if os.path.exists(file)],
     output:
         summary=table("reference_summary"),
         differences=table("reference_differences"),
