@@ -65,7 +65,7 @@ def copy_repository(root: Path, folder: Path) -> None:
     for name in filter(None, listed.split("\0")):
         if (root / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(root / name, folder / name)
+            shutil.copy2(source, folder / name, follow_symlinks=False)
 
 
 @pytest.fixture(scope="session")
