@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -28,7 +30,8 @@ class Findings:
 
 def repair_command(configfiles: Iterable[str | Path] = ()) -> str:
     """What to type for the study of these configuration files."""
-    return " ".join(["make repair", *(f"CONFIG={file}" for file in configfiles)])
+    files = " ".join(os.path.relpath(file) for file in configfiles)
+    return f"make repair CONFIG={shlex.quote(files)}" if files else "make repair"
 
 
 def lost(results: str, repair: str | None) -> list[str]:
