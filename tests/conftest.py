@@ -14,6 +14,7 @@ from galloping.equations import STATES, model
 from galloping.galerkin import coefficients
 from galloping.simulation import Simulator, time_grid
 
+pytest_plugins = ["studies"]
 ROOT = Path(__file__).parents[1]
 os.environ["PYTHONPATH"] = str(ROOT / "workflow" / "src")  # for the processes that tests start
 hypothesis.settings.register_profile("study", deadline=None, derandomize=True)

@@ -24,7 +24,7 @@ from snakemake_interface_executor_plugins.settings import ExecMode
 from galloping.configuration.load import load, plain
 from galloping.reproducibility.receipts import Receipt, as_written
 
-SNAKEFILE = Path(__file__).parents[4] / "Snakefile"
+SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
 
 
 @dataclass(frozen=True)

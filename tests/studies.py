@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,10 +13,16 @@ import pytest
 
 @dataclass(frozen=True)
 class Study:
-    """A copy of the repository. run: Snakemake's own output of the first run."""
+    """A copy of the repository.
+
+    first: Snakemake's own output of the first run. began: when it did, in seconds since the epoch;
+    seconds: how long it took.
+    """
 
     folder: Path
     first: subprocess.CompletedProcess | None = None
+    began: float = 0.0
+    seconds: float = 0.0
 
     @property
     def results(self) -> Path:
@@ -24,7 +31,6 @@ class Study:
     def snakemake(self, *options: str, config: tuple[str, ...] = ()) -> subprocess.CompletedProcess:
         """The smoke study with further configuration files and options."""
         command = [sys.executable, "-m", "snakemake"]
-        command += ["--workflow-profile", "workflow/profiles/default"]
         command += ["--configfile", "config/smoke.yaml", *config]
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
         return subprocess.run(
@@ -48,7 +54,7 @@ class Study:
 
 
 def copy_repository(root: Path, folder: Path) -> None:
-    """What is or will be tracked by git, without results."""
+    """What is or will be tracked by git: of the results only the published ones."""
     listed = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
         cwd=root,
@@ -57,9 +63,10 @@ def copy_repository(root: Path, folder: Path) -> None:
         check=True,
     ).stdout
     for name in filter(None, listed.split("\0")):
-        if not name.startswith("results/") and (root / name).is_file():
+        source = root / name
+        if source.is_file() or source.is_symlink():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(root / name, folder / name)
+            shutil.copy2(source, folder / name, follow_symlinks=False)
 
 
 @pytest.fixture(scope="session")
@@ -75,4 +82,6 @@ def study(root, tmp_path_factory):
     """A copy in which the smoke study has been run once."""
     folder = tmp_path_factory.mktemp("study")
     copy_repository(root, folder)
-    return Study(folder, Study(folder).snakemake())
+    began = time.time()
+    first = Study(folder).snakemake()
+    return Study(folder, first, began, time.time() - began)
