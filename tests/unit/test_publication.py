@@ -306,13 +306,14 @@ def test_the_state_of_the_repository(here):
 
 
 def test_settings_that_differ_are_named():
-    one, other = plain(load({})), plain(load({"results": "results/other"}))
+    one = plain(load({}))
+    other = plain(load({"results": "results/other", "reference": "published"}))
     assert list(changed_settings(one, other)) == []
     other["measurement"]["replicates"] = 7
     del other["cases"]["non_resonant"]["releases"]["wide"]
     lines = list(changed_settings(one, other))
     assert "measurement.replicates: 20 in the archive, 7 here" in lines
-    assert "cases.non_resonant.releases.wide.q_w: 3.0 in the archive, None here" in lines
+    assert "cases.non_resonant.releases.wide.q_w: 3.0 in the archive, nothing here" in lines
 
 
 def test_numbers_of_two_studies(published):

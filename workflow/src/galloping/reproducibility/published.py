@@ -47,7 +47,7 @@ def compare_study(
     """
     if reference_settings is None:
         return [_summary(name, UNPUBLISHED) for name in (SETTINGS, *tables)], []
-    published, present = (dict(_flat(each)) for each in (reference_settings, settings))
+    published, present = (dict(flat(each)) for each in (reference_settings, settings))
     differences = list(_settings(published, present))
     differing = len(differences)
     shared = published.keys() & present.keys()
@@ -77,6 +77,15 @@ def compare_study(
     return summary, differences
 
 
+def flat(settings: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str]]:
+    """(dotted key, value as JSON); an empty section is a value."""
+    for key, value in settings.items():
+        if isinstance(value, Mapping) and value:
+            yield from flat(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", json.dumps(value)
+
+
 def _table(name: str, reference: pd.DataFrame, table: pd.DataFrame) -> tuple[list[dict], dict]:
     """The differences in one table, and its row of the summary."""
     found = compare_tables(reference, table)
@@ -104,15 +113,6 @@ def _settings(published: Mapping[str, str], present: Mapping[str, str]) -> Itera
         was, now = (each.get(key, "absent") for each in (published, present))
         if was != now:
             yield _difference(SETTINGS, key, "value", was, now, np.nan, np.nan)
-
-
-def _flat(settings: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str]]:
-    """(dotted key, value as JSON); an empty section is a value."""
-    for key, value in settings.items():
-        if isinstance(value, Mapping) and value:
-            yield from _flat(value, f"{path}{key}.")
-        else:
-            yield f"{path}{key}", json.dumps(value)
 
 
 def _difference(table: str, *values: object) -> dict:
