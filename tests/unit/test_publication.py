@@ -271,6 +271,8 @@ def test_a_report_older_than_a_table_is_outdated():
     assert said(clean) == [("outdated", f"{report}: older than a table or figure")]
     report.unlink()
     assert said(clean) == [("incomplete", f"{report}: not made yet")]
+    Path(TABLE).unlink()
+    assert said(clean)[0] == ("empty", f"{RESULTS}: no table or figure is made yet")
 
 
 def test_tables_are_published_with_what_they_are_directly_made_from():

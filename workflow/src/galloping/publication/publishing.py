@@ -70,7 +70,7 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
 
 
 def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator[tuple[str, str]]:
-    """What speaks against publishing, each with its kind; `damaged` cannot be allowed."""
+    """What speaks against publishing, each with its kind; `ALLOWABLE` says which can be allowed."""
     if present is None:
         yield "dirty", "git knows no commit of this folder"
     elif present.changes:
@@ -84,6 +84,8 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
         yield "outdated", f"{_some(outdated)}: made with other settings, code or inputs"
     if checked.damaged:
         yield "damaged", f"{_some(checked.damaged)}: not what its job wrote"
+    if not _shown(results):
+        yield "empty", f"{results}: no table or figure is made yet"
     if not (report := results / REPORT).exists():
         yield "incomplete", f"{report}: not made yet"
     elif any(shown.stat().st_mtime > report.stat().st_mtime for shown in _shown(results)):
