@@ -271,6 +271,8 @@ def test_a_report_older_than_a_table_is_outdated():
     assert said(clean) == [("outdated", f"{report}: older than a table or figure")]
     report.unlink()
     assert said(clean) == [("incomplete", f"{report}: not made yet")]
+    Path(TABLE).unlink()
+    assert said(clean)[0] == ("empty", f"{RESULTS}: no table or figure is made yet")
 
 
 def test_tables_are_published_with_what_they_are_directly_made_from():
@@ -306,13 +308,14 @@ def test_the_state_of_the_repository(here):
 
 
 def test_settings_that_differ_are_named():
-    one, other = plain(load({})), plain(load({"results": "results/other"}))
+    one = plain(load({}))
+    other = plain(load({"results": "results/other", "reference": "published"}))
     assert list(changed_settings(one, other)) == []
     other["measurement"]["replicates"] = 7
     del other["cases"]["non_resonant"]["releases"]["wide"]
     lines = list(changed_settings(one, other))
     assert "measurement.replicates: 20 in the archive, 7 here" in lines
-    assert "cases.non_resonant.releases.wide.q_w: 3.0 in the archive, None here" in lines
+    assert "cases.non_resonant.releases.wide.q_w: 3.0 in the archive, nothing here" in lines
 
 
 def test_numbers_of_two_studies(published):

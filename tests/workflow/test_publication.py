@@ -124,6 +124,7 @@ def test_the_folder_is_the_archive_and_says_what_it_is(clone, unpacked):
         shown = {f"{RESULTS}/{kind}/{path.name}" for path in (clone / RESULTS / kind).glob("*.*")}
         assert len(shown) > 10 and shown <= files.keys() | receipts_beside(clone / RESULTS / kind)
     assert not [name for name in files if "/recordings/" in name or "/reduced/" in name]
+    assert "results/reference/smoke/claims.csv" in files
     about = json.loads(files["publication.json"])
     assert about["remarks"] == [] and re.fullmatch("[0-9a-f]{40}", about["commit"]["digest"])
     assert yaml.safe_load(files["configuration.yaml"])["measurement"]["replicates"] == 2

@@ -7,6 +7,7 @@ import argparse
 import sys
 
 from galloping.publication.publishing import ALLOWABLE, NotPublishable, publish
+from galloping.reproducibility.inspection import locked
 from galloping.reproducibility.plan import planning
 from galloping.reproducibility.receipts import digest
 
@@ -19,6 +20,8 @@ def main() -> None:
     allowed = options.allow.split(",") if options.allow else []
     if unknown := [kind for kind in allowed if kind not in ALLOWABLE]:
         sys.exit(f"ALLOW: {unknown[0]!r} is not allowed; must be of {', '.join(ALLOWABLE)}")
+    if locked():
+        sys.exit("A run is working in this folder, or was killed in it: see `make repair`.")
     try:
         with planning(options.configfile) as plan:
             archive = publish(plan, allowed)

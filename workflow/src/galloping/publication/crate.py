@@ -71,7 +71,7 @@ def write_crate(folder: Path, about: About) -> None:
     for path in sorted(folder.iterdir()):
         if path.is_file():
             _add_file(crate, folder, path)
-    for path in sorted({*folder.iterdir(), *results.iterdir()}):
+    for path in sorted({*folder.iterdir(), *results.parent.iterdir(), *results.iterdir()}):
         if path.is_dir() and not results.is_relative_to(path) and path.name not in shown:
             _add_folder(crate, folder, path)
     _add_run(crate, workflow, shown, about)

@@ -31,6 +31,7 @@ FOLDERS = {
     "bounds": "Cramér-Rao bounds of the coefficients",
     "identified": "identified models that figures and tables show",
     "reconstructions": "reconstructed motions that figures show",
+    "reference": "published numbers that the tables are compared with",
     "scores": "errors of the identified models",
 }
 FORMATS = {

@@ -11,7 +11,7 @@ from packaging.utils import canonicalize_name
 
 def environment() -> dict:
     """Versions of Python and of all packages, and apart from them what depends on the machine."""
-    packages = {canonicalize_name(one.name): one.version for one in distributions()}
+    packages = {canonicalize_name(one.name): one.version for one in distributions() if one.name}
     return {
         "python": platform.python_version(),
         "packages": dict(sorted(packages.items())),

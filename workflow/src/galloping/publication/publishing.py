@@ -11,7 +11,7 @@ from pathlib import Path
 
 import yaml
 
-from galloping.publication.archive import pack
+from galloping.publication.archive import is_plain, pack
 from galloping.publication.crate import CONFIGURATION, REPORT, About, write_crate
 from galloping.publication.environment import environment
 from galloping.publication.manifest import write_manifest
@@ -70,7 +70,7 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
 
 
 def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator[tuple[str, str]]:
-    """What speaks against publishing, each with its kind; `damaged` cannot be allowed."""
+    """What speaks against publishing, each with its kind; `ALLOWABLE` says which can be allowed."""
     if present is None:
         yield "dirty", "git knows no commit of this folder"
     elif present.changes:
@@ -84,6 +84,8 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
         yield "outdated", f"{_some(outdated)}: made with other settings, code or inputs"
     if checked.damaged:
         yield "damaged", f"{_some(checked.damaged)}: not what its job wrote"
+    if not _shown(results):
+        yield "empty", f"{results}: no table or figure is made yet"
     if not (report := results / REPORT).exists():
         yield "incomplete", f"{report}: not made yet"
     elif any(shown.stat().st_mtime > report.stat().st_mtime for shown in _shown(results)):
@@ -93,13 +95,13 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
 def files(plan: Plan) -> list[Path]:
     """What goes into a publication of what the working folder holds.
 
-    The workflow; tables, figures and report; and what these are directly made from, so that they
-    can be made again without computing anything else.
+    The workflow; tables, figures and report; and what these are directly made from, as far as it
+    lies in the working folder, so that they can be made again without computing anything else.
     """
     results = plan.settings["results"]
     maker = {path: job for job in plan.jobs for path in job.outputs}
     final = [p for p in maker if p.startswith((f"{results}/tables/", f"{results}/figures/"))]
-    needed = {path for one in final for path in maker[one].inputs if path in maker}
+    needed = {path for one in final for path in maker[one].inputs if is_plain(path)}
     wanted = [Path(path) for path in (*final, *needed, f"{results}/{REPORT}")]
     sources = [path for name in SOURCES for path in _sources(Path(name))]
     return sorted({path for path in (*wanted, *sources) if path.exists()})

@@ -50,10 +50,11 @@ def published_receipts(folder: Path) -> list[Receipt]:
 def contradictions(folder: Path) -> Iterator[str]:
     """One line for every result that is not what its receipt says. Raises NotAPublication."""
     made = {receipt.path: receipt for receipt in published_receipts(folder)}
-    results = settings(folder)["results"]
+    study = settings(folder)
+    results, reference = study["results"], study["reference"]
     for path in sorted((folder / results).rglob("*")):
         name = path.relative_to(folder).as_posix()
-        if path.is_dir() or name == f"{results}/{REPORT}":
+        if path.is_dir() or name == f"{results}/{REPORT}" or name.startswith(f"{reference}/"):
             continue
         if name not in made:
             yield f"{name}: without a receipt of how it was made"

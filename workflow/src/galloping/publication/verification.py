@@ -11,8 +11,11 @@ from galloping.publication import manifest
 from galloping.publication.unpacked import NotAPublication, contradictions, settings
 from galloping.publication.validation import structure
 from galloping.reproducibility.comparison import compare_tables, describe
+from galloping.reproducibility.published import flat
 
 SHOWN = 10  # differences of one table that are told one by one
+OF_REFERENCE = ("reference_summary", "reference_differences")  # about other numbers than the run's
+PLACES = ("results", "reference")  # settings on which no number depends
 
 
 def faults(folder: Path) -> Iterator[str]:
@@ -49,15 +52,17 @@ def has_tables(results: str) -> bool:
 
 
 def changed_settings(published: Mapping, present: Mapping) -> Iterator[str]:
-    """One line for each setting in which two studies differ, but where they write."""
-    one, other = _flat(published), _flat(present)
+    """One line for each setting in which two studies differ, but where their files are."""
+    one, other = dict(flat(published)), dict(flat(present))
     for key in dict.fromkeys([*one, *other]):
-        if key != "results" and one.get(key) != other.get(key):
-            yield f"{key}: {one.get(key)} in the archive, {other.get(key)} here"
+        there, here = (found.get(key, "nothing") for found in (one, other))
+        if key not in PLACES and there != here:
+            yield f"{key}: {there} in the archive, {here} here"
 
 
 def _tables(results: Path) -> dict[str, Path]:
-    return {f"tables/{path.name}": path for path in (results / "tables").glob("*.csv")}
+    found = (results / "tables").glob("*.csv")
+    return {f"tables/{path.name}": path for path in found if path.stem not in OF_REFERENCE}
 
 
 def _differences(published: Path, found: Path) -> Iterator[str]:
@@ -72,14 +77,3 @@ def _differences(published: Path, found: Path) -> Iterator[str]:
     yield from (describe(row) for _, row in rows.head(SHOWN).iterrows())
     if len(rows) > SHOWN:
         yield f"{len(rows) - SHOWN} more differences"
-
-
-def _flat(section: Mapping, prefix: str = "") -> dict[str, object]:
-    """Settings by their dotted keys."""
-    flat: dict[str, object] = {}
-    for key, value in section.items():
-        if isinstance(value, Mapping) and value:
-            flat |= _flat(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat
