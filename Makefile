@@ -64,11 +64,13 @@ bench: study
 	PYTHONPATH=workflow/src OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
 	  $(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv
 
-reference: study smoke
-	@$(SCRIPT)/update_reference.py
-	@$(SCRIPT)/update_reference.py --configfile config/smoke.yaml
+reference: study
+	@$(SCRIPT)/update_reference.py $(OPTIONS)
+ifndef CONFIG
 	cp results/figures/overview.png results/reference
-	@$(MAKE) --no-print-directory study smoke
+	@$(MAKE) --no-print-directory reference CONFIG=config/smoke.yaml
+endif
+	@$(MAKE) --no-print-directory study
 
 docs: $(VENV)/made
 	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.reference \

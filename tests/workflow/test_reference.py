@@ -2,6 +2,8 @@
 
 import csv
 import shutil
+import subprocess
+import sys
 
 import pandas as pd
 import pytest
@@ -44,3 +46,42 @@ def test_another_reference_runs_the_comparison_alone_and_shows(edited, hold_to_r
         assert float(row["found"]) / float(row["reference"]) == pytest.approx(1 / 1.01, rel=2e-3)
     with pytest.raises(AssertionError):
         hold_to_reference(edited.results / "tables", edited.folder / "results/reference/smoke")
+
+
+def publish(study):
+    return subprocess.run(
+        [
+            sys.executable,
+            "workflow/scripts/update_reference.py",
+            "--configfile",
+            "config/smoke.yaml",
+        ],
+        cwd=study.folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+
+
+def test_only_a_finished_study_is_published(edited, study):
+    reference = edited.folder / "results/reference/smoke"
+    lost = edited.results / "bounds/non_resonant/state/noise_0.05.npz"
+    kept = lost.rename(lost.with_suffix(".kept"))
+    before = {path.name: path.read_bytes() for path in reference.iterdir()}
+    run = publish(edited)
+    assert run.returncode != 0
+    assert run.stdout == (
+        "results/smoke: 1 files are not finished as configured, such as "
+        "results/smoke/bounds/non_resonant/state/noise_0.05.npz; the reference is left as it was\n"
+    )
+    assert {path.name: path.read_bytes() for path in reference.iterdir()} == before
+
+    kept.rename(lost)
+    (reference / "gone.csv").write_text("case\n")
+    run = publish(edited)
+    assert run.returncode == 0, run.stdout
+    tables = {path.name for path in reference.iterdir()} - {"origin.json"}
+    assert tables == before.keys() - {"origin.json"}
+    for name in tables:
+        assert (reference / name).read_bytes() == (study.results / "tables" / name).read_bytes()
