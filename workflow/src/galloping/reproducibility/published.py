@@ -92,7 +92,7 @@ def compare_study(
 
 def _origin(name: str, *origins: Mapping[str, object]) -> tuple[list[dict], dict]:
     """The differences in what two studies were made with, and their row of the summary."""
-    published, present = (dict(_flat(origin)) for origin in origins)
+    published, present = (dict(flat(origin)) for origin in origins)
     differences = []
     for key in dict.fromkeys([*published, *present]):
         was, now = (each.get(key, "absent") for each in (published, present))
@@ -132,11 +132,11 @@ def _table(name: str, reference: pd.DataFrame, table: pd.DataFrame) -> tuple[lis
     return [_difference(name, *each) for each in found.itertuples(index=False)], row
 
 
-def _flat(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str]]:
+def flat(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str]]:
     """(dotted key, value as JSON); an empty section is a value."""
     for key, value in section.items():
         if isinstance(value, Mapping) and value:
-            yield from _flat(value, f"{path}{key}.")
+            yield from flat(value, f"{path}{key}.")
         else:
             yield f"{path}{key}", json.dumps(value)
 
