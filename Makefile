@@ -9,7 +9,7 @@
 # make prune      list and remove results that the settings no longer ask for
 # make lint       style checks alone
 # make bench      measured speed, in results/benchmarks.csv
-# make reference  take the finished study as the published numbers, in results/reference
+# make reference  publish the numbers of the study and of its small version, in results/reference
 # make docs       write the key table and schema again from the settings
 # make lock       pin the environment again
 #
@@ -65,10 +65,12 @@ bench: study
 	  $(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv
 
 reference: study
-	mkdir -p results/reference
-	cp results/tables/table3_coefficients.csv results/tables/noise_*.csv \
-	  results/tables/data_amount.csv results/tables/claims.csv results/tables/efficiency.csv results/figures/overview.png \
-	  results/reference
+	@$(SCRIPT)/update_reference.py $(OPTIONS)
+ifndef CONFIG
+	cp results/figures/overview.png results/reference
+	@$(MAKE) --no-print-directory reference CONFIG=config/smoke.yaml
+endif
+	@$(MAKE) --no-print-directory study
 
 docs: $(VENV)/made
 	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.reference \
