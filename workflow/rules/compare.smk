@@ -8,7 +8,7 @@ OF_NUMBERS = {
 # what may be published of this study
 REFERENCE = [
     f"{STUDY['reference']}/{file}"
-    for file in ("settings.json", *(f"{name}.csv" for name in COMPARED))
+    for file in ("origin.json", *(f"{name}.csv" for name in COMPARED))
 ]
 
 

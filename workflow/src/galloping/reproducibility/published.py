@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from galloping.reproducibility.comparison import COLUMNS, WHOLE, compare_tables, compare_values
+from galloping.storage import read_json
 
-SETTINGS = "settings"  # the name under which settings stand among the tables
+# What stands among the tables by these names: what the numbers were made with.
+SETTINGS, PROCESSOR = "settings", "processor"
 
 AGREES = "agrees"
 DIFFERS = "differs"
-EXPECTED = "settings differ: numbers are expected to differ"
 UNPUBLISHED = "no reference"
+# Why a table may differ, by what else does.
+REASONS = {
+    SETTINGS: "settings differ: numbers are expected to differ",
+    PROCESSOR: "processors differ: so may numbers where the data cannot tell models apart",
+}
 
 # Of `differences`; the last says of what kind a difference is.
 DIFFERENCE_COLUMNS = ("table", *COLUMNS, "verdict")
@@ -32,49 +39,75 @@ SUMMARY_COLUMNS = (
 )
 
 
+@dataclass(frozen=True)
+class Origin:
+    """What numbers were made with. settings: those on which they depend."""
+
+    settings: dict
+    processor: str
+
+
+def read_origin(path: str) -> Origin:
+    """Reads what published numbers were made with. Raises ValueError for a file of another kind."""
+    try:
+        return Origin(**read_json(path))
+    except (ValueError, TypeError):
+        raise ValueError(f"{path}: does not say what was published; restore or remove it") from None
+
+
 def compare_study(
     reference: Mapping[str, pd.DataFrame],
-    reference_settings: Mapping[str, object] | None,
+    published: Origin | None,
     tables: Mapping[str, pd.DataFrame],
-    settings: Mapping[str, object],
+    present: Origin,
 ) -> tuple[list[dict], list[dict]]:
     """(summary, differences) of a study's tables and the published ones, by name of the table.
 
-    settings: those on which numbers depend. reference_settings: the same of the published study,
-    or None if nothing is published.
-    summary: one row for the settings and one a table, with `SUMMARY_COLUMNS`.
+    published, present: what the reference and this study were made with; None if nothing is
+    published.
+    summary: one row each for settings, processor and the tables, with `SUMMARY_COLUMNS`.
     differences: one row a difference beyond its tolerance, with `DIFFERENCE_COLUMNS`.
     """
-    if reference_settings is None:
-        return [_summary(name, UNPUBLISHED) for name in (SETTINGS, *tables)], []
-    published, present = (dict(_flat(each)) for each in (reference_settings, settings))
-    differences = list(_settings(published, present))
-    differing = len(differences)
-    shared = published.keys() & present.keys()
-    summary = [
-        _summary(
-            SETTINGS,
-            DIFFERS if differing else AGREES,
-            rows_compared=len(shared),
-            rows_only_in_reference=len(published.keys() - shared),
-            rows_only_in_this_run=len(present.keys() - shared),
-            values_compared=len(shared),
-            values_beyond_tolerance=sum(published[key] != present[key] for key in shared),
-        )
-    ]
+    if published is None:
+        return [_summary(name, UNPUBLISHED) for name in (SETTINGS, PROCESSOR, *tables)], []
+    settings, first = _origin(SETTINGS, published.settings, present.settings)
+    processor, second = _origin(
+        PROCESSOR, {"name": published.processor}, {"name": present.processor}
+    )
+    differences, summary = [*settings, *processor], [first, second]
+    reason = REASONS[differences[0]["table"]] if differences else DIFFERS
     for name, table in tables.items():
-        if name not in reference:
-            summary.append(_summary(name, UNPUBLISHED))
-            continue
-        try:
-            found, row = _table(name, reference[name], table)
-        except ValueError as error:  # columns that are new or gone
-            found, row = [], _summary(name, f"cannot be compared: {error}")
-        if found and differing:
-            row["verdict"] = EXPECTED
+        found, row = [], _summary(name, UNPUBLISHED)
+        if name in reference:
+            try:
+                found, row = _table(name, reference[name], table)
+            except ValueError as error:  # columns that are new or gone
+                row = _summary(name, f"cannot be compared: {error}")
+        if found:
+            row["verdict"] = reason
         summary.append(row)
         differences += found
     return summary, differences
+
+
+def _origin(name: str, *origins: Mapping[str, object]) -> tuple[list[dict], dict]:
+    """The differences in what two studies were made with, and their row of the summary."""
+    published, present = (dict(flat(origin)) for origin in origins)
+    differences = []
+    for key in dict.fromkeys([*published, *present]):
+        was, now = (each.get(key, "absent") for each in (published, present))
+        if was != now:
+            differences.append(_difference(name, key, "value", was, now, np.nan, np.nan))
+    shared = published.keys() & present.keys()
+    return differences, _summary(
+        name,
+        DIFFERS if differences else AGREES,
+        rows_compared=len(shared),
+        rows_only_in_reference=len(published.keys() - shared),
+        rows_only_in_this_run=len(present.keys() - shared),
+        values_compared=len(shared),
+        values_beyond_tolerance=sum(published[key] != present[key] for key in shared),
+    )
 
 
 def _table(name: str, reference: pd.DataFrame, table: pd.DataFrame) -> tuple[list[dict], dict]:
@@ -99,18 +132,11 @@ def _table(name: str, reference: pd.DataFrame, table: pd.DataFrame) -> tuple[lis
     return [_difference(name, *each) for each in found.itertuples(index=False)], row
 
 
-def _settings(published: Mapping[str, str], present: Mapping[str, str]) -> Iterator[dict]:
-    for key in [*published, *(key for key in present if key not in published)]:
-        was, now = (each.get(key, "absent") for each in (published, present))
-        if was != now:
-            yield _difference(SETTINGS, key, "value", was, now, np.nan, np.nan)
-
-
-def _flat(settings: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str]]:
+def flat(section: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str]]:
     """(dotted key, value as JSON); an empty section is a value."""
-    for key, value in settings.items():
+    for key, value in section.items():
         if isinstance(value, Mapping) and value:
-            yield from _flat(value, f"{path}{key}.")
+            yield from flat(value, f"{path}{key}.")
         else:
             yield f"{path}{key}", json.dumps(value)
 
