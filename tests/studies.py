@@ -54,7 +54,7 @@ class Study:
 
 
 def copy_repository(root: Path, folder: Path) -> None:
-    """What is or will be tracked by git, without results."""
+    """What is or will be tracked by git: of the results only the published ones."""
     listed = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
         cwd=root,
@@ -63,9 +63,10 @@ def copy_repository(root: Path, folder: Path) -> None:
         check=True,
     ).stdout
     for name in filter(None, listed.split("\0")):
-        if not name.startswith("results/") and (root / name).is_file():
+        source = root / name
+        if source.is_file() or source.is_symlink():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(root / name, folder / name)
+            shutil.copy2(source, folder / name, follow_symlinks=False)
 
 
 @pytest.fixture(scope="session")

@@ -66,6 +66,7 @@ def test_smoke_changes_only_the_extent_of_the_study():
     update_config(config, read(ROOT / "config/smoke.yaml"))
     expected = plain(load({}))
     expected["results"] = "results/smoke"
+    expected["reference"] = "results/reference/smoke"
     expected["measurement"] |= {
         "replicates": 2,
         "protocols": ["state"],
@@ -74,6 +75,11 @@ def test_smoke_changes_only_the_extent_of_the_study():
     expected["measurement"]["subsets"]["points"] = [1000]
     expected["identification"]["methods"] = ["stlsq", "maximum_likelihood"]
     assert plain(load(config)) == expected
+
+
+@pytest.mark.parametrize("folder", ["/tmp/x", "../x/results/reference", "mine"])
+def test_a_reference_may_be_anywhere(folder):
+    assert load({"reference": folder}).reference == folder
 
 
 def test_keys_left_out_take_defaults():
@@ -178,8 +184,8 @@ REFUSED = [
     ({"figures": None}, "figures: null is not a section; must be a mapping of dpi, font_size"),
     (
         [],
-        "configuration: [] is not a section; must be a mapping of results, cases, simulation, "
-        "measurement, identification, figures",
+        "configuration: [] is not a section; must be a mapping of results, reference, cases, "
+        "simulation, measurement, identification, figures",
     ),
     # results
     *(
@@ -189,6 +195,14 @@ REFUSED = [
             "'_', '-' and '.', no part starting with '.'",
         )
         for folder in ("", "/tmp/x", "../x", "a/../b", "a//b", "a b", ".git", "a\n", "{x}", "~/x")
+    ),
+    *(
+        (
+            {"reference": folder},
+            f"reference: {folder!r} is not allowed; must be a path of letters, digits, "
+            "'_', '-' and '.', from the root or the working folder",
+        )
+        for folder in ("", "a//b", "a b", "a/", "a\n", "{x}", "~/x", "<x>")
     ),
     # cases
     (

@@ -1,25 +1,38 @@
 """The code digest changes with the code that a script runs, and with nothing else."""
 
+import re
+
 import pytest
 
+from galloping.identification.registry import METHODS
 from galloping.reproducibility import digest
 
 SCRIPT = '''"""A script."""
 
+import sys
+
 from package.stage import work
 
 
-work()
+def main():
+    """Works."""
+    work(sys.argv)
+
+
+main()
 '''
 FILES = {
     "__init__.py": '"""A package."""\n',
-    "stage.py": '"""A stage."""\n\nfrom package.part.deep import LIMIT\n\n\ndef work():\n'
-    '    """Works."""\n    return 2 * LIMIT\n',
+    "stage.py": '"""A stage."""\n\nimport json\nfrom package.part.deep import LIMIT, OTHER\n\n\n'
+    'def work():\n    """Works."""\n    return 2 * LIMIT\n\n\nclass Stage:\n    limit = LIMIT\n',
     "part/__init__.py": "",
-    "part/deep.py": "from package import base\n\nLIMIT = base.ONE\n",
+    "part/deep.py": "from package import base\n\nLIMIT = base.ONE\nOTHER = 2\n",
     "base.py": "ONE = 1\n",
     "other.py": "OTHER = 1\n",
     "method.py": "import package.other\n",
+    "relative/__init__.py": "from . import one\n",
+    "relative/one.py": "from .two import TWO\nfrom ..other import OTHER\n",
+    "relative/two.py": "TWO = 2\n",
 }
 
 
@@ -30,21 +43,26 @@ def package(tmp_path, monkeypatch):
     monkeypatch.setattr(digest, "SOURCE", source)
     monkeypatch.setattr(digest, "PACKAGE", "package")
     script = tmp_path / "scripts" / "script.py"
-    script.parent.mkdir()
-    script.write_text(SCRIPT)
 
     def write(name=None, text=None, *, modules=()):
+        """Write a module, or the script, and return the digest."""
         if name:
-            path = source / "package" / name
+            path = script if name == "script.py" else source / "package" / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
-        digest._parse.cache_clear()  # as in another process
-        return digest.code_digest(script, *modules)
+        forget()
+        return digest.code(script, *modules)["digest"]
 
-    for name, text in FILES.items():
+    for name, text in {"script.py": SCRIPT, **FILES}.items():
         write(name, text)
     yield write
-    digest._parse.cache_clear()
+    forget()
+
+
+def forget():
+    """As in another process."""
+    for cached in (digest.code, digest._parse, digest._find):
+        cached.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -57,17 +75,51 @@ def package(tmp_path, monkeypatch):
         ("stage.py", "return 2 * LIMIT", "return (\n        2 * LIMIT\n    )"),
         ("part/deep.py", "LIMIT = base.ONE", "# one\nLIMIT = base.ONE"),
         ("base.py", "ONE = 1", '"""Base."""\n\nONE = 1'),
+        ("script.py", '"""A script."""', '"""The script."""'),
+        ("script.py", '    """Works."""\n', "    # works\n"),
     ],
 )
 def test_words_do_not_change_the_digest(package, name, old, new):
     before = package()
-    assert old in FILES[name]
-    assert package(name, FILES[name].replace(old, new)) == before
+    text = {"script.py": SCRIPT, **FILES}[name]
+    assert old in text
+    assert package(name, text.replace(old, new)) == before
+
+
+MOVED = """
+from package.part.deep import OTHER, LIMIT
+import json
+
+
+class Stage:
+    limit = LIMIT
+
+
+def work():
+    return 2 * LIMIT
+"""
+
+
+def test_where_imports_and_definitions_stand_does_not_change_the_digest(package):
+    before = package()
+    assert package("stage.py", MOVED) == before
+    assert package("stage.py", MOVED.replace("2 *", "3 *")) != before
+
+
+@pytest.mark.parametrize("again", ["def work():\n    return 0\n", "work = print\n"])
+def test_where_a_definition_stands_counts_if_another_has_its_name(package, again):
+    assert package("stage.py", f"{MOVED}\n{again}") != package("stage.py", f"{again}\n{MOVED}")
+
+
+def test_where_a_statement_stands_counts(package):
+    first, second = "ONE = 1\nTWO = ONE\nONE = 2\n", "ONE = 1\nONE = 2\nTWO = ONE\n"
+    assert package("base.py", first) != package("base.py", second)
 
 
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
+        ("script.py", "work(sys.argv)", "work()"),
         ("stage.py", "2 * LIMIT", "3 * LIMIT"),
         ("stage.py", "return 2 * LIMIT", "text = '''words'''\n    return 2 * LIMIT"),
         ("part/deep.py", "base.ONE", "base.ONE + 1"),
@@ -78,7 +130,15 @@ def test_words_do_not_change_the_digest(package, name, old, new):
 )
 def test_code_changes_the_digest_however_deep(package, name, old, new):
     before = package()
-    assert package(name, FILES[name].replace(old, new)) != before
+    text = {"script.py": SCRIPT, **FILES}[name]
+    assert package(name, text.replace(old, new)) != before
+
+
+def test_relative_imports_count(package):
+    before = package(modules=["package.relative"])
+    assert package("relative/two.py", "TWO = 3\n", modules=["package.relative"]) != before
+    before = package(modules=["package.relative"])
+    assert package("other.py", "OTHER = 2\n", modules=["package.relative"]) != before
 
 
 def test_modules_that_a_script_does_not_use_do_not_count(package):
@@ -91,6 +151,14 @@ def test_modules_imported_by_name_count_when_named(package):
     before = package(modules=["package.method"])
     assert before != package()
     assert package("other.py", "OTHER = 2\n", modules=["package.method"]) != before
+    assert package(modules=["package.method:work"]) == package(modules=["package.method"])
+
+
+def test_packages_around_a_module_imported_by_name_count(package):
+    before = package(modules=["package.relative.two"])
+    assert (
+        package("relative/__init__.py", "THREE = 3\n", modules=["package.relative.two"]) != before
+    )
 
 
 def test_a_renamed_module_changes_the_digest(package):
@@ -112,15 +180,46 @@ def test_where_the_repository_lies_does_not_count(package, tmp_path, monkeypatch
 
 
 def test_scripts_of_the_study_see_their_stages(root):
-    scripts = root / "workflow" / "scripts"
-
     def used(*roots):
-        paths = set().union(*(digest._closure(path) for path in roots))
-        return {p.stem for p in paths if p.is_relative_to(digest.SOURCE)}
+        return {path.stem for path in digest._closure(roots)}
 
+    scripts = root / "workflow" / "scripts"
     derive = used(scripts / "derive_model.py")
     assert {"galerkin", "line", "aerodynamics", "storage"} <= derive
     assert not {"measurement", "simulation", "stlsq"} & derive
-    assert not {"stlsq", "lasso", "claims"} & used(scripts / "identify_model.py")
-    method = digest._find("galloping.identification.sparse.lasso")
-    assert {"lasso", "selection"} <= used(scripts / "identify_model.py", method)
+    modules = {m.function.partition(":")[0].rpartition(".")[2] for m in METHODS}
+    identify = used(scripts / "identify_model.py")
+    assert not {"registry", "reduction", *modules} & identify
+    for method in METHODS:
+        its_own = used(scripts / "identify_model.py", method.reader, method.function)
+        assert method.function.partition(":")[0].rpartition(".")[2] in its_own
+        assert ("reduction" in its_own) or method.evidence == "recordings"
+
+
+RULE = re.compile(r"^rule (\w+):\n((?:(?: .*)?\n)*)", re.MULTILINE)
+NOT_INLINE = {"identify_model": "identify_model.py"}  # whose settings are a function's
+
+
+@pytest.fixture
+def rules(root):
+    """Text of each rule that runs a script, by name."""
+    files = (root / "workflow" / "rules").glob("*.smk")
+    found = dict(match.groups() for file in files for match in RULE.finditer(file.read_text()))
+    assert len(found) > 20
+    return found
+
+
+def test_every_rule_counts_the_script_that_it_runs(rules):
+    for name, text in rules.items():
+        (run,) = re.findall(r'script:\n +"../scripts/(\w+\.py)"', text)
+        counted = re.findall(r'script_code\("(\w+\.py)"\)', text)
+        assert (counted or [NOT_INLINE[name]]) == [run]
+
+
+def test_jobs_read_nothing_of_the_package_that_the_digest_leaves_out(root, rules):
+    package = digest.SOURCE / digest.PACKAGE
+    files = [path for path in package.rglob("*") if path.is_file()]
+    assert {path.suffix for path in files if path.parent.name != "__pycache__"} == {".py"}
+    scripts = re.findall(r'"../(scripts/\w+\.py)"', "".join(rules.values()))
+    for path in digest._closure(tuple(root / "workflow" / script for script in scripts)):
+        assert "__doc__" not in path.read_text()

@@ -11,7 +11,7 @@ import pytest
     [
         ("ruff", "check", "--no-cache"),
         ("ruff", "format", "--check", "--no-cache"),
-        ("snakefmt", "--check", "workflow/Snakefile", "workflow/rules"),
+        ("snakefmt", "--check", "Snakefile", "workflow/Snakefile", "workflow/rules"),
         ("snakemake", "--lint"),
     ],
     ids=["ruff-check", "ruff-format", "snakefmt", "snakemake-lint"],

@@ -4,8 +4,10 @@ from galloping.reproducibility.inspection import DamagedResults, lost, repair_co
 
 LOST = []
 if workflow.is_main_process:
+    # a workflow that uses this one as a module has no `make`
+    own = workflow.modifier.is_main_snakefile()
     try:
-        missed = lost(RESULTS, repair_command(workflow.overwrite_configfiles))
+        missed = lost(RESULTS, repair_command(workflow.overwrite_configfiles) if own else None)
         LOST = [path for path in missed if any(rule.is_producer(path) for rule in workflow.rules)]
     except DamagedResults as error:
         sys.exit(str(error))

@@ -1,9 +1,8 @@
 # what readers see: the tables and figures of the study, and where they look
-TABLES = [
+COMPARED = [  # with the published ones
     "table1_conductor",
     "table2_spacers",
     "table3_coefficients",
-    "scores",
     "noise_coefficients",
     "noise_r2",
     "data_amount",
@@ -12,6 +11,7 @@ TABLES = [
     "identifiability",
     "further_recordings",
 ]
+TABLES = [*COMPARED, "scores", "reference_summary", "reference_differences"]
 # where tables and figures that show one protocol and method look: the first pair that can run
 PAPER_CELL = next(
     {"protocol": protocol, "method": method}

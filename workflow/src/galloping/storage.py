@@ -44,10 +44,18 @@ def read_json(path: str | os.PathLike) -> dict:
     return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
-def write_rows(path: str | os.PathLike, rows: Sequence[Mapping[str, object]]) -> None:
-    """Rows as CSV with the columns of the first one; ten significant digits a number."""
+def write_rows(
+    path: str | os.PathLike,
+    rows: Sequence[Mapping[str, object]],
+    columns: Sequence[str] | None = None,
+) -> None:
+    """Rows as CSV, ten significant digits a number.
+
+    columns: by default those of the first row; to be given where there may be none.
+    """
+    columns = list(rows[0]) if columns is None else columns
     with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
+        writer = csv.DictWriter(file, fieldnames=columns, lineterminator="\n")
         writer.writeheader()
         for row in rows:
             writer.writerow({key: _text(value) for key, value in row.items()})

@@ -36,6 +36,7 @@ NAME_RULE = "lower-case letters, digits and '_', a letter first"
 FolderName = Annotated[
     str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*$")
 ]
+FolderPath = Annotated[str, Field(pattern=r"^/?[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$")]
 
 MAX_INTERVALS = 10_000_000  # a slip in a power of ten should not fill the memory
 
@@ -352,6 +353,11 @@ class Settings(Section):
         "results",
         "folder that a run writes",
         rule="a relative path of letters, digits, '_', '-' and '.', no part starting with '.'",
+    )
+    reference: FolderPath = setting(
+        "results/reference",
+        "folder of published numbers that the tables are compared with, if it is there",
+        rule="a path of letters, digits, '_', '-' and '.', from the root or the working folder",
     )
     cases: Annotated[dict[CaseName, Case], Field(min_length=1)] = Field(
         default_factory=paper_cases,

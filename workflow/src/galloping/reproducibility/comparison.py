@@ -52,22 +52,21 @@ def compare_tables(
     A missing or new row has the column "(row)"; a missing or new column has the row "(column)".
     Raises ValueError where a row cannot be identified: no key, or two rows with the same ones.
     """
-    shared = [name for name in reference.columns if name in found.columns]
-    if keys is None:
-        keys = [name for name in shared if name in KEYS]
-    if not keys:
-        raise ValueError(f"no column says what a row is about: {', '.join(reference.columns)}")
-    left, right = (_indexed(table, keys) for table in (reference, found))
-    differences = [
+    left, right = _by_row(reference, found, keys)
+    present = [
         *_presence(HEADING, reference.columns, found.columns, as_row=False),
         *_presence(WHOLE, left.index, right.index, as_row=True),
     ]
-    rows = left.index[left.index.isin(right.index)]
-    results = [name for name in shared if name not in keys]
-    left, right = left.loc[rows, results], right.loc[rows, results]
-    for name in results:
-        differences += _column(name, left[name], right[name])
-    return pd.DataFrame(differences, columns=COLUMNS)
+    values = _values(left, right)
+    values = values.loc[~values["agrees"], list(COLUMNS)]
+    return pd.DataFrame([*present, *values.itertuples(index=False)], columns=COLUMNS)
+
+
+def compare_values(
+    reference: pd.DataFrame, found: pd.DataFrame, keys: Sequence[str] | None = None
+) -> pd.DataFrame:
+    """Every value that both tables have, as in `compare_tables`; with a column `agrees` (bool)."""
+    return _values(*_by_row(reference, found, keys))
 
 
 def describe(difference: pd.Series) -> str:
@@ -79,15 +78,27 @@ def describe(difference: pd.Series) -> str:
     return f"{line} (allowed {difference['tolerance']:.3g})"
 
 
+def _by_row(
+    reference: pd.DataFrame, found: pd.DataFrame, keys: Sequence[str] | None
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Both tables as text without their keys, which name the rows."""
+    if keys is None:
+        keys = [name for name in reference.columns if name in found.columns and name in KEYS]
+    if not keys:
+        raise ValueError(f"no column says what a row is about: {', '.join(reference.columns)}")
+    left, right = (_indexed(table, keys) for table in (reference, found))
+    return left, right
+
+
 def _indexed(table: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
-    """The table as text, each row named by its keys."""
+    """A table as text without its keys, which name the rows."""
     text = table.astype(object).where(table.notna(), "").astype(str)
     parts = [name + "=" + text[name].map(_canonical) for name in keys]
     names = parts[0].str.cat(parts[1:], sep=", ") if len(parts) > 1 else parts[0]
     twice = names[names.duplicated()]
     if len(twice):
         raise ValueError(f"two rows are about the same: {twice.iloc[0]}")
-    return text.set_axis(names.to_list())
+    return text.drop(columns=list(keys)).set_axis(names.to_list())
 
 
 def _canonical(text: str) -> str:
@@ -107,8 +118,16 @@ def _presence(kind: str, reference: pd.Index, found: pd.Index, as_row: bool) -> 
     ]
 
 
-def _column(name: str, reference: pd.Series, found: pd.Series) -> list[tuple]:
-    """The differences in one column of rows that both tables have in the same order."""
+def _values(left: pd.DataFrame, right: pd.DataFrame) -> pd.DataFrame:
+    rows = left.index[left.index.isin(right.index)]
+    names = [name for name in left.columns if name in right.columns]
+    columns = [_column(name, left.loc[rows, name], right.loc[rows, name]) for name in names]
+    empty = pd.DataFrame(columns=[*COLUMNS, "agrees"]).astype({"agrees": bool})
+    return pd.concat(columns, ignore_index=True) if columns else empty
+
+
+def _column(name: str, reference: pd.Series, found: pd.Series) -> pd.DataFrame:
+    """One column of rows that both tables have in the same order."""
     first, second = (pd.to_numeric(side, errors="coerce") for side in (reference, found))
     first, second = first.to_numpy(float), second.to_numpy(float)
     numbers = ~np.isnan(first) & ~np.isnan(second)
@@ -116,15 +135,15 @@ def _column(name: str, reference: pd.Series, found: pd.Series) -> list[tuple]:
         difference = np.where(first == second, 0.0, second - first)
     size = np.where(np.isinf(first), 0.0, np.abs(first))  # only infinity agrees with infinity
     tolerance = np.maximum(ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE * size)
-    agree = np.where(numbers, np.abs(difference) <= tolerance, reference.eq(found))
-    return [
-        (
-            reference.index[i],
-            name,
-            reference.iloc[i],
-            found.iloc[i],
-            difference[i] if numbers[i] else np.nan,
-            tolerance[i] if numbers[i] else np.nan,
-        )
-        for i in np.flatnonzero(~agree.astype(bool))
-    ]
+    equal = (reference == found).to_numpy()
+    return pd.DataFrame(
+        {
+            "row": reference.index,
+            "column": name,
+            "reference": reference.to_numpy(),
+            "found": found.to_numpy(),
+            "difference": np.where(numbers, difference, np.nan),
+            "tolerance": np.where(numbers, tolerance, np.nan),
+            "agrees": np.where(numbers, np.abs(difference) <= tolerance, equal),
+        }
+    )

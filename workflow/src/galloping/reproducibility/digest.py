@@ -33,12 +33,17 @@ def code(*roots: str | Path) -> dict:
     Raises ValueError for a module that is not in the package.
     """
     files = _closure(roots)
-    content = hashlib.sha256()
-    for path in sorted(files):
-        name = path.relative_to(SOURCE) if path.is_relative_to(SOURCE) else "script"
-        content.update(f"{name}\n{_parse(path).content}\n".encode())
+    texts = sorted(f"{_named(path)}\n{_parse(path).content}\n" for path in files)
     libraries = frozenset().union(*(_parse(path).libraries for path in files))
-    return {"digest": content.hexdigest()[:16], "libraries": versions(libraries)}
+    return {
+        "digest": hashlib.sha256("".join(texts).encode()).hexdigest()[:16],
+        "libraries": versions(libraries),
+    }
+
+
+def _named(path: Path) -> str:
+    """A file as the digest knows it, wherever the repository lies and a script is called."""
+    return path.relative_to(SOURCE).as_posix() if path.is_relative_to(SOURCE) else "script"
 
 
 def _closure(roots: tuple[str | Path, ...]) -> set[Path]:

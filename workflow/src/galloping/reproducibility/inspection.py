@@ -34,10 +34,11 @@ def repair_command(configfiles: Iterable[str | Path] = ()) -> str:
     return f"make repair CONFIG={shlex.quote(files)}" if files else "make repair"
 
 
-def lost(results: str, repair: str) -> list[str]:
+def lost(results: str, repair: str | None) -> list[str]:
     """Files of a study that were made and are gone; to be made again.
 
-    repair: the command that mends damage, for messages. Raises DamagedResults if a file is not
+    repair: the command that mends damage, for messages; None where there is none, as in a study
+    that other workflows use as a module. Raises DamagedResults if a file is not
     what its job wrote, or if Snakemake's records of the results are gone, without which it would
     not see what was edited since. While Snakemake holds its lock, files come and go, and nothing
     is compared.
@@ -48,7 +49,8 @@ def lost(results: str, repair: str) -> list[str]:
     if found and not recorded():
         raise DamagedResults(
             f"{results}: Snakemake's records of these files (.snakemake/metadata) are gone, "
-            f"and with them what was edited since; `{repair}` compares the receipts instead"
+            "and with them what was edited since; "
+            + (f"`{repair}` compares the receipts instead" if repair else "remove the folder")
         )
     findings = inspect(found)
     if findings.damaged:
@@ -56,7 +58,11 @@ def lost(results: str, repair: str) -> list[str]:
         more = f" and {len(others)} more" if others else ""
         raise DamagedResults(
             f"{first}{more}: edited or damaged since its job wrote it; "
-            f"`{repair}` sets it aside and makes it again"
+            + (
+                f"`{repair}` sets it aside and makes it again"
+                if repair
+                else "remove it and run again"
+            )
         )
     return [receipt.path for receipt in findings.missing]
 

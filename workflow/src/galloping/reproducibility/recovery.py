@@ -41,9 +41,9 @@ def release(folder: Path) -> Iterator[str]:
 
 
 def sweep(results: str) -> Iterator[str]:
-    """Remove what a killed job had not finished writing (see `storage.replacing`)."""
+    """Remove what a killed process had not finished writing (see `storage.replacing`)."""
     for path in sorted(Path(results).rglob(".[0-9]*-*")):
-        path.unlink()
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
         yield f"removed the unfinished {path}"
 
 

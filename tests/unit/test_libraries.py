@@ -1,0 +1,106 @@
+"""Versions of libraries count for what uses them, wherever and however they are installed."""
+
+import ast
+import importlib
+import sys
+from importlib import metadata
+
+import pytest
+
+from galloping.reproducibility import libraries
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """Pretends to install a distribution, before others on the path, and returns its folder."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def install(name, version, *requirements):
+        record = tmp_path / f"{name}-{version}.dist-info"
+        record.mkdir()
+        lines = [f"Name: {name}", f"Version: {version}"]
+        lines += [f"Requires-Dist: {requirement}" for requirement in requirements]
+        (record / "METADATA").write_text("\n".join(["Metadata-Version: 2.1", *lines, "", ""]))
+        forget()
+        return record
+
+    yield install
+    forget()
+
+
+def forget():
+    """As in another process."""
+    for cached in (
+        libraries._with_requirements,
+        libraries._distribution,
+        libraries._requirements,
+        libraries._files,
+    ):
+        cached.cache_clear()
+    importlib.invalidate_caches()
+
+
+def test_versions_are_those_of_a_library_and_all_that_it_requires():
+    found = libraries.versions(["pysindy"])
+    assert {"pysindy", "scikit-learn", "scipy", "numpy"} <= set(found)
+    assert all(found[name] == metadata.version(name) for name in set(found) - {"python"})
+    assert found["python"] == f"{sys.version_info.major}.{sys.version_info.minor}"
+    assert not {"matplotlib", "pytest", "snakemake"} & set(found)
+    assert "matplotlib" not in libraries.versions(["numpy", "scipy", "numba", "heyoka", "sklearn"])
+
+
+def test_an_upgrade_shows_in_what_requires_it(installed):
+    installed("upper", "1.0", "lower>=1; python_version > '3'")
+    installed("lower", "1.1")
+    assert libraries.versions(["upper"]).items() >= {"upper": "1.0", "lower": "1.1"}.items()
+
+
+def test_requirements_of_other_platforms_and_unwanted_extras_do_not_count(installed):
+    installed("elsewhere", "1.0")
+    installed("extra", "1.0")
+    installed("extra_of_it", "1.0")
+    installed(
+        "main",
+        "2.0",
+        "elsewhere; sys_platform == 'nowhere'",
+        "extra; extra == 'test'",
+        "other[wanted]",
+    )
+    installed("other", "3.0", "extra-of-it; extra == 'wanted'", "absent", "main")
+    found = libraries.versions(["main"])
+    del found["python"]
+    assert found == {"extra-of-it": "1.0", "main": "2.0", "other": "3.0"}
+
+
+def test_a_package_without_a_record_counts_by_its_files(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    package = tmp_path / "unrecorded"
+    package.mkdir()
+    (package / "__init__.py").write_text("from unrecorded._version import version\n")
+    (package / "_version.py").write_text("version = 1\n")
+    first = libraries.versions(["unrecorded"])
+    forget()
+    assert libraries.versions(["unrecorded"]) == first
+    (package / "_version.py").write_text("version = 2\n")
+    forget()
+    assert libraries.versions(["unrecorded"])["unrecorded"] != first["unrecorded"]
+
+
+def test_what_is_not_installed_does_not_stop_a_dry_run():
+    assert list(libraries.versions(["no_such_package"])) == ["python"]
+
+
+def test_every_import_of_the_project_is_found_by_its_distribution(root):
+    files = [*(root / "workflow" / "src").rglob("*.py"), *(root / "workflow/scripts").glob("*.py")]
+    nodes = [node for file in files for node in ast.walk(ast.parse(file.read_text()))]
+    names = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
+    names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
+    tops = {name.partition(".")[0] for name in names} - sys.stdlib_module_names - {"galloping"}
+    assert {"sklearn", "yaml", "numpy"} <= tops
+    provided = metadata.packages_distributions()
+    for name in tops:
+        found = libraries.versions([name])
+        assert any(
+            found.get(libraries.canonicalize_name(distribution)) == metadata.version(distribution)
+            for distribution in provided[name]
+        ), name

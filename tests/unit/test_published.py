@@ -1,0 +1,121 @@
+"""A run beside the published numbers: what its summary and its list of differences say."""
+
+import pandas as pd
+import pytest
+
+from galloping.reproducibility.published import (
+    AGREES,
+    DIFFERENCE_COLUMNS,
+    DIFFERS,
+    REASONS,
+    SUMMARY_COLUMNS,
+    UNPUBLISHED,
+    Origin,
+    compare_study,
+    read_origin,
+)
+
+SETTINGS = {"measurement": {"seed": 1, "levels": [0, 0.05]}, "thresholds": {}}
+
+
+def table(*values):
+    return pd.DataFrame({"case": list("abcd")[: len(values)], "r2": values})
+
+
+def compare(found, settings=SETTINGS, processor="one"):
+    """(summary by table, differences) of tables beside one published table `noise`."""
+    published, present = Origin(SETTINGS, "one"), Origin(settings, processor)
+    summary, differences = compare_study({"noise": table(0.5, 0.9)}, published, found, present)
+    assert all(tuple(row) == SUMMARY_COLUMNS for row in summary)
+    assert all(tuple(row) == DIFFERENCE_COLUMNS for row in differences)
+    assert [row["table"] for row in summary] == ["settings", "processor", *found]
+    return {row["table"]: row for row in summary}, differences
+
+
+def test_the_same_numbers_agree():
+    summary, differences = compare({"noise": table(0.5, 0.9)})
+    assert differences == []
+    assert {row["verdict"] for row in summary.values()} == {AGREES}
+    counted = summary["noise"]
+    assert (counted["rows_compared"], counted["values_compared"]) == (2, 2)
+    assert (counted["values_beyond_tolerance"], counted["largest_difference_in_tolerances"]) == (
+        0,
+        0,
+    )
+
+
+def test_a_difference_within_tolerance_is_told_by_its_size():
+    summary, differences = compare({"noise": table(0.5, 0.90045)})
+    assert differences == [] and summary["noise"]["verdict"] == AGREES
+    assert summary["noise"]["largest_difference_in_tolerances"] == pytest.approx(0.5)
+    assert summary["noise"]["largest_difference_at"] == "case=b, r2"
+
+
+def test_what_is_beyond_tolerance_new_or_gone_is_listed():
+    summary, differences = compare({"noise": table(0.6).iloc[:1]})
+    assert [(d["row"], d["column"], d["verdict"]) for d in differences] == [
+        ("case=b", "(row)", "only in the reference"),
+        ("case=a", "r2", "beyond tolerance"),
+    ]
+    assert differences[1]["difference"] == pytest.approx(0.1)
+    row = summary["noise"]
+    assert row["verdict"] == DIFFERS
+    assert (row["rows_compared"], row["rows_only_in_reference"]) == (1, 1)
+    assert row["values_beyond_tolerance"] == 1
+    summary, differences = compare({"noise": table(0.5, 0.9, 0.1)})
+    assert [d["verdict"] for d in differences] == ["only in this run"]
+    assert summary["noise"]["rows_only_in_this_run"] == 1
+
+
+@pytest.mark.parametrize(
+    ("settings", "key", "values", "verdict"),
+    [
+        ({"measurement": {"seed": 2}}, "measurement.seed", ("1", "2"), "not the same"),
+        ({"measurement": {"seed": 1.0001}}, "measurement.seed", ("1", "1.0001"), "not the same"),
+        ({"thresholds": {"a": 1}}, "thresholds.a", ("absent", "1"), "only in this run"),
+        ({"degree": 3}, "degree", ("absent", "3"), "only in this run"),
+    ],
+)
+def test_other_settings_are_named_and_excuse_other_numbers(settings, key, values, verdict):
+    edited = SETTINGS | settings
+    edited["measurement"] = SETTINGS["measurement"] | edited["measurement"]
+    summary, differences = compare({"noise": table(0.5, 0.1)}, edited)
+    found = {d["row"]: d for d in differences if d["table"] == "settings"}
+    assert (found[key]["reference"], found[key]["found"]) == values
+    assert found[key]["verdict"] == verdict
+    assert summary["settings"]["verdict"] == DIFFERS
+    assert summary["noise"]["verdict"] == REASONS["settings"]
+    summary, _ = compare({"noise": table(0.5, 0.9)}, edited)
+    assert summary["noise"]["verdict"] == AGREES
+
+
+def test_another_processor_is_named_and_may_be_the_reason():
+    summary, differences = compare({"noise": table(0.5, 0.1), "new": table(1)}, processor="two")
+    assert (differences[0]["table"], differences[0]["found"]) == ("processor", '"two"')
+    assert summary["processor"]["verdict"] == DIFFERS
+    assert summary["noise"]["verdict"] == REASONS["processor"]
+    summary, _ = compare({"noise": table(0.5, 0.1)}, SETTINGS | {"degree": 3}, processor="two")
+    assert summary["noise"]["verdict"] == REASONS["settings"]
+
+
+def test_what_is_not_published_is_no_difference():
+    summary, differences = compare({"noise": table(0.5, 0.9), "new": table(1)})
+    assert differences == [] and summary["new"]["verdict"] == UNPUBLISHED
+    summary, differences = compare_study({}, None, {"noise": table(1)}, Origin(SETTINGS, "one"))
+    assert differences == [] and {row["verdict"] for row in summary} == {UNPUBLISHED}
+
+
+def test_tables_of_another_make_do_not_stop_the_study():
+    split = pd.DataFrame({"case": ["a", "a"], "state": ["v", "w"], "r2": [0.5, 0.6]})
+    summary, _ = compare({"noise": split})
+    assert summary["noise"]["verdict"] == (
+        "cannot be compared: two rows are about the same: case=a"
+    )
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"settings": {}}', "[1]"])
+def test_a_broken_reference_is_named(tmp_path, content):
+    file = tmp_path / "origin.json"
+    file.write_text(content)
+    with pytest.raises(ValueError, match=r"origin\.json: does not say what was published"):
+        read_origin(str(file))

@@ -1,0 +1,180 @@
+"""The study as a module of somebody else's workflow: their folder, Snakefile and settings."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("module")]
+
+SNAKEFILE = """
+configfile: "config.yaml"
+
+
+rule all:
+    input:
+        "claims.txt",
+        "study/tables/reference_summary.csv",
+        "study/figures/overview.svg",
+
+
+module galloping:
+    snakefile:
+        {snakefile}
+    config:
+        config
+
+
+use rule * from galloping as galloping_*
+
+
+rule count_claims:
+    input:
+        rules.galloping_tabulate_scores.output.claims,
+    output:
+        "claims.txt",
+    script:
+        "count.py"
+"""
+SCRIPT = """
+from mine import count
+
+with open(snakemake.output[0], "w") as file:
+    file.write(str(count(snakemake.input[0])))
+"""
+LIBRARY = """
+def count(path):
+    with open(path) as file:
+        return len(file.readlines()) - 1
+"""
+SETTINGS = """
+results: study
+cases: {windy: {wind: {speed: 13}}}
+simulation: {duration: 120, steady_window: [80, 120]}
+measurement: {replicates: 2, protocols: [state], levels: [0.05], subsets: {points: [1000]}}
+identification: {methods: [stlsq]}
+"""
+
+
+class User:
+    """Somebody's folder with a workflow of their own."""
+
+    def __init__(self, folder, snakefile):
+        self.folder = folder
+        (folder / "lib").mkdir()
+        (folder / "lib" / "mine.py").write_text(LIBRARY)
+        (folder / "count.py").write_text(SCRIPT)
+        (folder / "config.yaml").write_text(SETTINGS)
+        (folder / "Snakefile").write_text(SNAKEFILE.format(snakefile=snakefile))
+
+    def snakemake(self, *options, libraries=(), **environment):
+        kept = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+        paths = [str(path) for path in (self.folder / "lib", *libraries)]
+        return subprocess.run(
+            [sys.executable, "-m", "snakemake", "--cores", "2", *options],
+            cwd=self.folder,
+            env=kept | {"PYTHONPATH": os.pathsep.join(paths)} | environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+        )
+
+    def table(self, name):
+        file = self.folder / "study" / "tables" / f"{name}.csv"
+        with file.open(encoding="utf-8", newline="") as lines:
+            return list(csv.DictReader(lines))
+
+
+@pytest.fixture(scope="module")
+def user(root, tmp_path_factory):
+    """A user who has run their workflow once; `first` is what Snakemake said."""
+    user = User(tmp_path_factory.mktemp("user"), repr(str(root / "workflow" / "Snakefile")))
+    user.first = user.snakemake()
+    assert user.first.returncode == 0, user.first.stdout
+    return user
+
+
+def test_it_runs_to_the_end_in_the_users_folder(user):
+    assert int((user.folder / "claims.txt").read_text()) == len(user.table("claims")) > 0
+    made = {path.name for path in user.folder.iterdir() if not path.name.startswith(".")}
+    assert made == {"Snakefile", "config.yaml", "count.py", "lib", "claims.txt", "study"}
+    assert {row["case"] for row in user.table("scores")} == {"windy"}
+    assert {row["verdict"] for row in user.table("reference_summary")} == {"no reference"}
+
+
+def test_rules_have_the_users_names(user):
+    receipts = (user.folder / "study").rglob(".*.receipt")
+    rules = {json.loads(path.read_text(encoding="utf-8"))["rule"] for path in receipts}
+    assert len(rules) > 10 and all(rule.startswith("galloping_") for rule in rules)
+
+
+def test_a_second_run_has_nothing_to_do(user):
+    run = user.snakemake()
+    assert run.returncode == 0 and "Nothing to be done" in run.stdout, run.stdout
+
+
+def test_a_mistake_in_the_users_settings_is_one_line(user, tmp_path):
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("measurement: {replicates: many}\n")
+    run = user.snakemake("--configfile", str(bad))
+    said = [line for line in run.stdout.splitlines() if not line.startswith("Config ")]
+    assert run.returncode != 0
+    assert len(said) == 1 and said[0].startswith("measurement.replicates: 'many' is text"), said
+
+
+def test_a_damaged_result_stops_the_run_until_it_is_removed(user):
+    table = user.folder / "study" / "tables" / "claims.csv"
+    made = table.read_bytes()
+    table.write_bytes(made + b"a line that no job wrote\n")
+    run = user.snakemake()
+    assert run.returncode != 0
+    assert run.stdout.splitlines()[-1] == (
+        "study/tables/claims.csv: edited or damaged since its job wrote it; remove it and run again"
+    )
+    table.unlink()
+    run = user.snakemake("study/tables/claims.csv")
+    assert run.returncode == 0, run.stdout
+    assert table.read_bytes() == made
+
+
+@pytest.fixture(scope="module")
+def host(fresh, tmp_path_factory):
+    """Settings of git that make this repository the one at the user's git host."""
+    folder = tmp_path_factory.mktemp("host")
+    repository = folder / "someone" / "galloping.git"
+    repository.parent.mkdir()
+    git = ["git", "-c", "user.name=someone", "-c", "user.email=someone@example.org"]
+    git += [f"--git-dir={repository}", f"--work-tree={fresh.folder}"]
+    for command in (["init", "-b", "main"], ["add", "-A"], ["commit", "-m", "all"]):
+        subprocess.run([*git, *command], check=True, stdout=subprocess.DEVNULL)
+    return {
+        "GIT_CONFIG_COUNT": "1",
+        "GIT_CONFIG_KEY_0": f"url.file://{folder}/.insteadOf",
+        "GIT_CONFIG_VALUE_0": "https://github.com/",
+        "XDG_CACHE_HOME": str(folder / "cache"),
+    }
+
+
+def test_it_can_be_read_from_a_host_beside_the_installed_library(user, host, root):
+    """And is the same study: what was made through a clone is up to date."""
+    profile = root / "workflow" / "profiles" / "default"
+    snakefile = user.folder / "Snakefile"
+    local = snakefile.read_text()
+    source = 'github("someone/galloping", path="workflow/Snakefile", branch="main")'
+    snakefile.write_text(SNAKEFILE.format(snakefile=source))
+    try:
+        library = root / "workflow" / "src"
+        run = user.snakemake("--profile", str(profile), libraries=[library], **host)
+        assert run.returncode == 0 and "Nothing to be done" in run.stdout, run.stdout
+        run = user.snakemake(**host)
+        assert run.returncode != 0
+        assert run.stdout.splitlines()[-1] == (
+            "No module named 'galloping': install the library of this workflow with pip, "
+            "or use a clone"
+        )
+    finally:
+        snakefile.write_text(local)

@@ -1,0 +1,45 @@
+"""Publishes the numbers of a finished study: they are what later runs are compared with.
+
+Usage: update_reference.py [--configfile FILE ...], on the machine that ran the study
+Refuses a study in which anything is missing, damaged or not as configured.
+"""
+
+import argparse
+import shutil
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from galloping.reproducibility.audit import audit
+from galloping.reproducibility.plan import planning
+from galloping.reproducibility.processor import processor
+from galloping.reproducibility.published import Origin
+from galloping.storage import replacing, write_json
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--configfile", nargs="+", default=[])
+    with planning(parser.parse_args().configfile) as plan:
+        results, reference = plan.settings["results"], Path(plan.settings["reference"])
+        faults = {path for job in plan.jobs for path in job.outputs} - set(audit(plan).sound)
+        comparison = next(job for job in plan.jobs if job.rule == "compare_reference")
+    if faults:
+        sys.exit(
+            f"{results}: {len(faults)} files are not finished as configured, such as "
+            f"{min(faults)}; the reference is left as it was"
+        )
+    tables = [Path(path) for path in comparison.inputs if Path(path).is_relative_to(results)]
+    tables = [path for path in tables if not path.is_relative_to(reference)]
+    for gone in {path.name for path in reference.glob("*.csv")} - {path.name for path in tables}:
+        (reference / gone).unlink()
+    for path in tables:
+        with replacing(reference / path.name) as partial:
+            shutil.copyfile(path, partial)
+    origin = Origin(settings=comparison.settings["study"], processor=processor())
+    write_json(reference / "origin.json", asdict(origin))
+    print(f"{reference}: {len(tables)} tables of {results} are published now")
+
+
+if __name__ == "__main__":
+    main()
