@@ -71,16 +71,16 @@ def root():
 
 @pytest.fixture(scope="session")
 def hold_to_reference():
-    """Asserts that a study's tables have the published numbers, and that it has compared them.
+    """Asserts that a study's tables have the numbers of its reference.
 
-    Where they should not have them any more, `make reference` publishes the new ones.
+    Where they should not have them any more, `make reference` takes the new ones.
     """
 
     def hold(tables, reference):
         summary = pd.read_csv(tables / "reference_summary.csv").set_index("table")
         differences = pd.read_csv(tables / "reference_differences.csv")
-        published = {path.stem for path in reference.glob("*.csv")}
-        assert published | {"settings", "processor"} == set(summary.index)
+        names = {path.stem for path in reference.glob("*.csv")}
+        assert names | {"settings", "processor"} == set(summary.index)
         assert (summary["values_compared"] > 0).all()
         verdicts = summary["verdict"]
         assert verdicts["settings"] == "agrees"
