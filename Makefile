@@ -3,14 +3,19 @@
 # make test       the study, then all checks
 # make repair     after a kill, a crash or an edit by hand: mend what is there, then the study
 # make verify     compare every result with its receipt, and every receipt with the settings
+# make publish    the finished study as a folder and an archive, in results/publication
+# make verify ARCHIVE=file    check such an archive, and compare its numbers with this study's
+# make restore ARCHIVE=file   put the results of such an archive in place
 # make prune      list and remove results that the settings no longer ask for
 # make lint       style checks alone
 # make bench      measured speed, in results/benchmarks.csv
-# make reference  take the finished study as the published numbers, in results/reference
+# make reference  take the numbers of the study and of its small version as results/reference
 # make docs       write the key table and schema again from the settings
 # make lock       pin the environment again
 #
-# CONFIG=file     settings merged over config/config.yaml, for study, repair, verify and prune
+# CONFIG=file     settings merged over config/config.yaml, for all that works on a study
+# ALLOW=list      publish although dirty, incomplete, outdated
+# REPLACE=yes     restore over other results, which are set aside
 # CORES=n         how many cores to use; all
 PYTHON ?= python3
 CORES ?= all
@@ -19,7 +24,7 @@ BIN := $(VENV)/bin
 SCRIPT := PYTHONPATH=workflow/src $(BIN)/python workflow/scripts
 OPTIONS := $(if $(CONFIG),--configfile $(CONFIG))
 
-.PHONY: all study smoke test repair verify prune lint bench reference docs lock help
+.PHONY: all study smoke test repair verify publish restore prune lint bench reference docs lock help
 all: study
 
 study: $(VENV)/made
@@ -34,7 +39,14 @@ repair: $(VENV)/made
 	@$(MAKE) --no-print-directory study
 
 verify: $(VENV)/made
-	@$(SCRIPT)/verify_results.py $(OPTIONS)
+	@$(SCRIPT)/$(if $(ARCHIVE),verify_archive.py '$(ARCHIVE)',verify_results.py) $(OPTIONS)
+
+publish: $(VENV)/made
+	@$(SCRIPT)/publish.py --allow '$(ALLOW)' $(OPTIONS)
+
+restore: $(VENV)/made
+	@[ -n '$(ARCHIVE)' ] || { echo "Say what to restore: make restore ARCHIVE=file"; exit 1; }
+	@$(SCRIPT)/restore.py '$(ARCHIVE)' $(if $(filter yes,$(REPLACE)),--replace) $(OPTIONS)
 
 prune: $(VENV)/made
 	@$(SCRIPT)/prune_results.py $(OPTIONS)
@@ -53,10 +65,12 @@ bench: study
 	  $(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv
 
 reference: study
-	mkdir -p results/reference
-	cp results/tables/table3_coefficients.csv results/tables/noise_*.csv \
-	  results/tables/data_amount.csv results/tables/claims.csv results/tables/efficiency.csv results/figures/overview.png \
-	  results/reference
+	@$(SCRIPT)/update_reference.py $(OPTIONS)
+ifndef CONFIG
+	cp results/figures/overview.png results/reference
+	@$(MAKE) --no-print-directory reference CONFIG=config/smoke.yaml
+endif
+	@$(MAKE) --no-print-directory study
 
 docs: $(VENV)/made
 	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.reference \

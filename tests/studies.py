@@ -28,15 +28,17 @@ class Study:
     def results(self) -> Path:
         return self.folder / "results" / "smoke"
 
-    def snakemake(self, *options: str, config: tuple[str, ...] = ()) -> subprocess.CompletedProcess:
-        """The smoke study with further configuration files and options."""
+    def snakemake(
+        self, *options: str, config: tuple[str, ...] = (), **variables: str
+    ) -> subprocess.CompletedProcess:
+        """The smoke study with further configuration files, options and environment variables."""
         command = [sys.executable, "-m", "snakemake"]
         command += ["--configfile", "config/smoke.yaml", *config]
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
         return subprocess.run(
             [*command, "--cores", "2", *options],
             cwd=self.folder,
-            env=environment,
+            env={**environment, **variables},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

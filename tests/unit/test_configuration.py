@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from snakemake.utils import update_config
 
 from galloping.configuration import reference
-from galloping.configuration.load import ConfigurationError, load, plain, read
+from galloping.configuration.load import ConfigurationError, load, ordered, plain, read
 from galloping.configuration.parameters import conductor_parameters, spacer_parameters
 from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import Settings
@@ -442,6 +442,20 @@ def test_merged_keys_may_be_overridden(tmp_path):
 
 
 # --- what leaves the configuration ---
+
+
+def test_an_overriding_file_does_not_reorder_cases():
+    own = {"cases": {"first": {}, "second": {"releases": {"one": {}, "two": {}}}}}
+    over = {"cases": {"third": {}, "second": {"releases": {"three": {}, "one": {}}, "gravity": 9}}}
+    merged = {}
+    for part in (over, own, over):  # as Snakemake does
+        update_config(merged, part)
+    assert list(merged["cases"]) != ["first", "second", "third"]
+    found = ordered(merged, [own, over])
+    assert found == merged
+    assert list(found["cases"]) == ["first", "second", "third"]
+    assert list(found["cases"]["second"]["releases"]) == ["one", "two", "three"]
+    assert ordered(merged, []) == merged
 
 
 def test_plain_holds_only_plain_types():

@@ -1,5 +1,6 @@
 """The code digest changes with the code that a script runs, and with nothing else."""
 
+import ast
 import re
 
 import pytest
@@ -223,3 +224,24 @@ def test_jobs_read_nothing_of_the_package_that_the_digest_leaves_out(root, rules
     scripts = re.findall(r'"../(scripts/\w+\.py)"', "".join(rules.values()))
     for path in digest._closure(tuple(root / "workflow" / script for script in scripts)):
         assert "__doc__" not in path.read_text()
+
+
+def test_compiled_functions_use_no_other_module_of_the_package():
+    # numba's cache of a function notices edits of its own file alone
+    compiled = 0
+    for path in (digest.SOURCE / digest.PACKAGE).rglob("*.py"):
+        tree = ast.parse(path.read_text())
+        others = {
+            alias.asname or alias.name
+            for node in tree.body
+            if isinstance(node, ast.ImportFrom) and node.module.startswith(digest.PACKAGE)
+            for alias in node.names
+        }
+        for node in tree.body:
+            if isinstance(node, ast.FunctionDef) and any(
+                "njit" in ast.unparse(decorator) for decorator in node.decorator_list
+            ):
+                compiled += 1
+                used = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
+                assert not used & others, (path, node.name)
+    assert compiled > 5

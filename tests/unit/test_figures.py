@@ -122,6 +122,14 @@ def test_efficiency_with_failures_and_joint_recordings(tmp_path, joint):
     drawn(tmp_path, lambda: draw_efficiency(efficiencies()[:0], settings))
 
 
+def test_efficiency_of_joint_recordings_alone(tmp_path):
+    # as of a study whose whole records have no noise
+    settings = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "bound"]}
+    both, table = efficiencies(), efficiencies().query("recordings == 2")
+    alone = drawn(tmp_path, lambda: draw_efficiency(table, settings))
+    assert alone != drawn(tmp_path, lambda: draw_efficiency(both, settings))
+
+
 def identifiable(t, recordings=(1, 2)):
     return pd.DataFrame(
         {"case": "line", "recordings": count, "protocol": "state", "level": level,

@@ -304,6 +304,19 @@ def test_a_file_made_from_another_input_is_not_adopted():
     assert plan.recorded == [model]
 
 
+def test_a_file_made_from_another_source_is_neither_adopted_nor_sound(folder):
+    (folder / RESULTS).mkdir(parents=True)
+    source = folder / RESULTS / "published.csv"
+    source.write_text("1\n")
+    table = make("tables/t.csv", inputs=["published.csv"])
+    plan = FakePlan(planned("tables/t.csv", ["published.csv"]))
+    assert audit.audit(plan).sound == (table,)
+    source.write_text("2\n")
+    assert audit.audit(plan).inconsistent == (table,)
+    list(recovery.adopt(plan))
+    assert plan.recorded == []
+
+
 def test_nothing_made_from_what_is_not_as_planned_is_adopted():
     make("models/a.json", settings={"speed": 13.0})
     make("scores/s.csv", inputs=["models/a.json"])

@@ -25,7 +25,7 @@ module galloping:
     snakefile:
         {snakefile}
     config:
-        config
+        {config}
 
 
 use rule * from galloping as galloping_*
@@ -62,13 +62,16 @@ identification: {methods: [stlsq]}
 class User:
     """Somebody's folder with a workflow of their own."""
 
-    def __init__(self, folder, snakefile):
+    def __init__(self, folder):
         self.folder = folder
         (folder / "lib").mkdir()
         (folder / "lib" / "mine.py").write_text(LIBRARY)
         (folder / "count.py").write_text(SCRIPT)
-        (folder / "config.yaml").write_text(SETTINGS)
-        (folder / "Snakefile").write_text(SNAKEFILE.format(snakefile=snakefile))
+
+    def write(self, snakefile, config="config", settings=SETTINGS):
+        """Their Snakefile, with what its `module` says, and their settings."""
+        (self.folder / "Snakefile").write_text(SNAKEFILE.format(snakefile=snakefile, config=config))
+        (self.folder / "config.yaml").write_text(settings)
 
     def snakemake(self, *options, libraries=(), **environment):
         kept = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
@@ -90,12 +93,26 @@ class User:
 
 
 @pytest.fixture(scope="module")
-def user(root, tmp_path_factory):
-    """A user who has run their workflow once; `first` is what Snakemake said."""
-    user = User(tmp_path_factory.mktemp("user"), repr(str(root / "workflow" / "Snakefile")))
-    user.first = user.snakemake()
-    assert user.first.returncode == 0, user.first.stdout
+def clone(root):
+    """What the user's `module` says of a clone of this repository."""
+    return repr(str(root / "workflow" / "Snakefile"))
+
+
+@pytest.fixture(scope="module")
+def finished(clone, tmp_path_factory):
+    """A user who has run their workflow once."""
+    user = User(tmp_path_factory.mktemp("user"))
+    user.write(clone)
+    run = user.snakemake()
+    assert run.returncode == 0, run.stdout
     return user
+
+
+@pytest.fixture
+def user(finished, clone):
+    """The same, with the Snakefile and settings of that run."""
+    finished.write(clone)
+    return finished
 
 
 def test_it_runs_to_the_end_in_the_users_folder(user):
@@ -110,11 +127,6 @@ def test_rules_have_the_users_names(user):
     receipts = (user.folder / "study").rglob(".*.receipt")
     rules = {json.loads(path.read_text(encoding="utf-8"))["rule"] for path in receipts}
     assert len(rules) > 10 and all(rule.startswith("galloping_") for rule in rules)
-
-
-def test_a_second_run_has_nothing_to_do(user):
-    run = user.snakemake()
-    assert run.returncode == 0 and "Nothing to be done" in run.stdout, run.stdout
 
 
 def test_a_mistake_in_the_users_settings_is_one_line(user, tmp_path):
@@ -159,22 +171,25 @@ def host(fresh, tmp_path_factory):
     }
 
 
+def has_nothing_to_do(run):
+    return run.returncode == 0 and "Nothing to be done" in run.stdout
+
+
+def test_settings_may_stand_in_a_section_beside_others(user, clone):
+    section = "".join(f"  {line}\n" for line in SETTINGS.strip().splitlines())
+    user.write(clone, 'config["galloping"]', f"mine: 1\ngalloping:\n{section}")
+    run = user.snakemake()
+    assert has_nothing_to_do(run), run.stdout
+
+
 def test_it_can_be_read_from_a_host_beside_the_installed_library(user, host, root):
     """And is the same study: what was made through a clone is up to date."""
-    profile = root / "workflow" / "profiles" / "default"
-    snakefile = user.folder / "Snakefile"
-    local = snakefile.read_text()
-    source = 'github("someone/galloping", path="workflow/Snakefile", branch="main")'
-    snakefile.write_text(SNAKEFILE.format(snakefile=source))
-    try:
-        library = root / "workflow" / "src"
-        run = user.snakemake("--profile", str(profile), libraries=[library], **host)
-        assert run.returncode == 0 and "Nothing to be done" in run.stdout, run.stdout
-        run = user.snakemake(**host)
-        assert run.returncode != 0
-        assert run.stdout.splitlines()[-1] == (
-            "No module named 'galloping': install the library of this workflow with pip, "
-            "or use a clone"
-        )
-    finally:
-        snakefile.write_text(local)
+    user.write('github("someone/galloping", path="workflow/Snakefile", branch="main")')
+    profile, library = root / "workflow" / "profiles" / "default", root / "workflow" / "src"
+    run = user.snakemake("--profile", str(profile), libraries=[library], **host)
+    assert has_nothing_to_do(run), run.stdout
+    run = user.snakemake(**host)
+    assert run.returncode != 0
+    assert run.stdout.splitlines()[-1] == (
+        "No module named 'galloping': install the library of this workflow with pip, or use a clone"
+    )

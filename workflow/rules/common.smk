@@ -12,16 +12,15 @@ if isinstance(workflow.current_basedir, os.PathLike):  # a clone: its library is
     os.environ.update(PYTHONPATH=f"{LIBRARY}{os.pathsep}{inherited}" if inherited else LIBRARY)
 
 try:
-    from galloping.configuration.load import ConfigurationError, load, plain, read
+    from galloping.configuration.load import ConfigurationError, load, ordered, plain, read
 except ModuleNotFoundError as error:  # a workflow that was read from a host
     sys.exit(f"{error}: install the library of this workflow with pip, or use a clone")
 from galloping.identification.registry import BY_NAME
 from galloping.reproducibility.digest import code
 
 try:
-    for file in workflow.configfiles:
-        read(file)  # Snakemake keeps the last of two equal keys in silence
-    STUDY = plain(load(config))
+    files = [read(file) for file in workflow.configfiles]  # the Snakefile's own comes last
+    STUDY = plain(load(ordered(config, files[-1:] + files[:-1])))
 except ConfigurationError as error:
     sys.exit(str(error))
 

@@ -1,23 +1,29 @@
-"""The study's tables beside the published ones."""
+"""The study's tables beside the reference."""
 
 from pathlib import Path
 
 import pandas as pd
 
 from galloping.reproducibility.job import run
-from galloping.reproducibility.published import DIFFERENCE_COLUMNS, compare_study
-from galloping.storage import read_json, write_rows
+from galloping.reproducibility.processor import processor
+from galloping.reproducibility.reference import (
+    DIFFERENCE_COLUMNS,
+    Origin,
+    compare_study,
+    read_origin,
+)
+from galloping.storage import write_rows
 
 
 def main() -> None:
     given, output = snakemake.input, snakemake.output
-    published = {Path(path).stem: path for path in given.reference}
-    settings = published.pop("settings", None)
+    reference = {Path(path).stem: path for path in given.reference}
+    origin = reference.pop("origin", None)
     summary, differences = compare_study(
-        {name: _table(path) for name, path in published.items()},
-        read_json(settings) if settings else None,
+        {name: _table(path) for name, path in reference.items()},
+        read_origin(origin) if origin else None,
         {Path(path).stem: _table(path) for path in given.tables},
-        snakemake.params.settings["study"],
+        Origin(settings=snakemake.params.settings["study"], processor=processor()),
     )
     write_rows(output.summary, summary)
     write_rows(output.differences, differences, DIFFERENCE_COLUMNS)

@@ -7,6 +7,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from galloping.reproducibility.cluster import ClusterError
 from galloping.reproducibility.inspection import unrecorded
 from galloping.reproducibility.plan import planning
 from galloping.reproducibility.receipts import receipts
@@ -34,7 +35,7 @@ def main() -> None:
             if unrecorded(receipts(results)):
                 for line in adopt(plan):
                     print(line)
-    except StillRunning as error:
+    except (ClusterError, StillRunning) as error:
         sys.exit(str(error))
 
 

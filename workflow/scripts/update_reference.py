@@ -1,16 +1,19 @@
-"""Takes a finished study as the published one: its tables and settings become the reference.
+"""Takes the numbers of a finished study as the reference that later runs are compared with.
 
-Usage: update_reference.py [--configfile FILE ...]
+Usage: update_reference.py [--configfile FILE ...], on the machine that ran the study
 Refuses a study in which anything is missing, damaged or not as configured.
 """
 
 import argparse
 import shutil
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 from galloping.reproducibility.audit import audit
 from galloping.reproducibility.plan import planning
+from galloping.reproducibility.processor import processor
+from galloping.reproducibility.reference import Origin
 from galloping.storage import replacing, write_json
 
 
@@ -33,8 +36,9 @@ def main() -> None:
     for path in tables:
         with replacing(reference / path.name) as partial:
             shutil.copyfile(path, partial)
-    write_json(reference / "settings.json", comparison.settings["study"])
-    print(f"{reference}: {len(tables)} tables and their settings are the reference now")
+    origin = Origin(settings=comparison.settings["study"], processor=processor())
+    write_json(reference / "origin.json", asdict(origin))
+    print(f"{reference}: {len(tables)} tables of {results} are the reference now")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -60,6 +60,20 @@ def results_folder(configfiles: Iterable[str | Path]) -> str:
     """The folder that a study writes; of its configuration files a later one overrides."""
     named = [part["results"] for file in configfiles if "results" in (part := read(file))]
     return load({"results": named[-1]} if named else {}).results
+
+
+def ordered(mapping: dict, files: Sequence[dict]) -> dict:
+    """A mapping that was merged from files, with its keys in the order in which these name them.
+
+    The order of cases and releases counts, and Snakemake puts the keys of a file that overrides
+    before those of the file that it overrides. Keys that no file names come last.
+    """
+    keys = dict.fromkeys([*(key for file in files for key in file if key in mapping), *mapping])
+    sections = {key: [f[key] for f in files if isinstance(f.get(key), dict)] for key in keys}
+    return {
+        key: ordered(value, sections[key]) if isinstance(value := mapping[key], dict) else value
+        for key in keys
+    }
 
 
 def read(path: str | Path) -> dict:

@@ -51,8 +51,12 @@ def _top(values: pd.Series) -> float:
 def _places(axes: Axes, table: pd.DataFrame) -> dict[tuple[int, float], float]:
     """Where (recordings, level) stand on an axis, which is given their ticks."""
     cells = sorted(set(zip(table["recordings"], table["level"], strict=True)))
-    single = panels.LogAxis.of([level for recordings, level in cells if recordings == 1])
     joint = [cell for cell in cells if cell[0] > 1]
+    if joint == cells:
+        together = panels.LogAxis.of([level for _, level in cells])
+        together.prepare(axes, f"noise level, {cells[0][0]} recordings")
+        return {cell: together.position(cell[1]) for cell in cells}
+    single = panels.LogAxis.of([level for recordings, level in cells if recordings == 1])
     single.prepare(axes, "noise level")
     last = single.position(single.values[-1])
     places = {(1, level): single.position(level) for level in single.values}

@@ -63,8 +63,15 @@ def as_written(settings: Mapping) -> dict:
 
 
 def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
-    """Whether a file was made from its inputs as they are, by the receipts known of them."""
-    return all(known[path].sha256 == made for path, made in receipt.inputs.items() if path in known)
+    """Whether a file was made from its inputs as they are by their receipts, or as they lie here.
+
+    An input of which neither is there, says nothing.
+    """
+    return all(
+        made == (known[path].sha256 if path in known else digest(path))
+        for path, made in receipt.inputs.items()
+        if path in known or Path(path).exists()
+    )
 
 
 def write_receipt(receipt: Receipt) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from galloping.reproducibility.cluster import cancel_jobs
 from galloping.reproducibility.inspection import RECORDS, inspect, locked
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.processes import end, orphans, running
@@ -29,12 +30,15 @@ class StillRunning(RuntimeError):
 def release(folder: Path) -> Iterator[str]:
     """End what a killed run left running and take its lock; says what was done.
 
-    Raises StillRunning if the run is alive.
+    Raises StillRunning if the run is alive on this machine, ClusterError if its jobs on a cluster
+    cannot be ended.
     """
     if live := running(folder):
         raise StillRunning(
             f"process {live[0].pid} is running a study in this folder: wait for it, or stop it"
         )
+    if cancelled := cancel_jobs(folder):
+        yield f"cancelled {len(cancelled)} SLURM jobs that a killed run had left"
     if left := orphans(folder):
         end(left)
         yield f"ended {len(left)} jobs that a killed run had left running"
@@ -44,9 +48,9 @@ def release(folder: Path) -> Iterator[str]:
 
 
 def sweep(results: str) -> Iterator[str]:
-    """Remove what a killed job had not finished writing (see `storage.replacing`)."""
+    """Remove what a killed process had not finished writing (see `storage.replacing`)."""
     for path in sorted(Path(results).rglob(".[0-9]*-*")):
-        path.unlink()
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
         yield f"removed the unfinished {path}"
 
 

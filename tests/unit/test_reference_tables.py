@@ -1,16 +1,18 @@
-"""A run beside the published numbers: what its summary and its list of differences say."""
+"""A run beside the reference: what its summary and its list of differences say."""
 
 import pandas as pd
 import pytest
 
-from galloping.reproducibility.published import (
+from galloping.reproducibility.reference import (
     AGREES,
     DIFFERENCE_COLUMNS,
     DIFFERS,
-    EXPECTED,
+    NO_REFERENCE,
+    REASONS,
     SUMMARY_COLUMNS,
-    UNPUBLISHED,
+    Origin,
     compare_study,
+    read_origin,
 )
 
 SETTINGS = {"measurement": {"seed": 1, "levels": [0, 0.05]}, "thresholds": {}}
@@ -20,14 +22,13 @@ def table(*values):
     return pd.DataFrame({"case": list("abcd")[: len(values)], "r2": values})
 
 
-def compare(found, settings=SETTINGS, reference=None):
-    """(summary by table, differences) of tables beside one published table `noise`."""
-    summary, differences = compare_study(
-        {"noise": table(0.5, 0.9)} if reference is None else reference, SETTINGS, found, settings
-    )
+def compare(found, settings=SETTINGS, processor="one"):
+    """(summary by table, differences) of tables beside a reference with the table `noise`."""
+    made, present = Origin(SETTINGS, "one"), Origin(settings, processor)
+    summary, differences = compare_study({"noise": table(0.5, 0.9)}, made, found, present)
     assert all(tuple(row) == SUMMARY_COLUMNS for row in summary)
     assert all(tuple(row) == DIFFERENCE_COLUMNS for row in differences)
-    assert [row["table"] for row in summary] == ["settings", *found]
+    assert [row["table"] for row in summary] == ["settings", "processor", *found]
     return {row["table"]: row for row in summary}, differences
 
 
@@ -83,16 +84,25 @@ def test_other_settings_are_named_and_excuse_other_numbers(settings, key, values
     assert (found[key]["reference"], found[key]["found"]) == values
     assert found[key]["verdict"] == verdict
     assert summary["settings"]["verdict"] == DIFFERS
-    assert summary["noise"]["verdict"] == EXPECTED
+    assert summary["noise"]["verdict"] == REASONS["settings"]
     summary, _ = compare({"noise": table(0.5, 0.9)}, edited)
     assert summary["noise"]["verdict"] == AGREES
 
 
-def test_what_is_not_published_is_no_difference():
+def test_another_processor_is_named_and_may_be_the_reason():
+    summary, differences = compare({"noise": table(0.5, 0.1), "new": table(1)}, processor="two")
+    assert (differences[0]["table"], differences[0]["found"]) == ("processor", '"two"')
+    assert summary["processor"]["verdict"] == DIFFERS
+    assert summary["noise"]["verdict"] == REASONS["processor"]
+    summary, _ = compare({"noise": table(0.5, 0.1)}, SETTINGS | {"degree": 3}, processor="two")
+    assert summary["noise"]["verdict"] == REASONS["settings"]
+
+
+def test_what_the_reference_lacks_is_no_difference():
     summary, differences = compare({"noise": table(0.5, 0.9), "new": table(1)})
-    assert differences == [] and summary["new"]["verdict"] == UNPUBLISHED
-    summary, differences = compare_study({}, None, {"noise": table(1)}, SETTINGS)
-    assert differences == [] and {row["verdict"] for row in summary} == {UNPUBLISHED}
+    assert differences == [] and summary["new"]["verdict"] == NO_REFERENCE
+    summary, differences = compare_study({}, None, {"noise": table(1)}, Origin(SETTINGS, "one"))
+    assert differences == [] and {row["verdict"] for row in summary} == {NO_REFERENCE}
 
 
 def test_tables_of_another_make_do_not_stop_the_study():
@@ -101,3 +111,11 @@ def test_tables_of_another_make_do_not_stop_the_study():
     assert summary["noise"]["verdict"] == (
         "cannot be compared: two rows are about the same: case=a"
     )
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"settings": {}}', "[1]"])
+def test_a_broken_reference_is_named(tmp_path, content):
+    file = tmp_path / "origin.json"
+    file.write_text(content)
+    with pytest.raises(ValueError, match=r"origin\.json: does not say how the reference was made"):
+        read_origin(str(file))

@@ -1,0 +1,106 @@
+"""A grid that grows computes what is new and changes no number; one that shrinks leaves no row."""
+
+import shutil
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
+
+LARGER = """
+measurement: {levels: [0, 0.03, 0.05]}
+identification: {methods: [stlsq, maximum_likelihood, lasso]}
+"""
+OF_WHOLE_CELLS = ("models", "trajectories", "recordings", "reduced", "identified", "bounds")
+OF_ALL_METHODS = ("scores", "reconstructions")
+# how much of the study is as published: of all rows together
+SUMMARIES = ("reference_summary.csv", "reference_differences.csv")
+
+
+def files(study, *folders):
+    """Content and time of the files below folders of the results, without receipts."""
+    return {
+        path.relative_to(study.results): (path.read_bytes(), path.stat().st_mtime_ns)
+        for folder in folders
+        for path in sorted((study.results / folder).rglob("*.*"))
+        if path.is_file() and not path.name.startswith(".")
+    }
+
+
+def tables(study):
+    return {path.name: content for path, (content, _) in files(study, "tables").items()}
+
+
+@pytest.fixture(scope="module")
+def small(study, tmp_path_factory):
+    """A copy of the finished study."""
+    assert study.first.returncode == 0, "the smoke study failed: see test_smoke.py"
+    copy = type(study)(tmp_path_factory.mktemp("growing") / "study")
+    shutil.copytree(study.folder, copy.folder, symlinks=True)
+    return copy
+
+
+@pytest.fixture(scope="module")
+def before(small):
+    return files(small, "tables", *OF_WHOLE_CELLS, *OF_ALL_METHODS)
+
+
+@pytest.fixture(scope="module")
+def grown(small, before, tmp_path_factory):
+    """The same, run with one more noise level and one more method, as far as the tables."""
+    larger = tmp_path_factory.mktemp("settings") / "larger.yaml"
+    larger.write_text(LARGER, encoding="utf-8")
+    targets = [f"results/smoke/tables/{name}" for name in tables(small)]
+    run = small.snakemake(*targets, config=(str(larger),))
+    assert run.returncode == 0, run.stdout
+    return small
+
+
+def test_cells_that_were_there_are_not_computed_again(grown, before):
+    after = files(grown, *OF_WHOLE_CELLS)
+    old = {path: state for path, state in before.items() if path.parts[0] in OF_WHOLE_CELLS}
+    assert {path: after[path] for path in old} == old
+    new = {path for path in after if path not in old}
+    assert {path.stem for path in new if path.parts[0] == "recordings"} == {"noise_0.03"}
+    assert all("noise_0.03" in path.with_suffix("").parts or path.stem == "lasso" for path in new)
+
+
+def test_a_cell_evaluated_with_one_more_method_keeps_the_numbers_of_the_others(grown, before):
+    kept = 0
+    for path, (old, _) in before.items():
+        if path.parts[0] == "scores":
+            lines = (grown.results / path).read_bytes().splitlines()
+            assert [line for line in lines if b",lasso," not in line] == old.splitlines()
+            kept += len(lines) > len(old.splitlines())
+        elif path.parts[0] == "reconstructions":
+            with np.load(grown.results / path) as file:
+                found = {name: file[name] for name in file.files if not name.startswith("lasso/")}
+            with np.load(BytesIO(old)) as file:
+                assert set(file.files) == set(found)
+                for name in file.files:
+                    np.testing.assert_array_equal(file[name], found[name])
+    assert kept == 7
+
+
+def test_rows_of_tables_stay_as_they_were(grown, before):
+    grew = 0
+    for name, content in tables(grown).items():
+        old = before[Path("tables", name)][0].splitlines()
+        if name not in SUMMARIES:
+            rows = [row for row in old if not row.endswith(b",not run")]  # of claims
+            lines = content.splitlines()
+            assert [line for line in lines if line in set(rows)] == rows, name
+            grew += len(lines) > len(old)
+    assert grew > 4
+
+
+def test_no_row_is_left_of_what_is_no_longer_asked_for(grown, before):
+    assert any(b"lasso" in content for content in tables(grown).values())
+    run = grown.snakemake(*(f"results/smoke/tables/{name}" for name in tables(grown)))
+    assert run.returncode == 0, run.stdout
+    assert (grown.results / "recordings/non_resonant/state/noise_0.03.npz").exists()
+    assert tables(grown) == {
+        path.name: content for path, (content, _) in before.items() if path.parts[0] == "tables"
+    }

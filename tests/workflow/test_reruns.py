@@ -1,0 +1,347 @@
+"""The table of `config/reruns.md`: what each edit runs again, by dry runs of a finished study."""
+
+import ast
+import re
+import shutil
+import tempfile
+from collections.abc import Callable
+from fnmatch import fnmatch
+from importlib import metadata
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import yaml
+
+from galloping.identification.registry import BY_NAME
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
+
+PAGE = Path(__file__).parents[2] / "config" / "reruns.md"
+HEADER = ["| Edit | Rules that run again | Of which cells |", "| --- | --- | --- |"]
+CELL = re.compile(r"(noise|points|joint)_[\d.]+")
+NEWER = "newer"  # a folder of pretended installations
+
+
+class Row(NamedTuple):
+    edit: str
+    rules: str
+    cells: str
+
+
+def rows() -> list[Row]:
+    """The table, without the lines that only divide it."""
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
+    start = lines.index(HEADER[0])
+    assert lines[start + 1] == HEADER[1]
+    body = lines[start + 2 : lines.index("", start)]
+    parsed = [Row(*(part.strip() for part in line.split("|")[1:-1])) for line in body]
+    return [row for row in parsed if not row.edit.startswith("**")]
+
+
+# --- the edits, each of a copy of a finished study ---
+
+Edit = Callable[[Path], None]
+
+
+def settings(text: str) -> Edit:
+    """YAML merged over the settings of the smoke study; lists are replaced."""
+
+    def merge(old, new):
+        for key, value in new.items():
+            if isinstance(value, dict):
+                merge(old.setdefault(key, {}), value)
+            else:
+                assert old.get(key) != value
+                old[key] = value
+
+    def edit(folder):
+        path = folder / "config" / "smoke.yaml"
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        merge(content, yaml.safe_load(text))
+        path.write_text(yaml.safe_dump(content), encoding="utf-8")
+
+    return edit
+
+
+def replaced(name: str, old: str, new: str) -> Edit:
+    """Text that a file has once, replaced."""
+
+    def edit(folder):
+        text = (folder / name).read_text(encoding="utf-8")
+        assert text.count(old) == 1, (name, old)
+        (folder / name).write_text(text.replace(old, new), encoding="utf-8")
+
+    return edit
+
+
+def appended(name: str, text: str) -> Edit:
+    def edit(folder):
+        with (folder / name).open("a", encoding="utf-8") as file:
+            file.write(text)
+
+    return edit
+
+
+def all_of(*edits: Edit) -> Edit:
+    def edit(folder):
+        for one in edits:
+            one(folder)
+
+    return edit
+
+
+def module(name: str) -> str:
+    return f"workflow/src/galloping/{name}"
+
+
+def definition(text: str, name: str) -> ast.FunctionDef:
+    (found,) = (
+        node
+        for node in ast.parse(text).body
+        if isinstance(node, ast.FunctionDef) and node.name == name
+    )
+    return found
+
+
+def statement_added(name: str, function: str) -> Edit:
+    """One more statement at the end of a function of a module, before its last."""
+
+    def edit(folder):
+        path = folder / module(name)
+        text = path.read_text(encoding="utf-8")
+        last = definition(text, function).body[-1]
+        lines = text.splitlines()
+        lines.insert(last.lineno - 1, " " * last.col_offset + "edited = True")
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+    return edit
+
+
+def moved_to_the_end(name: str, function: str) -> Edit:
+    def edit(folder):
+        path = folder / module(name)
+        text = path.read_text(encoding="utf-8")
+        lines, node = text.splitlines(), definition(text, function)
+        taken = lines[node.lineno - 1 : node.end_lineno]
+        kept = lines[: node.lineno - 1] + lines[node.end_lineno :]
+        path.write_text("\n".join([*kept, "", "", *taken, ""]), encoding="utf-8")
+
+    return edit
+
+
+def upgraded(name: str) -> Edit:
+    """The record of a newer version, found before the installed one."""
+
+    def edit(folder):
+        record = folder / NEWER / f"{name}-99.0.dist-info"
+        record.mkdir(parents=True)
+        text = metadata.distribution(name).read_text("METADATA")
+        newer, count = re.subn(r"(?m)^Version: .*$", "Version: 99.0", text, count=1)
+        assert count == 1
+        (record / "METADATA").write_text(newer, encoding="utf-8")
+
+    return edit
+
+
+def touched(*names: str) -> Edit:
+    def edit(folder):
+        for name in names:
+            (folder / name).touch()
+
+    return edit
+
+
+NEW_METHOD = """METHODS = (
+    Method(
+        name="ridge",
+        function="galloping.identification.sparse.ridge:ridge",
+        evidence="reduced",
+        options=("threshold",),
+        protocols=ALL_STATES,
+        needs_uniform=False,
+        summary="a new one",
+    ),
+"""
+
+EDITS = {
+    "the wind speed of the first case": settings(
+        "cases: {internal_resonance: {wind: {speed: 12.5}}}"
+    ),
+    "the wind speed of another case": settings("cases: {non_resonant: {wind: {speed: 12.5}}}"),
+    "a damping ratio of another case": settings(
+        "cases: {non_resonant: {damping: {vertical: 0.006}}}"
+    ),
+    "an initial state of the first case": settings(
+        "cases: {internal_resonance: {initial_state: {q_v: 0.2}}}"
+    ),
+    "a case added": settings("cases: {strong_wind: {wind: {speed: 16}}}"),
+    "a noise level added between others": settings("measurement: {levels: [0, 0.03, 0.05]}"),
+    "a noise level added above the others": settings("measurement: {levels: [0, 0.05, 0.1]}"),
+    "a noise level removed": settings("measurement: {levels: [0]}"),
+    "the number of replicates": settings("measurement: {replicates: 3}"),
+    "the seed": settings("measurement: {seed: 1}"),
+    "a subset size added": settings("measurement: {subsets: {points: [1000, 2000]}}"),
+    "the noise level of the subsets": settings("measurement: {subsets: {level: 0.04}}"),
+    "a method added": settings(
+        "identification: {methods: [stlsq, maximum_likelihood, lasso]}"
+    ),
+    "a method removed": settings("identification: {methods: [stlsq]}"),
+    "a threshold of `stlsq`": settings("identification: {thresholds: {stlsq: 0.01}}"),
+    "the degree of the library": settings("identification: {degree: 2}"),
+    "the steady window": settings("simulation: {steady_window: [210, 300]}"),
+    "the length of the record": settings("simulation: {duration: 310}"),
+    "the resolution of figures": settings("figures: {dpi: 100}"),
+    "a comment, or the order of two keys": replaced(
+        "config/config.yaml",
+        "  duration: 300 # s\n  sampling_rate: 100 # Hz\n",
+        "  # a comment\n  sampling_rate: 1e2\n  duration: 300.0\n",
+    ),
+    "a function body in `galerkin.py`": statement_added("galerkin.py", "frequencies"),
+    "a function body in `sparse/stlsq.py`": statement_added(
+        "identification/sparse/stlsq.py", "normalised"
+    ),
+    "a function body in `sparse/smoothing.py`": statement_added(
+        "identification/sparse/smoothing.py", "smooth"
+    ),
+    "a function body in `evaluation/motion.py`": statement_added(
+        "evaluation/motion.py", "r_squared"
+    ),
+    "a function body in `figures/noise.py`": statement_added("figures/noise.py", "draw_noise_r2"),
+    "a colour in `figures/style.py`": replaced(
+        module("figures/style.py"), 'BAND = "#f2c46d"', 'BAND = "#f2c46e"'
+    ),
+    "a function body in `tables/coefficients.py`": statement_added(
+        "tables/coefficients.py", "identified_terms"
+    ),
+    "a function body in `storage.py`": statement_added("storage.py", "write_text"),
+    "a script's own code: `draw_load.py`": replaced(
+        "workflow/scripts/draw_load.py", "def main() -> None:\n", "def main() -> None:\n    pass\n"
+    ),
+    "a method written and registered, not yet asked for": all_of(
+        appended(module("identification/sparse/ridge.py"), "def ridge(item, threshold): ...\n"),
+        replaced(module("identification/registry.py"), "METHODS = (\n", NEW_METHOD),
+    ),
+    "a function body in a method that is not asked for": statement_added(
+        "identification/sparse/lasso.py", "lasso"
+    ),
+    "a comment, a docstring or the layout of a module": all_of(
+        replaced(module("galerkin.py"), '"""From the', '"""Words.\n\nFrom the'),
+        replaced(module("galerkin.py"), " * omega_v + ", " * (\n omega_v  # words\n) + "),
+    ),
+    "a function moved within its module": moved_to_the_end("galerkin.py", "modes"),
+    "a rule's message or a comment in a rule": replaced(
+        "workflow/rules/derive.smk", '        "Deriving', '        # words\n        "Now deriving'
+    ),
+    "a caption": appended("workflow/report/figure05.rst", "Words.\n"),
+    "another version of matplotlib": upgraded("matplotlib"),
+    "another version of pysindy": upgraded("pysindy"),
+    "a comment in `requirements.lock`": appended("requirements.lock", "# words\n"),
+    "a number in `results/reference`": replaced(
+        "results/reference/smoke/table2_spacers.csv",
+        "internal_resonance,spacers.mass,m_s,4.8,",
+        "internal_resonance,spacers.mass,m_s,4.9,",
+    ),
+    "a script, module, rule file or result touched": touched(
+        "workflow/scripts/derive_model.py",
+        module("galerkin.py"),
+        "workflow/rules/derive.smk",
+        "results/smoke/models/non_resonant.json",
+        "results/smoke/recordings/non_resonant/state/joint_0.05.npz",
+    ),
+}  # fmt: skip
+
+
+# --- what the table says, and what Snakemake does ---
+
+
+class Output(NamedTuple):
+    """A file that the study asks for. path: below the results."""
+
+    rule: str
+    path: Path
+    pending: bool
+
+    @property
+    def names(self) -> dict[str, str]:
+        """The case, cell and method that the path names, as far as it does."""
+        if self.path.parts[0] in ("tables", "figures"):
+            return {}
+        parts = self.path.with_suffix("").parts[1:]
+        return dict(zip(("case", "protocol", "cell", "method"), parts, strict=False))
+
+
+def kind(name: str) -> str:
+    if CELL.fullmatch(name):
+        return "cell"
+    return "method" if name in BY_NAME else "case"
+
+
+@pytest.fixture
+def edited(study):
+    """Makes an edit in a copy of the finished study; returns all outputs it asks for then."""
+
+    def outputs(*edits):
+        with tempfile.TemporaryDirectory() as place:
+            copy = type(study)(Path(place) / "study")
+            shutil.copytree(study.folder, copy.folder, symlinks=True)
+            for edit in edits:
+                edit(copy.folder)
+            run = copy.snakemake("--summary", PYTHONPATH=str(copy.folder / NEWER))
+        assert run.returncode == 0, run.stdout
+        lines = [line.split("\t") for line in run.stdout.splitlines() if line.count("\t") == 5]
+        assert lines[0] == ["output_file", "date", "rule", "log-file(s)", "status", "plan"]
+        return [
+            Output(rule, Path(name).relative_to("results/smoke"), plan == "update pending")
+            for name, _, rule, *_, plan in lines[1:]
+        ]
+
+    assert study.first.returncode == 0, "the smoke study failed: see test_smoke.py"
+    return outputs
+
+
+def quoted(text: str) -> list[str]:
+    return re.findall(r"`([^`]+)`", text)
+
+
+def matching(text: str, rules: set[str]) -> set[str]:
+    """The rules that are quoted in a text, stars included; each must be there."""
+    found = {pattern: {r for r in rules if fnmatch(r, pattern)} for pattern in quoted(text)}
+    assert all(found.values()), f"no such rule: {found}"
+    return set().union(*found.values())
+
+
+def said(row: Row, outputs: list[Output]) -> set[Output]:
+    """The outputs that a row of the table names."""
+    rules = {output.rule for output in outputs}
+    some, _, others = row.rules.partition(" except ")
+    assert quoted(some) or some in ("all", "nothing")
+    wanted = rules if some == "all" else matching(some, rules)
+    chosen = {o for o in outputs if o.rule in wanted - matching(others, rules)}
+    for which in ("case", "cell", "method"):
+        if names := {name for name in quoted(row.cells) if kind(name) == which}:
+            chosen = {o for o in chosen if which not in o.names or o.names[which] in names}
+    return chosen
+
+
+def test_every_edit_has_a_row_and_every_row_an_edit():
+    named = [row.edit for row in rows()]
+    assert sorted(named) == sorted(EDITS)
+
+
+@pytest.mark.parametrize(
+    "row", [pytest.param(row, id=row.edit) for row in rows() if row.rules != "nothing"]
+)
+def test_an_edit_runs_exactly_what_the_table_says(edited, row):
+    outputs = edited(EDITS[row.edit])
+    pending = {output for output in outputs if output.pending}
+    assert pending and pending == {output._replace(pending=True) for output in said(row, outputs)}
+    assert bool(row.cells) == any("case" in output.names for output in pending)
+
+
+def test_what_runs_nothing_runs_nothing(edited):
+    # together: none of them can take back what another does
+    edits = [EDITS[row.edit] for row in rows() if row.rules == "nothing"]
+    outputs = edited(*edits)
+    assert len(outputs) > 100 and len(edits) > 5
+    assert [output for output in outputs if output.pending] == []
