@@ -9,7 +9,7 @@
 # make prune      list and remove results that the settings no longer ask for
 # make lint       style checks alone
 # make bench      measured speed, in results/benchmarks.csv
-# make reference  publish the numbers of the study and of its small version, in results/reference
+# make reference  take the numbers of the study and of its small version as results/reference
 # make docs       write the key table and schema again from the settings
 # make lock       pin the environment again
 #

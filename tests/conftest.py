@@ -1,41 +1,21 @@
-"""What many tests share: the two lines of the paper, simulated once a process."""
+"""What many tests share."""
 
 import os
-from functools import cache
 from pathlib import Path
 
 import hypothesis
-import numpy as np
 import pandas as pd
 import pytest
+from lines import simulate
 from threadpoolctl import threadpool_limits
 
 from galloping.configuration.load import load, plain
-from galloping.equations import STATES, model
-from galloping.galerkin import coefficients
-from galloping.simulation import Simulator, time_grid
 
 pytest_plugins = ["studies"]
 ROOT = Path(__file__).parents[1]
 os.environ["PYTHONPATH"] = str(ROOT / "workflow" / "src")  # for the processes that tests start
 hypothesis.settings.register_profile("study", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("study")
-
-
-@cache
-def _cases():
-    return plain(load({}))["cases"]
-
-
-@cache
-def simulate(name):
-    """(model, trajectory of 300 s at 100 Hz) of a default case."""
-    case = _cases()[name]
-    line = model(coefficients(case))
-    start = np.array([case["initial_state"][state] for state in STATES])
-    trajectory = Simulator(line.states, line.terms)(line, start, time_grid(300, 100))
-    assert trajectory.status == "ok"
-    return line, trajectory
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -71,16 +51,16 @@ def root():
 
 @pytest.fixture(scope="session")
 def hold_to_reference():
-    """Asserts that a study's tables have the published numbers, and that it has compared them.
+    """Asserts that a study's tables have the numbers of its reference.
 
-    Where they should not have them any more, `make reference` publishes the new ones.
+    Where they should not have them any more, `make reference` takes the new ones.
     """
 
     def hold(tables, reference):
         summary = pd.read_csv(tables / "reference_summary.csv").set_index("table")
         differences = pd.read_csv(tables / "reference_differences.csv")
-        published = {path.stem for path in reference.glob("*.csv")}
-        assert published | {"settings", "processor"} == set(summary.index)
+        names = {path.stem for path in reference.glob("*.csv")}
+        assert names | {"settings", "processor"} == set(summary.index)
         assert (summary["values_compared"] > 0).all()
         verdicts = summary["verdict"]
         assert verdicts["settings"] == "agrees"

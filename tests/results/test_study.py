@@ -122,3 +122,7 @@ def test_claims_come_with_a_verdict_and_its_reason(tables):
     values = claims[claims["paper_value"].isin([9.56, 21.05]) & (claims["verdict"] == "better")]
     assert (values["high"] < values["paper_value"]).all()
     assert len(claims["claim"].unique()) >= 24
+
+
+def test_the_numbers_of_the_reference_come_out_again(root, hold_to_reference):
+    hold_to_reference(root / "results" / "tables", root / "results" / "reference")

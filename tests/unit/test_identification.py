@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pysindy as ps
 import pytest
-from conftest import simulate
 from hypothesis import given
 from hypothesis import strategies as st
+from lines import simulate
 
 from galloping.configuration.load import load, plain
 from galloping.identification import result

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import simulate
+from lines import simulate
 
 from galloping.evaluation.limit import (
     IDENTIFIABLE,

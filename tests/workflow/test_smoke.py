@@ -17,6 +17,7 @@ COLUMNS = {
     "noise_r2": "case protocol method level state r2_median r2_low r2_high failures",
     "data_amount": "case protocol method points state amplitude_error_percent r2",
     "claims": "claim quantity paper_value study_value low high protocol method verdict",
+    "reference_summary": "table rows_compared values_compared values_beyond_tolerance verdict",
 }
 CASES = {"internal_resonance", "non_resonant"}
 

@@ -1,11 +1,11 @@
-# tables -> differences from the published ones
+# tables -> differences from the reference
 # what numbers depend on
 OF_NUMBERS = {
     key: section for key, section in STUDY.items() if key not in ("results", "reference", "figures")
 }
 
 
-# what may be published of this study
+# what there may be of it
 REFERENCE = [
     f"{STUDY['reference']}/{file}"
     for file in ("origin.json", *(f"{name}.csv" for name in COMPARED))
@@ -28,6 +28,6 @@ rule compare_reference:
     params:
         settings={"study": OF_NUMBERS, "code": script_code("compare_reference.py")},
     message:
-        "Tables beside the published ones"
+        "Tables beside the reference"
     script:
         "../scripts/compare_reference.py"

@@ -1,5 +1,5 @@
 # what readers see: the tables and figures of the study, and where they look
-COMPARED = [  # with the published ones
+COMPARED = [  # with the reference
     "table1_conductor",
     "table2_spacers",
     "table3_coefficients",

@@ -1,4 +1,4 @@
-"""The study's tables beside the published ones."""
+"""The study's tables beside the reference."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import pandas as pd
 
 from galloping.reproducibility.job import run
 from galloping.reproducibility.processor import processor
-from galloping.reproducibility.published import (
+from galloping.reproducibility.reference import (
     DIFFERENCE_COLUMNS,
     Origin,
     compare_study,
@@ -17,10 +17,10 @@ from galloping.storage import write_rows
 
 def main() -> None:
     given, output = snakemake.input, snakemake.output
-    published = {Path(path).stem: path for path in given.reference}
-    origin = published.pop("origin", None)
+    reference = {Path(path).stem: path for path in given.reference}
+    origin = reference.pop("origin", None)
     summary, differences = compare_study(
-        {name: _table(path) for name, path in published.items()},
+        {name: _table(path) for name, path in reference.items()},
         read_origin(origin) if origin else None,
         {Path(path).stem: _table(path) for path in given.tables},
         Origin(settings=snakemake.params.settings["study"], processor=processor()),

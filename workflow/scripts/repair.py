@@ -7,6 +7,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from galloping.reproducibility.cluster import ClusterError
 from galloping.reproducibility.inspection import recorded
 from galloping.reproducibility.plan import planning
 from galloping.reproducibility.recovery import (
@@ -31,7 +32,7 @@ def main() -> None:
             if not recorded():
                 for line in adopt(plan):
                     print(line)
-    except StillRunning as error:
+    except (ClusterError, StillRunning) as error:
         sys.exit(str(error))
 
 

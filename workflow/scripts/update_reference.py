@@ -1,4 +1,4 @@
-"""Publishes the numbers of a finished study: they are what later runs are compared with.
+"""Takes the numbers of a finished study as the reference that later runs are compared with.
 
 Usage: update_reference.py [--configfile FILE ...], on the machine that ran the study
 Refuses a study in which anything is missing, damaged or not as configured.
@@ -13,7 +13,7 @@ from pathlib import Path
 from galloping.reproducibility.audit import audit
 from galloping.reproducibility.plan import planning
 from galloping.reproducibility.processor import processor
-from galloping.reproducibility.published import Origin
+from galloping.reproducibility.reference import Origin
 from galloping.storage import replacing, write_json
 
 
@@ -38,7 +38,7 @@ def main() -> None:
             shutil.copyfile(path, partial)
     origin = Origin(settings=comparison.settings["study"], processor=processor())
     write_json(reference / "origin.json", asdict(origin))
-    print(f"{reference}: {len(tables)} tables of {results} are published now")
+    print(f"{reference}: {len(tables)} tables of {results} are the reference now")
 
 
 if __name__ == "__main__":

@@ -356,7 +356,7 @@ class Settings(Section):
     )
     reference: FolderPath = setting(
         "results/reference",
-        "folder of published numbers that the tables are compared with, if it is there",
+        "folder of the numbers that the tables are compared with, if it is there",
         rule="a path of letters, digits, '_', '-' and '.', from the root or the working folder",
     )
     cases: Annotated[dict[CaseName, Case], Field(min_length=1)] = Field(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -33,14 +33,15 @@ class NotRestorable(ValueError):
 def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[str]:
     """Put the results of an archive where the plan wants them; says what was done.
 
-    Nothing is written before the archive is found whole. Afterwards Snakemake takes a file as made
-    if its receipt, and those of all that it was made from, are of the plan's jobs with the plan's
-    settings; others are set aside. replacing: set results aside that are not those of the archive.
-    Raises UnsafeArchive, NotAPublication and NotRestorable.
+    No result is written before the archive is found whole. Afterwards Snakemake takes a file as
+    made if its receipt, and those of all that it was made from, are of the plan's jobs with the
+    plan's settings; others are set aside. replacing: set results aside that are not those of the
+    archive. Raises UnsafeArchive, NotAPublication and NotRestorable.
     """
     results = plan.settings["results"]
-    base = next(path for path in (Path(results), *Path(results).parents) if path.exists())
-    with tempfile.TemporaryDirectory(prefix=f".{os.getpid()}-", dir=base) as temporary:
+    Path(results).mkdir(parents=True, exist_ok=True)
+    # on the file system of the results; `make repair` sweeps it if this process is killed
+    with tempfile.TemporaryDirectory(prefix=f".{os.getpid()}-", dir=results) as temporary:
         folder = Path(temporary)
         unpack(archive, folder)
         if found := list(faults(folder)):
@@ -62,14 +63,14 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
             for path in others:
                 _clear(results, path, undoing)
             placed = _place(folder, digests, undoing)
-            _write_receipts(made, undoing)
+            _write_receipts(made, placed, undoing)
             undoing.pop_all()
     now = time.time_ns()
     for path in _present(plan):
         os.utime(path, ns=(now, now))  # none is newer than what was made from it
     if others:
         yield f"{len(others)} other files set aside in {results}/set_aside"
-    yield f"{placed} files restored"
+    yield f"{len(placed)} files restored"
     yield from adopt(plan)
 
 
@@ -89,19 +90,26 @@ def _clear(results: str, path: str, undoing: ExitStack) -> None:
     undoing.callback(set_aside(results, path).replace, path)
 
 
-def _place(folder: Path, digests: Mapping[str, str], undoing: ExitStack) -> int:
-    """Move the files of the archive that are not here yet to their places; how many."""
+def _place(folder: Path, digests: Mapping[str, str], undoing: ExitStack) -> list[str]:
+    """Move the files of the archive that are not here yet to their places; which."""
     placed = [path for path in digests if (folder / path).exists() and not Path(path).exists()]
     for path in placed:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).replace(path)
         undoing.callback(Path(path).unlink)
-    return len(placed)
+    return placed
 
 
-def _write_receipts(made: Mapping[str, Receipt], undoing: ExitStack) -> None:
-    """Write the receipts of files that have none here."""
+def _write_receipts(
+    made: Mapping[str, Receipt], placed: Collection[str], undoing: ExitStack
+) -> None:
+    """Write the receipts of the archive, but of files that were here, with a receipt, before."""
     for path, receipt in made.items():
-        if read_receipt(path) is None:
-            write_receipt(replace(receipt, kept=Path(path).exists()))
-            undoing.callback(receipt_path(path).unlink)
+        present, earlier = Path(path).exists(), read_receipt(path)
+        if earlier and present and path not in placed:
+            continue
+        if earlier:
+            undoing.callback(write_receipt, earlier)
+        else:
+            undoing.callback(receipt_path(path).unlink, missing_ok=True)
+        write_receipt(replace(receipt, kept=present))

@@ -11,7 +11,7 @@ from galloping.publication import manifest
 from galloping.publication.unpacked import NotAPublication, contradictions, settings
 from galloping.publication.validation import structure
 from galloping.reproducibility.comparison import compare_tables, describe
-from galloping.reproducibility.published import flat
+from galloping.reproducibility.reference import flat
 
 SHOWN = 10  # differences of one table that are told one by one
 OF_REFERENCE = ("reference_summary", "reference_differences")  # about other numbers than the run's

@@ -14,10 +14,15 @@ def closing_line(logs: Iterable[str | Path]) -> str:
 
     logs: Snakemake's own of the run; the last line in the log of a failed job says why it failed.
     """
-    failed = (job for log in logs for job in FAILED.findall(_text(Path(log))))
-    causes = {_cause(Path(job)) for job in failed}
+    causes = {_cause(job) for log in logs for job in _failed(Path(log))}
     reason = "; ".join(sorted(causes)) or "it was interrupted, or Snakemake's last lines say why"
     return f"The study stopped: {reason}. Finished jobs are kept; run it again to go on."
+
+
+def _failed(log: Path) -> set[Path]:
+    """Logs of the jobs that failed, by Snakemake's log of them; a job on a cluster has such a log."""
+    jobs = {Path(job) for job in FAILED.findall(_text(log))}
+    return {failed for job in jobs for failed in _failed(job) or {job}}
 
 
 def _cause(log: Path) -> str:

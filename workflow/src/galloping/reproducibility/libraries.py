@@ -13,7 +13,11 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 # Distributions that are not named as what is imported of them.
-DISTRIBUTIONS = {"sklearn": "scikit-learn", "yaml": "PyYAML"}
+DISTRIBUTIONS = {
+    "rocrate_validator": "roc-validator",
+    "sklearn": "scikit-learn",
+    "yaml": "PyYAML",
+}
 
 
 def versions(imported: Iterable[str]) -> dict[str, str]:

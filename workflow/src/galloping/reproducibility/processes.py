@@ -12,7 +12,7 @@ import psutil
 def running(folder: Path) -> list[psutil.Process]:
     """Snakemake's main processes in `folder`, without this one and those that started it."""
     own = {os.getpid(), *(parent.pid for parent in psutil.Process().parents())}
-    return [p for p in _working_in(folder, _is_snakemake) if p.pid not in own]
+    return [p for p in _working_in(folder, _is_main) if p.pid not in own]
 
 
 def orphans(folder: Path) -> list[psutil.Process]:
@@ -46,8 +46,9 @@ def _working_in(folder: Path, wanted: Callable[[list[str]], bool]) -> list[psuti
     return found
 
 
-def _is_snakemake(command: list[str]) -> bool:
-    return any(Path(part).name == "snakemake" for part in command[:4])
+def _is_main(command: list[str]) -> bool:
+    """The Snakemake of a job on a cluster is told its mode."""
+    return any(Path(part).name == "snakemake" for part in command[:4]) and "--mode" not in command
 
 
 def _is_job(command: list[str]) -> bool:

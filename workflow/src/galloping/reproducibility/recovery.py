@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from galloping.reproducibility.cluster import cancel_jobs
 from galloping.reproducibility.inspection import RECORDS, inspect, locked
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.processes import end, orphans, running
@@ -22,12 +23,15 @@ class StillRunning(RuntimeError):
 def release(folder: Path) -> Iterator[str]:
     """End what a killed run left running and take its lock; says what was done.
 
-    Raises StillRunning if the run is alive.
+    Raises StillRunning if the run is alive on this machine, ClusterError if its jobs on a cluster
+    cannot be ended.
     """
     if live := running(folder):
         raise StillRunning(
             f"process {live[0].pid} is running a study in this folder: wait for it, or stop it"
         )
+    if cancelled := cancel_jobs(folder):
+        yield f"cancelled {len(cancelled)} SLURM jobs that a killed run had left"
     if left := orphans(folder):
         end(left)
         yield f"ended {len(left)} jobs that a killed run had left running"

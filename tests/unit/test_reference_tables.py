@@ -1,15 +1,15 @@
-"""A run beside the published numbers: what its summary and its list of differences say."""
+"""A run beside the reference: what its summary and its list of differences say."""
 
 import pandas as pd
 import pytest
 
-from galloping.reproducibility.published import (
+from galloping.reproducibility.reference import (
     AGREES,
     DIFFERENCE_COLUMNS,
     DIFFERS,
+    NO_REFERENCE,
     REASONS,
     SUMMARY_COLUMNS,
-    UNPUBLISHED,
     Origin,
     compare_study,
     read_origin,
@@ -23,9 +23,9 @@ def table(*values):
 
 
 def compare(found, settings=SETTINGS, processor="one"):
-    """(summary by table, differences) of tables beside one published table `noise`."""
-    published, present = Origin(SETTINGS, "one"), Origin(settings, processor)
-    summary, differences = compare_study({"noise": table(0.5, 0.9)}, published, found, present)
+    """(summary by table, differences) of tables beside a reference with the table `noise`."""
+    made, present = Origin(SETTINGS, "one"), Origin(settings, processor)
+    summary, differences = compare_study({"noise": table(0.5, 0.9)}, made, found, present)
     assert all(tuple(row) == SUMMARY_COLUMNS for row in summary)
     assert all(tuple(row) == DIFFERENCE_COLUMNS for row in differences)
     assert [row["table"] for row in summary] == ["settings", "processor", *found]
@@ -98,11 +98,11 @@ def test_another_processor_is_named_and_may_be_the_reason():
     assert summary["noise"]["verdict"] == REASONS["settings"]
 
 
-def test_what_is_not_published_is_no_difference():
+def test_what_the_reference_lacks_is_no_difference():
     summary, differences = compare({"noise": table(0.5, 0.9), "new": table(1)})
-    assert differences == [] and summary["new"]["verdict"] == UNPUBLISHED
+    assert differences == [] and summary["new"]["verdict"] == NO_REFERENCE
     summary, differences = compare_study({}, None, {"noise": table(1)}, Origin(SETTINGS, "one"))
-    assert differences == [] and {row["verdict"] for row in summary} == {UNPUBLISHED}
+    assert differences == [] and {row["verdict"] for row in summary} == {NO_REFERENCE}
 
 
 def test_tables_of_another_make_do_not_stop_the_study():
@@ -117,5 +117,5 @@ def test_tables_of_another_make_do_not_stop_the_study():
 def test_a_broken_reference_is_named(tmp_path, content):
     file = tmp_path / "origin.json"
     file.write_text(content)
-    with pytest.raises(ValueError, match=r"origin\.json: does not say what was published"):
+    with pytest.raises(ValueError, match=r"origin\.json: does not say how the reference was made"):
         read_origin(str(file))

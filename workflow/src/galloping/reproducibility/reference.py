@@ -1,4 +1,4 @@
-"""A run's numbers beside the published ones: what agrees, what differs, and whether it should."""
+"""A run's numbers beside the reference: what agrees, what differs, and whether it should."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SETTINGS, PROCESSOR = "settings", "processor"
 
 AGREES = "agrees"
 DIFFERS = "differs"
-UNPUBLISHED = "no reference"
+NO_REFERENCE = "no reference"
 # Why a table may differ, by what else does.
 REASONS = {
     SETTINGS: "settings differ: numbers are expected to differ",
@@ -48,36 +48,35 @@ class Origin:
 
 
 def read_origin(path: str) -> Origin:
-    """Reads what published numbers were made with. Raises ValueError for a file of another kind."""
+    """Reads what a reference was made with. Raises ValueError for a file of another kind."""
     try:
         return Origin(**read_json(path))
     except (ValueError, TypeError):
-        raise ValueError(f"{path}: does not say what was published; restore or remove it") from None
+        raise ValueError(
+            f"{path}: does not say how the reference was made; restore or remove it"
+        ) from None
 
 
 def compare_study(
     reference: Mapping[str, pd.DataFrame],
-    published: Origin | None,
+    made: Origin | None,
     tables: Mapping[str, pd.DataFrame],
     present: Origin,
 ) -> tuple[list[dict], list[dict]]:
-    """(summary, differences) of a study's tables and the published ones, by name of the table.
+    """(summary, differences) of a study's tables and those of the reference, by name.
 
-    published, present: what the reference and this study were made with; None if nothing is
-    published.
+    made, present: what the reference and this study were made with; None without a reference.
     summary: one row each for settings, processor and the tables, with `SUMMARY_COLUMNS`.
     differences: one row a difference beyond its tolerance, with `DIFFERENCE_COLUMNS`.
     """
-    if published is None:
-        return [_summary(name, UNPUBLISHED) for name in (SETTINGS, PROCESSOR, *tables)], []
-    settings, first = _origin(SETTINGS, published.settings, present.settings)
-    processor, second = _origin(
-        PROCESSOR, {"name": published.processor}, {"name": present.processor}
-    )
+    if made is None:
+        return [_summary(name, NO_REFERENCE) for name in (SETTINGS, PROCESSOR, *tables)], []
+    settings, first = _origin(SETTINGS, made.settings, present.settings)
+    processor, second = _origin(PROCESSOR, {"name": made.processor}, {"name": present.processor})
     differences, summary = [*settings, *processor], [first, second]
     reason = REASONS[differences[0]["table"]] if differences else DIFFERS
     for name, table in tables.items():
-        found, row = [], _summary(name, UNPUBLISHED)
+        found, row = [], _summary(name, NO_REFERENCE)
         if name in reference:
             try:
                 found, row = _table(name, reference[name], table)
@@ -92,21 +91,21 @@ def compare_study(
 
 def _origin(name: str, *origins: Mapping[str, object]) -> tuple[list[dict], dict]:
     """The differences in what two studies were made with, and their row of the summary."""
-    published, present = (dict(flat(origin)) for origin in origins)
+    made, present = (dict(flat(origin)) for origin in origins)
     differences = []
-    for key in dict.fromkeys([*published, *present]):
-        was, now = (each.get(key, "absent") for each in (published, present))
+    for key in dict.fromkeys([*made, *present]):
+        was, now = (each.get(key, "absent") for each in (made, present))
         if was != now:
             differences.append(_difference(name, key, "value", was, now, np.nan, np.nan))
-    shared = published.keys() & present.keys()
+    shared = made.keys() & present.keys()
     return differences, _summary(
         name,
         DIFFERS if differences else AGREES,
         rows_compared=len(shared),
-        rows_only_in_reference=len(published.keys() - shared),
+        rows_only_in_reference=len(made.keys() - shared),
         rows_only_in_this_run=len(present.keys() - shared),
         values_compared=len(shared),
-        values_beyond_tolerance=sum(published[key] != present[key] for key in shared),
+        values_beyond_tolerance=sum(made[key] != present[key] for key in shared),
     )
 
 

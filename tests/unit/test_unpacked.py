@@ -23,7 +23,7 @@ from galloping.publication.validation import CONTEXT, structure
 from galloping.publication.verification import changed_settings, differences, has_tables
 from galloping.reproducibility.audit import Audit
 from galloping.reproducibility.plan import PlannedJob
-from galloping.reproducibility.receipts import Receipt, digest, read_receipt
+from galloping.reproducibility.receipts import Receipt, digest, read_receipt, write_receipt
 
 RESULTS = "results/mine"
 TABLE, MODEL, RECORDING = (f"{RESULTS}/{name}" for name in ("tables/t.csv", "m.json", "r.npz"))
@@ -387,6 +387,17 @@ def test_other_results_are_kept_unless_told(published):
     assert Path(RESULTS, "set_aside/tables/t.csv").read_text() == "my own\n"
     assert Path(TABLE).read_text() == CONTENT[TABLE]
     assert Path(RESULTS, "notes.txt").read_text() == "mine\n"
+
+
+def test_receipts_of_files_that_were_lost_give_way(published):
+    write(Path(), {TABLE: "my own\n"})
+    write_receipt(receipt(TABLE, settings={"code": "old"}))
+    write_receipt(receipt(RECORDING, settings={"code": "old"}))
+    Path(TABLE).unlink()
+    plan = FakePlan()
+    list(restore(archived(published), plan))
+    assert plan.told[1] == ("record", ["m", "r", "t"])
+    assert read_receipt(TABLE).sha256 == digest(TABLE)
 
 
 @pytest.mark.parametrize("after", [0, 1, 2])

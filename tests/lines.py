@@ -1,0 +1,26 @@
+"""The two lines of the paper, simulated once a process."""
+
+from functools import cache
+
+import numpy as np
+
+from galloping.configuration.load import load, plain
+from galloping.equations import STATES, model
+from galloping.galerkin import coefficients
+from galloping.simulation import Simulator, time_grid
+
+
+@cache
+def _cases():
+    return plain(load({}))["cases"]
+
+
+@cache
+def simulate(name):
+    """(model, trajectory of 300 s at 100 Hz) of a default case."""
+    case = _cases()[name]
+    line = model(coefficients(case))
+    start = np.array([case["initial_state"][state] for state in STATES])
+    trajectory = Simulator(line.states, line.terms)(line, start, time_grid(300, 100))
+    assert trajectory.status == "ok"
+    return line, trajectory
