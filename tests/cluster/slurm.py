@@ -74,10 +74,7 @@ class Cluster:
             "munged",
             "--foreground",
             f"--socket={socket_file}",
-            *(
-                f"--{kind}-file={self.folder}/munge.{kind}"
-                for kind in ("key", "pid", "log", "seed")
-            ),
+            *(f"--{kind}-file={self.folder}/munge.{kind}" for kind in ("key", "pid", "log", "seed")),
         )
         self._until(socket_file.exists, "munged to listen", 20)
         self._launch("slurmctld", "-D")

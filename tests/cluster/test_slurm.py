@@ -101,9 +101,8 @@ def start(folder, cluster):
 def computing(cluster: Cluster, folder: Path) -> Callable[[], bool]:
     """Whether both nodes work on cells, and a model has been identified since this call."""
     before = identified(folder)
-    return lambda: (
-        all(cluster.jobs("RUNNING", node=node) for node in NODES)
-        and bool(identified(folder) - before)
+    return lambda: all(cluster.jobs("RUNNING", node=node) for node in NODES) and bool(
+        identified(folder) - before
     )
 
 
