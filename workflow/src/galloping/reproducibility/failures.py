@@ -20,7 +20,7 @@ def closing_line(logs: Iterable[str | Path]) -> str:
 
 
 def _failed(log: Path) -> set[Path]:
-    """Logs of the jobs that failed, by Snakemake's log of them; a job on a cluster has such a log."""
+    """Logs of the jobs that failed, by a log of Snakemake; each job on a cluster has such a log."""
     jobs = {Path(job) for job in FAILED.findall(_text(log))}
     return {failed for job in jobs for failed in _failed(job) or {job}}
 
