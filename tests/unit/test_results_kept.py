@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from base64 import urlsafe_b64encode
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -42,12 +43,18 @@ def script(path, inputs=(), settings=SETTINGS):
     )
 
 
+def record(path, kind="metadata"):
+    """Where Snakemake keeps what it knows of a file."""
+    return Path(".snakemake", kind, urlsafe_b64encode(str(path).encode()).decode())
+
+
 def make(path, content="1\n", inputs=(), settings=SETTINGS):
-    """Run a job that writes `content`; the path from the working folder."""
+    """Run a job that writes `content`, as Snakemake does; the path from the working folder."""
     described = script(path, inputs, settings)
     target = Path(described.output[0])
     target.parent.mkdir(parents=True, exist_ok=True)
     job.run(lambda: target.write_text(content), described)
+    record(target).touch()
     return str(target)
 
 
@@ -77,10 +84,10 @@ class FakePlan:
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """A working folder in which Snakemake has records."""
+    """A working folder in which Snakemake has run."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / ".snakemake/metadata").mkdir(parents=True)
-    (tmp_path / ".snakemake/metadata/record").touch()
+    for kind in ("metadata", "incomplete"):
+        (tmp_path / ".snakemake" / kind).mkdir(parents=True)
     return tmp_path
 
 
@@ -207,11 +214,24 @@ def test_a_folder_that_cannot_be_written_costs_only_time(monkeypatch):
     assert lost() == []
 
 
-def test_lost_records_end_the_run(folder):
+def test_a_lost_record_ends_the_run():
     make("models/a.json")
-    (folder / ".snakemake/metadata/record").unlink()
-    with pytest.raises(inspection.DamagedResults, match=r"records of these files .* are gone"):
+    model = make("models/b.json")
+    record(model).unlink()
+    with pytest.raises(inspection.DamagedResults, match=r"records of 1 files .* are gone"):
         lost()
+    record(model, "incomplete").touch()  # Snakemake makes it again by itself
+    assert lost() == []
+
+
+def test_records_of_long_names_are_found():
+    model = make("models/a.json")
+    name = record(model).name
+    record(model).unlink()
+    folder = Path(".snakemake/metadata", f"@{name[:4]}")
+    folder.mkdir()
+    (folder / name[4:]).touch()
+    assert lost() == []
 
 
 def test_nothing_is_compared_while_a_run_holds_the_lock(folder):
@@ -235,6 +255,16 @@ def test_damaged_files_are_set_aside_and_none_is_overwritten():
     kept = sorted(Path(RESULTS, "set_aside/tables").iterdir())
     assert [path.read_text() for path in kept] == ["first\n", "second\n"]
     assert list(recovery.set_aside_damaged(RESULTS)) == []
+
+
+def test_a_file_whose_receipt_cannot_be_read_is_set_aside_and_asked_for_again():
+    model, table = make("models/a.json"), make("tables/t.csv", inputs=["models/a.json"])
+    receipt_path(table).write_text("{")
+    plan = FakePlan(planned("models/a.json"), planned("tables/t.csv", ["models/a.json"]))
+    (line,) = recovery.set_aside_unknown(plan)
+    assert table in line and lost() == [table]
+    assert Path(model).exists() and Path(RESULTS, "set_aside/tables/t.csv").exists()
+    assert list(recovery.set_aside_unknown(plan)) == []
 
 
 def test_unfinished_files_are_swept_and_receipts_stay():
@@ -457,6 +487,23 @@ def test_the_closing_line_gives_the_last_word_of_failed_jobs(folder):
     run.write_text(f"Error in rule draw:\n    log: {log} (check log file(s) for error details)\n")
     line = closing_line([run])
     assert f"ValueError: no wind ({log})" in line and "\n" not in line
+
+
+def test_the_closing_line_names_the_signal_that_ended_a_job(folder):
+    log = folder / "results/logs/draw.log"
+    log.parent.mkdir(parents=True)
+    log.write_text("a warning of an earlier run\n")
+    run = folder / "run.log"
+    run.write_text(
+        "Command 'python tmp1.draw.py' died with <Signals.SIGKILL: 9>.\n[Sat Nov 21 2026]\n"
+        "Error in rule draw:\n    message: None\n    jobid: 1\n"
+        f"    log: {log} (check log file(s) for error details)\n"
+        "Error in rule draw:\n    message: None\n"
+        f"    log: {folder}/b.log, {folder}/cluster.log (check log file(s) for error details)\n"
+    )
+    line = closing_line([run])
+    assert f"killed by SIGKILL ({log})" in line and f"{folder}/b.log" in line
+    assert "earlier" not in line
 
 
 def test_the_closing_line_of_an_interrupted_run_has_no_cause(folder):

@@ -8,13 +8,15 @@ import sys
 from pathlib import Path
 
 from galloping.reproducibility.cluster import ClusterError
-from galloping.reproducibility.inspection import recorded
+from galloping.reproducibility.inspection import unrecorded
 from galloping.reproducibility.plan import planning
+from galloping.reproducibility.receipts import receipts
 from galloping.reproducibility.recovery import (
     StillRunning,
     adopt,
     release,
     set_aside_damaged,
+    set_aside_unknown,
     sweep,
 )
 
@@ -27,9 +29,10 @@ def main() -> None:
             print(line)
         with planning(parser.parse_args().configfile) as plan:
             results = plan.settings["results"]
-            for line in (*sweep(results), *set_aside_damaged(results)):
-                print(line)
-            if not recorded():
+            for step in (sweep(results), set_aside_damaged(results), set_aside_unknown(plan)):
+                for line in step:
+                    print(line)
+            if unrecorded(receipts(results)):
                 for line in adopt(plan):
                     print(line)
     except (ClusterError, StillRunning) as error:

@@ -8,27 +8,30 @@ import argparse
 import sys
 
 from galloping.reproducibility.audit import audit
+from galloping.reproducibility.inspection import make_command
 from galloping.reproducibility.plan import planning
 
 FAULTS = {
-    "damaged": "not what its job wrote (`make repair` makes it again)",
-    "lost": "was made and is gone (`make` makes it again)",
-    "outdated": "made with other settings or code (`make` makes it again)",
-    "inconsistent": "made from another version of an input (`make repair` makes it again)",
-    "unknown": "has no receipt (remove it, then `make`)",
-    "absent": "not made yet (`make` makes it)",
+    "damaged": "not what its job wrote: `{repair}` makes it again",
+    "lost": "was made and is gone: `{run}` makes it again",
+    "outdated": "made with other settings or code: `{run}` makes it again",
+    "inconsistent": "made from another version of an input: `{run}` makes it again",
+    "unknown": "has no receipt that can be read: `{repair}` makes it again",
+    "absent": "not made yet: `{run}` makes it",
 }
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--configfile", nargs="+", default=[])
-    with planning(parser.parse_args().configfile) as plan:
+    files = parser.parse_args().configfile
+    run, repair = make_command(files), make_command(files, "repair")
+    with planning(files) as plan:
         found = audit(plan)
         results = plan.settings["results"]
     for state, meaning in FAULTS.items():
         for path in getattr(found, state):
-            print(f"{path}: {meaning}")
+            print(f"{path}: {meaning.format(run=run, repair=repair)}")
     faults = sum(len(getattr(found, state)) for state in FAULTS)
     print(f"{results}: {len(found.sound)} files verified, {faults} at fault")
     if found.elsewhere:

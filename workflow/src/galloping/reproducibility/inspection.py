@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+from base64 import urlsafe_b64encode
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -28,10 +29,11 @@ class Findings:
     damaged: tuple[Receipt, ...]
 
 
-def repair_command(configfiles: Iterable[str | Path] = ()) -> str:
-    """What to type for the study of these configuration files."""
+def make_command(configfiles: Iterable[str | Path] = (), goal: str = "") -> str:
+    """What to type to reach a goal of the Makefile for the study of these configuration files."""
     files = " ".join(os.path.relpath(file) for file in configfiles)
-    return f"make repair CONFIG={shlex.quote(files)}" if files else "make repair"
+    settings = f"CONFIG={shlex.quote(files)}" if files else ""
+    return " ".join(filter(None, ("make", goal, settings)))
 
 
 def lost(results: str, repair: str | None) -> list[str]:
@@ -39,17 +41,17 @@ def lost(results: str, repair: str | None) -> list[str]:
 
     repair: the command that mends damage, for messages; None where there is none, as in a study
     that other workflows use as a module. Raises DamagedResults if a file is not
-    what its job wrote, or if Snakemake's records of the results are gone, without which it would
+    what its job wrote, or if Snakemake's records of a file are gone, without which it would
     not see what was edited since. While Snakemake holds its lock, files come and go, and nothing
     is compared.
     """
     if locked():
         return []
     found = list(receipts(results))
-    if found and not recorded():
+    if without := unrecorded(found):
         raise DamagedResults(
-            f"{results}: Snakemake's records of these files (.snakemake/metadata) are gone, "
-            "and with them what was edited since; "
+            f"{results}: Snakemake's records of {len(without)} files (.snakemake/metadata) are "
+            "gone, and with them what was edited since; "
             + (f"`{repair}` compares the receipts instead" if repair else "remove the folder")
         )
     findings = inspect(found)
@@ -72,9 +74,28 @@ def locked() -> bool:
     return any((RECORDS / "locks").glob("*"))
 
 
-def recorded() -> bool:
-    """Whether Snakemake has records of any file it made in the working folder."""
-    return any((RECORDS / "metadata").glob("*"))
+def unrecorded(found: Iterable[Receipt]) -> list[str]:
+    """Files that are here and of which Snakemake does not know how they were made.
+
+    It takes them as up to date whatever is edited. Those of jobs that it knows to be unfinished are
+    not among them: it makes them again.
+    """
+    known = _recorded("metadata") | _recorded("incomplete")
+    return [r.path for r in found if _record_name(r.path) not in known and Path(r.path).exists()]
+
+
+def _record_name(path: str) -> str:
+    return urlsafe_b64encode(path.encode()).decode()
+
+
+def _recorded(kind: str) -> set[str]:
+    """Names of Snakemake's records; long ones are spread over folders that begin with @."""
+    root = RECORDS / kind
+    return {
+        "".join(part.removeprefix("@") for part in (*Path(folder).relative_to(root).parts, name))
+        for folder, _, names in os.walk(root)
+        for name in names
+    }
 
 
 def inspect(found: Iterable[Receipt], *, thorough: bool = False) -> Findings:

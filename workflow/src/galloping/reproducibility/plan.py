@@ -46,6 +46,20 @@ class PlannedJob:
         named = (receipt.rule, receipt.wildcards, receipt.settings, receipt.inputs.keys())
         return named == (self.rule, self.wildcards, self.settings, set(self.inputs))
 
+    def unmade(self, path: str) -> Receipt:
+        """The receipt of an output of this job that is to be made: without digests."""
+        return Receipt(
+            path=path,
+            rule=self.rule,
+            wildcards=self.wildcards,
+            log=self.log,
+            settings=self.settings,
+            inputs=dict.fromkeys(self.inputs, ""),
+            sha256="",
+            size=0,
+            seconds=0.0,
+        )
+
 
 class Plan:
     """All jobs of a study.

@@ -11,7 +11,14 @@ from galloping.reproducibility.cluster import cancel_jobs
 from galloping.reproducibility.inspection import RECORDS, inspect, locked
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.processes import end, orphans, running
-from galloping.reproducibility.receipts import Receipt, consistent, receipt_path, receipts
+from galloping.reproducibility.receipts import (
+    Receipt,
+    consistent,
+    read_receipt,
+    receipt_path,
+    receipts,
+    write_receipt,
+)
 
 SET_ASIDE = "set_aside"
 
@@ -57,10 +64,24 @@ def set_aside_damaged(results: str) -> Iterator[str]:
         yield f"{receipt.path} was edited or damaged: set aside as {kept}"
 
 
+def set_aside_unknown(plan: Plan) -> Iterator[str]:
+    """Move planned files without a receipt that can be read out of the way.
+
+    A receipt without a digest takes its place, so that the next run makes the file again.
+    """
+    results = plan.settings["results"]
+    for job in plan.jobs:
+        for path in job.outputs:
+            if Path(path).exists() and read_receipt(path) is None:
+                kept = set_aside(results, path)
+                write_receipt(job.unmade(path))
+                yield f"{path} has no receipt that can be read: set aside as {kept}"
+
+
 def adopt(plan: Plan) -> Iterator[str]:
     """Let Snakemake's records take over files that are exactly those of the plan.
 
-    For results that Snakemake has no records of. A file counts if its receipt names the same
+    For results of which Snakemake lacks records. A file counts if its receipt names the same
     settings and code as the plan, and the same inputs as the receipts of those, and so on back to
     the first files; the caller has made sure that files are as in their receipts. Others are set
     aside, to be made again.
@@ -68,7 +89,6 @@ def adopt(plan: Plan) -> Iterator[str]:
     results = plan.settings["results"]
     known = {receipt.path: receipt for receipt in receipts(results)}
     adopted = [job for job in _as_planned(plan, known) if _complete(job, known)]
-    plan.record(adopted)
     kept = {path for job in adopted for path in job.outputs if Path(path).exists()}
     others = sorted(({p for job in plan.jobs for p in job.outputs} | known.keys()) - kept)
     others = [path for path in others if Path(path).exists()]
@@ -76,6 +96,7 @@ def adopt(plan: Plan) -> Iterator[str]:
         set_aside(results, path)
     for path in known.keys() - {path for job in plan.jobs for path in job.outputs}:
         receipt_path(path).unlink()  # else the file would be missed
+    plan.record(adopted)  # last: what has no record when this is killed is adopted the next time
     if kept:
         yield f"{len(kept)} files are as their receipts say and made as configured now: kept"
     if others:
