@@ -7,6 +7,7 @@
 # make verify ARCHIVE=file    check such an archive, and compare its numbers with this study's
 # make restore ARCHIVE=file   put the results of such an archive in place
 # make prune      list and remove results that the settings no longer ask for
+# make test-slurm the small version on a SLURM cluster of this machine, through faults; Debian, root
 # make lint       style checks alone
 # make bench      measured speed, in results/benchmarks.csv
 # make reference  take the numbers of the study and of its small version as results/reference
@@ -17,18 +18,20 @@
 # ALLOW=list      publish although dirty, incomplete, outdated
 # REPLACE=yes     restore over other results, which are set aside
 # CORES=n         how many cores to use; all
+# PROFILE=slurm   run the jobs on a cluster: config/README.md, "On a cluster"
 PYTHON ?= python3
 CORES ?= all
 VENV := .venv
 BIN := $(VENV)/bin
 SCRIPT := PYTHONPATH=workflow/src $(BIN)/python workflow/scripts
 OPTIONS := $(if $(CONFIG),--configfile $(CONFIG))
+WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores $(CORES))
 
-.PHONY: all study smoke test repair verify publish restore prune lint bench reference docs lock help
+.PHONY: all study smoke test repair verify publish restore prune test-slurm lint bench reference docs lock help
 all: study
 
 study: $(VENV)/made
-	@$(SCRIPT)/run_study.py --cores $(CORES) $(shell [ -t 1 ] && echo --logger rich) $(OPTIONS)
+	@$(SCRIPT)/run_study.py $(WHERE) $(shell [ -t 1 ] && echo --logger rich) $(OPTIONS)
 	@$(SCRIPT)/make_report.py $(OPTIONS)
 
 smoke:
@@ -53,6 +56,10 @@ prune: $(VENV)/made
 
 test: study
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
+
+test-slurm: $(VENV)/made
+	timeout --foreground --signal INT --kill-after 60 40m \
+	  $(BIN)/python -m pytest -m slurm tests/cluster --slurm-csv results/reliability/slurm.csv
 
 lint: $(VENV)/made
 	$(BIN)/ruff check

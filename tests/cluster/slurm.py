@@ -104,9 +104,13 @@ class Cluster:
         self._until(lambda: self.state(node).startswith("down"), f"{node} to be down", 60)
 
     def give_back(self, node: str) -> None:
-        """Start a node; it is ready for jobs on return."""
+        """Start a node on a core of its own, if there are so many; it is ready on return."""
+        cores = sorted(os.sched_getaffinity(0))
         self._launch(
-            "slurmd", "-D", "-N", node, name=node, environment={NODE: str(self.folder / node)}
+            *("slurmd", "-D", "-N", node),
+            name=node,
+            core=cores[NODES.index(node) % len(cores)],
+            environment={NODE: str(self.folder / node)},
         )
         self._until(
             lambda: self.state(node) in ("idle", "mixed", "allocated"), f"{node} to be ready", 60
@@ -199,13 +203,19 @@ PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
         )
 
     def _launch(
-        self, daemon: str, *options: str, name: str = "", environment: dict[str, str] | None = None
+        self,
+        daemon: str,
+        *options: str,
+        name: str = "",
+        core: int | None = None,
+        environment: dict[str, str] | None = None,
     ) -> None:
         """Start a daemon in the foreground, to die with this process."""
         name = name or daemon
+        bound = [] if core is None else ["taskset", "--cpu-list", str(core)]
         with (self.folder / f"{name}.log").open("ab") as log:
             self._daemons[name] = subprocess.Popen(
-                ["setpriv", "--pdeathsig", "KILL", _daemon(daemon), *options],
+                ["setpriv", "--pdeathsig", "KILL", *bound, _daemon(daemon), *options],
                 env={**self.environment, **(environment or {})},
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -248,7 +258,10 @@ def _free_ports(number: int) -> list[int]:
 
 
 def _marked(mark: str) -> list[psutil.Process]:
-    """Processes with this line in their environment, oldest first; SLURM's steps change its start."""
+    """Processes with this line in their environment, oldest first.
+
+    Read here because psutil stops where SLURM's steps have written their title over it.
+    """
     found = []
     for process in psutil.process_iter():
         with suppress(OSError):

@@ -24,7 +24,7 @@ OPTIONS = (
     *SMOKE,
     *("--workflow-profile", "workflow/profiles/slurm"),
     # As in the profile, but with more than two jobs of cells, and asked after at once.
-    *("--group-components", "case=10", "cell=2", "show=50"),
+    *("--group-components", "case=20", "cell=2", "show=50"),
     *("--slurm-init-seconds-before-status-checks", "2"),
 )
 FINISHED = re.compile(r"^Finished jobid: \d+ \(Rule: (?!all\))", re.MULTILINE)

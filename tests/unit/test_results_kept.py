@@ -92,7 +92,12 @@ def folder(tmp_path, monkeypatch):
 
 
 def lost():
-    return inspection.lost(RESULTS, "make repair")
+    return inspection.lost(RESULTS, "make repair", written)
+
+
+def written(path):
+    """Whether a job writes it."""
+    return path.startswith((f"{RESULTS}/models/", f"{RESULTS}/tables/")) and "notes" not in path
 
 
 # receipts
@@ -192,6 +197,19 @@ def test_damage_ends_the_run_in_a_line(harm, seen):
     assert "\n" not in str(end.value)
 
 
+def test_a_file_that_nothing_tells_of_ends_the_run_in_a_line():
+    make("models/a.json")
+    mine = Path(RESULTS, "models/notes.txt")
+    mine.touch()
+    assert lost() == []
+    made = make("models/b.json")
+    receipt_path(made).unlink()
+    with pytest.raises(inspection.DamagedResults, match=r"b\.json: no receipt .*`make repair`"):
+        lost()
+    record(made, "incomplete").touch()  # Snakemake makes it again by itself
+    assert lost() == []
+
+
 def test_only_what_changed_is_read_again(monkeypatch):
     make("models/a.json")
     model = make("models/b.json")
@@ -269,7 +287,7 @@ def test_a_file_whose_receipt_cannot_be_read_is_set_aside_and_asked_for_again():
 
 def test_unfinished_files_are_swept_and_receipts_stay():
     model = make("models/a.json")
-    left = Path(RESULTS, "models/.123-b.json")
+    left = Path(RESULTS, "models/.partial-123-b.json")
     left.touch()
     assert len(list(recovery.sweep(RESULTS))) == 1
     assert not left.exists() and receipt_path(model).exists()

@@ -1,16 +1,21 @@
 """The table of `config/reruns.md`: what each edit runs again, by dry runs of a finished study."""
 
 import ast
+import os
 import re
 import shutil
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable
 from fnmatch import fnmatch
 from importlib import metadata
 from pathlib import Path
+from subprocess import PIPE
 from typing import NamedTuple
 
 import pytest
+import summaries
 import yaml
 
 from galloping.identification.registry import BY_NAME
@@ -20,7 +25,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 PAGE = Path(__file__).parents[2] / "config" / "reruns.md"
 HEADER = ["| Edit | Rules that run again | Of which cells |", "| --- | --- | --- |"]
 CELL = re.compile(r"(noise|points|joint)_[\d.]+")
-NEWER = "newer"  # a folder of pretended installations
 
 
 class Row(NamedTuple):
@@ -134,7 +138,7 @@ def upgraded(name: str) -> Edit:
     """The record of a newer version, found before the installed one."""
 
     def edit(folder):
-        record = folder / NEWER / f"{name}-99.0.dist-info"
+        record = folder / summaries.NEWER / f"{name}-99.0.dist-info"
         record.mkdir(parents=True)
         text = metadata.distribution(name).read_text("METADATA")
         newer, count = re.subn(r"(?m)^Version: .*$", "Version: 99.0", text, count=1)
@@ -277,19 +281,36 @@ def kind(name: str) -> str:
     return "method" if name in BY_NAME else "case"
 
 
+@pytest.fixture(scope="module")
+def summary():
+    """Snakemake's own summary of the smoke study in a folder."""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    with subprocess.Popen(
+        [sys.executable, summaries.__file__], env=environment, stdin=PIPE, stdout=PIPE, text=True
+    ) as server:
+
+        def ask(folder):
+            print(folder, file=server.stdin, flush=True)
+            status = server.stdout.readline().strip()
+            text = (folder / summaries.SUMMARY).read_text(encoding="utf-8")
+            assert status == "0", text
+            return text
+
+        yield ask
+
+
 @pytest.fixture
-def edited(study):
-    """Makes an edit in a copy of the finished study; returns all outputs it asks for then."""
+def edited(study, summary):
+    """Makes edits in a copy of the finished study; returns all outputs it asks for then."""
 
     def outputs(*edits):
         with tempfile.TemporaryDirectory() as place:
-            copy = type(study)(Path(place) / "study")
-            shutil.copytree(study.folder, copy.folder, symlinks=True)
+            folder = Path(place) / "study"
+            shutil.copytree(study.folder, folder, symlinks=True)
             for edit in edits:
-                edit(copy.folder)
-            run = copy.snakemake("--summary", PYTHONPATH=str(copy.folder / NEWER))
-        assert run.returncode == 0, run.stdout
-        lines = [line.split("\t") for line in run.stdout.splitlines() if line.count("\t") == 5]
+                edit(folder)
+            text = summary(folder)
+        lines = [line.split("\t") for line in text.splitlines() if line.count("\t") == 5]
         assert lines[0] == ["output_file", "date", "rule", "log-file(s)", "status", "plan"]
         return [
             Output(rule, Path(name).relative_to("results/smoke"), plan == "update pending")

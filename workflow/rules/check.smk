@@ -10,8 +10,9 @@ if workflow.is_main_process:
     own = workflow.modifier.is_main_snakefile()
     repair = make_command(workflow.overwrite_configfiles, "repair") if own else None
     try:
-        missed = lost(RESULTS, repair)
-        LOST = [path for path in missed if any(rule.is_producer(path) for rule in workflow.rules)]
+        LOST = lost(
+            RESULTS, repair, lambda path: any(rule.is_producer(path) for rule in workflow.rules)
+        )
     except DamagedResults as error:
         sys.exit(str(error))
 

@@ -11,13 +11,20 @@ from pathlib import Path
 
 import numpy as np
 
+PARTIAL = ".partial-"  # begins the name of what is not finished yet
+
+
+def partial_prefix() -> str:
+    """Of what this process writes; a killed process leaves such files behind."""
+    return f"{PARTIAL}{os.getpid()}-"
+
 
 @contextmanager
 def replacing(path: str | os.PathLike) -> Iterator[Path]:
     """A temporary path beside `path` that takes its place when the block ends without error."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{os.getpid()}-{path.name}")
+    partial = path.with_name(f"{partial_prefix()}{path.name}")
     try:
         yield partial
         partial.replace(path)

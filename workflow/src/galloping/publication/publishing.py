@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
 from collections.abc import Collection, Iterator, Sequence
@@ -20,7 +19,7 @@ from galloping.publication.run_times import run_times
 from galloping.reproducibility.audit import Audit, audit
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import receipts
-from galloping.storage import write_json, write_rows, write_text
+from galloping.storage import partial_prefix, write_json, write_rows, write_text
 
 PUBLICATION = "publication"
 RECEIPTS = "receipts.json"
@@ -55,7 +54,7 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
         raise NotPublishable("\n".join(refused))
     remarks = [text for _, text in found]
     citation = yaml.safe_load(Path("CITATION.cff").read_text(encoding="utf-8"))
-    with tempfile.TemporaryDirectory(prefix=f".{os.getpid()}-", dir=results) as temporary:
+    with tempfile.TemporaryDirectory(prefix=partial_prefix(), dir=results) as temporary:
         folder = Path(temporary, PUBLICATION)
         _copy(files(plan), folder)
         _write_records(folder, plan, present, remarks, citation)

@@ -24,6 +24,7 @@ from galloping.reproducibility.receipts import (
     write_receipt,
 )
 from galloping.reproducibility.recovery import adopt, set_aside
+from galloping.storage import partial_prefix
 
 
 class NotRestorable(ValueError):
@@ -41,7 +42,7 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
     results = plan.settings["results"]
     Path(results).mkdir(parents=True, exist_ok=True)
     # on the file system of the results; `make repair` sweeps it if this process is killed
-    with tempfile.TemporaryDirectory(prefix=f".{os.getpid()}-", dir=results) as temporary:
+    with tempfile.TemporaryDirectory(prefix=partial_prefix(), dir=results) as temporary:
         folder = Path(temporary)
         unpack(archive, folder)
         if found := list(faults(folder)):

@@ -80,7 +80,7 @@ class _Module:
 def _parse(path: Path) -> _Module:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     names: set[str] = set()
-    for node in ast.walk(tree):
+    for node in (tree, *_statements(tree)):
         if isinstance(node, IMPORTS):
             names |= _imported(node, path)
         elif isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
@@ -92,6 +92,14 @@ def _parse(path: Path) -> _Module:
         modules=tuple(sorted(files)),
         libraries=frozenset(tops - {PACKAGE} - sys.stdlib_module_names),
     )
+
+
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """All statements below a node: a small part of what `ast.walk` goes through."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case)):
+            yield child
+            yield from _statements(child)
 
 
 def _imported(node: ast.Import | ast.ImportFrom, path: Path) -> set[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from base64 import urlsafe_b64encode
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,14 +36,14 @@ def make_command(configfiles: Iterable[str | Path] = (), goal: str = "") -> str:
     return " ".join(filter(None, ("make", goal, settings)))
 
 
-def lost(results: str, repair: str | None) -> list[str]:
+def lost(results: str, repair: str | None, written: Callable[[str], bool]) -> list[str]:
     """Files of a study that were made and are gone; to be made again.
 
     repair: the command that mends damage, for messages; None where there is none, as in a study
-    that other workflows use as a module. Raises DamagedResults if a file is not
-    what its job wrote, or if Snakemake's records of a file are gone, without which it would
-    not see what was edited since. While Snakemake holds its lock, files come and go, and nothing
-    is compared.
+    that other workflows use as a module. written: whether a job of the study writes such a path.
+    Raises DamagedResults if a file is not what its job wrote, if nothing says how it was made, or
+    if Snakemake's records of it are gone, without which it would not see what was edited since.
+    While Snakemake holds its lock, files come and go, and nothing is compared.
     """
     if locked():
         return []
@@ -55,18 +55,16 @@ def lost(results: str, repair: str | None) -> list[str]:
             + (f"`{repair}` compares the receipts instead" if repair else "remove the folder")
         )
     findings = inspect(found)
-    if findings.damaged:
-        first, *others = (receipt.path for receipt in findings.damaged)
-        more = f" and {len(others)} more" if others else ""
-        raise DamagedResults(
-            f"{first}{more}: edited or damaged since its job wrote it; "
-            + (
-                f"`{repair}` sets it aside and makes it again"
-                if repair
-                else "remove it and run again"
-            )
-        )
-    return [receipt.path for receipt in findings.missing]
+    faults = {
+        "edited or damaged since its job wrote it": [r.path for r in findings.damaged],
+        "no receipt says how it was made": list(filter(written, _strangers(results, found))),
+    }
+    cure = f"`{repair}` sets it aside and makes it again" if repair else "remove it and run again"
+    for fault, paths in faults.items():
+        if paths:
+            more = f" and {len(paths) - 1} more" if paths[1:] else ""
+            raise DamagedResults(f"{paths[0]}{more}: {fault}; {cure}")
+    return [receipt.path for receipt in findings.missing if written(receipt.path)]
 
 
 def locked() -> bool:
@@ -82,6 +80,24 @@ def unrecorded(found: Iterable[Receipt]) -> list[str]:
     """
     known = _recorded("metadata") | _recorded("incomplete")
     return [r.path for r in found if _record_name(r.path) not in known and Path(r.path).exists()]
+
+
+def _strangers(results: str, found: Iterable[Receipt]) -> list[str]:
+    """Files of a results folder without a receipt, but those that Snakemake makes again anyway."""
+    known = {receipt.path for receipt in found}
+    told = (f"{results}/logs/", f"{results}/benchmarks/")  # about jobs, not made by them
+    files = (
+        (Path(folder) / name).as_posix()
+        for folder, _, names in os.walk(results)
+        for name in names
+        if not name.startswith(".")
+    )
+    unfinished = _recorded("incomplete")
+    return sorted(
+        file
+        for file in files
+        if file not in known and not file.startswith(told) and _record_name(file) not in unfinished
+    )
 
 
 def _record_name(path: str) -> str:

@@ -19,6 +19,7 @@ from galloping.reproducibility.receipts import (
     receipts,
     write_receipt,
 )
+from galloping.storage import PARTIAL
 
 SET_ASIDE = "set_aside"
 
@@ -49,7 +50,7 @@ def release(folder: Path) -> Iterator[str]:
 
 def sweep(results: str) -> Iterator[str]:
     """Remove what a killed process had not finished writing (see `storage.replacing`)."""
-    for path in sorted(Path(results).rglob(".[0-9]*-*")):
+    for path in sorted(Path(results).rglob(f"{PARTIAL}*")):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
         yield f"removed the unfinished {path}"
 
