@@ -7,6 +7,7 @@
 # make verify ARCHIVE=file    check such an archive, and compare its numbers with this study's
 # make restore ARCHIVE=file   put the results of such an archive in place
 # make prune      list and remove results that the settings no longer ask for
+# make test-faults  the small version killed, interrupted, damaged, out of disk: is it whole again?
 # make test-slurm the small version on a SLURM cluster of this machine, through faults; Debian, root
 # make lint       style checks alone
 # make bench      measured speed, in results/benchmarks.csv
@@ -27,7 +28,7 @@ SCRIPT := PYTHONPATH=workflow/src $(BIN)/python workflow/scripts
 OPTIONS := $(if $(CONFIG),--configfile $(CONFIG))
 WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores $(CORES))
 
-.PHONY: all study smoke test repair verify publish restore prune test-slurm lint bench reference docs lock help
+.PHONY: all study smoke test repair verify publish restore prune test-faults test-slurm reliability lint bench reference docs lock help
 all: study
 
 study: $(VENV)/made
@@ -57,9 +58,19 @@ prune: $(VENV)/made
 test: study
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
+test-faults: $(VENV)/made
+	$(BIN)/python -m pytest -m '' tests/faults --faults-csv results/reliability/faults.csv
+	@$(MAKE) --no-print-directory reliability
+
 test-slurm: $(VENV)/made
 	timeout --foreground --signal INT --kill-after 60 40m \
 	  $(BIN)/python -m pytest -m slurm tests/cluster --slurm-csv results/reliability/slurm.csv
+	@$(MAKE) --no-print-directory reliability
+
+# Of both, of the time to plan, and of the runs of the study: results/reliability.csv.
+reliability: $(VENV)/made
+	@$(SCRIPT)/measure_planning.py results/reliability/planning.csv
+	@$(SCRIPT)/reliability.py results/reliability.csv
 
 lint: $(VENV)/made
 	$(BIN)/ruff check

@@ -164,7 +164,7 @@ def test_receipts(begin, fault, harm):
     harm(path.with_name(f".{path.name}.receipt"))
     trial.expect(
         trial.run(RUN),
-        rf"^{SMOKE}/reduced/{CELL}\.npz: no receipt says how it was made; `{re.escape(REPAIR)}` sets ",
+        rf"^{SMOKE}/reduced/{CELL}\.npz: no receipt says how it was made; `{re.escape(REPAIR)}`",
     )
     trial.recover(REPAIR)
     trial.check()

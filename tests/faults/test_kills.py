@@ -14,33 +14,32 @@ from trial import REPAIR, RUN
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 
-LEAD = 2.0  # seconds that a run works before it is killed
 KILLED = rf"^A run in this folder was killed: `{re.escape(REPAIR)}` takes it from there\.$"
 
 
 def moments(number, seed):
-    """Parts of the study's time; the last two also in the short run of the tests."""
+    """(part of the study's time, seconds of work before it); `make test` takes the last two."""
     draw = random.Random(seed)
-    parts = sorted(draw.uniform(0, 0.95) for _ in range(number))
+    found = sorted((draw.uniform(0, 0.95), draw.uniform(0.5, 4.0)) for _ in range(number))
     return [
-        pytest.param(part, id=f"{part:.2f}", marks=() if part in parts[-2:] else pytest.mark.faults)
-        for part in parts
+        pytest.param(*moment, id=f"{k}", marks=() if k > number - 2 else pytest.mark.faults)
+        for k, moment in enumerate(found, 1)
     ]
 
 
-def run_until(trial_of, part, span):
+def run_until(begin, fault, span, part, lead):
     """(trial, run): a run of the study that has come to this part of its time.
 
-    It begins with what the undisturbed study had made a little earlier.
+    It begins with what the undisturbed study had made `lead` seconds earlier.
     """
     length = span[1] - span[0]
     moment = part * length
-    trial = trial_of(at=max(moment - LEAD, 0) / length)
+    trial = begin(fault, at=max(moment - lead, 0) / length)
     trial.row["moment"] = f"{moment:.1f} s of {length:.1f} s"
     run = trial.start()
-    if moment > LEAD:
+    if moment > lead:
         run.until(lambda: JOB_STARTS.search(run.said()))
-        time.sleep(LEAD)
+        time.sleep(lead)
     else:
         run.until(run.snakemake)
         time.sleep(moment)
@@ -58,9 +57,9 @@ def kill_all(run):
     run.wait()
 
 
-@pytest.mark.parametrize("part", moments(20, seed=4))
-def test_snakemake_killed(begin, span, part):
-    trial, run = run_until(lambda **at: begin("SIGKILL of Snakemake", **at), part, span)
+@pytest.mark.parametrize(("part", "lead"), moments(20, seed=4))
+def test_snakemake_killed(begin, span, part, lead):
+    trial, run = run_until(begin, "SIGKILL of Snakemake", span, part, lead)
     kill_snakemake(run)
     trial.note_finished()
     trial.expect(run, KILLED)
@@ -83,9 +82,7 @@ def test_snakemake_killed_before_its_first_job(begin):
 @pytest.mark.faults
 @pytest.mark.parametrize("part", [0.2, 0.5, 0.8])
 def test_everything_killed(begin, span, part):
-    trial, run = run_until(
-        lambda **at: begin("SIGKILL of Snakemake and its jobs", **at), part, span
-    )
+    trial, run = run_until(begin, "SIGKILL of Snakemake and its jobs", span, part, 2.0)
     kill_all(run)
     trial.note_finished()
     trial.expect(trial.run(RUN), KILLED)
