@@ -11,11 +11,10 @@ import sys
 import time
 from contextlib import suppress
 from datetime import UTC, datetime
-from pathlib import Path
 
 from galloping.configuration.load import ConfigurationError, results_folder
 from galloping.reproducibility.inspection import make_command
-from galloping.reproducibility.obstacles import other_run, unwritable
+from galloping.reproducibility.obstacles import obstacle
 from galloping.reproducibility.runs import note_run
 
 
@@ -24,35 +23,42 @@ def main(*options: str) -> int:
     parser.add_argument("--configfile", nargs="+", default=[])
     parser.add_argument("--cores")
     known, _ = parser.parse_known_args(options)
-    folder, repair = Path.cwd(), make_command(known.configfile, "repair")
-    if line := other_run(folder, repair) or unwritable([folder]):
-        sys.exit(line)
-    began, start = datetime.now(UTC), time.perf_counter()
-    status = snakemake(*options)
-    seconds = time.perf_counter() - start
+    repair = make_command(known.configfile, "repair")
     try:
         results = results_folder(["config/config.yaml", *known.configfile])
-    except ConfigurationError:
-        return status  # which Snakemake has told
-    if status < 0:
-        print(f"Snakemake was killed: `{repair}` takes it from there.", file=sys.stderr)
-    elif status and (line := other_run(folder, repair) or unwritable([folder, Path(results)])):
-        print(line, file=sys.stderr)  # another run may have started at the same time
+    except ConfigurationError as error:
+        sys.exit(str(error))
+    if line := obstacle(results, repair):
+        sys.exit(line)
+    began, start = datetime.now(UTC), time.perf_counter()
+    status, interrupted = snakemake(*options)
+    seconds = time.perf_counter() - start
+    if line := last_word(status, interrupted, results, repair):
+        print(line, file=sys.stderr)
     if known.cores:  # else it is a cluster's run
         outcome = "stopped" if status else "finished"
-        with suppress(OSError):  # a full or read-only disk has been told
+        with suppress(OSError):  # a full disk has been told
             note_run(results, began, seconds, cores(known.cores), outcome)
     return status
 
 
-def snakemake(*options: str) -> int:
-    """Run Snakemake; its exit code, negative if a signal killed it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for Snakemake; this waits for it
-    study = subprocess.Popen(
-        [sys.executable, "-m", "snakemake", *options],
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
-    return study.wait()
+def snakemake(*options: str) -> tuple[int, bool]:
+    """Run Snakemake; its exit code, negative if a signal killed it, and whether Ctrl-C came."""
+    interrupts = []
+    # Ctrl-C goes to Snakemake and its jobs as well: wait until they have ended.
+    signal.signal(signal.SIGINT, lambda *_: interrupts.append(True))
+    study = subprocess.Popen([sys.executable, "-m", "snakemake", *options])
+    return study.wait(), bool(interrupts)
+
+
+def last_word(status: int, interrupted: bool, results: str, repair: str) -> str | None:
+    """Why Snakemake ended, where it may not have said so in a line."""
+    if not status:
+        return None
+    if interrupted:
+        return "Interrupted. Finished jobs are kept; run it again to go on."
+    killed = "Snakemake was killed: run it again." if status < 0 else None
+    return obstacle(results, repair) or killed
 
 
 def cores(text: str) -> int:

@@ -19,7 +19,8 @@ def closing_line(logs: Iterable[str | Path]) -> str:
     logs: Snakemake's own of the run; the last line in the log of a failed job says why it failed,
     unless a signal ended it.
     """
-    causes = {_cause(*job) for log in logs for job in _failed(Path(log))}
+    failed = {job for log in logs for job in _failed(Path(log)) if job[1] != "SIGINT"}
+    causes = {_cause(*job) for job in failed}
     reason = "; ".join(sorted(causes)) or "it was interrupted, or Snakemake's last lines say why"
     return f"The study stopped: {reason}. Finished jobs are kept; run it again to go on."
 
