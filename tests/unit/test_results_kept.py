@@ -524,5 +524,28 @@ def test_the_closing_line_names_the_signal_that_ended_a_job(folder):
     assert "earlier" not in line
 
 
+def test_the_closing_line_finds_the_job_that_failed_in_a_group_on_a_cluster(folder):
+    draw, simulate, group = (folder / name for name in ("draw.log", "simulate.log", "1.log"))
+    draw.write_text("ValueError: no wind\n")
+    simulate.write_text("all went well\n")
+    group.write_text(
+        "srun: error: n1: task 0: Exited with exit code 1\n[Sat Nov 21 2026]\nError in rule draw:\n"
+        f"    message: None\n    log: {draw} (check log file(s) for error details)\n"
+    )
+    run = folder / "run.log"
+    said = (
+        f"    message: Error in group show\n    log: {group} (check log file(s) for details)\n"
+        f"    jobs:\n        rule simulate:\n            log: {simulate} (check log file(s))\n"
+        "    Error in rule simulate:\n        message: None\n"
+        f"        log: {simulate} (check log file(s) for error details)\n"
+    )
+    run.write_text(said)
+    line = closing_line([run])
+    assert f"ValueError: no wind ({draw})" in line and "well" not in line
+
+    group.write_text("slurmstepd: error: *** JOB 1 ON n1 CANCELLED DUE TO TIME LIMIT ***\n")
+    assert f"DUE TO TIME LIMIT *** ({group})" in closing_line([run])
+
+
 def test_the_closing_line_of_an_interrupted_run_has_no_cause(folder):
     assert "interrupted" in closing_line([folder / "none.log"])

@@ -9,7 +9,7 @@ from pathlib import Path
 # The signal that ended a failed job, if one did, and the job's log.
 FAILED = re.compile(
     r"(?:died with <Signals\.(?P<signal>\w+): \d+>\.\n(?:\[.*\]\n)?)?"
-    r"Error in rule \w+:\n(?: {4}.*\n)*? {4}log: (?P<log>[^\s,]+).*\(check log file"
+    r"Error in (?:rule|group) \w+:?\n(?: {4}.*\n)*? {4}log: (?P<log>[^\s,]+).*\(check log file"
 )
 
 
