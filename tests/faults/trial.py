@@ -177,8 +177,8 @@ class Trial:
         found = contents(self.folder)
         wrong = {k for k in found.keys() | self.sound.keys() if found.get(k) != self.sound.get(k)}
         self.row |= {"results_lost": len(lost), "results_wrong": len(wrong)}
-        assert sorted(wrong) == []
-        assert sorted(lost) == []
+        assert not wrong, f"wrong: {sorted(wrong)}"
+        assert not lost, f"lost: {sorted(lost)}"
         verified = self.run(VERIFY)
         assert verified.wait() == 0, verified.said()
 
