@@ -65,7 +65,6 @@ test-faults: $(VENV)/made
 test-slurm: $(VENV)/made
 	timeout --foreground --signal INT --kill-after 60 40m \
 	  $(BIN)/python -m pytest -m slurm tests/cluster --slurm-csv results/reliability/slurm.csv
-	$(SCRIPT)/measure_planning.py results/reliability/planning.csv
 	@$(MAKE) --no-print-directory reliability
 
 # Of both, of the time to plan, and of the runs of the study: results/reliability.csv.

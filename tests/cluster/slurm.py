@@ -18,7 +18,8 @@ DAEMONS = ("munged", "slurmctld", "slurmd")
 PACKAGES = ("slurm-wlm", "munge")
 NODES = ("n1", "n2")
 SYSTEM_PATH = "/usr/local/sbin:/usr/sbin:/sbin"
-NODE = "SLURM_TEST_NODE"  # marks the processes of a node: <folder of the cluster>/<node>
+# A variable with the cluster's folder marks all that it starts; jobs drop those that start SLURM_.
+CLUSTER = "SLURMTEST"
 
 
 class ClusterError(RuntimeError):
@@ -63,6 +64,7 @@ class Cluster:
         self.environment = {
             **{name: value for name, value in os.environ.items() if not name.startswith("SLURM_")},
             "SLURM_CONF": str(folder / "slurm.conf"),
+            CLUSTER: str(folder),
             "PATH": f"{folder / 'bin'}:{os.environ['PATH']}",
         }
         self._daemons: dict[str, subprocess.Popen] = {}
@@ -85,22 +87,16 @@ class Cluster:
             self.give_back(node)
 
     def stop(self) -> None:
-        """End every process of the cluster; its folder stays."""
-        for node in NODES:
-            self._kill(node)
+        """End every process of the cluster, jobs and what submits them too; its folder stays."""
+        _kill(f"{CLUSTER}={self.folder}")
         for daemon in self._daemons.values():
-            daemon.terminate()
-        for daemon in self._daemons.values():
-            try:
-                daemon.wait(timeout=20)
-            except subprocess.TimeoutExpired:
-                daemon.kill()
-                daemon.wait(timeout=20)
+            daemon.wait(timeout=20)
         self._daemons.clear()
 
     def take_away(self, node: str) -> None:
         """Kill a node with all that runs on it, as a power cut does; SLURM has to notice."""
-        self._kill(node)
+        _kill(f"{CLUSTER}={self.folder}", f"SLURMD_NODENAME={node}")
+        self._daemons.pop(node).wait(timeout=20)
         self._until(lambda: self.state(node).startswith("down"), f"{node} to be down", 60)
 
     def give_back(self, node: str) -> None:
@@ -110,7 +106,7 @@ class Cluster:
             *("slurmd", "-D", "-N", node),
             name=node,
             core=cores[NODES.index(node) % len(cores)],
-            environment={NODE: str(self.folder / node)},
+            environment={"SLURMD_NODENAME": node},
         )
         self._until(
             lambda: self.state(node) in ("idle", "mixed", "allocated"), f"{node} to be ready", 60
@@ -186,7 +182,8 @@ StateSaveLocation={self.folder}/state
 SlurmdSpoolDir={self.folder}/%n.spool
 SlurmctldPidFile={self.folder}/slurmctld.pid
 SlurmdPidFile={self.folder}/%n.pid
-ProctrackType=proctrack/linuxproc
+ProctrackType=proctrack/pgid
+KillWait=5
 TaskPlugin=task/none
 MpiDefault=none
 SwitchType=switch/none
@@ -223,16 +220,6 @@ PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
                 start_new_session=True,
             )
 
-    def _kill(self, node: str) -> None:
-        """The node's slurmd, the steps it started and the jobs in them, in this order."""
-        started = _marked(f"{NODE}={self.folder / node}")
-        jobs = [job for step in started for job in _descendants(step)]
-        for process in (*started, *jobs):
-            with suppress(psutil.NoSuchProcess):
-                process.kill()
-        if daemon := self._daemons.pop(node, None):
-            daemon.wait(timeout=20)
-
     def _until(self, done: Callable[[], bool], what: str, seconds: float) -> None:
         end = time.monotonic() + seconds
         while not done():
@@ -257,17 +244,28 @@ def _free_ports(number: int) -> list[int]:
     return ports
 
 
-def _marked(mark: str) -> list[psutil.Process]:
-    """Processes with this line in their environment, oldest first.
+def _marked(*marks: str) -> list[psutil.Process]:
+    """Processes with these lines in their environment, the oldest first: daemons before jobs.
 
     Read here because psutil stops where SLURM's steps have written their title over it.
     """
-    found = []
+    wanted = {mark.encode() for mark in marks}
+    found = {}
     for process in psutil.process_iter():
-        with suppress(OSError):
-            if mark.encode() in Path(f"/proc/{process.pid}/environ").read_bytes().split(b"\0"):
-                found.append(process)
-    return found
+        with suppress(OSError, psutil.Error):
+            lines = Path(f"/proc/{process.pid}/environ").read_bytes().split(b"\0")
+            if wanted <= set(lines):
+                found[process] = process.create_time()
+    return sorted(found, key=found.get)
+
+
+def _kill(*marks: str) -> None:
+    """Kill the processes with these lines in their environment, and what they start meanwhile."""
+    while found := _marked(*marks):
+        for process in found:
+            with suppress(psutil.NoSuchProcess):
+                process.kill()
+        psutil.wait_procs(found, timeout=5)
 
 
 def _seconds(limit: str) -> int:
@@ -277,10 +275,3 @@ def _seconds(limit: str) -> int:
     for part in clock.split(":"):
         total = 60 * total + int(part)
     return 86400 * int(days or 0) + total
-
-
-def _descendants(process: psutil.Process) -> list[psutil.Process]:
-    try:
-        return process.children(recursive=True)
-    except psutil.Error:
-        return []
