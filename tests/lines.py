@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.equations import STATES, model
-from galloping.galerkin import coefficients
+from galloping.physics.equations import STATES, model
+from galloping.physics.galerkin import coefficients
 from galloping.simulation import Simulator, time_grid
 
 

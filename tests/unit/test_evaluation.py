@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from galloping.equations import model
+from galloping.physics.equations import model
 from galloping.evaluation.coefficients import (
     coverage,
     efficiency,
@@ -20,7 +20,7 @@ from galloping.evaluation.coefficients import (
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.reconstruction import summarise as summarise_motions
 from galloping.evaluation.score import Truth, reconstruct, score
-from galloping.galerkin import coefficients
+from galloping.physics.galerkin import coefficients
 from galloping.identification.result import Identified
 from galloping.polynomial import PolynomialModel, library
 from galloping.simulation import Simulator, Trajectory

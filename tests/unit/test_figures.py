@@ -22,7 +22,7 @@ from galloping.figures.panels import shifts
 from galloping.figures.recovery import draw_recovery
 from galloping.figures.style import KNOWN, method_style
 from galloping.figures.write import write_figure
-from galloping.galerkin import derive
+from galloping.physics.galerkin import derive
 from galloping.tables.claims import CLAIMS
 
 NAMES = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "new_method"]}

@@ -9,12 +9,12 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from galloping import aerodynamics
+from galloping.physics import aerodynamics
 from galloping.configuration.load import load, plain
-from galloping.equations import STATES, TERMS, model, symbol_of
+from galloping.physics.equations import STATES, TERMS, model, symbol_of
 from galloping.evaluation.motion import steady_amplitude
-from galloping.galerkin import coefficients, derive
-from galloping.line import Line
+from galloping.physics.galerkin import coefficients, derive
+from galloping.physics.line import Line
 from galloping.simulation import Simulator, time_grid
 
 CASES = plain(load({}))["cases"]

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from galloping.configuration.load import load, plain
-from galloping.equations import model
+from galloping.physics.equations import model
 from galloping.evaluation.motion import steady_amplitude
-from galloping.galerkin import coefficients, frequencies, modes
-from galloping.line import Line, integrate
+from galloping.physics.galerkin import coefficients, frequencies, modes
+from galloping.physics.line import Line, integrate
 from galloping.polynomial import library
 from galloping.simulation import Simulator, time_grid
 

@@ -201,7 +201,7 @@ EDITS = {
         "  duration: 300 # s\n  sampling_rate: 100 # Hz\n",
         "  # a comment\n  sampling_rate: 1e2\n  duration: 300.0\n",
     ),
-    "a function body in `galerkin.py`": statement_added("galerkin.py", "frequencies"),
+    "a function body in `physics/galerkin.py`": statement_added("physics/galerkin.py", "frequencies"),
     "a function body in `sparse/stlsq.py`": statement_added(
         "identification/sparse/stlsq.py", "normalised"
     ),
@@ -230,10 +230,10 @@ EDITS = {
         "identification/sparse/lasso.py", "lasso"
     ),
     "a comment, a docstring or the layout of a module": all_of(
-        replaced(module("galerkin.py"), '"""From the', '"""Words.\n\nFrom the'),
-        replaced(module("galerkin.py"), " * omega_v + ", " * (\n omega_v  # words\n) + "),
+        replaced(module("physics/galerkin.py"), '"""From the', '"""Words.\n\nFrom the'),
+        replaced(module("physics/galerkin.py"), " * omega_v + ", " * (\n omega_v  # words\n) + "),
     ),
-    "a function moved within its module": moved_to_the_end("galerkin.py", "modes"),
+    "a function moved within its module": moved_to_the_end("physics/galerkin.py", "modes"),
     "a rule's message or a comment in a rule": replaced(
         "workflow/rules/derive.smk", '        "Deriving', '        # words\n        "Now deriving'
     ),
@@ -248,7 +248,7 @@ EDITS = {
     ),
     "a script, module, rule file or result touched": touched(
         "workflow/scripts/derive_model.py",
-        module("galerkin.py"),
+        module("physics/galerkin.py"),
         "workflow/rules/derive.smk",
         "results/smoke/models/non_resonant.json",
         "results/smoke/recordings/non_resonant/state/joint_0.05.npz",

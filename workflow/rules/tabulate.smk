@@ -79,7 +79,7 @@ rule tabulate_scores:
         "../scripts/tabulate_scores.py"
 
 
-rule tabulate_limit:
+rule tabulate_bounds:
     input:
         scores=rules.tabulate_scores.output.scores,
         models=expand(out("models/{case}.json"), case=CASES),
@@ -90,9 +90,9 @@ rule tabulate_limit:
         identifiability=table("identifiability"),
         further_recordings=table("further_recordings"),
     log:
-        log_of("tabulate_limit"),
+        log_of("tabulate_bounds"),
     benchmark:
-        benchmark_of("tabulate_limit")
+        benchmark_of("tabulate_bounds")
     conda:
         "../envs/galloping.yaml"
     params:
@@ -107,9 +107,9 @@ rule tabulate_limit:
                 {"case": case, "protocol": protocol, **cell_settings(case, cell)}
                 for case, protocol, cell in noisy_cells()
             ],
-            "code": script_code("tabulate_limit.py"),
+            "code": script_code("tabulate_bounds.py"),
         },
     message:
         "Tables of identifiability and efficiency"
     script:
-        "../scripts/tabulate_limit.py"
+        "../scripts/tabulate_bounds.py"

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from galloping.equations import EQUATIONS, model
-from galloping.evaluation.limit import Noise, at_the_bound, bound, on_library
+from galloping.physics.equations import EQUATIONS, model
+from galloping.bounds.cell import Noise, at_the_bound, bound, on_library
 from galloping.identification import result
 from galloping.identification.result import Identified
 from galloping.polynomial import library

@@ -1,6 +1,6 @@
 """Coefficients of the galloping equations of one case."""
 
-from galloping.galerkin import derive
+from galloping.physics.galerkin import derive
 from galloping.reproducibility.job import run
 from galloping.storage import write_json
 

@@ -1,6 +1,6 @@
 """Figure 5: coefficients under noise."""
 
-from galloping.equations import STATES
+from galloping.physics.equations import STATES
 from galloping.figures.coefficients import draw_coefficients
 from galloping.figures.write import write_figure
 from galloping.identification import result

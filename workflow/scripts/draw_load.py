@@ -1,6 +1,6 @@
 """Figure 2: the aerodynamic load."""
 
-from galloping.equations import STATES
+from galloping.physics.equations import STATES
 from galloping.figures.load import draw_load
 from galloping.figures.motion import read_trajectory
 from galloping.figures.write import write_figure

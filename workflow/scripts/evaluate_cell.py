@@ -6,7 +6,7 @@ simulating the models of several methods.
 
 import numpy as np
 
-from galloping.equations import model
+from galloping.physics.equations import model
 from galloping.evaluation.reconstruction import summarise
 from galloping.evaluation.score import Truth, reconstruct, score
 from galloping.identification import result

@@ -1,6 +1,6 @@
 """Models identified by one method from every replicate of one cell."""
 
-from galloping.equations import STATES
+from galloping.physics.equations import STATES
 from galloping.identification import result
 from galloping.identification.cell import identify, imported
 from galloping.polynomial import library

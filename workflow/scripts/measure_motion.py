@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from galloping.equations import model
+from galloping.physics.equations import model
 from galloping.measurement import measure
 from galloping.reproducibility.job import run
 from galloping.storage import read_json

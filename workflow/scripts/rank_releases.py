@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from galloping.equations import EQUATIONS, STATES, model
-from galloping.evaluation.limit import IDENTIFIABLE, rank_releases
+from galloping.physics.equations import EQUATIONS, STATES, model
+from galloping.bounds.cell import IDENTIFIABLE, rank_releases
 from galloping.polynomial import term_name
 from galloping.reproducibility.job import run
 from galloping.simulation import Simulator

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from galloping.equations import STATES, model
+from galloping.physics.equations import STATES, model
 from galloping.reproducibility.job import run
 from galloping.simulation import Simulator, time_grid
 from galloping.storage import read_json, write_arrays

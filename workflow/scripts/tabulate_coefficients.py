@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from galloping.equations import STATES
+from galloping.physics.equations import STATES
 from galloping.identification import result
 from galloping.polynomial import library
 from galloping.reproducibility.job import run

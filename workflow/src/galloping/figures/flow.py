@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from galloping.equations import STATES
+from galloping.physics.equations import STATES
 from galloping.figures.sketch import INK, arrow
 from galloping.figures.style import DOUBLE, PAPER, method_style
 

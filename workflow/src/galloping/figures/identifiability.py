@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from galloping.equations import EQUATIONS, STATES, TERMS
-from galloping.evaluation.limit import IDENTIFIABLE
+from galloping.physics.equations import EQUATIONS, STATES, TERMS
+from galloping.bounds.cell import IDENTIFIABLE
 from galloping.figures import panels
 from galloping.figures.style import DOUBLE, spoken
 from galloping.polynomial import term_name

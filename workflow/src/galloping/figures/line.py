@@ -12,7 +12,7 @@ from matplotlib.patches import Circle
 from galloping.figures import panels
 from galloping.figures.sketch import INK, arrow, bare, iced_conductor
 from galloping.figures.style import DOUBLE, MODEL, spoken
-from galloping.line import MODES, Line, positions
+from galloping.physics.line import MODES, Line, positions
 
 HEIGHT = 2.9
 ELEVATION = (0.075, 0.15, 0.63, 0.76)  # of the figure: left, bottom, width, height

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
-from galloping import aerodynamics
+from galloping.physics import aerodynamics
 from galloping.figures import panels
 from galloping.figures.sketch import INK, arrow, bare, iced_conductor
 from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER

@@ -109,7 +109,7 @@ METHODS = (
     ),
     Method(
         name="weak_gls",
-        function="galloping.identification.limit.methods:weak_gls",
+        function="galloping.identification.likelihood.methods:weak_gls",
         evidence="recordings",
         options=("degree",),
         protocols=("state", "displacement"),
@@ -118,7 +118,7 @@ METHODS = (
     ),
     Method(
         name="maximum_likelihood",
-        function="galloping.identification.limit.methods:maximum_likelihood",
+        function="galloping.identification.likelihood.methods:maximum_likelihood",
         evidence="recordings",
         options=("degree",),
         protocols=PROTOCOLS,

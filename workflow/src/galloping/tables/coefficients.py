@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from galloping.equations import EQUATIONS, STATES, model, symbol_of
+from galloping.physics.equations import EQUATIONS, STATES, model, symbol_of
 from galloping.identification.result import Identified
 from galloping.polynomial import Exponents, term_name
 from galloping.tables.summary import interval

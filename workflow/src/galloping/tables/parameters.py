@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from galloping import aerodynamics
+from galloping.physics import aerodynamics
 from galloping.configuration.load import load, plain
 from galloping.configuration.parameters import (
     Parameter,

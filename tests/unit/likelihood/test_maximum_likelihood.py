@@ -1,0 +1,179 @@
+import numpy as np
+import pytest
+from identification_cases import (
+    NON_RESONANT,
+    RELEASE,
+    TIME,
+    line,
+    model,
+    noisy,
+    solution,
+    unknown_support,
+)
+
+from galloping.bounds.information import Experiment, state_bound
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.polynomial import PolynomialModel
+from galloping.recording import Recording
+
+LINE = line()
+X = solution(LINE, RELEASE, TIME)
+SUPPORT = unknown_support(LINE)
+
+
+def scaled_errors(true: PolynomialModel, found, std: np.ndarray) -> np.ndarray:
+    return (found.model.coefficients - true.coefficients)[unknown_support(true)] / std
+
+
+def line_bound(level: float) -> np.ndarray:
+    experiment = Experiment(RELEASE, TIME, level * X.std(axis=0))
+    return state_bound(LINE, np.argwhere(SUPPORT), [experiment]).std
+
+
+@pytest.mark.parametrize("level", [0.01, 0.05, 0.15])
+def test_the_line_is_found_at_the_bound(level: float) -> None:
+    std = line_bound(level)
+    errors = []
+    for seed in range(4):
+        found = maximum_likelihood([noisy(LINE, X, TIME, level, seed)], LINE.terms)
+        assert found.status == "ok", found.reason
+        assert np.array_equal(found.support, SUPPORT)
+        assert np.sqrt(np.diag(found.covariance)) == pytest.approx(std, rel=0.03)
+        assert found.sigma[0] == pytest.approx(level * X.std(axis=0), rel=0.03)
+        assert found.initial_states[0] == pytest.approx(RELEASE, abs=level)
+        errors.append(scaled_errors(LINE, found, std))
+    assert np.sqrt(np.mean(np.square(errors))) < 1.3  # 56 values, of unit variance at the bound
+
+
+def test_covariance_follows_the_order_of_the_support() -> None:
+    found = maximum_likelihood([noisy(LINE, X, TIME, 0.05, 0)], LINE.terms)
+    assert np.sqrt(np.diag(found.covariance)) == pytest.approx(found.deviation[found.support])
+    assert found.covariance.shape == (14, 14)
+    assert np.isnan(found.deviation[:2]).all()
+
+
+def test_without_noise_the_line_is_exact() -> None:
+    found = maximum_likelihood([Recording(TIME, LINE.states, X)], LINE.terms)
+    assert found.status == "ok", found.reason
+    assert np.array_equal(found.support, SUPPORT)
+    assert found.model.coefficients[SUPPORT] == pytest.approx(LINE.coefficients[SUPPORT], rel=1e-5)
+
+
+def test_displacements_are_enough() -> None:
+    recording = noisy(LINE, X, TIME, 0.05, 1)
+    values = recording.values.copy()
+    values[:, 2:] = np.nan
+    found = maximum_likelihood([Recording(TIME, LINE.states, values)], LINE.terms)
+    assert found.status == "ok", found.reason
+    assert np.array_equal(found.support, SUPPORT)
+    assert np.isnan(found.sigma[0, 2:]).all()
+
+
+@pytest.mark.parametrize("points", [10_000, 5_000])
+def test_a_random_subset_is_enough(points: int) -> None:
+    recording = noisy(LINE, X, TIME, 0.05, 2)
+    chosen = np.sort(np.random.default_rng(2).choice(len(TIME), points, replace=False))
+    subset = Recording(TIME[chosen], LINE.states, recording.values[chosen])
+    found = maximum_likelihood([subset], LINE.terms)
+    assert np.array_equal(found.support, SUPPORT)
+    std = line_bound(0.05) * np.sqrt(len(TIME) / points)
+    assert np.sqrt(np.mean(scaled_errors(LINE, found, std) ** 2)) < 1.8
+
+
+def test_few_points_are_not_called_identifiable() -> None:
+    recording = noisy(LINE, X, TIME, 0.05, 3)
+    chosen = np.sort(np.random.default_rng(3).choice(len(TIME), 1_000, replace=False))
+    subset = Recording(TIME[chosen], LINE.states, recording.values[chosen])
+    found = maximum_likelihood([subset], LINE.terms)
+    assert found.status == "not identifiable"
+    assert "unseen" in found.reason
+
+
+def test_exact_states_with_noisy_derivatives() -> None:
+    noise = 0.15 * np.random.default_rng(0).normal(size=X.shape)
+    recording = Recording(TIME, LINE.states, X, LINE(X) + noise)
+    found = maximum_likelihood([recording], LINE.terms)
+    assert np.array_equal(found.support, SUPPORT)
+    assert found.sigma[0, 2:] == pytest.approx(0.15, rel=0.02)
+    errors = scaled_errors(LINE, found, np.sqrt(np.diag(found.covariance)))
+    assert np.sqrt(np.mean(errors**2)) < 1.6
+
+
+def test_the_non_resonant_line_needs_a_second_recording() -> None:
+    true = line(NON_RESONANT)
+    starts = (RELEASE, np.array([0.1, 3.0, 0.0, 0.0]))
+    recordings = [
+        noisy(true, solution(true, start, TIME), TIME, 0.05, seed)
+        for seed, start in enumerate(starts)
+    ]
+    alone = maximum_likelihood(recordings[:1], true.terms)
+    assert alone.status == "not identifiable"
+    both = maximum_likelihood(recordings, true.terms)
+    assert both.status == "ok", both.reason
+    assert np.array_equal(both.support, unknown_support(true))
+    assert both.initial_states[1] == pytest.approx(starts[1], abs=0.05)
+
+
+OTHERS = {
+    "van_der_pol": (
+        model(("x", "y"), 3, {"y": 1.0}, {"x": -1.0, "y": 1.0, "x^2 y": -1.0}),
+        (0.5, 0.0),
+        50.0,
+    ),
+    "stiff_van_der_pol": (
+        model(("x", "y"), 3, {"y": 1.0}, {"x": -1.0, "y": 3.0, "x^2 y": -3.0}),
+        (0.5, 0.0),
+        50.0,
+    ),
+    "duffing": (
+        model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": -0.1, "x^3": -1.0}),
+        (2.0, 0.0),
+        40.0,
+    ),
+    "lotka_volterra": (
+        model(("a", "b"), 2, {"a": 1.0, "a b": -0.5}, {"b": -1.0, "a b": 0.25}),
+        (6.0, 3.0),
+        40.0,
+    ),
+    "linear_oscillator": (
+        model(("x", "y"), 3, {"x": -0.1, "y": 2.0}, {"x": -2.0, "y": -0.1}),
+        (2.0, 0.0),
+        25.0,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_systems_at_ten_percent_noise(name: str) -> None:
+    true, start, duration = OTHERS[name]
+    time = np.linspace(0.0, duration, round(100 * duration) + 1)
+    x = solution(true, start, time)
+    support = unknown_support(true)
+    experiment = Experiment(x[0], time, 0.1 * x.std(axis=0))
+    bound = state_bound(true, np.argwhere(support), [experiment])
+    squares = []
+    for seed in range(100, 110):
+        found = maximum_likelihood([noisy(true, x, time, 0.1, seed)], true.terms)
+        assert found.status != "refused", found.reason
+        assert np.array_equal(found.support, support)
+        squares.append(np.sum((found.model.coefficients - true.coefficients)[support] ** 2))
+    assert np.sqrt(np.mean(squares)) < 1.5 * np.linalg.norm(bound.std)
+
+
+def test_known_equations_are_kept() -> None:
+    true, start, duration = OTHERS["van_der_pol"]
+    time = np.linspace(0.0, duration, 5001)
+    recording = noisy(true, solution(true, start, time), time, 0.05, 0)
+    found = maximum_likelihood([recording], true.terms, true, ("x",))
+    assert np.array_equal(found.model.coefficients[0], true.coefficients[0])
+    assert not found.support[0].any()
+    assert np.array_equal(found.support[1], true.support[1])
+
+
+def test_recordings_of_different_systems_are_an_error() -> None:
+    values = np.zeros((5, 1))
+    time = np.arange(5.0)
+    with pytest.raises(ValueError, match="same states"):
+        maximum_likelihood(
+            [Recording(time, ("x",), values), Recording(time, ("y",), values)], ((0,), (1,))
+        )

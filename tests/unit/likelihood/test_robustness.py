@@ -1,0 +1,136 @@
+"""Where it hurts: a good answer, or a refusal with its reason."""
+
+import numpy as np
+import pytest
+from identification_cases import LINE_STATES, RELEASE, TIME, line, noisy, solution, unknown_support
+from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
+
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.result import Identified
+from galloping.polynomial import library
+from galloping.recording import Recording
+
+LINE = line()
+X = solution(LINE, RELEASE, TIME)
+SUPPORT = unknown_support(LINE)
+LEVEL = 0.05
+
+
+def identify(values: np.ndarray, time: np.ndarray = TIME) -> Identified:
+    return maximum_likelihood([Recording(time, LINE_STATES, values)], LINE.terms)
+
+
+def measured(seed: int = 0) -> np.ndarray:
+    return noisy(LINE, X, TIME, LEVEL, seed).values.copy()
+
+
+def assert_good(found: Identified) -> None:
+    assert found.status == "ok", found.reason
+    assert np.array_equal(found.support, SUPPORT)
+    z = (found.model.coefficients - LINE.coefficients)[SUPPORT] / found.deviation[SUPPORT]
+    assert np.sqrt(np.mean(z**2)) < 1.8
+
+
+def coloured(correlation: float) -> np.ndarray:
+    white = np.random.default_rng(0).normal(size=(len(TIME) + 1000, 4))
+    noise = lfilter([np.sqrt(1.0 - correlation**2)], [1.0, -correlation], white, axis=0)[1000:]
+    return X + LEVEL * X.std(axis=0) * noise
+
+
+def test_noise_correlated_over_a_few_samples_widens_the_intervals() -> None:
+    white, found = identify(measured()), identify(coloured(0.5))
+    assert_good(found)
+    assert found.chi2 > 2.0
+    assert np.all(found.deviation[SUPPORT] > 1.3 * white.deviation[SUPPORT])
+
+
+@pytest.mark.parametrize("correlation", [0.98, 0.999])
+def test_noise_correlated_over_a_period_is_refused(correlation: float) -> None:
+    found = identify(coloured(correlation))
+    assert found.status == "refused"
+    assert "noise correlated" in found.reason
+
+
+@pytest.mark.parametrize("size", [5.0, 50.0])
+def test_one_percent_of_outliers_is_removed(size: float) -> None:
+    rng = np.random.default_rng(5)
+    values = measured()
+    hit = rng.random(values.shape) < 0.01
+    values[hit] += (size * LEVEL * X.std(axis=0) * rng.normal(size=X.shape))[hit]
+    found = identify(values)
+    assert_good(found)
+    assert 0.001 < found.diagnostics["removed_share"] < 0.012
+
+
+@pytest.mark.parametrize("share", [0.98, 0.9, 0.7])
+def test_a_saturated_sensor(share: float) -> None:
+    values = measured()
+    limit = np.quantile(np.abs(X[:, 1]), share)
+    values[:, 1] = np.clip(values[:, 1], -limit, limit)
+    assert_good(identify(values))
+
+
+def test_a_stuck_velocity_sensor_is_done_without() -> None:
+    values = measured()
+    values[:, 2] = 1.0
+    found = identify(values)
+    assert_good(found)
+    assert np.isnan(found.sigma[0, 2])
+
+
+def test_a_stuck_displacement_sensor_is_refused() -> None:
+    values = measured()
+    values[:, 0] = 1.0
+    found = identify(values)
+    assert found.status == "refused"
+    assert "q_v is not measured" in found.reason
+
+
+def test_constant_channels_are_refused() -> None:
+    found = identify(np.ones_like(X))
+    assert found.status == "refused"
+    assert "no channel varies" in found.reason
+
+
+def test_gaps() -> None:
+    values = measured()
+    values[5000:7000] = np.nan
+    values[12000:12500, 1] = np.nan
+    values[np.random.default_rng(0).random(values.shape) < 0.3] = np.nan
+    assert_good(identify(values))
+
+
+def test_a_gap_of_a_minute() -> None:
+    values = measured()
+    values[8000:14000] = np.nan
+    assert_good(identify(values))
+
+
+def test_a_short_recording_is_not_identifiable() -> None:
+    found = identify(measured()[:2001], TIME[:2001])
+    assert found.status == "not identifiable"
+    assert "unseen" in found.reason
+
+
+def test_a_library_without_the_cubic_terms_is_refused() -> None:
+    recording = Recording(TIME, LINE_STATES, measured())
+    found = maximum_likelihood([recording], library(4, 2))
+    assert found.status == "refused"
+    assert "chi2/n" in found.reason
+
+
+def test_a_term_outside_the_library_is_refused() -> None:
+    def rate(_: float, x: np.ndarray) -> np.ndarray:
+        return LINE(x[None])[0] - 0.01 * np.array([0.0, 0.0, x[0] ** 5, np.tanh(3.0 * x[3])])
+
+    x = solve_ivp(rate, (0.0, 300.0), RELEASE, "DOP853", TIME, rtol=1e-8, atol=1e-9).y.T
+    found = identify(noisy(LINE, x, TIME, LEVEL, 0).values)
+    assert found.status == "refused"
+    assert "model inadequate" in found.reason
+
+
+@pytest.mark.parametrize("time", [[0.0, 2.0, 1.0], [0.0, 1.0, 1.0]])
+def test_unsorted_or_repeated_times_are_an_error(time: list[float]) -> None:
+    with pytest.raises(ValueError, match="strictly increasing"):
+        Recording(np.array(time), ("x",), np.zeros((3, 1)))

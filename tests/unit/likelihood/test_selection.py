@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+
+from galloping.identification.likelihood.selection import (
+    added_deviation,
+    alternatives,
+    plausible_additions,
+    select,
+    solve_support,
+)
+
+
+def regression(seed: int, true: np.ndarray, rows: int = 400) -> tuple[np.ndarray, np.ndarray]:
+    """Normal equations of a regression with unit noise on correlated columns."""
+    rng = np.random.default_rng(seed)
+    columns = rng.normal(size=(rows, len(true)))
+    columns[:, 1:] += 0.8 * columns[:, :-1]
+    observed = columns @ true + rng.normal(size=rows)
+    return columns.T @ columns, columns.T @ observed
+
+
+TRUE = np.array([1.0, 0.0, -2.0, 0.0, 0.0, 0.7, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("start", [np.ones(8, bool), np.zeros(8, bool), TRUE == 0.0])
+def test_the_true_terms_are_selected_from_any_start(start: np.ndarray) -> None:
+    information, right = regression(0, TRUE)
+    support = select(information, right, [start], 2.0 * np.log(400))
+    assert support.tolist() == (TRUE != 0.0).tolist()
+    c, covariance = solve_support(information, right, support)
+    z = (c - TRUE)[support] / np.sqrt(np.diag(covariance))
+    assert np.abs(z).max() < 4.0
+
+
+def test_selection_does_not_depend_on_the_units_of_the_columns() -> None:
+    information, right = regression(1, TRUE)
+    units = 10.0 ** np.arange(-8, 8, 2)
+    scaled = information * units[:, None] * units
+    support = select(scaled, right * units, [np.ones(8, bool)], 12.0)
+    assert support.tolist() == (TRUE != 0.0).tolist()
+
+
+def test_two_terms_that_only_help_together_are_found() -> None:
+    rng = np.random.default_rng(2)
+    base = rng.normal(size=2000)
+    columns = np.column_stack([base + 0.05 * rng.normal(size=2000), base])
+    observed = 4.0 * (columns[:, 0] - columns[:, 1]) + 0.1 * rng.normal(size=2000)
+    information, right = columns.T @ columns / 0.01, columns.T @ observed / 0.01
+    assert select(information, right, [np.zeros(2, bool)], 15.0).all()
+
+
+def test_exchangeable_terms_are_reported() -> None:
+    rng = np.random.default_rng(3)
+    base = rng.normal(size=500)
+    columns = np.column_stack([base, base + 0.01 * rng.normal(size=500)])
+    observed = columns[:, 0] + 0.5 * rng.normal(size=500)
+    information, right = columns.T @ columns / 0.25, columns.T @ observed / 0.25
+    support = select(information, right, [np.ones(2, bool)], 12.0)
+    assert support.sum() == 1
+    exchanges = alternatives(information, right, support, 6.0)
+    assert [(int(np.flatnonzero(support)[0]), int(np.flatnonzero(~support)[0]))] == [
+        (found, other) for found, other, _ in exchanges
+    ]
+
+
+def test_a_term_below_the_limit_is_plausible() -> None:
+    information, right = np.eye(3), np.array([10.0, 4.0, 0.1])
+    support = select(information, right, [np.ones(3, bool)], 20.0)
+    assert support.tolist() == [True, False, False]
+    assert plausible_additions(information, right, support, 14.0, 20.0) == [((1,), 16.0)]
+    assert added_deviation(information, support)[1:] == pytest.approx([1.0, 1.0])
+
+
+def test_a_column_of_zeros_is_never_selected() -> None:
+    information, right = np.diag([1.0, 0.0]), np.array([10.0, 0.0])
+    assert select(information, right, [np.ones(2, bool)], 5.0).tolist() == [True, False]
+    assert np.isinf(added_deviation(information, np.array([True, False]))[1])

@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+from identification_cases import RELEASE, TIME, line, noisy, solution, unknown_support
+
+from galloping.bounds.information import Experiment, state_bound
+from galloping.identification.likelihood.weak_gls import weak_gls
+from galloping.polynomial import library
+from galloping.recording import Recording
+
+LINE = line()
+X = solution(LINE, RELEASE, TIME)
+
+
+@pytest.mark.parametrize("level", [0.01, 0.05, 0.15])
+def test_the_weak_form_alone_is_near_the_bound(level: float) -> None:
+    support = unknown_support(LINE)
+    experiment = Experiment(RELEASE, TIME, level * X.std(axis=0))
+    bound = state_bound(LINE, np.argwhere(support), [experiment])
+    errors = []
+    for seed in range(3):
+        found = weak_gls([noisy(LINE, X, TIME, level, seed)], LINE.terms)
+        assert np.array_equal(found.support, support)
+        errors.append((found.model.coefficients - LINE.coefficients)[support] / bound.std)
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5
+
+
+def test_velocities_need_not_be_measured() -> None:
+    recording = noisy(LINE, X, TIME, 0.05, 0)
+    values = recording.values.copy()
+    values[:, 2:] = np.nan
+    found = weak_gls([Recording(TIME, LINE.states, values)], LINE.terms)
+    assert np.array_equal(found.support, unknown_support(LINE))
+    assert np.isnan(found.sigma[0, 2:]).all()
+
+
+def test_samples_may_be_irregular() -> None:
+    recording = noisy(LINE, X, TIME, 0.05, 0)
+    chosen = np.sort(np.random.default_rng(0).choice(len(TIME), 10_000, replace=False))
+    found = weak_gls([Recording(TIME[chosen], LINE.states, recording.values[chosen])], LINE.terms)
+    assert np.array_equal(found.support, unknown_support(LINE))
+
+
+def test_without_noise_the_terms_are_exact() -> None:
+    found = weak_gls([Recording(TIME, LINE.states, X)], LINE.terms)
+    assert np.array_equal(found.support, unknown_support(LINE))
+
+
+def test_constant_channels_are_refused() -> None:
+    found = weak_gls([Recording(TIME, LINE.states, np.ones_like(X))], LINE.terms)
+    assert found.status == "refused"
+    assert "no channel varies" in found.reason
+
+
+def test_a_library_without_the_cubic_terms_is_refused() -> None:
+    found = weak_gls([noisy(LINE, X, TIME, 0.05, 0)], library(4, 2))
+    assert found.status == "refused"
+    assert "misfit" in found.reason

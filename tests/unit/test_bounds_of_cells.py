@@ -1,0 +1,134 @@
+"""The bound of a cell, models drawn at it, and the tables made of both."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from lines import simulate
+
+from galloping.bounds.cell import (
+    IDENTIFIABLE,
+    Noise,
+    at_the_bound,
+    bound,
+    free_terms,
+    on_library,
+    rank_releases,
+)
+from galloping.polynomial import library
+from galloping.recording import Recording
+from galloping.simulation import Simulator
+from galloping.tables.bounds import efficiency, identifiability, weakest
+
+EQUATIONS = (2, 3)
+
+
+def cell(name, protocol, level=0.05, rows=slice(None)):
+    """(model, bound) of a record of a default case."""
+    line, trajectory = simulate(name)
+    line = line.on_library(library(4, 3))
+    noise = Noise.of(protocol, level, trajectory.states, relative=True)
+    recording = Recording(trajectory.time[rows], line.states, trajectory.states[rows])
+    starts = [trajectory.states[rows][0]]
+    return line, bound(line, EQUATIONS, protocol, [recording], starts, [noise])
+
+
+@pytest.mark.parametrize(
+    ("name", "protocol", "t"),
+    [
+        ("internal_resonance", "state", 36.8),
+        ("internal_resonance", "displacement", 18.5),
+        ("non_resonant", "state", 2.1),
+    ],
+)
+def test_weakest_terms_of_the_default_records(name, protocol, t):
+    _, found = cell(name, protocol)
+    assert found.t.min() == pytest.approx(t, rel=0.03)
+
+
+@pytest.mark.parametrize("protocol", ["derivative", "state", "displacement"])
+def test_bounds_grow_with_the_noise(protocol):
+    _, small = cell("internal_resonance", protocol, level=0.05)
+    _, large = cell("internal_resonance", protocol, level=0.15)
+    assert large.std == pytest.approx(3 * small.std, rel=1e-6)
+
+
+def test_fewer_points_know_less_as_their_square_root():
+    _, whole = cell("internal_resonance", "state")
+    _, tenth = cell("internal_resonance", "state", rows=slice(0, None, 10))
+    assert tenth.std == pytest.approx(np.sqrt(10) * whole.std, rel=0.02)
+
+
+def test_models_at_the_bound_scatter_by_it():
+    line, found = cell("internal_resonance", "state")
+    models = [at_the_bound(line, found, np.random.default_rng(k)) for k in range(400)]
+    pairs = tuple(free_terms(line, EQUATIONS).T)
+    errors = np.array([model.coefficients[pairs] - line.coefficients[pairs] for model in models])
+    assert np.std(errors, axis=0) == pytest.approx(found.std, rel=0.2)
+    assert np.abs(errors.mean(axis=0) / found.std).max() < 5 / np.sqrt(400)
+    correlation = np.corrcoef(errors.T)
+    expected = found.covariance / np.outer(found.std, found.std)
+    assert np.abs(correlation - expected).max() < 0.25
+    assert np.array_equal(models[0].coefficients != 0, line.support)
+
+
+def test_no_model_at_a_bound_that_is_infinite():
+    line, found = cell("internal_resonance", "state")
+    covariance = found.covariance.copy()
+    covariance[3, 3] = np.inf
+    blind = type(found)(found.free, found.std, found.t, covariance)
+    model = at_the_bound(line, blind, np.random.default_rng(0))
+    assert model.status == "bound: a term is undetermined"
+
+
+def test_a_release_of_three_metres_makes_the_non_resonant_line_identifiable():
+    line, trajectory = simulate("non_resonant")
+    start = np.array([0.1, 3.0, 0.0, 0.0])
+    wide = Simulator(line.states, line.terms)(line, start, trajectory.time)
+    done = [(trajectory.states[0], trajectory.states)]
+    options = [*done, (start, wide.states)]
+    ranked = rank_releases(line, EQUATIONS, trajectory.time, 0.05, done, options)
+    (best, after), (other, same) = ranked
+    assert (best, other) == (1, 0)
+    assert after.t.min() == pytest.approx(82, rel=0.02)
+    assert same.t.min() == pytest.approx(2.07 * np.sqrt(2), rel=0.02)
+
+
+def test_identifiability_tells_which_terms_can_be_known():
+    line, found = cell("non_resonant", "state")
+    names = {"case": "a", "recordings": 1, "protocol": "state", "level": 0.05, "points": 30001}
+    rows = identifiability(line, on_library(line, found)[np.newaxis], names)
+    assert len(rows) == 14
+    verdicts = {row["term"]: row["verdict"] for row in rows if row["equation"] == "vertical"}
+    assert verdicts["q_v q_w^2"] == "not identifiable"
+    assert verdicts["q_v"] == "identifiable"
+    assert all((row["t"] > IDENTIFIABLE) == (row["verdict"] == "identifiable") for row in rows)
+    assert weakest(rows) == {("a", 1, "state", 0.05, 30001): min(row["t"] for row in rows)}
+
+
+def test_efficiency_table_counts_everything():
+    base = {
+        "case": "a", "recordings": 1, "protocol": "state", "points": 9, "method": "m",
+        "missing": 0, "spurious": 0, "r2_q_v": 0.9, "r2_q_w": 0.8, "status": "ok",
+        "amplitude_error_q_v_percent": 1.0, "amplitude_error_q_w_percent": 2.0,
+        "intervals": 4.0, "intervals_holding": 4.0,
+    }  # fmt: skip
+    failed = {
+        "level": 0.1, "efficiency": np.inf, "missing": 4, "status": "m: no luck",
+        "r2_q_v": -np.inf, "r2_q_w": -np.inf, "intervals": np.nan, "intervals_holding": np.nan,
+    }  # fmt: skip
+    scores = pd.DataFrame(
+        [
+            {**base, "level": 0.0, "efficiency": np.nan},
+            {**base, "level": 0.05, "efficiency": 3.0},
+            {**base, "level": 0.05, "efficiency": 4.0, "spurious": 1, "intervals_holding": 3.0},
+            {**base, "level": 0.1, "efficiency": 1.0},
+            {**base, **failed},
+        ]
+    )
+    rows = efficiency(scores, {("a", 1, "state", 0.05, 9): 5.0, ("a", 1, "state", 0.1, 9): 2.5})
+    first, second = rows.to_dict("records")
+    assert (first["replicates"], first["exact_support"], first["failures"]) == (2, 1, 0)
+    assert first["efficiency"] == pytest.approx(np.sqrt(12.5))
+    assert (first["amplitude_error_percent"], first["coverage_95_percent"]) == (2.0, 87.5)
+    assert (second["efficiency"], second["failures"], second["exact_support"]) == (np.inf, 1, 1)
+    assert (first["weakest_t"], second["weakest_t"]) == (5.0, 2.5)

@@ -1,0 +1,67 @@
+"""Exact states with noisy derivatives: weighted linear least squares, equation by equation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from galloping.identification.likelihood.ambiguity import open_questions
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.result import Identified, assembled
+from galloping.identification.likelihood.selection import select, solve_support
+from galloping.polynomial import design_matrix
+from galloping.recording import Recording
+
+SMALLEST_NOISE = 1e-7
+
+
+def derivative_fit(problem: Problem, recordings: list[Recording]) -> Identified:
+    """Support and coefficients of the unknown equations from measured derivatives.
+
+    The noise of each recording's derivatives is estimated from the residuals of the whole
+    library. Rows with a missing value are left out. Raises ValueError where an unknown equation
+    has no more complete rows than the library has terms.
+    """
+    n, n_terms = len(problem.candidates), len(problem.terms)
+    information, right, support = np.zeros((n, n)), np.zeros(n), np.zeros(n, bool)
+    sigma = np.full((len(recordings), len(problem.states)), np.nan)
+    thetas = [design_matrix(recording.values, problem.terms) for recording in recordings]
+    squares, count = 0.0, 0
+    for k, i in enumerate(problem.unknown):
+        block = slice(k * n_terms, (k + 1) * n_terms)
+        samples = 0
+        for r, (theta, recording) in enumerate(zip(thetas, recordings, strict=True)):
+            rate = recording.derivatives[:, i]
+            good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
+            if good.sum() <= n_terms:
+                raise ValueError(f"too few complete samples for d{problem.states[i]}/dt")
+            rows, rate = theta[good], rate[good]
+            scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
+            gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
+            floor = SMALLEST_NOISE * np.abs(rate).max() + np.finfo(float).tiny
+            sigma[r, i] = max(np.sqrt(gap @ gap / (len(rate) - n_terms)), floor)
+            information[block, block] += rows.T @ rows / sigma[r, i] ** 2
+            right[block] += rate @ rows / sigma[r, i] ** 2
+            squares += float(rate @ rate) / sigma[r, i] ** 2
+            samples += len(rate)
+        penalty = 2.0 * np.log(samples)
+        whole = np.ones(n_terms, bool)
+        support[block] = select(information[block, block], right[block], [whole], penalty)
+        count += samples
+    free, covariance = solve_support(information, right, support)
+    misfit = max(squares - float(free @ right), 0.0)
+    x = np.concatenate([recording.values for recording in recordings])
+    reason = "no term stands out of the noise"
+    if support.any():
+        complete = x[np.all(np.isfinite(x), axis=1)]
+        reason = open_questions(
+            problem, information, right, support, free, penalty, misfit, complete
+        )
+    return assembled(
+        problem, free, support, information, covariance,
+        initial_states=np.array([recording.values[0] for recording in recordings]),
+        sigma=sigma,
+        chi2=misfit / max(count - int(support.sum()), 1),
+        status="not identifiable" if reason else "ok",
+        reason=reason,
+        diagnostics={},
+    )  # fmt: skip

@@ -1,0 +1,78 @@
+"""What is asked of an identification: the library, the known equations, the free coefficients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from galloping.identification.likelihood.taylor import Tables, tables
+from galloping.polynomial import Exponents, PolynomialModel
+
+
+def velocity_pairs(states: tuple[str, ...]) -> dict[int, int]:
+    """Index of each state X whose derivative is a state too, named `dX`, with that of dX."""
+    index = {name: i for i, name in enumerate(states)}
+    return {i: index[f"d{name}"] for i, name in enumerate(states) if f"d{name}" in index}
+
+
+@dataclass(frozen=True)
+class Problem:
+    """dx/dt = C theta(x), with some rows of C known and the others to be identified.
+
+    states: names of the n_states states. terms: exponents of the n_terms candidate monomials.
+    known: (n_states, n_terms), the coefficients of the known equations, zero elsewhere.
+    unknown: indices of the equations to identify, increasing.
+    """
+
+    states: tuple[str, ...]
+    terms: tuple[Exponents, ...]
+    known: np.ndarray
+    unknown: tuple[int, ...]
+
+    @cached_property
+    def candidates(self) -> np.ndarray:
+        """(n_candidates, 2) pairs (equation, term), by equation and then by term."""
+        n_terms = len(self.terms)
+        return np.array([(i, j) for i in self.unknown for j in range(n_terms)], int).reshape(-1, 2)
+
+    @cached_property
+    def tables(self) -> Tables:
+        return tables(self.terms)
+
+    def coefficients(self, free: np.ndarray) -> np.ndarray:
+        """All of C, (n_states, n_terms), from the candidates' coefficients `free`."""
+        full = self.known.copy()
+        full[self.candidates[:, 0], self.candidates[:, 1]] = free
+        return full
+
+
+def problem(
+    states: tuple[str, ...],
+    terms: tuple[Exponents, ...],
+    known: PolynomialModel | None = None,
+    known_states: tuple[str, ...] = (),
+) -> Problem:
+    """The identification problem of a library.
+
+    The equation of a state X is known, dX/dt = dX, where `dX` is a state too. Further equations
+    are known through `known`, a model whose rows named in `known_states` are taken as they are.
+    Raises ValueError where a known equation needs a term outside the library.
+    """
+    rows = np.zeros((len(states), len(terms)))
+    given = set()
+    index = {term: j for j, term in enumerate(terms)}
+    for i, velocity in velocity_pairs(states).items():
+        unit = tuple(int(k == velocity) for k in range(len(states)))
+        if unit not in index:
+            raise ValueError(f"the library lacks {states[velocity]}, the derivative of {states[i]}")
+        rows[i, index[unit]] = 1.0
+        given.add(i)
+    if known is not None:
+        model = known.on_library(terms)
+        for name in known_states:
+            rows[states.index(name)] = model.coefficients[states.index(name)]
+            given.add(states.index(name))
+    unknown = tuple(i for i in range(len(states)) if i not in given)
+    return Problem(tuple(states), tuple(terms), rows, unknown)

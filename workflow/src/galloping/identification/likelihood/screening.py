@@ -1,0 +1,79 @@
+"""Removing what is no measurement of the state: stuck and saturated sensors, outliers.
+
+Removed samples become NaN, which every later stage treats as missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from galloping.identification.likelihood.smoothing import GRID_PER_PERIOD, Smooth, smooth
+from galloping.recording import Recording
+
+LEAST_SATURATED = 5
+SATURATED_SHARE = 5e-4
+OUTLIER = 5.5
+CURVE_ACCURACY = 1e-3
+MOST_OUTLIERS = 0.1
+ROUNDS = 6
+
+
+def without_faults(recording: Recording, period: float) -> Recording:
+    """The recording without constant channels and without saturated stretches.
+
+    A channel is saturated where many samples equal its largest or its smallest value exactly;
+    those samples go, with their neighbours within a grid step (period/24), whose noise the limit
+    cuts off too.
+    """
+    values = recording.values.copy()
+    for channel in values.T:
+        good = np.isfinite(channel)
+        if not good.any():
+            continue
+        least = max(LEAST_SATURATED, SATURATED_SHARE * good.sum())
+        extremes = (np.nanmin(channel), np.nanmax(channel))
+        if extremes[0] == extremes[1]:
+            channel[:] = np.nan
+            continue
+        for extreme in extremes:
+            at = np.flatnonzero(channel == extreme)
+            if len(at) >= least:
+                near = np.searchsorted(recording.time[at], recording.time)
+                before = recording.time[at][np.maximum(near - 1, 0)]
+                after = recording.time[at][np.minimum(near, len(at) - 1)]
+                distance = np.minimum(
+                    np.abs(recording.time - before), np.abs(recording.time - after)
+                )
+                channel[distance <= period / GRID_PER_PERIOD] = np.nan
+    return replace(recording, values=values)
+
+
+def smooth_without_outliers(recording: Recording, period: float) -> tuple[Recording, Smooth]:
+    """The recording without the samples far from a smooth curve, and that curve.
+
+    Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million
+    samples, and well above the accuracy of the curve itself; the curve is fitted again until none
+    is left. Raises ValueError where more than a tenth of the samples of a channel would go.
+    """
+    before = np.isfinite(recording.values).sum(axis=0)
+    smoothed = smooth(recording, period)
+    for _ in range(ROUNDS):
+        scale = np.array(
+            [
+                np.median(np.abs(gap[np.isfinite(gap)])) if np.isfinite(gap).any() else np.inf
+                for gap in smoothed.residual.T
+            ]
+        )
+        floor = CURVE_ACCURACY * np.abs(smoothed.states).max(axis=0)
+        far = np.abs(smoothed.residual) > OUTLIER * np.maximum(1.4826 * scale, floor)
+        if not far.any():
+            break
+        recording = replace(recording, values=np.where(far, np.nan, recording.values))
+        left = np.isfinite(recording.values).sum(axis=0)
+        for name, was, now in zip(recording.states, before, left, strict=True):
+            if now < (1.0 - MOST_OUTLIERS) * was:
+                raise ValueError(f"more than a tenth of the samples of {name} are outliers")
+        smoothed = smooth(recording, period)
+    return recording, smoothed

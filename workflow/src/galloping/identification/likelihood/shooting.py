@@ -1,0 +1,191 @@
+"""Multiple shooting over condensed recordings: linearised misfit, matching and elimination.
+
+A recording is cut into segments, each with its own initial state; segments in one chain must
+match, an end with the next start. Linearised, the matching expresses every segment's state by
+the coefficients and the chain's first state, which is then eliminated (Schur complement), so
+that a Gauss-Newton step is a regression on the coefficients alone, ready for selection. Chains
+of one segment leave all segment states free; one chain per recording is, at convergence, single
+shooting (H. G. Bock, 1983).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from galloping.identification.likelihood.condense import Condensed
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.selection import RIDGE
+from galloping.identification.likelihood.sensitivity import integrate
+from galloping.identification.likelihood.taylor import system
+
+HUGE = 1e30
+
+
+@dataclass(frozen=True)
+class Segments:
+    """first: (n_segments + 1,) first window of each; recording: (n_segments,) which it is cut from.
+
+    chains: (n_segments,) the chain of each segment, non-decreasing.
+    """
+
+    first: np.ndarray
+    recording: np.ndarray
+    chains: np.ndarray
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Normal equations of every segment in (coefficients, segment state), with its end.
+
+    information: (n_segments, m, m); right: (n_segments, m); m = n_candidates + n_states.
+    squares: (n_recordings, n_observed) sums of squared residuals, in units of sigma^2.
+    ends: (n_segments, n_states); end_derivatives: (n_segments, n_states, m).
+    """
+
+    information: np.ndarray
+    right: np.ndarray
+    squares: np.ndarray
+    ends: np.ndarray
+    end_derivatives: np.ndarray
+
+
+@dataclass(frozen=True)
+class Eliminated:
+    """The regression on the coefficients, and how the segment states follow them.
+
+    information: (n, n), right: (n,) of the coefficients' change. states: (n_segments, n_states,
+    n + 1), the change of each segment's state, linear in the coefficients' change and constant.
+    gap: largest mismatch between segments of a chain, in units of each state's size.
+    """
+
+    information: np.ndarray
+    right: np.ndarray
+    states: np.ndarray
+    gap: float
+
+
+def cut(condensed: Condensed, windows: int, allowed: np.ndarray, chained: bool) -> Segments:
+    """Segments of about `windows` windows, in one chain per recording or each its own chain.
+
+    allowed: (n_windows,) whether a segment may start at a window; every recording's first may.
+    """
+    first, recording = [], []
+    for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
+        pieces = max(1, round((b - a) / windows))
+        starts = np.linspace(a, b, pieces + 1).round().astype(np.int64)[:-1]
+        starts = starts[allowed[starts] | (starts == a)]
+        first.append(starts)
+        recording.append(np.full(len(starts), r))
+    owner = np.concatenate(recording)
+    chains = owner if chained else np.arange(len(owner))
+    return Segments(np.append(np.concatenate(first), condensed.first[-1]), owner, chains)
+
+
+def linearise(
+    problem: Problem,
+    condensed: Condensed,
+    sigma: np.ndarray,
+    segments: Segments,
+    free: np.ndarray,
+    starts: np.ndarray,
+) -> Linearised:
+    """Misfit of the condensed samples about the candidates' coefficients and segment states.
+
+    sigma: (n_recordings, n_observed), the noise. free: (n_candidates,). starts: (n_segments,
+    n_states). Raises FloatingPointError where the solution diverges within a segment.
+    """
+    compiled = system(problem.tables, problem.coefficients(free), problem.candidates)
+    predicted, derivatives, ends, end_derivatives, _ = integrate(
+        compiled, condensed.step, segments.first, starts, condensed.functionals,
+        condensed.observed, sensitive=True,
+    )  # fmt: skip
+    if not (np.all(np.abs(ends) < HUGE) and np.all(np.abs(end_derivatives) < HUGE)):
+        raise FloatingPointError("the model diverges within a segment")
+    m = derivatives.shape[3]
+    information = np.empty((len(starts), m, m))
+    right = np.empty((len(starts), m))
+    squares = np.zeros(sigma.shape)
+    residual = condensed.targets - predicted
+    for g in range(len(starts)):
+        span = slice(segments.first[g], segments.first[g + 1])
+        weight = 1.0 / sigma[segments.recording[g]][:, None]
+        scaled = residual[span] * weight
+        squares[segments.recording[g]] += np.einsum("wor,wor->o", scaled, scaled)
+        rows = derivatives[span]
+        rows *= weight[..., None]
+        rows = rows.reshape(-1, m)
+        information[g] = rows.T @ rows
+        right[g] = scaled.ravel() @ rows
+    return Linearised(information, right, squares, ends, end_derivatives)
+
+
+def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Eliminated:
+    """Match the segments of each chain and eliminate its first state."""
+    n_segments, n_states = starts.shape
+    n = linearised.right.shape[1] - n_states
+    information, right = np.zeros((n, n)), np.zeros(n)
+    states = np.zeros((n_segments, n_states, n + 1))
+    size = np.abs(linearised.ends).max(axis=0) + np.finfo(float).tiny
+    gap = 0.0
+    bounds = np.flatnonzero(np.diff(segments.chains, prepend=-1, append=-1))
+    for begin, end in pairwise(bounds):
+        total = np.zeros((n + n_states, n + n_states))
+        vector = np.zeros(n + n_states)
+        relation = np.hstack([np.zeros((n_states, n)), np.eye(n_states)])
+        constant = np.zeros(n_states)
+        relations = []
+        for g in range(begin, end):
+            relations.append((relation, constant))
+            h, b = linearised.information[g], linearised.right[g]
+            change = np.vstack([np.eye(n, n + n_states), relation])
+            total += change.T @ h @ change
+            vector += change.T @ (b - h[:, n:] @ constant)
+            derivative = linearised.end_derivatives[g]
+            if g + 1 < end:
+                mismatch = linearised.ends[g] - starts[g + 1]
+                gap = max(gap, float(np.max(np.abs(mismatch) / size)))
+                constant = derivative[:, n:] @ constant + mismatch
+                relation = derivative[:, n:] @ relation
+                relation[:, :n] += derivative[:, :n]
+        first = _first_state(total, vector, n)
+        information += total[:n, :n] + total[:n, n:] @ first[:, :n]
+        right += vector[:n] - total[:n, n:] @ first[:, n]
+        for g, (matrix, shift) in zip(range(begin, end), relations, strict=True):
+            states[g] = matrix[:, n:] @ first
+            states[g, :, :n] += matrix[:, :n]
+            states[g, :, n] += shift
+    return Eliminated(information, right, states, gap)
+
+
+def _first_state(total: np.ndarray, vector: np.ndarray, n: int) -> np.ndarray:
+    """(n_states, n + 1): the best first state, linear in the coefficients' change, and constant."""
+    block = total[n:, n:]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(block), np.finfo(float).tiny))
+    scaled = block * scale[:, None] * scale + RIDGE * np.eye(len(block))
+    inverse = np.linalg.pinv(scaled, rcond=RIDGE, hermitian=True) * scale[:, None] * scale
+    return np.hstack([-inverse @ total[n:, :n], (inverse @ vector[n:])[:, None]])
+
+
+def residuals(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    free: np.ndarray,
+    starts: np.ndarray,
+) -> tuple[np.ndarray, float]:
+    """Projections of the samples less those of the solution, and the integrator's relative error.
+
+    The residuals are (n_windows, n_observed, n_rows). Raises FloatingPointError where the
+    solution diverges within a segment.
+    """
+    compiled = system(problem.tables, problem.coefficients(free), problem.candidates[:0])
+    predicted, _, ends, _, truncation = integrate(
+        compiled, condensed.step, segments.first, starts, condensed.functionals,
+        condensed.observed, sensitive=False,
+    )  # fmt: skip
+    if not np.all(np.abs(ends) < HUGE):
+        raise FloatingPointError("the model diverges over the recording")
+    return condensed.targets - predicted, truncation

@@ -1,0 +1,255 @@
+"""Spline estimates of the states on a uniform grid, from any sampling.
+
+A state and its measured velocity are smoothed apart where samples are plenty, so that the
+identity between them stays available as information; together, as one curve and its derivative,
+where samples are few, or where one of them is not measured or has gaps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import factorial
+
+import numpy as np
+from numba import njit
+from scipy.interpolate import BSpline
+from scipy.linalg import solveh_banded
+
+from galloping.identification.likelihood.problem import velocity_pairs
+from galloping.recording import Recording
+
+DEGREE = 5
+MOST_KNOTS_PER_PERIOD = 12
+LEAST_KNOTS_PER_PERIOD = 5
+GRID_PER_PERIOD = 24
+SAMPLES_PER_KNOT = 3
+LEAST_SAMPLES = 8
+GAP = 0.4
+ACCURACY = 3e-4
+ROUGHNESS = 5e-4
+
+
+def _basis_polynomials() -> np.ndarray:
+    """(DEGREE + 1, DEGREE + 1): coefficient of u^k of the j-th B-spline alive on a knot span."""
+    spline = BSpline.basis_element(np.arange(DEGREE + 2.0))
+    spans = np.arange(DEGREE, -1.0, -1.0)  # the first one alive is on its last span
+    return np.column_stack([spline.derivative(k)(spans) / factorial(k) for k in range(DEGREE + 1)])
+
+
+BASIS = _basis_polynomials()
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """States of one recording on a uniform grid.
+
+    time: (n_grid,), s. states: (n_grid, n_states). sigma: (n_states,) standard deviation of
+    white noise on the grid with the density of the measurement noise, which counts as no less
+    than the accuracy of a spline; NaN for derived states.
+    derived: (n_states,) index of the state whose curve's derivative this state is, else -1.
+    noise: (n_states,) standard deviation of a sample about the curve, NaN where not measured.
+    residual: (n, n_states) samples less the curve, NaN where missing.
+    valid: (n_grid,) whether samples of every curve are near, rather than in a gap.
+    """
+
+    time: np.ndarray
+    states: np.ndarray
+    sigma: np.ndarray
+    derived: np.ndarray
+    noise: np.ndarray
+    residual: np.ndarray
+    valid: np.ndarray
+
+
+def shortest_period(recordings: list[Recording]) -> float:
+    """The shortest period, s, that matters: 95 % of each channel's power lies at longer ones.
+
+    Only power well above the noise floor (the median of the spectrum) counts. Raises ValueError
+    where no channel varies.
+    """
+    highest = 0.0
+    for recording in recordings:
+        duration = recording.time[-1] - recording.time[0]
+        for channel in recording.values.T:
+            good = np.isfinite(channel)
+            if good.sum() < LEAST_SAMPLES:
+                continue
+            grid = np.linspace(recording.time[0], recording.time[-1], min(good.sum(), 2**13))
+            signal = np.interp(grid, recording.time[good], channel[good])
+            signal = (signal - signal.mean()) * np.hanning(len(signal))
+            power = np.abs(np.fft.rfft(signal)) ** 2
+            power = np.where(power > 20.0 * np.median(power), power, 0.0)[1:]
+            total = np.cumsum(power)
+            if total[-1] > 0.0:
+                bin_ = 1 + int(np.searchsorted(total, 0.95 * total[-1]))
+                highest = max(highest, bin_ / duration)
+    if highest == 0.0:
+        raise ValueError("no channel varies above its noise")
+    return 1.0 / highest
+
+
+def smooth(recording: Recording, period: float) -> Smooth:
+    """Spline estimate of all states of a recording, `period` being its shortest period, s.
+
+    Raises ValueError where a state is neither measured nor the derivative of a measured one.
+    """
+    n_states = len(recording.states)
+    counts = np.isfinite(recording.values).sum(axis=0)
+    duration = recording.time[-1] - recording.time[0]
+    n_grid = max(int(np.ceil(duration / period * GRID_PER_PERIOD)) + 1, 16)
+    time = np.linspace(recording.time[0], recording.time[-1], n_grid)
+    curves, derived = _curves(recording, period, time)
+    states = np.empty((n_grid, n_states))
+    sigma, noise = np.full(n_states, np.nan), np.full(n_states, np.nan)
+    residual = np.full(recording.values.shape, np.nan)
+    valid = np.ones(n_grid, bool)
+    for curve in curves:
+        supported = counts[curve].sum() / SAMPLES_PER_KNOT / (duration / period)
+        knots = np.clip(supported, LEAST_KNOTS_PER_PERIOD, MOST_KNOTS_PER_PERIOD)
+        pieces = max(int(np.ceil(duration / period * knots)), 4)
+        fitted, residual[:, curve], deviation, density = _fit(
+            recording, curve, pieces, time, period
+        )
+        states[:, curve] = fitted
+        valid &= _near(recording, curve, time, GAP * period)
+        noise[curve] = deviation
+        sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
+    return Smooth(time, states, sigma, derived, noise, residual, valid)
+
+
+def _curves(
+    recording: Recording, period: float, grid: np.ndarray
+) -> tuple[list[list[int]], np.ndarray]:
+    """States to smooth as one curve: [state], or [state, its velocity]; and `Smooth.derived`.
+
+    Raises ValueError where a state is neither measured nor the derivative of a measured one.
+    """
+    pairs = velocity_pairs(recording.states)
+    counts = np.isfinite(recording.values).sum(axis=0)
+    duration = recording.time[-1] - recording.time[0]
+    plenty = SAMPLES_PER_KNOT * LEAST_KNOTS_PER_PERIOD * duration / period
+    curves = []
+    derived = np.full(len(recording.states), -1)
+    for i, velocity in pairs.items():
+        few = counts[velocity] < plenty
+        if counts[i] and counts[velocity]:
+            near = [_near(recording, [k], grid, GAP * period) for k in (i, velocity)]
+            few = few or np.any(near[0] != near[1])
+        if counts[i] and few:
+            curves.append([i, velocity])
+            derived[velocity] = i
+    done = {i for curve in curves for i in curve}
+    for i, name in enumerate(recording.states):
+        if i not in done:
+            if counts[i] < LEAST_SAMPLES:
+                raise ValueError(f"state {name} is not measured, nor its integral")
+            curves.append([i])
+    return curves, derived
+
+
+def _fit(
+    recording: Recording, curve: list[int], pieces: int, grid: np.ndarray, period: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """One curve, from one channel or from a channel and its derivative.
+
+    Returns the curve and, with two channels, its derivative on the grid, (n_grid, n_channels);
+    the residuals of the samples, (n, n_channels); their deviation, by channel; and the square
+    root of the noise's spectral density.
+    """
+    start, spacing = recording.time[0], (recording.time[-1] - recording.time[0]) / pieces
+    place = (recording.time - start) / spacing
+    values = np.ascontiguousarray(recording.values[:, curve])
+    good = np.isfinite(values)
+    count = good.sum(axis=0)
+    scale = np.array([np.nanstd(values[:, k]) if count[k] else 1.0 for k in range(len(curve))])
+    noise = np.where(scale > 0.0, scale, 1.0)
+    for _ in range(1 if len(curve) == 1 else 3):
+        bands = np.zeros((DEGREE + 1, pieces + DEGREE))
+        right = np.zeros(pieces + DEGREE)
+        _accumulate(place, values, 1.0 / noise**2, spacing, BASIS, bands, right)
+        stiffness = count / noise**2 / spacing ** (2 * np.arange(len(curve)))
+        _add_roughness(bands, ROUGHNESS * float(np.sum(stiffness)) / pieces)
+        coefficients = solveh_banded(bands, right, lower=True)
+        deviation = np.full(len(curve), np.nan)
+        residual = np.full(values.shape, np.nan)
+        for k in range(len(curve)):
+            if count[k]:
+                there = good[:, k]
+                gap = values[there, k] - _evaluate(place[there], coefficients, k, spacing)
+                residual[there, k] = gap
+                share = (pieces + DEGREE) / max((count > 0).sum(), 1)
+                deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))
+                noise[k] = max(deviation[k], 1e-9 * scale[k], np.finfo(float).tiny)
+    fitted = np.column_stack(
+        [_evaluate((grid - start) / spacing, coefficients, k, spacing) for k in range(len(curve))]
+    )
+    frequency = 2.0 * np.pi / period
+    duration = recording.time[-1] - start
+    counted = np.maximum(noise, ACCURACY * scale)
+    weight = np.sum(count / duration / counted**2 * frequency ** (2 * np.arange(len(curve))))
+    return fitted, residual, deviation, 1.0 / np.sqrt(weight)
+
+
+def _near(recording: Recording, curve: list[int], grid: np.ndarray, distance: float) -> np.ndarray:
+    """(n_grid,) whether a sample of the curve's channels lies within `distance` s."""
+    sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
+    after = np.searchsorted(sampled, grid)
+    to_next = sampled[np.minimum(after, len(sampled) - 1)] - grid
+    to_last = grid - sampled[np.maximum(after - 1, 0)]
+    return np.minimum(np.abs(to_next), np.abs(to_last)) <= distance
+
+
+@njit(cache=True)
+def _alive(place, pieces, basis, derivative, spacing, out):
+    """Values of the B-splines alive at `place` (in knot spans); returns the first one's index."""
+    span = min(max(int(place), 0), pieces - 1)
+    u = place - span
+    for j in range(basis.shape[0]):
+        total = 0.0
+        for k in range(basis.shape[1] - 1, derivative - 1, -1):
+            total = total * u + basis[j, k] * (k if derivative else 1)
+        out[j] = total / spacing if derivative else total
+    return span
+
+
+@njit(cache=True)
+def _accumulate(place, values, weights, spacing, basis, bands, right):
+    """Banded normal equations of the spline; channel k observes its k-th derivative."""
+    n = basis.shape[0]
+    pieces = len(right) - n + 1
+    alive = np.empty(n)
+    for k in range(values.shape[1]):
+        for i in range(len(place)):
+            if np.isfinite(values[i, k]):
+                span = _alive(place[i], pieces, basis, k, spacing, alive)
+                for a in range(n):
+                    right[span + a] += weights[k] * alive[a] * values[i, k]
+                    for b in range(a, n):
+                        bands[b - a, span + a] += weights[k] * alive[a] * alive[b]
+
+
+@njit(cache=True)
+def _evaluated(place, coefficients, derivative, spacing, basis):
+    n = basis.shape[0]
+    alive = np.empty(n)
+    result = np.zeros(len(place))
+    for i in range(len(place)):
+        span = _alive(place[i], len(coefficients) - n + 1, basis, derivative, spacing, alive)
+        for a in range(n):
+            result[i] += alive[a] * coefficients[span + a]
+    return result
+
+
+def _evaluate(
+    place: np.ndarray, coefficients: np.ndarray, derivative: int, spacing: float
+) -> np.ndarray:
+    return _evaluated(place, coefficients, derivative, spacing, BASIS)
+
+
+def _add_roughness(bands: np.ndarray, weight: float) -> None:
+    """Add `weight` times the squared third differences of the coefficients, in place."""
+    n = bands.shape[1]
+    stencil = np.array([-1.0, 3.0, -3.0, 1.0])
+    for a in range(4):
+        for b in range(a, 4):
+            bands[b - a, a : a + n - 3] += weight * stencil[a] * stencil[b]

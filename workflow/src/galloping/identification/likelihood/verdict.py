@@ -1,0 +1,133 @@
+"""Whether a fit may be trusted: what its residuals show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from galloping.identification.likelihood.condense import Condensed
+
+COLOURED = 2.0
+MOST_COLOUR = 2.0
+SIGNIFICANCE = 1e-6
+NEIGHBOURS = 15
+ROUNDING = 1e-5
+
+
+@dataclass(frozen=True)
+class Residue:
+    """What the residuals of a fit show.
+
+    chi2: mean square of the projected residuals, per degree of freedom, against the noise inside
+    the windows; NaN where the windows hold too few samples to measure it. chi2_allowed: the
+    largest that white noise would give.
+    band: power density of the residuals below 1.5/period over that above, and the largest ratio
+    that white noise would give; a model error shows below, at the frequencies of the motion.
+    band_power: (n_recordings, n_observed) power density below, as the variance of a projection.
+    line: ratio of the highest peak of the residuals' periodogram to its surroundings, and the
+    largest that noise would give; frequency, Hz, and channel of that peak.
+    """
+
+    chi2: float
+    chi2_allowed: float
+    band: float
+    band_allowed: float
+    band_power: np.ndarray
+    line: float
+    line_allowed: float
+    frequency: float
+    channel: int
+
+    @property
+    def coloured(self) -> bool:
+        """Whether the noise is correlated over a few samples, more than a model error explains."""
+        return self.chi2 > max(COLOURED, self.chi2_allowed)
+
+    def objection(self, channels: list[str]) -> str:
+        """Why the fit must not be trusted, in one line, '' where it may.
+
+        channels: names of the observed channels. Noise correlated over a few samples may have up
+        to twice the power at the motion's frequencies.
+        """
+        misfit = (
+            f"chi2/n {self.chi2:.2f}, residual power at the motion's frequencies {self.band:.2f}"
+        )
+        if self.line > self.line_allowed:
+            return (
+                f"model inadequate: the residual of {channels[self.channel]} has a line at "
+                f"{self.frequency:.3g} Hz; {misfit}"
+            )
+        if self.band > (MOST_COLOUR if self.coloured else self.band_allowed):
+            other = "noise correlated over a period, or " if self.coloured else ""
+            return f"{other}model inadequate: {misfit}"
+        return ""
+
+
+def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period: float) -> Residue:
+    """Tests of the residuals (n_windows, n_observed, n_rows) of a fit with `parameters`.
+
+    period: the shortest of the motion, s. Channels whose residuals are below 1e-5 of the samples
+    show rounding and truncation, and are left out of the spectra.
+    """
+    chi2, chi2_allowed = _misfit(condensed, residual, parameters)
+    limit = 1.5 * condensed.step / period
+    low, high, bins = [], [], np.zeros(2)
+    line, frequency, channel = 0.0, 0.0, 0
+    band_power = np.full(condensed.rows.shape, np.nan)
+    for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
+        for o in range(residual.shape[1]):
+            series = residual[a:b, o, 0]
+            sampled = np.count_nonzero(series)
+            exact = np.linalg.norm(series) < ROUNDING * np.linalg.norm(condensed.targets[a:b, o, 0])
+            if b - a < 4 * NEIGHBOURS or sampled < NEIGHBOURS or exact:
+                continue
+            power = np.abs(np.fft.rfft(series)[1:]) ** 2 / sampled
+            below = np.arange(1, len(power) + 1) / (b - a) < limit
+            band_power[r, o] = power[below].mean()
+            low.append(power[below].sum() / power.mean())
+            high.append(power[~below].sum() / power.mean())
+            bins += below.sum(), (~below).sum()
+            peak, place = _line(power)
+            if peak > line:
+                line, frequency, channel = peak, place / ((b - a) * condensed.step), o
+    band, band_allowed = np.nan, np.nan
+    if low:
+        band = float(sum(low) / bins[0] / (sum(high) / bins[1]))
+        band_allowed = float(1.0 + 5.0 * np.sqrt(np.sum(1.0 / bins)))
+    line_allowed = _expected_peak(int(condensed.first[-1]))
+    return Residue(
+        chi2, chi2_allowed, band, band_allowed, band_power, line, line_allowed, frequency, channel
+    )
+
+
+def _misfit(condensed: Condensed, residual: np.ndarray, parameters: int) -> tuple[float, float]:
+    """chi^2 per degree of freedom against the noise inside the windows, and the largest allowed."""
+    squares = np.add.reduceat((residual**2).sum(axis=2), condensed.first[:-1], axis=0)
+    spare = condensed.counts - condensed.rows
+    measured = spare > 0.3 * np.maximum(condensed.counts, 1)
+    if not np.any(measured):
+        return np.nan, np.nan
+    inside = np.maximum(condensed.remainder[measured] / spare[measured], np.finfo(float).tiny)
+    share = parameters / max(int(np.count_nonzero(condensed.counts)), 1)
+    freedom = np.maximum(condensed.rows[measured] - share, 1.0)
+    spread = np.sqrt(2.0 / np.sum(freedom) + 2.0 / np.sum(spare[measured]))
+    return float(np.sum(squares[measured] / inside) / np.sum(freedom)), float(1.0 + 5.0 * spread)
+
+
+def _line(power: np.ndarray) -> tuple[float, int]:
+    """Highest ratio of a periodogram bin to the mean of its neighbours, and the bin."""
+    around = np.ones(2 * NEIGHBOURS + 1)
+    around[NEIGHBOURS - 2 : NEIGHBOURS + 3] = 0.0
+    weight = np.convolve(np.ones(len(power)), around, mode="same")
+    ratio = power / (np.convolve(power, around, mode="same") / weight)
+    return float(ratio.max()), 1 + int(np.argmax(ratio))
+
+
+def _expected_peak(windows: int) -> float:
+    """Ratio exceeded with probability SIGNIFICANCE by the highest of that many bins of noise.
+
+    A bin over the mean of m = 2 NEIGHBOURS - 4 others is F-distributed with (2, 2 m) degrees.
+    """
+    m = 2 * NEIGHBOURS - 4
+    return m * ((SIGNIFICANCE / (2.0 * windows)) ** (-1.0 / m) - 1.0)

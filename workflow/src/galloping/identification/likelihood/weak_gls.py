@@ -1,0 +1,116 @@
+"""Weak form by generalised least squares: a fast method of its own, and the start of others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from galloping.identification.likelihood.ambiguity import open_questions
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.problem import problem as make_problem
+from galloping.identification.likelihood.result import Identified, assembled, refused
+from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
+from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.likelihood.smoothing import Smooth, shortest_period
+from galloping.identification.likelihood.weak_form import whitened_weak_form
+from galloping.polynomial import Exponents, PolynomialModel
+from galloping.recording import Recording
+
+ITERATIONS = 3
+MOST_MISFIT = 3.0
+
+
+@dataclass(frozen=True)
+class WeakFit:
+    """Candidates' coefficients, their support, the normal equations and the misfit per row."""
+
+    free: np.ndarray
+    support: np.ndarray
+    information: np.ndarray
+    right: np.ndarray
+    covariance: np.ndarray
+    misfit: float
+
+
+def prepared(recordings: list[Recording]) -> tuple[list[Recording], list[Smooth], float]:
+    """The recordings without faults and outliers, their smooth curves, the shortest period, s.
+
+    Raises ValueError where no channel varies or a state cannot be had from the channels.
+    """
+    period = shortest_period(recordings)
+    recordings = [without_faults(recording, period) for recording in recordings]
+    pairs = [smooth_without_outliers(recording, period) for recording in recordings]
+    return [recording for recording, _ in pairs], [one for _, one in pairs], period
+
+
+def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
+    """Support and coefficients from the weak form, the errors linearised about the last fit.
+
+    penalty: worth of a term in units of chi^2. Raises numpy.linalg.LinAlgError where the
+    covariance of the rows is singular.
+    """
+    n = len(problem.candidates)
+    support = np.ones(n, bool)
+    coefficients = None
+    for _ in range(ITERATIONS + 1):
+        systems = [whitened_weak_form(problem, one, coefficients) for one in smoothed]
+        information = sum(a.T @ a for a, _ in systems)
+        right = sum(a.T @ b for a, b in systems)
+        total = sum(float(b @ b) for _, b in systems)
+        n_rows = sum(len(b) for _, b in systems)
+        if coefficients is not None:
+            support = select(information, right, [np.ones(n, bool)], penalty)
+        if not np.any(np.diag(information)):
+            raise ValueError("no stretch of a period of the recordings is free of gaps")
+        free, covariance = solve_support(information, right, support)
+        coefficients = problem.coefficients(free)
+    misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
+    return WeakFit(free, support, information, right, covariance, max(misfit, 0.0))
+
+
+def weak_gls(
+    recordings: list[Recording],
+    terms: tuple[Exponents, ...],
+    known: PolynomialModel | None = None,
+    known_states: tuple[str, ...] = (),
+) -> Identified:
+    """Identify one model from noisy states by the weak form, in generalised least squares.
+
+    recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
+    whose equations of `known_states` hold; dX/dt = `dX` is known by its name.
+    The intervals are those of the linearised weak form, inflated by the misfit where it is above
+    one. The status is as in `Identified`.
+    """
+    problem = make_problem(recordings[0].states, terms, known, known_states)
+    try:
+        return _fitted(problem, recordings)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        return refused(problem, len(recordings), str(error))
+
+
+def _fitted(problem: Problem, recordings: list[Recording]) -> Identified:
+    recordings, smoothed, _ = prepared(recordings)
+    samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
+    penalty = 2.0 * np.log(samples)
+    fit = weak_fit(problem, smoothed, penalty)
+    inflation = max(fit.misfit, 1.0)
+    information, right = fit.information / inflation, fit.right / inflation
+    x = np.concatenate([one.states[one.valid] for one in smoothed])
+    status, reason = "refused", f"model inadequate or noise correlated: misfit {fit.misfit:.2f}"
+    if not fit.support.any():
+        reason = "no term stands out of the noise"
+    elif fit.misfit < MOST_MISFIT:
+        reason = open_questions(
+            problem, information, right, fit.support, fit.free, penalty, np.inf, x
+        )
+        status = "not identifiable" if reason else "ok"
+    return assembled(
+        problem, fit.free, fit.support, information, fit.covariance * inflation,
+        initial_states=np.array([one.states[0] for one in smoothed]),
+        sigma=np.array([one.noise for one in smoothed]),
+        chi2=fit.misfit,
+        status=status,
+        reason=reason,
+        diagnostics={},
+    )  # fmt: skip

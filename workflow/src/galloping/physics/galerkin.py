@@ -1,0 +1,98 @@
+"""From the continuous line to the coefficients gamma and kappa of two coupled oscillators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import sqrt
+
+import numpy as np
+
+from galloping.physics import aerodynamics
+from galloping.physics.line import MODES, Line, Mode, integrate, irvine_root, sine_mode
+
+
+def modes(case: Mapping, line: Line) -> tuple[Mode, Mode]:
+    """Mode shapes of the vertical (configured) and the horizontal (sine) motion."""
+    return MODES[case["line"]["mode_shape"]](line), sine_mode(line)
+
+
+def frequencies(line: Line, phi: Mode, psi: Mode) -> tuple[float, float, float, float]:
+    """omega_v, omega_w in rad/s and modal masses m_v, m_w in kg (spacers included)."""
+    span = line.span
+    m_v = line.mass * integrate(phi.shape**2, span) + line.spacer_mass * np.sum(phi.at_spacers**2)
+    m_w = line.mass * integrate(psi.shape**2, span) + line.spacer_mass * np.sum(psi.at_spacers**2)
+    a1 = -line.static_curvature() * integrate(phi.shape, span) / span
+    k_v = (
+        line.tension * integrate(phi.slope**2, span)
+        + line.bending_stiffness * integrate(phi.curvature**2, span)
+        + line.axial_stiffness * span * a1**2
+    )
+    k_w = line.tension * integrate(psi.slope**2, span) + line.bending_stiffness * integrate(
+        psi.curvature**2, span
+    )
+    return sqrt(k_v / m_v), sqrt(k_w / m_w), float(m_v), float(m_w)
+
+
+def coefficients(case: Mapping) -> dict[str, float]:
+    """gamma_1..gamma_8, kappa_1..kappa_10 of a case (SI units, on the left-hand side).
+
+    Galerkin projection of the line's energies on its two modes, with quasi-static cubic
+    aerodynamics, alpha = V_t / U (paper, eqs. 10-13).
+    """
+    line = Line.from_case(case)
+    phi, psi = modes(case, line)
+    omega_v, omega_w, m_v, m_w = frequencies(line, phi, psi)
+    span, stretch = line.span, line.axial_stiffness * line.span
+
+    # dynamic strain: a1 q_v + a2 q_v^2 + a3 q_w^2
+    a1 = -line.static_curvature() * integrate(phi.shape, span) / span
+    a2 = integrate(phi.slope**2, span) / (2 * span)
+    a3 = integrate(psi.slope**2, span) / (2 * span)
+
+    speed = case["wind"]["speed"]
+    pressure = 0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"] * speed**2
+    (b1, b2, b3), (e1, e2, e3) = aerodynamics.coefficients(case["ice"])
+
+    def vertical_load(b: float, power: int) -> float:
+        return 0.0 - pressure * b / speed**power * integrate(phi.shape ** (power + 1), span) / m_v
+
+    def horizontal_load(e: float, power: int) -> float:
+        shape = phi.shape**power * psi.shape
+        return 0.0 - pressure * e / speed**power * integrate(shape, span) / m_w
+
+    return {
+        "gamma_1": 2 * case["damping"]["vertical"] * omega_v + vertical_load(b1, 1),
+        "gamma_2": omega_v**2,
+        "gamma_3": 3 * stretch * a1 * a2 / m_v,
+        "gamma_4": stretch * a1 * a3 / m_v,
+        "gamma_5": vertical_load(b2, 2),
+        "gamma_6": vertical_load(b3, 3),
+        "gamma_7": 2 * stretch * a2**2 / m_v,
+        "gamma_8": 2 * stretch * a2 * a3 / m_v,
+        "kappa_1": 2 * case["damping"]["horizontal"] * omega_w,
+        "kappa_2": omega_w**2,
+        "kappa_3": 2 * stretch * a1 * a3 / m_w,
+        "kappa_4": 2 * stretch * a2 * a3 / m_w,
+        "kappa_5": 2 * stretch * a3**2 / m_w,
+        "kappa_6": horizontal_load(e2, 2),
+        "kappa_7": horizontal_load(e1, 1),
+        "kappa_8": 0.0,
+        "kappa_9": horizontal_load(e3, 3),
+        "kappa_10": 0.0,
+    }
+
+
+def derive(case: Mapping) -> dict:
+    """All that follows from a case without simulating it, as plain numbers with their symbols."""
+    line = Line.from_case(case)
+    omega_v, omega_w, m_v, m_w = frequencies(line, *modes(case, line))
+    return {
+        "sag_m": line.sag,
+        "irvine_parameter": line.irvine_parameter,
+        "irvine_root_over_pi": irvine_root(line.irvine_parameter) / np.pi,
+        "omega_v_rad_s": omega_v,
+        "omega_w_rad_s": omega_w,
+        "modal_mass_v_kg": m_v,
+        "modal_mass_w_kg": m_w,
+        "coefficients": coefficients(case),
+    }
