@@ -1,83 +1,51 @@
-"""One QR per recording: all that least squares can learn from it, in 39 rows instead of 30,001.
-
-The rows of [Theta(X) | dX/dt] enter a regression only through their inner products, and an
-orthogonal transformation keeps those. Identification therefore works on the triangular factor.
-"""
+"""What sparse regression sees of recordings: derivatives, measured or smoothed, on a library."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
+from galloping.identification.sparse.regression import Regression, regression, stretches
+from galloping.identification.sparse.settings import best_setting, smoothings
 from galloping.identification.sparse.smoothing import smooth
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
 from galloping.storage import write_arrays
 
-# Contiguous stretches of a recording that are reduced separately, for the bootstrap.
-BLOCKS = 10
-
 
 @dataclass(frozen=True)
-class Regression:
-    """A reduced regression dX/dt = Theta c.
+class Evidence:
+    """What the methods that regress derivatives on states see of the recordings of one replicate.
 
-    library: (rows, n_terms), targets: (rows, n_states), rows of the stacked block factors.
-    observations: (n_states,) effective number of independent observations of each target.
+    plain: derivatives as measured, or those of a spline that generalised cross-validation made as
+    smooth as each channel asks for. tuned: by the smoothing that predicts held-out stretches best,
+    or `plain` where there is none to choose. settings: every smoothing that was tried.
     """
 
-    library: np.ndarray
-    targets: np.ndarray
-    observations: np.ndarray
+    plain: Regression
+    tuned: Regression
+    settings: tuple[Regression, ...] = ()
 
 
-def stretches(n: int) -> list[slice]:
-    """The rows of each block: at most BLOCKS contiguous stretches of n rows."""
-    edges = np.linspace(0, n, min(BLOCKS, n) + 1).astype(int)
-    return [slice(a, b) for a, b in pairwise(edges)]
+def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evidence:
+    """The regressions of recordings of one system on the candidate library `terms`.
 
-
-def regression(
-    blocks: Iterable[tuple[np.ndarray, np.ndarray]], observations: np.ndarray
-) -> Regression:
-    """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
-    libraries, targets = [], []
-    for library, target in blocks:
-        p = library.shape[1]
-        factor = _triangle(np.column_stack([library, target]))
-        libraries.append(factor[:, :p])
-        targets.append(factor[:, p:])
-    return Regression(np.concatenate(libraries), np.concatenate(targets), np.asarray(observations))
-
-
-def _triangle(rows: np.ndarray) -> np.ndarray:
-    """R of the QR factorisation, square; in cache-sized panels first, three times faster."""
-    columns = rows.shape[1]
-    panel = 8 * columns
-    whole = len(rows) // panel
-    if whole > 1:
-        tops = np.linalg.qr(rows[: whole * panel].reshape(whole, panel, columns), mode="r")
-        rows = np.concatenate([tops.reshape(-1, columns), rows[whole * panel :]])
-    factor = np.linalg.qr(rows, mode="r")
-    return np.pad(factor, ((0, columns - len(factor)), (0, 0)))
-
-
-def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regression:
-    """The regression of recordings of one system on the candidate library `terms`.
-
-    Where no derivatives were measured they come from `smooth`, and so do the states.
-    Raises ValueError where a value is missing.
+    Where no derivatives were measured they come from smoothing, and so do the states: it is chosen
+    where the samples are equally spaced. Raises ValueError where a value is missing.
     """
     parts = [_differentiated(recording) for recording in recordings]
     x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
     observations = sum(part[2] for part in parts)
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
-    return regression(blocks, observations)
+    plain = regression(blocks, observations)
+    settings = smoothings(recordings, terms)
+    if not settings:
+        return Evidence(plain, plain)
+    return Evidence(plain, settings[best_setting(settings)], tuple(settings))
 
 
 def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -92,17 +60,26 @@ def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.nd
     return recording.values, recording.derivatives, np.full(states, n)
 
 
-def write(path: str | os.PathLike, regressions: list[Regression]) -> None:
-    """Replicates of one cell as one .npz."""
-    write_arrays(
-        path,
-        library=np.stack([r.library for r in regressions]),
-        targets=np.stack([r.targets for r in regressions]),
-        observations=np.stack([r.observations for r in regressions]),
-    )
+def write(path: str | os.PathLike, evidence: list[Evidence]) -> None:
+    """Replicates of one cell as one .npz, without the settings that were not chosen."""
+    arrays = {}
+    for name in ("plain", "tuned"):
+        parts = [getattr(each, name) for each in evidence]
+        for field in FIELDS:
+            if getattr(parts[0], field) is not None:
+                arrays[f"{name}_{field}"] = np.stack([getattr(part, field) for part in parts])
+    write_arrays(path, **arrays)
 
 
-def read(path: str | os.PathLike) -> list[Regression]:
+def read(path: str | os.PathLike) -> list[Evidence]:
     with np.load(path) as file:
-        arrays = (file["library"], file["targets"], file["observations"])
-    return [Regression(*parts) for parts in zip(*arrays, strict=True)]
+        arrays = dict(file)
+    parts = []
+    for name in ("plain", "tuned"):
+        columns = {f: arrays[key] for f in FIELDS if (key := f"{name}_{f}") in arrays}
+        values = zip(*columns.values(), strict=True)
+        parts.append([Regression(**dict(zip(columns, each, strict=True))) for each in values])
+    return [Evidence(plain, tuned) for plain, tuned in zip(*parts, strict=True)]
+
+
+FIELDS = ("library", "targets", "observations", "held_out")

@@ -1,59 +1,40 @@
-"""Weak SINDy (Messenger and Bortz 2021; Reinbold et al. 2020) with pysindy's WeakPDELibrary."""
+"""Weak SINDy (Messenger and Bortz 2021; Reinbold et al. 2020) with pysindy's test functions."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Sequence
 
 import numpy as np
-import pysindy as ps
 
 from galloping.identification.result import Identified
-from galloping.identification.sparse.ensemble import seeded
-from galloping.identification.sparse.reduction import regression, stretches
+from galloping.identification.sparse.reduction import Evidence
+from galloping.identification.sparse.regression import Regression
+from galloping.identification.sparse.settings import best_setting, test_functions
 from galloping.identification.sparse.stlsq import normalised
+from galloping.polynomial import library
 from galloping.recording import Recording
 
 
 def weak(
-    recordings: Sequence[Recording],
-    *,
-    degree: int,
-    threshold: float | None,
-    path_length: int,
-    weak: Mapping[str, float],
-    seed: int,
+    recordings: Sequence[Recording], *, degree: int, threshold: float | None, path_length: int
 ) -> Identified:
     """Integrates against polynomial bumps instead of differentiating, then STLSQ.
 
-    weak: `domains` bumps at random times, of `half_width` s and polynomial `order`; the same
-    ones for every recording on one time grid, since their weights cost more than the fit.
-    Raises ValueError for irregular or missing samples.
+    Raises ValueError for irregular, short or missing samples.
     """
-    blocks = []
+    settings = reduce(recordings, degree)
+    chosen = settings[best_setting(settings)]
+    return normalised(Evidence(chosen, chosen), threshold=threshold, path_length=path_length)
+
+
+def reduce(recordings: Sequence[Recording], degree: int) -> list[Regression]:
+    """Weak forms of recordings of one system with each of the test functions to choose from."""
     for recording in recordings:
         if not recording.is_uniform:
             raise ValueError("weak: needs a regularly sampled recording")
         if not np.all(np.isfinite(recording.values)):
             raise ValueError("weak: needs every state at every sample")
-        library = _bumps(tuple(recording.time), degree, *weak.values(), seed)
-        library.fit([recording.values])
-        theta = np.asarray(library.transform([recording.values])[0])
-        integrals = np.asarray(library.convert_u_dot_integral(recording.values))
-        blocks += [(theta[rows], integrals[rows]) for rows in stretches(len(theta))]
-    rows = sum(len(theta) for theta, _ in blocks)
-    problem = regression(blocks, np.full(len(recordings[0].states), rows))
-    return normalised(problem, threshold=threshold, path_length=path_length)
-
-
-@lru_cache(maxsize=1)
-def _bumps(time, degree, domains, half_width, order, seed) -> ps.WeakPDELibrary:
-    """Weights of the test functions, which depend on the time grid alone."""
-    with seeded(np.random.default_rng(seed)):
-        return ps.WeakPDELibrary(
-            function_library=ps.PolynomialLibrary(degree=degree),
-            spatiotemporal_grid=np.array(time),
-            K=domains,
-            H_xt=half_width,
-            p=order,
-        )
+    settings = test_functions(recordings, library(len(recordings[0].states), degree))
+    if not settings:
+        raise ValueError("weak: the recording is too short for its test functions")
+    return settings
