@@ -19,6 +19,7 @@
 # ALLOW=list      publish although dirty, incomplete, outdated
 # SHA256=digest   of an archive, as it was published: for verify and restore
 # REPLACE=yes     restore over other results, which are set aside
+# DELETE=yes      prune what was listed
 # CORES=n         how many cores to use; all
 # PROFILE=slurm   run the jobs on a cluster: config/README.md, "On a cluster"
 PYTHON ?= python3
@@ -62,7 +63,7 @@ test: study
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
 test-faults: $(VENV)/made
-	$(BIN)/python -m pytest -m 'faults or not faults' tests/faults
+	$(BIN)/python -m pytest -m '' tests/faults
 
 test-slurm: $(VENV)/made
 	timeout --foreground --signal INT --kill-after 60 40m $(BIN)/python -m pytest -m slurm tests/cluster

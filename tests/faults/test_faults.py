@@ -117,7 +117,9 @@ def test_a_killed_run_is_told_and_repaired(harmed):
     run.wait()
     status, said = harmed.run()
     assert status != 0
-    assert said.splitlines()[-1] == f"A run in this folder was killed: {REPAIR} takes it from there."
+    assert (
+        said.splitlines()[-1] == f"A run in this folder was killed: {REPAIR} takes it from there."
+    )
     status, said = harmed.run("--repair")
     assert status == 0, said
     assert not psutil.pid_exists(job.pid) or psutil.Process(job.pid).status() == "zombie"
@@ -158,7 +160,9 @@ def test_damage_is_told_and_mended_and_edits_are_kept(harmed):
     receipt.write_text(receipt.read_text()[:100])
     harmed.take("figures/figure05.svg")
     status, said = harmed.run()
-    assert status != 0 and f" and 1 more: edited or damaged since its job wrote it; {REPAIR}" in said
+    assert (
+        status != 0 and f" and 1 more: edited or damaged since its job wrote it; {REPAIR}" in said
+    )
     status, said = harmed.run("--repair")
     assert status == 0, said
     assert (harmed.results / "set_aside/tables/claims.csv").read_text() == edited
@@ -232,4 +236,6 @@ def test_a_read_only_disk_is_told(harmed, mount):
     mount(harmed.results, "--bind", str(harmed.results))
     mount(harmed.results, "-o", "remount,ro,bind")
     status, said = harmed.run()
-    assert status != 0 and said.endswith("results/smoke is read-only: make it writable and run again.\n")
+    assert status != 0 and said.endswith(
+        "results/smoke is read-only: make it writable and run again.\n"
+    )
