@@ -30,9 +30,8 @@ DESCRIPTIONS = {
     CONFIGURATION: "all settings of the run, defaults included",
     "environment.json": "versions of Python and of all packages, and the machine",
     "publication.json": "version, commit, and what was not as it should be at publication",
-    "run_times.csv": "time and memory of each job",
-    "receipts.json": "settings, code, inputs and SHA-256 of every file of the study, also of "
-    "those that are not in this archive",
+    "receipts.json": "settings, code, inputs, seconds of work and SHA-256 of every file of the "
+    "study, also of those that are not in this archive",
     "report.html": "the report: figures, tables and run times in one page",
 }
 FORMATS = {

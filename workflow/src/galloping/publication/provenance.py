@@ -1,23 +1,14 @@
-"""What a study was made with: the commit, Python and the packages, the machine, the time taken."""
+"""What a study was made with: the commit, Python and the packages and the machine."""
 
 from __future__ import annotations
 
-import csv
 import os
 import platform
 import subprocess
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import distributions
-from pathlib import Path
 
 from packaging.utils import canonicalize_name
-
-from galloping.reproducibility.plan import Plan
-from galloping.reproducibility.receipts import Receipt
-
-# columns of Snakemake's benchmark files
-MEASURED = {"s": "wall_seconds", "cpu_time": "cpu_seconds", "max_rss": "peak_memory_mb"}
 
 
 @dataclass(frozen=True)
@@ -58,29 +49,6 @@ def environment() -> dict:
             "cores": os.cpu_count(),
         },
     }
-
-
-def run_times(plan: Plan, known: Mapping[str, Receipt]) -> list[dict[str, str]]:
-    """One row a job, empty where nothing was measured.
-
-    known: receipts by path of their file. work_seconds is the job's own work; the wall time holds
-    the start of Python and the imports too.
-    """
-    rows = []
-    for job in sorted(plan.jobs, key=lambda job: (job.rule, job.outputs)):
-        receipt, measured = known.get(job.outputs[0]), {}
-        if Path(job.benchmark).exists():
-            with Path(job.benchmark).open(encoding="utf-8", newline="") as file:
-                measured = next(csv.DictReader(file, delimiter="\t"), {})
-        rows.append(
-            {
-                "rule": job.rule,
-                "file": job.outputs[0],
-                "work_seconds": f"{receipt.seconds:g}" if receipt else "",
-                **{name: measured.get(key, "") for key, name in MEASURED.items()},
-            }
-        )
-    return rows
 
 
 def _git(*arguments: str) -> str:

@@ -13,11 +13,11 @@ import yaml
 from galloping.publication.archive import files_of, is_plain, pack
 from galloping.publication.crate import CONFIGURATION, write_crate
 from galloping.publication.manifest import write_manifest
-from galloping.publication.provenance import Commit, commit, environment, run_times
+from galloping.publication.provenance import Commit, commit, environment
 from galloping.reproducibility.audit import Audit, audit
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import receipts
-from galloping.storage import partial_prefix, write_json, write_rows, write_text
+from galloping.storage import partial_prefix, write_json, write_text
 
 PUBLICATION = "publication"
 RECEIPTS = "receipts.json"
@@ -117,7 +117,6 @@ def _write_records(
     text = yaml.safe_dump(plan.settings, sort_keys=False, allow_unicode=True)
     write_text(folder / CONFIGURATION, text)
     write_json(folder / "environment.json", versions)
-    write_rows(folder / "run_times.csv", run_times(plan, made))
     write_json(folder / RECEIPTS, [asdict(receipt) for receipt in made.values()])
     told = asdict(present) if present else None
     write_json(

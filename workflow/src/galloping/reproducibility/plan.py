@@ -155,38 +155,21 @@ class Executor(AbstractExecutor):
     """Keeps each job instead of running it."""
 
     jobs: ClassVar[list[PlannedJob]] = []
+    cores = 1
 
     def run_job(self, job) -> None:
         if job.output:  # all but the rule that only collects
             settings = ast.literal_eval(job.format_wildcards("{params.settings!r}"))
-            self.jobs.append(
-                PlannedJob(
-                    rule=job.name,
-                    settings=as_written(settings),
-                    inputs=tuple(map(str, job.input)),
-                    outputs=tuple(map(str, job.output)),
-                    benchmark=str(job.benchmark),
-                )
+            inputs, outputs = (tuple(map(str, files)) for files in (job.input, job.output))
+            planned = PlannedJob(
+                job.name, as_written(settings), inputs, outputs, str(job.benchmark)
             )
+            self.jobs.append(planned)
         submitted = SubmittedJobInfo(job=job)
         self.report_job_submission(submitted)
         self.report_job_success(submitted)
 
-    def get_exec_mode(self):
-        raise NotImplementedError  # of jobs in processes of their own
+    def _nothing(self, *_) -> None:
+        """For what comes of jobs that were run."""
 
-    def handle_job_success(self, job) -> None:
-        """Nothing was run."""
-
-    def handle_job_error(self, job) -> None:
-        """Nothing was run."""
-
-    def cancel(self) -> None:
-        """Nothing runs."""
-
-    def shutdown(self) -> None:
-        """Nothing runs."""
-
-    @property
-    def cores(self) -> int:
-        return self.workflow.resource_settings.cores
+    handle_job_success = handle_job_error = get_exec_mode = cancel = shutdown = _nothing
