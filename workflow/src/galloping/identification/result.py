@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 
 import numpy as np
-
-from galloping.storage import write_arrays
 
 
 @dataclass(frozen=True)
@@ -38,22 +35,3 @@ class Identified:
         """A failure, kept as a row with its reason."""
         nothing = np.full((n_states, n_terms), np.nan)
         return cls(nothing, np.full(n_states, np.nan), nothing, reason)
-
-
-def write(path: str | os.PathLike, results: list[Identified]) -> None:
-    """Replicates of one cell as one .npz."""
-    write_arrays(
-        path,
-        coefficients=np.stack([r.coefficients for r in results]),
-        thresholds=np.stack([r.thresholds for r in results]),
-        standard_errors=np.stack([r.standard_errors for r in results]),
-        status=np.array([r.status for r in results]),
-        verdict=np.array([r.verdict for r in results]),
-    )
-
-
-def read(path: str | os.PathLike) -> list[Identified]:
-    with np.load(path) as file:
-        columns = [file[k] for k in ("coefficients", "thresholds", "standard_errors")]
-        columns += [file[k].tolist() for k in ("status", "verdict")]
-    return [Identified(*parts) for parts in zip(*columns, strict=True)]
