@@ -7,7 +7,7 @@ import pysindy as ps
 from scipy.fft import dct
 from sklearn import config_context
 
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.drawing import seeded
 from galloping.identification.sparse.reduction import Evidence
 from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit
@@ -21,7 +21,7 @@ def ensemble(
     path_length: int,
     ensemble_models: int,
     rng: np.random.Generator,
-) -> Identified:
+) -> IdentifiedModel:
     """Bagging on the rows of the reduced regression, a term stays if most models have it.
 
     threshold: share, or None to take what STLSQ chooses for each equation. The rows of a
@@ -43,7 +43,7 @@ def ensemble(
     medians = optimizer.coef_ * thresholds[:, np.newaxis]
     support = (np.abs(medians) >= NEGLIGIBLE)[:, np.newaxis]
     coefficients = refit(library, targets, support)[:, 0]
-    return Identified.of(coefficients * scale[:, np.newaxis] / lengths, thresholds)
+    return problem.model(coefficients * scale[:, np.newaxis] / lengths, thresholds)
 
 
 def _mixed(rows: np.ndarray, size: int) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.cross_validation import judge
 from galloping.identification.sparse.reduction import Evidence
 from galloping.identification.sparse.selection import (
@@ -19,7 +19,7 @@ from galloping.identification.sparse.selection import (
 STEPS = 20  # the largest model of an equation
 
 
-def frols(evidence: Evidence) -> Identified:
+def frols(evidence: Evidence) -> IdentifiedModel:
     """The term that explains most is added until held-out stretches, or EBIC, ask for no more.
 
     Terms that their successors have made NEGLIGIBLE are dropped.
@@ -37,7 +37,7 @@ def frols(evidence: Evidence) -> Identified:
         supports, places = judged.supports, judged.chosen()
     support = supports[np.arange(len(places)), places]
     coefficients = refit(library, targets, support[:, np.newaxis])[:, 0]
-    return Identified.of(coefficients * scale[:, np.newaxis] / lengths)
+    return problem.model(coefficients * scale[:, np.newaxis] / lengths)
 
 
 def supports_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 from pysindy.optimizers import WrappedOptimizer
 from sklearn.linear_model import LassoLars, lars_path, lars_path_gram
 
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.cross_validation import judge
 from galloping.identification.sparse.reduction import Evidence
 from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit, scores, solve
@@ -14,7 +14,7 @@ from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit
 PENALTIES = np.geomspace(1, NEGLIGIBLE**2, 60)  # of unit columns, in units of the first to act
 
 
-def lasso(evidence: Evidence, *, threshold: float | None) -> Identified:
+def lasso(evidence: Evidence, *, threshold: float | None) -> IdentifiedModel:
     """The l1 penalty of each equation: cross-validated, or the kink of its path that EBIC prefers.
 
     threshold: penalty alpha on unit columns and targets, or None to choose it. Terms whose
@@ -38,7 +38,7 @@ def lasso(evidence: Evidence, *, threshold: float | None) -> Identified:
         support = optimizer.fit(library, target).coef_ != 0
         support = _prune(library, target, support[np.newaxis])
         rows.append(refit(library, target, support)[0, 0])
-    return Identified.of(np.stack(rows) * scale[:, np.newaxis] / lengths, alphas)
+    return problem.model(np.stack(rows) * scale[:, np.newaxis] / lengths, alphas)
 
 
 def supports_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:

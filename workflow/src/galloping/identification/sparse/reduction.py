@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +12,6 @@ from galloping.identification.sparse.settings import best_setting, smoothings
 from galloping.identification.sparse.smoothing import smooth
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
-from galloping.storage import write_arrays
 
 
 @dataclass(frozen=True)
@@ -41,11 +39,10 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evi
     observations = sum(part[2] for part in parts)
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
-    plain = regression(blocks, observations)
+    plain = regression(blocks, observations, recordings[0].states, terms)
     settings = smoothings(recordings, terms)
-    if not settings:
-        return Evidence(plain, plain)
-    return Evidence(plain, settings[best_setting(settings)], tuple(settings))
+    tuned = settings[best_setting(settings)] if settings else plain
+    return Evidence(plain, tuned, tuple(settings))
 
 
 def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -58,28 +55,3 @@ def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.nd
         raise ValueError("recording: sparse regression needs every derivative at every sample")
     n, states = recording.values.shape
     return recording.values, recording.derivatives, np.full(states, n)
-
-
-def write(path: str | os.PathLike, evidence: list[Evidence]) -> None:
-    """Replicates of one cell as one .npz, without the settings that were not chosen."""
-    arrays = {}
-    for name in ("plain", "tuned"):
-        parts = [getattr(each, name) for each in evidence]
-        for field in FIELDS:
-            if getattr(parts[0], field) is not None:
-                arrays[f"{name}_{field}"] = np.stack([getattr(part, field) for part in parts])
-    write_arrays(path, **arrays)
-
-
-def read(path: str | os.PathLike) -> list[Evidence]:
-    with np.load(path) as file:
-        arrays = dict(file)
-    parts = []
-    for name in ("plain", "tuned"):
-        columns = {f: arrays[key] for f in FIELDS if (key := f"{name}_{f}") in arrays}
-        values = zip(*columns.values(), strict=True)
-        parts.append([Regression(**dict(zip(columns, each, strict=True))) for each in values])
-    return [Evidence(plain, tuned) for plain, tuned in zip(*parts, strict=True)]
-
-
-FIELDS = ("library", "targets", "observations", "held_out")

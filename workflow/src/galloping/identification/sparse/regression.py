@@ -12,6 +12,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from galloping.identification.model import IdentifiedModel
+from galloping.polynomial import Exponents, PolynomialModel
+
 # Contiguous stretches of a recording that are reduced separately, for the bootstrap and for
 # cross-validation.
 BLOCKS = 10
@@ -26,12 +29,22 @@ class Regression:
     observations of each target. held_out: (blocks, n_terms + n_states, n_terms + n_states), inner
     products of [library | derivatives] in the weak form on each stretch, which judge what others
     teach; None where thresholds are chosen by an information criterion instead.
+    states, terms: names of the targets' states, and the candidate library.
     """
 
     library: np.ndarray
     targets: np.ndarray
     observations: np.ndarray
+    states: tuple[str, ...]
+    terms: tuple[Exponents, ...]
     held_out: np.ndarray | None = None
+
+    def model(
+        self, coefficients: np.ndarray, thresholds: np.ndarray | None = None
+    ) -> IdentifiedModel:
+        """What a method makes of it: (n_states, n_terms) coefficients, without a verdict."""
+        model = PolynomialModel(self.states, self.terms, coefficients)
+        return IdentifiedModel(model, "unjudged", thresholds=thresholds)
 
     @property
     def products(self) -> np.ndarray:
@@ -48,7 +61,10 @@ def stretches(n: int) -> list[slice]:
 
 
 def regression(
-    blocks: Iterable[tuple[np.ndarray, np.ndarray]], observations: np.ndarray
+    blocks: Iterable[tuple[np.ndarray, np.ndarray]],
+    observations: np.ndarray,
+    states: tuple[str, ...],
+    terms: tuple[Exponents, ...],
 ) -> Regression:
     """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
     libraries, targets = [], []
@@ -57,7 +73,8 @@ def regression(
         factor = _triangle(np.column_stack([library, target]))
         libraries.append(factor[:, :p])
         targets.append(factor[:, p:])
-    return Regression(np.concatenate(libraries), np.concatenate(targets), np.asarray(observations))
+    library, target = np.concatenate(libraries), np.concatenate(targets)
+    return Regression(library, target, np.asarray(observations), states, terms)
 
 
 def _triangle(rows: np.ndarray) -> np.ndarray:

@@ -68,7 +68,7 @@ class _Frame:
     """
 
     def __init__(self, recording: Recording, period: float) -> None:
-        n, self.values = len(recording.time), recording.values
+        n, self.states, self.values = len(recording.time), recording.states, recording.values
         self.step = float(recording.time[-1] - recording.time[0]) / (n - 1)
         self.samples = max(period / self.step, SMALLEST)
         margin, stride = int(self.samples / 2) + 2, max(1, n // ROWS)
@@ -83,10 +83,18 @@ class _Frame:
     def can_be_held_out(self) -> bool:
         return all(map(len, self.centres))
 
-    def regression(self, library: np.ndarray, targets: np.ndarray, predictors: np.ndarray):
+    def regression(
+        self,
+        library: np.ndarray,
+        targets: np.ndarray,
+        predictors: np.ndarray,
+        terms: tuple[Exponents, ...],
+    ) -> Regression:
         """Of rows (r, p) and (r, m), judged by the integrals of the library `predictors` (r, p)."""
         m, blocks = targets.shape[1], [slice(a, b) for a, b in pairwise(self.edges)]
-        reduced = regression(((library[b], targets[b]) for b in blocks), np.full(m, len(library)))
+        reduced = regression(
+            ((library[b], targets[b]) for b in blocks), np.full(m, len(library)), self.states, terms
+        )
         products = []
         for centres in self.centres:
             raw = -_integrals(self.values, self.slopes, self.rows[centres])
@@ -113,7 +121,7 @@ def _smoothed(frame: _Frame, terms: tuple[Exponents, ...]) -> Iterator[Regressio
             filtered(kernel, frame.rows) for kernel in savitzky_golay(window, order, frame.step)
         )
         library = design_matrix(states, terms)
-        yield frame.regression(library, slopes, library)
+        yield frame.regression(library, slopes, library, terms)
 
 
 def _weak(frame: _Frame, terms: tuple[Exponents, ...]) -> Iterator[Regression]:
@@ -124,7 +132,7 @@ def _weak(frame: _Frame, terms: tuple[Exponents, ...]) -> Iterator[Regression]:
     for half, order in product(halves, ENDS):
         weights, slopes = weak_form(half, order, frame.step)
         yield frame.regression(
-            library(weights, frame.rows), states(slopes, frame.rows), raw[frame.rows]
+            library(weights, frame.rows), states(slopes, frame.rows), raw[frame.rows], terms
         )
 
 
@@ -134,6 +142,8 @@ def _joined(parts: Sequence[Regression]) -> Regression:
         np.concatenate([part.library for part in parts]),
         np.concatenate([part.targets for part in parts]),
         sum(part.observations for part in parts),
+        parts[0].states,
+        parts[0].terms,
         np.concatenate([part.held_out for part in parts]),
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 import pysindy as ps
 from sklearn import config_context
 
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.cross_validation import judge
 from galloping.identification.sparse.reduction import Evidence
 from galloping.identification.sparse.regression import Regression
@@ -23,7 +23,7 @@ from galloping.identification.sparse.selection import (
 RIDGES = (0.0, 1e-4)
 
 
-def normalised(evidence: Evidence, *, threshold: float | None, path_length: int) -> Identified:
+def normalised(evidence: Evidence, *, threshold: float | None, path_length: int) -> IdentifiedModel:
     """Thresholds act on each term's share of the state derivative.
 
     threshold: share in (0, 1), or None to choose one for each equation out of `path_length`
@@ -46,10 +46,10 @@ def normalised(evidence: Evidence, *, threshold: float | None, path_length: int)
     for ridge in np.unique(ridges):
         rows = ridges == ridge
         coefficients[rows] = fit(library, targets[:, rows], chosen[rows], ridge)
-    return Identified.of(coefficients * scale[:, np.newaxis] / lengths, chosen)
+    return problem.model(coefficients * scale[:, np.newaxis] / lengths, chosen)
 
 
-def raw(evidence: Evidence, *, threshold: float | None, path_length: int) -> Identified:
+def raw(evidence: Evidence, *, threshold: float | None, path_length: int) -> IdentifiedModel:
     """Thresholds act on the coefficients as they are, in SI units, as the paper most likely did.
 
     threshold: in the coefficients' units, or None to choose one for each equation by EBIC out
@@ -62,7 +62,7 @@ def raw(evidence: Evidence, *, threshold: float | None, path_length: int) -> Ide
         chosen = _scan(library, targets, candidates, evidence.plain.observations)
     else:
         chosen = np.full(targets.shape[1], threshold)
-    return Identified.of(fit(library, targets, chosen), chosen)
+    return evidence.plain.model(fit(library, targets, chosen), chosen)
 
 
 def supports_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
