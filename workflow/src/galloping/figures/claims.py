@@ -21,6 +21,7 @@ GAPS = {"none": 0.36, "error": 0.66, "r2": 0.66}  # below a group: its axis, the
 VERDICTS = {  # marker and colour
     "better": ("^", "#2fa86a"),
     "reproduced": ("o", "#2fa86a"),
+    "in reach": ("D", "#e69f00"),
     "not reproduced": ("x", "#111111"),
     "not run": ("_", "#9a9a9a"),
 }
@@ -206,6 +207,10 @@ def _cells(axes: Axes, table: pd.DataFrame, group: Group, pairs: list[tuple[str,
                 axes.text(
                     j + 0.2, k, _number(found["study_value"], digits), va="center",
                     fontsize="x-small",
+                )  # fmt: skip
+                axes.text(
+                    j + 0.97, k, f"{100 * found['met_by']:.0f} %", va="center", ha="right",
+                    fontsize="xx-small", color="#5f5f5f",
                 )  # fmt: skip
 
 
