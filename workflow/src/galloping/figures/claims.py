@@ -205,11 +205,11 @@ def _cells(axes: Axes, table: pd.DataFrame, group: Group, pairs: list[tuple[str,
             axes.plot(j + 0.08, k, marker=marker, color=color, ms=4, mew=1.2)
             if found["replicates"]:
                 axes.text(
-                    j + 0.2, k, _number(found["study_value"], digits), va="center",
+                    j + 0.2, k - 0.17, _number(found["study_value"], digits), va="center",
                     fontsize="x-small",
                 )  # fmt: skip
                 axes.text(
-                    j + 0.97, k, f"{100 * found['met_by']:.0f} %", va="center", ha="right",
+                    j + 0.2, k + 0.27, f"{100 * found['met_by']:.0f} %", va="center",
                     fontsize="xx-small", color="#5f5f5f",
                 )  # fmt: skip
 

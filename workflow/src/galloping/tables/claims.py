@@ -113,8 +113,8 @@ COLUMNS = (
 def claims_table(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
     """Every claim for every protocol and method of the study.
 
-    settings: cases; pairs of protocol and method; subset_level of the noise. Columns claim, source, case, quantity, paper_value,
-    study_value (the median), low, high, met_by, replicates, protocol, method, verdict.
+    settings: cases; pairs of protocol and method; subset_level of the noise. Columns: COLUMNS,
+    study_value the median.
     """
     rows = []
     for claim in CLAIMS:
