@@ -28,7 +28,7 @@ SCRIPT := PYTHONPATH=workflow/src $(BIN)/python workflow/scripts
 OPTIONS := $(if $(CONFIG),--configfile $(CONFIG))
 WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores $(CORES))
 
-.PHONY: all study smoke test repair verify publish restore prune test-faults test-slurm reliability lint bench reference docs lock help
+.PHONY: all study smoke test browser repair verify publish restore prune test-faults test-slurm reliability lint bench reference docs lock help
 all: study
 
 study: $(VENV)/made
@@ -55,8 +55,14 @@ restore: $(VENV)/made
 prune: $(VENV)/made
 	@$(SCRIPT)/prune_results.py $(OPTIONS)
 
-test: study
+test: study browser
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
+
+# For the checks of the report: Debian's Chromium, where no browser is and one may be installed.
+browser:
+	@command -v chromedriver >/dev/null || command -v geckodriver >/dev/null || \
+	  { [ "$$(id -u)" = 0 ] && command -v apt-get && apt-get update && \
+	    apt-get install -y --no-install-recommends chromium chromium-driver; } >/dev/null 2>&1 || true
 
 test-faults: $(VENV)/made
 	$(BIN)/python -m pytest -m '' tests/faults --faults-csv results/reliability/faults.csv
