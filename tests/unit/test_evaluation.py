@@ -20,7 +20,7 @@ from galloping.evaluation.coefficients import (
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.reconstruction import summarise as summarise_motions
 from galloping.evaluation.score import Truth, score
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.physics.derived import Derived
 from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
@@ -34,6 +34,13 @@ from galloping.tables.parameters import conductor, spacers
 from galloping.tables.summary import all_scores, interval
 
 INF = float("inf")
+
+
+def unjudged(true, coefficients, terms=None):
+    """What a method without a verdict returns."""
+    model = PolynomialModel(true.states, terms or true.terms, coefficients)
+    return IdentifiedModel(model, "unjudged")
+
 
 # --- motion ---
 
@@ -149,7 +156,7 @@ def truth(resonant):
 
 
 def test_the_true_model_scores_best(truth):
-    models = {"stlsq": [Identified.of(truth.model.coefficients)]}
+    models = {"stlsq": [unjudged(truth.model, truth.model.coefficients)]}
     (row,), shown = evaluate(truth, models, NO_BOUND[np.newaxis])
     assert (row["method"], row["replicate"]) == ("stlsq", 0)
     assert np.array_equal(shown["stlsq"].low, shown["stlsq"].high)
@@ -169,7 +176,7 @@ def test_the_steady_window_is_where_amplitudes_are_read(truth):
     states[:20000, 1] = 0.0
     row = score(
         truth,
-        Identified.of(truth.model.coefficients),
+        unjudged(truth.model, truth.model.coefficients),
         Trajectory(truth.time, states, "ok"),
         NO_BOUND,
     )
@@ -181,17 +188,17 @@ def test_the_steady_window_is_where_amplitudes_are_read(truth):
 
 @pytest.mark.parametrize("failure", ["fit", "motion"])
 def test_failures_are_rows_of_worst_values(truth, failure):
-    result = Identified.of(truth.model.coefficients.copy())
+    result = unjudged(truth.model, truth.model.coefficients.copy())
     if failure == "fit":
-        result = Identified.failed(4, 35, "stlsq: no luck")
+        result = IdentifiedModel.refused(truth.model.states, truth.model.terms, "stlsq: no luck")
     else:
-        result.coefficients[2, 3] = 3.0  # strong negative damping
-        result.coefficients[2, 31:] = 0.0
+        result.model.coefficients[2, 3] = 3.0  # strong negative damping
+        result.model.coefficients[2, 31:] = 0.0
     simulator = Simulator(truth.model.states, truth.model.terms)
     bound = np.full((4, 35), 0.1)
     (motion,) = reconstruct(simulator, truth, [result])
     row = score(truth, result, motion, bound)
-    expected = "stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
+    expected = "refused: stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
     assert row["status"].startswith(expected)
     for state in ("q_v", "q_w"):
         assert row[f"r2_{state}"] == row[f"r2_steady_{state}"] == -INF
@@ -465,7 +472,7 @@ def test_table_3_shows_true_and_spurious_terms(cases):
     off[3, terms.index((1, 0, 0, 0))] = -0.5  # kappa_8 spurious
     off[2, terms.index((0, 0, 0, 3))] = 0.2  # spurious, without a symbol
     settings = {"cases": ["a"], "protocol": "state", "method": "stlsq", "level": 0.0, "degree": 3}
-    identified = {"a": {"stlsq": [Identified.of(off)] * 3}}
+    identified = {"a": {"stlsq": [unjudged(model(true), off, terms)] * 3}}
     table = table3({"a": Derived(model(true), true, {})}, identified, settings)
     by_symbol = table.set_index("symbol")
     assert list(table["equation"].unique()) == ["vertical", "horizontal"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from galloping.bounds.information import (
     derivative_bound,
     state_bound,
 )
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.measurement.measuring import measure, noises_of
 from galloping.measurement.motion import Motion
 from galloping.measurement.protocols import Noise
@@ -60,19 +61,20 @@ def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
     return std
 
 
-def at_the_bound(model: PolynomialModel, found: Bound, rng: np.random.Generator) -> Identified:
+def at_the_bound(model: PolynomialModel, found: Bound, rng: np.random.Generator) -> IdentifiedModel:
     """What an efficient method that knows the terms would find: one draw at the bound.
 
     Where the data leave a coefficient undetermined there is no such method, and no model.
     """
     if not np.all(np.isfinite(found.covariance)):
-        return Identified.failed(*model.coefficients.shape, "bound: a term is undetermined")
+        reason = "bound: a term is undetermined"
+        return IdentifiedModel.refused(model.states, model.terms, reason)
     values, vectors = np.linalg.eigh(found.covariance)
     draw = vectors @ (np.sqrt(np.maximum(values, 0)) * rng.standard_normal(len(values)))
     coefficients = model.coefficients.copy()
     coefficients[tuple(found.free.T)] += draw
-    nothing = np.full(len(coefficients), np.nan)
-    return Identified(coefficients, nothing, on_library(model, found))
+    drawn = replace(model, coefficients=coefficients)
+    return IdentifiedModel(drawn, "unjudged", standard_errors=on_library(model, found))
 
 
 def cell_bounds(
@@ -109,10 +111,10 @@ def models_at(
     bounds: Sequence[Bound],
     measurement: Mapping,
     name: Sequence[str],
-) -> list[Identified]:
+) -> list[IdentifiedModel]:
     """What an efficient method would find from each replicate; without noise, the line itself."""
     if not bounds:
-        return [Identified.of(model.coefficients)]
+        return [IdentifiedModel(model, "unjudged")]
     return [
         at_the_bound(
             model, bounds[k % len(bounds)], generator(measurement["seed"], "bound", *name, k)

@@ -8,13 +8,12 @@ import numpy as np
 
 from galloping.evaluation.reconstruction import Reconstruction, summarise
 from galloping.evaluation.score import Truth, score
-from galloping.identification.result import Identified
-from galloping.polynomial import PolynomialModel
+from galloping.identification.model import IdentifiedModel
 from galloping.simulation import Simulator, Trajectory
 
 
 def evaluate(
-    truth: Truth, models: Mapping[str, Sequence[Identified]], deviations: np.ndarray
+    truth: Truth, models: Mapping[str, Sequence[IdentifiedModel]], deviations: np.ndarray
 ) -> tuple[list[dict], dict[str, Reconstruction]]:
     """One row of scores a model, and what the models of each method do.
 
@@ -36,15 +35,14 @@ def evaluate(
 
 
 def reconstruct(
-    simulator: Simulator, truth: Truth, replicates: Sequence[Identified]
+    simulator: Simulator, truth: Truth, replicates: Sequence[IdentifiedModel]
 ) -> list[Trajectory]:
     """The motion of each model from the true initial state."""
     motions = []
     for identified in replicates:
-        if identified.status == "ok":
-            model = PolynomialModel(truth.model.states, truth.model.terms, identified.coefficients)
-            motions.append(simulator(model, truth.states[0], truth.time))
-        else:
+        if identified.status == "refused":
             nowhere = np.full_like(truth.states, np.nan)
-            motions.append(Trajectory(truth.time, nowhere, identified.status))
+            motions.append(Trajectory(truth.time, nowhere, identified.verdict))
+        else:
+            motions.append(simulator(identified.model, truth.states[0], truth.time))
     return motions

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from galloping.figures import panels
 from galloping.figures.style import DOUBLE, method_style, spoken
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.physics.derived import Derived
 from galloping.physics.equations import STATES
 from galloping.polynomial import library
@@ -24,10 +24,10 @@ WIDEST = (-0.5, 2.5)  # of identified / true
 
 def draw_coefficients(
     model: Derived,
-    identified: Mapping[str, Mapping[str, list[Identified]]],
+    identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
     settings: Mapping,
 ) -> Figure:
-    """Identified over true coefficient of each equation, and how often each term was found.
+    """IdentifiedModel over true coefficient of each equation, and how often each term was found.
 
     model: of the line. identified: replicates by cell and method. settings: case, protocol, method;
     levels by cell; degree of the library.

@@ -1,4 +1,4 @@
-"""All replicates of one cell through a family of methods; a fit that fails is a row with its reason."""
+"""A cell's replicates through a family of methods; a fit that fails is a row with its reason."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.importing import imported
 from galloping.polynomial import Exponents
 from galloping.recording import Recording
@@ -19,17 +19,16 @@ def identify(
     replicates: Iterable[Sequence[Recording]],
     terms: tuple[Exponents, ...],
     name: Sequence[str],
-) -> dict[str, list[Identified]]:
+) -> dict[str, list[IdentifiedModel]]:
     """Identify models from each replicate, by method.
 
     methods: `Method.settings` by name. replicates: the recordings of each, which share one model.
     terms: of the candidate library. name: of the cell, for random numbers. Methods that work on
     the same evidence share it.
     """
-    models: dict[str, list[Identified]] = {method: [] for method in methods}
+    models: dict[str, list[IdentifiedModel]] = {method: [] for method in methods}
     for replicate, recordings in enumerate(replicates):
         evidence = cache(partial(_evidence, recordings, terms))
-        shape = (len(recordings[0].states), len(terms))
         for method, settings in methods.items():
             options = dict(settings["options"])
             if settings["seed"] is not None:
@@ -39,7 +38,7 @@ def identify(
                 model = imported(settings["function"])(evidence(settings["evidence"]), **options)
             except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
                 reason = f"{method}: {str(error).splitlines()[0]}"
-                model = Identified.failed(*shape, reason)
+                model = IdentifiedModel.refused(recordings[0].states, terms, reason)
             models[method].append(model)
     return models
 

@@ -21,7 +21,7 @@ class Method:
     evidence: `module:function` of what it works on, made of the recordings of one replicate, which
     share one model, and the terms of the library; None for the recordings themselves.
     function: `module:function`, imported only by the job that runs it. It takes the evidence of a
-    replicate and the keywords `options`, and returns an `Identified`.
+    replicate and the keywords `options`, and returns an `IdentifiedModel`.
     options: keys of the `identification` settings, `threshold` (its own, or None), `rng` (of the
     replicate) and `seed` (of the study).
     takes: what a protocol may measure: RATES, STATES, DISPLACEMENTS.

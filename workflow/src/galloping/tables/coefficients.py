@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.physics.derived import Derived
 from galloping.physics.equations import EQUATIONS, STATES, symbol_of
 from galloping.polynomial import Exponents, PolynomialModel, library, term_name
@@ -15,7 +15,7 @@ from galloping.tables.summary import interval
 
 
 def identified_terms(
-    model: PolynomialModel, results: list[Identified], terms: tuple[Exponents, ...]
+    model: PolynomialModel, results: list[IdentifiedModel], terms: tuple[Exponents, ...]
 ) -> pd.DataFrame:
     """Each true term, and each other one that a replicate found, with median and interval.
 
@@ -24,7 +24,7 @@ def identified_terms(
     term, true, identified, low, high, found (share of replicates).
     """
     true = model.on_library(terms)
-    found = np.stack([np.nan_to_num(result.coefficients) for result in results])
+    found = np.stack([np.nan_to_num(result.model.coefficients) for result in results])
     rows = []
     for row, equation in EQUATIONS.items():
         present = true.support[row] | np.any(found[:, row] != 0, axis=0)
@@ -52,7 +52,7 @@ def identified_terms(
 
 def table3(
     models: Mapping[str, Derived],
-    identified: Mapping[str, Mapping[str, list[Identified]]],
+    identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
     settings: Mapping,
 ) -> pd.DataFrame:
     """case, equation, symbol, term, true, identified, relative_error_percent and the method.
