@@ -53,6 +53,7 @@ def recordings(simulated, protocol, level=0.05, points=None, replicates=1):
 
 
 def run(method, replicates, **options):
+    """What a method makes of replicates of one recording each."""
     settings = BY_NAME[method].settings(SETTINGS, 3)
     settings["options"] |= options
     items = [[recording] for recording in replicates]
@@ -349,10 +350,8 @@ def test_a_motionless_recording_is_a_row_with_a_reason(resonant, method):
     still = replace(recording, values=values, derivatives=derivatives)
     failed, good = run(method, [still, recording])
     assert failed.reason == f"{method}: a state or a derivative is zero throughout the recording"
-    assert (
-        failed.model.coefficients.shape == (4, len(TERMS))
-        and np.isnan(failed.model.coefficients).all()
-    )
+    assert failed.model.coefficients.shape == (4, len(TERMS))
+    assert np.isnan(failed.model.coefficients).all()
     assert good.status == "unjudged"
 
 
@@ -425,6 +424,52 @@ def test_a_method_is_told_its_own_settings_alone():
     assert drawing == ["ensemble", "weak"]
 
 
+def test_results_come_back_from_files(tmp_path):
+    model = OSCILLATOR
+    errors = np.array([[np.nan] * 3, [0.01, np.nan, 2e-4]])
+    sure = IdentifiedModel(
+        model, "not identifiable", "one term", errors, detection_limits=np.full((2, 3), np.inf),
+        covariance=np.eye(2), sigma=np.ones((1, 2)), initial_states=np.zeros((1, 2)), chi2=1.5,
+        known=(0,), diagnostics={"removed_share": 0.25},
+    )  # fmt: skip
+    failed = IdentifiedModel.refused(model.states, model.terms, "stlsq: no luck")
+    unjudged = IdentifiedModel(model, "unjudged", thresholds=np.array([0.1, 0.2]))
+    for name in ("a.npz", "b.npz"):
+        identified.write(tmp_path / name, {"a": [sure, failed], "b": [unjudged]})
+    read = identified.read(tmp_path / "a.npz")
+    assert list(read) == ["a", "b"]
+    assert all(map(equal, read["a"] + read["b"], [sure, failed, unjudged]))
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    for result in (sure, failed, unjudged):
+        result.save(tmp_path / "one.json")
+        again = IdentifiedModel.load(tmp_path / "one.json")
+        assert equal(again, result) and again.diagnostics == result.diagnostics
+        for name in ("covariance", "sigma", "initial_states"):
+            assert np.array_equal(getattr(again, name), getattr(result, name), equal_nan=True)
+    (tmp_path / "one.json").write_text('{"states": ["x"]}')
+    with pytest.raises(ValueError, match=r"one\.json: not an identified model"):
+        IdentifiedModel.load(tmp_path / "one.json")
+
+
+def test_a_model_prints_and_moves(resonant):
+    line, trajectory = resonant
+    model = OSCILLATOR
+    errors = np.array([[np.nan] * 3, [0.01, 2e-4, np.nan]])
+    result = IdentifiedModel(model, "ok", standard_errors=errors, known=(0,))
+    assert str(result).splitlines() == [
+        "d(x)/dt = 1 dx",
+        "d(dx)/dt = (0.300 ± 0.010) + (-2.00000 ± 0.00020) x",
+        "ok",
+    ]
+    assert result.support.tolist() == [[False] * 3, [True, True, False]]
+    moved = IdentifiedModel(line, "unjudged").simulate(trajectory.states[0], trajectory.time)
+    assert np.array_equal(moved.states[:100], trajectory.states[:100])
+    with pytest.raises(ValueError, match="no model to simulate: no luck"):
+        IdentifiedModel.refused(line.states, line.terms, "no luck").simulate([0.0] * 4, [0.0, 1.0])
+    with pytest.raises(ValueError, match="'sure' must be one of ok"):
+        IdentifiedModel(line, "sure")
+
+
 def test_methods_of_a_family_share_their_evidence(resonant, monkeypatch):
     made = []
     monkeypatch.setattr(reduction, "reduce", lambda *given: made.append(reduce(*given)) or made[-1])
@@ -433,19 +478,3 @@ def test_methods_of_a_family_share_their_evidence(resonant, monkeypatch):
     together = identify(settings, [[recording]] * 2, TERMS, NAME)
     assert len(made) == 2  # one for each replicate
     assert equal(together["lasso"][0], run("lasso", [recording])[0])
-
-
-def test_identified_models_come_back_from_files(tmp_path):
-    states, terms = ("x", "y"), ((1, 0), (0, 1))
-    model = PolynomialModel(states, terms, np.array([[1.0, 0.0], [0.0, -2.0]]))
-    errors = np.array([[0.1, np.nan], [np.nan, 0.2]])
-    first = IdentifiedModel(
-        model, "not identifiable", "one term", standard_errors=errors, known=(0,), chi2=1.1
-    )
-    failed = IdentifiedModel.refused(states, terms, "stlsq: no luck")
-    for name in ("a.npz", "b.npz"):
-        identified.write(tmp_path / name, {"stlsq": [first, failed], "lasso": [failed, failed]})
-    read = identified.read(tmp_path / "a.npz")
-    assert list(read) == ["stlsq", "lasso"]
-    assert all(map(equal, read["stlsq"], [first, failed]))
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()

@@ -108,8 +108,7 @@ COLUMNS = (
 def claims_table(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
     """Every claim for every protocol and method of the study.
 
-    settings: cases; pairs of protocol and method; subset_level of the noise. Columns claim, source, case, quantity, paper_value,
-    study_value, low, high, replicates, protocol, method, verdict.
+    settings: cases; pairs of protocol and method; subset_level, the noise level of the subsets.
     """
     rows = []
     for claim in CLAIMS:

@@ -17,7 +17,7 @@ from galloping.recording import Recording
 
 @dataclass(frozen=True)
 class Start:
-    """What the methods of a family work on: recordings of one system, and the library."""
+    """What both methods work on: recordings of one system, and the library."""
 
     recordings: list[Recording]
     terms: tuple[Exponents, ...]
