@@ -1,5 +1,7 @@
 """The report of a study, one self-contained page."""
 
+from pathlib import Path
+
 from galloping.report.headline import headline
 from galloping.report.page import Item, Page, render
 from galloping.report.settings import described, versions
@@ -13,15 +15,17 @@ FIRST = "overview"
 def main() -> None:
     settings = snakemake.params.settings
     captions = settings["captions"]
-    read = load(settings["reads"], dict(snakemake.input.items()))
-    figures = {
-        name: Item(name, settings["labels"][name], captions["figures"][name], path)
-        for name, path in read["figures"].items()
-    }
-    tables = [
-        Item(name, name.replace("_", " "), captions["tables"][name], path)
-        for name, path in read["tables"].items()
-    ]
+    paths = dict(snakemake.input.items())
+    read = load(settings["reads"], paths)
+
+    def items(kind: str, labels: dict[str, str]) -> dict[str, Item]:
+        return {
+            name: Item(name, labels.get(name, name.replace("_", " ")), text, Path(path))
+            for name, text in captions[kind].items()
+            if (path := paths.get(f"{kind}/{name}"))
+        }
+
+    figures = items("figures", settings["labels"])
     page = Page(
         title="Galloping of iced overhead lines",
         headline=headline(
@@ -31,7 +35,7 @@ def main() -> None:
         settings=described(settings["study"]),
         introduction=settings["introduction"],
         figures=list(figures.values()),
-        tables=tables,
+        tables=list(items("tables", {}).values()),
         versions=versions(),
     )
     write_text(snakemake.output.report, render(page))

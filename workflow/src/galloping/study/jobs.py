@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from galloping.figures import registry as figures
@@ -119,9 +119,13 @@ def compare_reference(study: Study) -> Job:
 def write_report(study: Study) -> Job:
     """Every figure and table with its caption, and what was found in the first case."""
     names = [*(each.name for each in tables.TABLES if each.is_shown), *COMPARISONS]
+    drawn = [each.name for each in figures.FIGURES]
+    paths = study.paths
+    shows = {
+        **{f"figures/{name}": paths.figure.format(figure=name, form="svg") for name in drawn},
+        **{f"tables/{name}": paths.table.format(table=name) for name in names},
+    }
     reads = {
-        "figures": {each.name: sources.figure(study, each.name) for each in figures.FIGURES},
-        "tables": {name: sources.table_file(study, name) for name in names},
         "claims": sources.table(study, "claims"),
         "efficiency": sources.table(study, "efficiency"),
         "errors": sources.table(study, "noise_coefficients"),
@@ -136,7 +140,8 @@ def write_report(study: Study) -> Job:
         },
         "study": study.plain,
     }
-    return _reading(reads, settings)
+    job = _reading(reads, settings)
+    return replace(job, inputs={**shows, **job.inputs})
 
 
 def _reading(reads: Sources, settings: Mapping, modules: tuple[str, ...] = ()) -> Job:

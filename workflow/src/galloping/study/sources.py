@@ -55,14 +55,6 @@ def table(study: Study, name: str) -> Source:
     return Source(study.paths.table.format(table=name), f"{FILES}.tables:read")
 
 
-def figure(study: Study, name: str) -> Source:
-    return Source(study.paths.figure.format(figure=name, form="svg"), "pathlib:Path")
-
-
-def table_file(study: Study, name: str) -> Source:
-    return Source(study.paths.table.format(table=name), "pathlib:Path")
-
-
 def as_written(path: str) -> Source:
     """A table of text."""
     return Source(path, f"{FILES}.tables:read_as_written")
