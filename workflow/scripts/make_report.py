@@ -18,7 +18,7 @@ def main() -> int:
     results = Path(results_folder(["config/config.yaml", *files]))
     report = results / "report.html"
     shown = [*results.glob("tables/*"), *results.glob("figures/*")]
-    shown += Path("workflow/report").iterdir()
+    shown += Path("workflow/report").rglob("*.rst")
     if report.exists() and all(f.stat().st_mtime <= report.stat().st_mtime for f in shown):
         return 0
     command = [sys.executable, "-m", "snakemake", "--quiet", "all", "--report", str(report)]

@@ -134,11 +134,9 @@ def _properties(folder: Path, path: str) -> dict[str, str]:
     """Name, description (the caption in the report, if it has one), format, size and digest."""
     file = folder / path
     text = DESCRIPTIONS.get(path) or DESCRIPTIONS.get(file.name) or file.stem
-    for caption in (f"figure_{file.stem}", file.stem):
-        described = folder / "workflow" / "report" / f"{caption}.rst"
-        if file.parent.name in ("tables", "figures") and described.exists():
-            text = " ".join(described.read_text(encoding="utf-8").replace("``", "").split())
-            break
+    caption = folder / "workflow" / "report" / file.parent.name / f"{file.stem}.rst"
+    if caption.exists():
+        text = " ".join(caption.read_text(encoding="utf-8").replace("``", "").split())
     return {
         "name": file.name,
         "description": text,
