@@ -10,7 +10,7 @@ from galloping.measurement.protocols import DISPLACEMENTS, RATES, STATES, Protoc
 
 PROTOCOLS = tuple(protocol.name for protocol in protocols.PROTOCOLS)
 REGRESSION = "galloping.identification.sparse.reduction:reduce"
-LIKELIHOOD = "galloping.identification.likelihood.methods:evidence"
+START = "galloping.identification.likelihood.methods:start"
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ METHODS = (
     Method(
         name="weak_gls",
         family="likelihood",
-        evidence=LIKELIHOOD,
+        evidence=START,
         function="galloping.identification.likelihood.methods:weak_gls",
         options=(),
         takes=(STATES, DISPLACEMENTS),
@@ -134,7 +134,7 @@ METHODS = (
     Method(
         name="maximum_likelihood",
         family="likelihood",
-        evidence=LIKELIHOOD,
+        evidence=START,
         function="galloping.identification.likelihood.methods:maximum_likelihood",
         options=(),
         takes=(RATES, STATES, DISPLACEMENTS),

@@ -26,7 +26,7 @@ class Evidence:
     begin: Callable[[Problem, list[Recording]], Start]
 
 
-def evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evidence:
+def start(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evidence:
     """Evidence whose start is made once, by the first method that needs it."""
     made: list[Start] = []
 
