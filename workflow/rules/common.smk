@@ -1,7 +1,6 @@
 # The study that the settings describe, and what its rules share.
 import os
 import sys
-import threading
 from functools import cache
 from pathlib import Path
 
@@ -41,13 +40,6 @@ wildcard_constraints:
     figure="|".join(FIGURES),
 
 
-def cancel_timers():
-    """End the timers of Snakemake's rate limit, which would hold up its exit."""
-    for thread in threading.enumerate():
-        if isinstance(thread, threading.Timer):
-            thread.cancel()
-
-
 @cache
 def job(rule, *wildcards):
     return getattr(jobs, rule)(STUDY, **dict(wildcards))
@@ -82,11 +74,8 @@ def benchmark_of(path):
     return f"{RESULTS}/benchmarks/{path}.tsv"
 
 
-def caption(kind):
-    """Of a table or a figure. It depends on `output`, so that an edit of it runs nothing again."""
-
-    def text(wildcards, output):
-        file = workflow.source_path(f"../report/{kind}s/{wildcards[kind]}.rst")
-        return Path(file).read_text(encoding="utf-8")
-
-    return text
+@cache
+def captions(kind, *names):
+    """Captions of `tables` or `figures`, by name; `introduction` is that of the whole report."""
+    files = {name: workflow.source_path(f"../report/{kind}/{name}.rst") for name in names}
+    return {name: Path(file).read_text(encoding="utf-8") for name, file in files.items()}
