@@ -25,7 +25,7 @@ from galloping.physics.derived import Derived
 from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, library
-from galloping.simulation import Simulator, Trajectory
+from galloping.simulation import Trajectory
 from galloping.tables.claims import CLAIMS, Claim, claims_table, verdict
 from galloping.tables.coefficients import table3
 from galloping.tables.data_amount import data_amount
@@ -194,9 +194,8 @@ def test_failures_are_rows_of_worst_values(truth, failure):
     else:
         result.model.coefficients[2, 3] = 3.0  # strong negative damping
         result.model.coefficients[2, 31:] = 0.0
-    simulator = Simulator(truth.model.states, truth.model.terms)
     bound = np.full((4, 35), 0.1)
-    (motion,) = reconstruct(simulator, truth, [result])
+    (motion,) = reconstruct(truth, [result])
     row = score(truth, result, motion, bound)
     expected = "refused: stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
     assert row["status"].startswith(expected)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -40,6 +41,25 @@ class Truth:
         first, last = np.searchsorted(self.time, np.add(self.steady, (-1e-9, 1e-9)))
         return slice(int(first), int(last))
 
+    @property
+    def step(self) -> float:
+        """Of the time grid, s."""
+        return float(self.time[1] - self.time[0])
+
+    @cached_property
+    def amplitude(self) -> np.ndarray:
+        """Steady amplitude of each displacement, m."""
+        return steady_amplitude(self._steady)
+
+    @cached_property
+    def frequency(self) -> np.ndarray:
+        """Steady frequency of each displacement, Hz."""
+        return steady_frequency(self._steady, self.step)
+
+    @property
+    def _steady(self) -> np.ndarray:
+        return self.states[self.steady_rows][:, list(DISPLACEMENTS.values())]
+
 
 def score(
     truth: Truth, result: IdentifiedModel, motion: Trajectory, bound: np.ndarray
@@ -49,7 +69,6 @@ def score(
     bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise.
     """
     coefficients = result.model.coefficients
-    rows, step = truth.steady_rows, float(truth.time[1] - truth.time[0])
     row: dict[str, float | str] = {"status": motion.status, "verdict": result.verdict}
     for order, error in mean_error_by_order(truth.model, coefficients, UNKNOWN).items():
         row[f"mean_error_{order}_percent"] = 100 * error
@@ -57,13 +76,18 @@ def score(
     row |= support_scores(truth.model, coefficients)
     row["efficiency"] = efficiency(truth.model, coefficients, bound, UNKNOWN)
     row |= coverage(truth.model, coefficients, result.standard_errors, UNKNOWN)
-    whole = r_squared(truth.states, motion.states)
-    steady = r_squared(truth.states[rows], motion.states[rows])
-    amplitude = _relative(steady_amplitude, truth.states[rows], motion.states[rows])
-    frequency = _relative(
-        lambda states: steady_frequency(states, step), truth.states[rows], motion.states[rows]
+    columns = list(DISPLACEMENTS.values())
+    true, moved, steady_moved = (
+        states[:, columns]
+        for states in (truth.states, motion.states, motion.states[truth.steady_rows])
     )
-    for name, k in DISPLACEMENTS.items():
+    whole = r_squared(true, moved)
+    steady = r_squared(true[truth.steady_rows], steady_moved)
+    amplitude = _relative(steady_amplitude, truth.amplitude, steady_moved)
+    frequency = _relative(
+        lambda states: steady_frequency(states, truth.step), truth.frequency, steady_moved
+    )
+    for k, name in enumerate(DISPLACEMENTS):
         row[f"r2_{name}"] = whole[k]
         row[f"r2_steady_{name}"] = steady[k]
         row[f"amplitude_error_{name}_percent"] = 100 * amplitude[k]
@@ -71,9 +95,8 @@ def score(
     return row
 
 
-def _relative(measure, true: np.ndarray, model: np.ndarray) -> np.ndarray:
+def _relative(measure, expected: np.ndarray, model: np.ndarray) -> np.ndarray:
     """Relative error of a steady quantity, inf where the motion ended early."""
     if not np.all(np.isfinite(model)):
-        return np.full(true.shape[1], np.inf)
-    expected = measure(true)
+        return np.full(len(expected), np.inf)
     return np.abs(measure(model) - expected) / np.abs(expected)
