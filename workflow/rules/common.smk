@@ -12,7 +12,7 @@ if isinstance(workflow.current_basedir, os.PathLike):  # a clone: its library is
     os.environ.update(PYTHONPATH=f"{LIBRARY}{os.pathsep}{inherited}" if inherited else LIBRARY)
 
 try:
-    from galloping.configuration.load import ConfigurationError, load, ordered, plain, read
+    from galloping.configuration.load import ConfigurationError, load, merged, plain, read
 except ModuleNotFoundError as error:  # a workflow that was read from a host
     sys.exit(f"{error}: install the library of this workflow with pip, or use a clone")
 from galloping.identification.registry import BY_NAME
@@ -20,7 +20,7 @@ from galloping.reproducibility.digest import code
 
 try:
     files = [read(file) for file in workflow.configfiles]  # the Snakefile's own comes last
-    STUDY = plain(load(ordered(config, files[-1:] + files[:-1])))
+    STUDY = plain(load(merged(config, files[-1:] + files[:-1])))
 except ConfigurationError as error:
     sys.exit(str(error))
 

@@ -21,8 +21,12 @@ from galloping.reproducibility.runs import note_run
 def main(*options: str) -> int:
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--configfile", nargs="+", default=[])
-    parser.add_argument("--cores")
+    parser.add_argument("--cores", nargs="?", const="")
     known, _ = parser.parse_known_args(options)
+    if known.cores not in (None, "all") and not (known.cores.isdecimal() and int(known.cores)):
+        sys.exit(
+            f"CORES: {known.cores!r} is no number of cores; must be a whole number >= 1 or all"
+        )
     repair = make_command(known.configfile, "repair")
     try:
         results = results_folder(["config/config.yaml", *known.configfile])
