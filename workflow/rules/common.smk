@@ -15,17 +15,20 @@ try:
     from galloping.configuration.load import ConfigurationError, load, merged, plain, read
 except ModuleNotFoundError as error:  # a workflow that was read from a host
     sys.exit(f"{error}: install the library of this workflow with pip, or use a clone")
+from galloping.configuration.settings import paper_cases_in
 from galloping.identification.registry import BY_NAME
 from galloping.reproducibility.digest import code
 
 try:
     files = [read(file) for file in workflow.configfiles]  # the Snakefile's own comes last
-    STUDY = plain(load(merged(config, files[-1:] + files[:-1])))
+    settings = load(merged(config, files[-1:] + files[:-1]))
 except ConfigurationError as error:
     sys.exit(str(error))
 
+STUDY = plain(settings)
 RESULTS = STUDY["results"]
 CASES = list(STUDY["cases"])
+PAPER_CASES = paper_cases_in(settings)  # the lines that its claims are about
 PROTOCOLS = STUDY["measurement"]["protocols"]
 METHODS = STUDY["identification"]["methods"]
 BOUND = "bound"  # models drawn at the Cramer-Rao bound, evaluated like those of a method

@@ -67,7 +67,7 @@ rule tabulate_scores:
         "../envs/galloping.yaml"
     params:
         settings={
-            "cases": CASES,
+            "paper_cases": PAPER_CASES,
             "protocols": PROTOCOLS,
             "methods": METHODS,
             "subset_level": STUDY["measurement"]["subsets"]["level"],

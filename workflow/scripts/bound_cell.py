@@ -6,7 +6,7 @@ from galloping.physics.equations import EQUATIONS, model
 from galloping.bounds.cell import Noise, at_the_bound, bound, on_library
 from galloping.identification import result
 from galloping.identification.result import Identified
-from galloping.polynomial import library
+from galloping.polynomial import extended, library
 from galloping.recording import read_replicates
 from galloping.reproducibility.job import run
 from galloping.seeds import generator
@@ -16,10 +16,16 @@ from galloping.storage import read_json, write_arrays
 def main() -> None:
     settings, cell = snakemake.params.settings, snakemake.wildcards
     line = model(read_json(snakemake.input.model)["coefficients"])
-    line = line.on_library(library(len(line.states), settings["degree"]))
+    terms = library(len(line.states), settings["degree"])
+    line = line.on_library(extended(terms, line))
     with np.load(snakemake.input.trajectory) as file:
         time, motions = file["time"], file["states"][: settings["releases"]]
     replicates = read_replicates(snakemake.input.recordings)
+    if np.isnan(motions).any():
+        nothing = Identified.failed(*line.coefficients.shape, "bound: the line itself diverges")
+        write_arrays(snakemake.output.bounds, std=np.full((1, *line.coefficients.shape), np.nan))
+        result.write(snakemake.output.models, [nothing] * len(replicates))
+        return
     if settings["level"] == 0:
         write_arrays(snakemake.output.bounds, std=np.full((1, *line.coefficients.shape), np.nan))
         result.write(snakemake.output.models, [Identified.of(line.coefficients)])
@@ -38,11 +44,14 @@ def main() -> None:
         of(recordings) for recordings in (replicates if settings["points"] else replicates[:1])
     ]
     name = ("bound", cell.case, cell.protocol, cell.cell)
+    lacking = line.term_names[len(terms) :]
     models = [
-        at_the_bound(line, found[k % len(found)], generator(settings["seed"], *name, k))
+        at_the_bound(line, found[k % len(found)], generator(settings["seed"], *name, k), lacking)
         for k in range(len(replicates))
     ]
-    write_arrays(snakemake.output.bounds, std=np.stack([on_library(line, one) for one in found]))
+    std = np.stack([on_library(line, one) for one in found])
+    std[:, :, len(terms) :] = np.nan  # no method on the library estimates what it lacks
+    write_arrays(snakemake.output.bounds, std=std)
     result.write(snakemake.output.models, models)
 
 

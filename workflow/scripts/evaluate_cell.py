@@ -10,7 +10,7 @@ from galloping.physics.equations import model
 from galloping.evaluation.reconstruction import summarise
 from galloping.evaluation.score import Truth, reconstruct, score
 from galloping.identification import result
-from galloping.polynomial import library
+from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run
 from galloping.simulation import Simulator
 from galloping.storage import read_json, write_arrays, write_rows
@@ -20,11 +20,12 @@ def main() -> None:
     settings, cell = snakemake.params.settings, snakemake.wildcards
     with np.load(snakemake.input.trajectory) as file:
         time, states = file["time"], file["states"][0]
+        status = next((one for one in file["status"][: settings["releases"]] if one != "ok"), "ok")
     with np.load(snakemake.input.bounds) as file:
         std = file["std"]
     line = model(read_json(snakemake.input.model)["coefficients"])
-    line = line.on_library(library(len(line.states), settings["degree"]))
-    truth = Truth(line, time, states, tuple(settings["steady_window"]))
+    line = line.on_library(extended(library(len(line.states), settings["degree"]), line))
+    truth = Truth(line, time, states, tuple(settings["steady_window"]), str(status))
     simulator = Simulator(line.states, line.terms)
     rows, arrays = [], {}
     for method, path in zip(settings["methods"], snakemake.input.identified, strict=True):

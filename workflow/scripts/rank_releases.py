@@ -9,6 +9,8 @@ from galloping.reproducibility.job import run
 from galloping.simulation import Simulator
 from galloping.storage import read_json, write_rows
 
+COLUMNS = ("case", "release", "level", "weakest_t", "weakest_term", "identifiable")
+
 
 def main() -> None:
     settings = snakemake.params.settings
@@ -16,6 +18,9 @@ def main() -> None:
     simulator = Simulator(line.states, line.terms)
     with np.load(snakemake.input.trajectory) as file:
         time, first = file["time"], file["states"][0]
+    if np.isnan(first).any():  # the line itself diverges
+        write_rows(snakemake.output.ranking, [], COLUMNS)
+        return
     names, options = [], []
     for state, k in (("q_v", 0), ("q_w", 1)):
         for height in settings["heights"]:
@@ -41,7 +46,7 @@ def main() -> None:
                 "identifiable": bool(bound.t[weakest] > IDENTIFIABLE),
             }
         )
-    write_rows(snakemake.output.ranking, rows)
+    write_rows(snakemake.output.ranking, rows, COLUMNS)  # there may be none
 
 
 run(main, snakemake)

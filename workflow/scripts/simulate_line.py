@@ -1,4 +1,7 @@
-"""Trajectories of one case on its sampling grid, one for each release."""
+"""Trajectories of one case on its sampling grid, one for each release.
+
+A line that diverges has no motion to measure: its states are all NaN, its status says why.
+"""
 
 import numpy as np
 
@@ -13,14 +16,16 @@ def main() -> None:
     line = model(read_json(snakemake.input.model)["coefficients"])
     time = time_grid(settings["duration"], settings["sampling_rate"])
     simulator = Simulator(line.states, line.terms)
-    states = []
+    states, status = [], []
     for release in settings["releases"]:
         start = np.array([release[name] for name in STATES])
         trajectory = simulator(line, start, time)
-        if trajectory.status != "ok":
-            raise ValueError(f"{snakemake.wildcards.case}: the line itself {trajectory.status}")
-        states.append(trajectory.states)
-    write_arrays(snakemake.output.trajectory, time=time, states=np.stack(states))
+        moved = trajectory.status == "ok"
+        states.append(trajectory.states if moved else np.full_like(trajectory.states, np.nan))
+        status.append(trajectory.status)
+    write_arrays(
+        snakemake.output.trajectory, time=time, states=np.stack(states), status=np.array(status)
+    )
 
 
 run(main, snakemake)

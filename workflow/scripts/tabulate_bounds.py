@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from galloping.physics.equations import model
-from galloping.polynomial import library
+from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run
 from galloping.storage import read_json, write_rows
 from galloping.tables.bounds import efficiency, identifiability, weakest
@@ -15,7 +15,8 @@ def main() -> None:
     models = {}
     for case, path in zip(settings["cases"], given.models, strict=True):
         line = model(read_json(path)["coefficients"])
-        models[case] = line.on_library(library(len(line.states), settings["degree"]))
+        terms = library(len(line.states), settings["degree"])
+        models[case] = line.on_library(extended(terms, line))
     rows = []
     for cell, path in zip(settings["cells"], given.bounds, strict=True):
         with np.load(path) as file:
@@ -32,7 +33,7 @@ def main() -> None:
     table = efficiency(pd.read_csv(given.scores), weakest(rows))
     write_rows(output.efficiency, table.to_dict("records"))
     rankings = pd.concat([pd.read_csv(path) for path in given.rankings])
-    write_rows(output.further_recordings, rankings.to_dict("records"))
+    write_rows(output.further_recordings, rankings.to_dict("records"), list(rankings))
 
 
 run(main, snakemake)

@@ -12,7 +12,7 @@ def main() -> None:
     settings, output = snakemake.params.settings, snakemake.output
     scores = read_scores(snakemake.input.scores)
     pairs = [(p, m) for p in settings["protocols"] for m in settings["methods"]]
-    claims = claims_table(scores, settings["subset_level"], settings["cases"], pairs)
+    claims = claims_table(scores, settings["subset_level"], settings["paper_cases"], pairs)
     for path, table in (
         (output.scores, scores),
         (output.noise_coefficients, noise_coefficients(scores)),
@@ -20,7 +20,7 @@ def main() -> None:
         (output.data_amount, data_amount(scores)),
         (output.claims, claims),
     ):
-        write_rows(path, table.to_dict("records"))
+        write_rows(path, table.to_dict("records"), list(table))
 
 
 run(main, snakemake)

@@ -18,6 +18,12 @@ def library(n_states: int, degree: int) -> tuple[Exponents, ...]:
     return tuple(tuple(index.count(k) for k in range(n_states)) for index in indices)
 
 
+def extended(terms: tuple[Exponents, ...], model: PolynomialModel) -> tuple[Exponents, ...]:
+    """The library `terms`, followed by the terms present in `model` that it lacks."""
+    present = (t for t, used in zip(model.terms, model.support.any(axis=0), strict=True) if used)
+    return tuple(dict.fromkeys([*terms, *present]))
+
+
 def term_name(exponents: Exponents, states: tuple[str, ...]) -> str:
     """Name of a monomial as pysindy prints it: `1`, `q_v`, `q_v q_w^2`."""
     factors = [f"{s}^{e}" if e > 1 else s for s, e in zip(states, exponents, strict=True) if e]

@@ -77,11 +77,17 @@ def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
     return std
 
 
-def at_the_bound(model: PolynomialModel, found: Bound, rng: np.random.Generator) -> Identified:
+def at_the_bound(
+    model: PolynomialModel, found: Bound, rng: np.random.Generator, lacking: Sequence[str] = ()
+) -> Identified:
     """What an efficient method that knows the terms would find: one draw at the bound.
 
-    Where the data leave a coefficient undetermined there is no such method, and no model.
+    lacking: names of the terms that the candidate library lacks. Where there are any, or the data
+    leave a coefficient undetermined, there is no such method, and no model.
     """
+    if lacking:
+        reason = f"bound: the library lacks {', '.join(lacking)}"
+        return Identified.failed(*model.coefficients.shape, reason)
     if not np.all(np.isfinite(found.covariance)):
         return Identified.failed(*model.coefficients.shape, "bound: a term is undetermined")
     values, vectors = np.linalg.eigh(found.covariance)

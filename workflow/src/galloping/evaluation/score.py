@@ -13,7 +13,7 @@ from galloping.evaluation.coefficients import (
     relative_norm_error,
     support_scores,
 )
-from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
+from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
 from galloping.identification.result import Identified
 from galloping.polynomial import PolynomialModel
 from galloping.simulation import Simulator, Trajectory
@@ -26,13 +26,16 @@ EQUATIONS = (2, 3)  # the kinematic rows carry no parameter of the line
 class Truth:
     """What identified models are compared with.
 
-    model on the candidate library; time: (n,) s; states: (n, n_states); steady: window in s.
+    model: on the candidate library and the terms that it lacks (`polynomial.extended`). time:
+    (n,) s. states: (n, n_states). steady: window in s. status: `ok`, or why the line itself has
+    no motion to compare with, as in `Trajectory`.
     """
 
     model: PolynomialModel
     time: np.ndarray
     states: np.ndarray
     steady: tuple[float, float]
+    status: str = "ok"
 
     @property
     def steady_rows(self) -> slice:
@@ -42,10 +45,18 @@ class Truth:
 
 def reconstruct(simulator: Simulator, truth: Truth, result: Identified) -> Trajectory:
     """The identified model's motion from the true initial state."""
-    if result.status != "ok":
-        return Trajectory(truth.time, np.full_like(truth.states, np.nan), result.status)
-    model = PolynomialModel(truth.model.states, truth.model.terms, result.coefficients)
+    status = result.status if truth.status == "ok" else f"the line itself {truth.status}"
+    if status != "ok":
+        return Trajectory(truth.time, np.full_like(truth.states, np.nan), status)
+    coefficients = _on_terms_of(truth, result.coefficients, absent=0.0)
+    model = PolynomialModel(truth.model.states, truth.model.terms, coefficients)
     return simulator(model, truth.states[0], truth.time)
+
+
+def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
+    """(n_states, n_terms) of the truth, from values on the candidate library, which comes first."""
+    lacking = len(truth.model.terms) - values.shape[1]
+    return np.pad(values, ((0, 0), (0, lacking)), constant_values=absent)
 
 
 def score(
@@ -53,19 +64,27 @@ def score(
 ) -> dict[str, float | str]:
     """All metrics of one replicate; failures score inf (errors) or -inf (R2), never nothing.
 
-    bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise.
+    bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise. What the
+    candidate library lacks is missing from the model. NaN is what is undefined: every number
+    where the line itself diverges, the amplitude's error where it does not gallop.
     """
     rows, step = truth.steady_rows, float(truth.time[1] - truth.time[0])
     row: dict[str, float | str] = {"status": motion.status, "verdict": result.verdict}
-    for order, error in mean_error_by_order(truth.model, result.coefficients, EQUATIONS).items():
+    coefficients = _on_terms_of(truth, result.coefficients, absent=0.0)
+    standard_errors = _on_terms_of(truth, result.standard_errors, absent=np.nan)
+    if result.status != "ok":
+        coefficients = np.full_like(coefficients, np.nan)
+    for order, error in mean_error_by_order(truth.model, coefficients, EQUATIONS).items():
         row[f"mean_error_{order}_percent"] = 100 * error
-    row["e2"] = relative_norm_error(truth.model, result.coefficients)
-    row |= support_scores(truth.model, result.coefficients)
-    row["efficiency"] = efficiency(truth.model, result.coefficients, bound, EQUATIONS)
-    row |= coverage(truth.model, result.coefficients, result.standard_errors, EQUATIONS)
+    row["e2"] = relative_norm_error(truth.model, coefficients)
+    row |= support_scores(truth.model, coefficients)
+    row["efficiency"] = efficiency(truth.model, coefficients, bound, EQUATIONS)
+    row |= coverage(truth.model, coefficients, standard_errors, EQUATIONS)
     whole = r_squared(truth.states, motion.states)
     steady = r_squared(truth.states[rows], motion.states[rows])
     amplitude = _relative(steady_amplitude, truth.states[rows], motion.states[rows])
+    if not gallops(truth.model):
+        amplitude = np.full_like(amplitude, np.nan)
     frequency = _relative(
         lambda states: steady_frequency(states, step), truth.states[rows], motion.states[rows]
     )
@@ -74,6 +93,8 @@ def score(
         row[f"r2_steady_{name}"] = steady[k]
         row[f"amplitude_error_{name}_percent"] = 100 * amplitude[k]
         row[f"frequency_error_{name}_percent"] = 100 * frequency[k]
+    if truth.status != "ok":
+        row |= {name: np.nan for name in row if name not in ("status", "verdict")}
     return row
 
 

@@ -21,7 +21,7 @@ def identifiability(
     """One row a present term: bound, t = |c| / bound and whether it can be identified.
 
     model: on the library; std: (n_replicates, n_states, n_terms) bounds, of which the root mean
-    square is taken; names: the columns that name the cell.
+    square is taken, NaN where undefined; names: the columns that name the cell.
     """
     typical = np.sqrt(np.mean(std**2, axis=0))
     rows = []
@@ -37,10 +37,16 @@ def identifiability(
                     "true": -true,
                     "bound": bound,
                     "t": t,
-                    "verdict": "identifiable" if t > IDENTIFIABLE else "not identifiable",
+                    "verdict": _verdict(t),
                 }
             )
     return rows
+
+
+def _verdict(t: float) -> str:
+    if np.isnan(t):  # the library lacks the term, or the line itself diverges
+        return "undefined"
+    return "identifiable" if t > IDENTIFIABLE else "not identifiable"
 
 
 def efficiency(scores: pd.DataFrame, weakest_t: Mapping[tuple, float]) -> pd.DataFrame:
@@ -59,7 +65,7 @@ def efficiency(scores: pd.DataFrame, weakest_t: Mapping[tuple, float]) -> pd.Dat
                 **dict(zip(KEYS, names, strict=True)),
                 "replicates": len(cell),
                 "exact_support": int(exact.sum()),
-                "efficiency": float(np.sqrt(np.mean(cell["efficiency"] ** 2))),
+                "efficiency": float(np.sqrt(np.mean(cell["efficiency"].to_numpy() ** 2))),
                 "r2_q_v": float(cell["r2_q_v"].median()),
                 "r2_q_w": float(cell["r2_q_w"].median()),
                 "amplitude_error_percent": float(amplitude.max(axis=1).median()),
@@ -77,9 +83,9 @@ def _coverage(cell: pd.DataFrame) -> float:
 
 
 def weakest(rows: Sequence[Mapping[str, object]]) -> dict[tuple, float]:
-    """Smallest t of each cell of `identifiability` rows."""
+    """Smallest t of each cell of `identifiability` rows, of those that are defined."""
     smallest: dict[tuple, float] = {}
     for row in rows:
         key = tuple(row[name] for name in KEYS[:-1])
-        smallest[key] = min(smallest.get(key, np.inf), row["t"])
+        smallest[key] = float(np.fmin(smallest.get(key, np.nan), row["t"]))
     return smallest

@@ -3,7 +3,8 @@
 A claim gives either a value (of an error: smaller is better) or a bound (of R2, of exactness).
 Value: `better` if the whole interval over replicates is below the paper's value, `reproduced` if
 the interval holds it, `not reproduced` if the whole interval is above it. Bound: `reproduced` if
-the median keeps it, else `not reproduced`. A cell the study did not run is `not run`.
+the median keeps it, else `not reproduced`. A cell the study did not run is `not run`. Only the
+paper's own lines are judged: no other can reproduce it, or fail to.
 """
 
 from __future__ import annotations
@@ -97,24 +98,29 @@ CLAIMS = [
 ]  # fmt: skip
 
 
+COLUMNS = (
+    "claim source case quantity paper_value study_value low high replicates protocol method verdict"
+).split()
+
+
 def claims_table(
     scores: pd.DataFrame, subset_level: float, cases: list[str], combinations: list[tuple]
 ) -> pd.DataFrame:
-    """Every claim for every protocol and method of the study.
+    """Every claim about one of `cases` for every protocol and method of the study.
 
-    combinations: (protocol, method) pairs. Columns claim, source, case, quantity, paper_value,
-    study_value, low, high, replicates, protocol, method, verdict.
+    cases: those of the study that are the paper's, with its parameters. combinations: (protocol,
+    method) pairs. Columns `COLUMNS`, also where there are no rows.
     """
     rows = []
     for claim in CLAIMS:
-        about = cases if claim.case is None else [claim.case]
+        about = [case for case in cases if claim.case in (None, case)]
         for case in about:
             for protocol, method in combinations:
                 values = _values(scores, claim, case, protocol, method, subset_level)
                 if values is None:
                     continue
                 rows.append(_row(claim, case, protocol, method, values))
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _values(scores, claim, case, protocol, method, subset_level) -> np.ndarray | None:

@@ -7,7 +7,7 @@ import pandas as pd
 
 from galloping.physics.equations import EQUATIONS, STATES, model, symbol_of
 from galloping.identification.result import Identified
-from galloping.polynomial import Exponents, term_name
+from galloping.polynomial import Exponents, extended, term_name
 from galloping.tables.summary import interval
 
 
@@ -16,12 +16,16 @@ def identified_terms(
 ) -> pd.DataFrame:
     """Each true term, and each other one that a replicate found, with median and interval.
 
-    coefficients: gamma and kappa of the line; results: replicates on the library `terms`.
+    coefficients: gamma and kappa of the line; results: replicates on the library `terms`, in which
+    the line's terms that it lacks are absent.
     Values are those of the left-hand side, as the paper prints them. Columns equation, symbol,
     term, true, identified, low, high, found (share of replicates).
     """
+    lacking = extended(terms, model(coefficients))[len(terms) :]
+    terms = terms + lacking
     true = model(coefficients).on_library(terms)
     found = np.stack([np.nan_to_num(result.coefficients) for result in results])
+    found = np.pad(found, ((0, 0), (0, 0), (0, len(lacking))))
     rows = []
     for row, equation in EQUATIONS.items():
         present = true.support[row] | np.any(found[:, row] != 0, axis=0)

@@ -69,9 +69,14 @@ def _triangle(rows: np.ndarray) -> np.ndarray:
 def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regression:
     """The regression of recordings of one system on the candidate library `terms`.
 
-    Where no derivatives were measured they come from `smooth`, and so do the states.
+    Where no derivatives were measured they come from `smooth`, and so do the states. Recordings
+    without any sample, as of a line that diverges, give NaN, which no method can solve.
     Raises ValueError where a value is missing.
     """
+    states = len(recordings[0].states)
+    if any(np.isnan(recording.values).all() for recording in recordings):
+        nothing = np.full((1, len(terms) + states), np.nan)
+        return Regression(nothing[:, :-states], nothing[:, -states:], np.zeros(states))
     parts = [_differentiated(recording) for recording in recordings]
     x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
     observations = sum(part[2] for part in parts)
