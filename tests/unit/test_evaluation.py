@@ -1,5 +1,6 @@
 """Metrics and tables on cases whose answer is known."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -19,7 +20,7 @@ from galloping.evaluation.coefficients import (
 from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.reconstruction import summarise as summarise_motions
 from galloping.evaluation.score import Truth, reconstruct, score
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.reduction import reduce
 from galloping.identification.sparse.stlsq import normalised
 from galloping.measurement import measure
@@ -35,6 +36,13 @@ from galloping.tables.parameters import conductor, spacers
 from galloping.tables.summary import interval, read_scores
 
 INF = float("inf")
+
+
+def unjudged(true, coefficients, terms=None):
+    """What a method without a verdict returns."""
+    model = PolynomialModel(true.states, terms or true.terms, coefficients)
+    return IdentifiedModel(model, "unjudged")
+
 
 # --- motion ---
 
@@ -159,7 +167,7 @@ def truth(resonant):
 
 def test_the_true_model_scores_best(truth):
     simulator = Simulator(truth.model.states, truth.model.terms)
-    result = Identified.of(truth.model.coefficients)
+    result = unjudged(truth.model, truth.model.coefficients)
     row = score(truth, result, reconstruct(simulator, truth, result), NO_BOUND)
     assert row["status"] == "ok"
     assert (row["missing"], row["spurious"], row["true_positive_ratio"]) == (0, 0, 1)
@@ -177,7 +185,7 @@ def test_the_steady_window_is_where_amplitudes_are_read(truth):
     states[:20000, 1] = 0.0
     row = score(
         truth,
-        Identified.of(truth.model.coefficients),
+        unjudged(truth.model, truth.model.coefficients),
         Trajectory(truth.time, states, "ok"),
         NO_BOUND,
     )
@@ -189,16 +197,16 @@ def test_the_steady_window_is_where_amplitudes_are_read(truth):
 
 @pytest.mark.parametrize("failure", ["fit", "motion"])
 def test_failures_are_rows_of_worst_values(truth, failure):
-    result = Identified.of(truth.model.coefficients.copy())
+    result = unjudged(truth.model, truth.model.coefficients.copy())
     if failure == "fit":
-        result = Identified.failed(4, 35, "stlsq: no luck")
+        result = IdentifiedModel.refused(truth.model.states, truth.model.terms, "stlsq: no luck")
     else:
-        result.coefficients[2, 3] = 3.0  # strong negative damping
-        result.coefficients[2, 31:] = 0.0
+        result.model.coefficients[2, 3] = 3.0  # strong negative damping
+        result.model.coefficients[2, 31:] = 0.0
     simulator = Simulator(truth.model.states, truth.model.terms)
     bound = np.full((4, 35), 0.1)
     row = score(truth, result, reconstruct(simulator, truth, result), bound)
-    expected = "stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
+    expected = "refused: stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
     assert row["status"].startswith(expected)
     for state in ("q_v", "q_w"):
         assert row[f"r2_{state}"] == row[f"r2_steady_{state}"] == -INF
@@ -222,7 +230,8 @@ def test_a_term_that_the_library_lacks_is_missing(cases):
     time = np.arange(2001) / 100
     simulator = Simulator(line.states, union)
     states = simulator(truth, np.array([0.1, 0.1, 0, 0]), time).states
-    exact = Identified.of(truth.coefficients[:, : len(terms)])
+    within = PolynomialModel(line.states, terms, truth.coefficients[:, : len(terms)])
+    exact = IdentifiedModel(within, "unjudged")
     truth = Truth(truth, time, states, (10, 20))
     motion = reconstruct(simulator, truth, exact)
     assert motion.status == "ok"
@@ -244,7 +253,7 @@ def test_a_line_that_does_not_gallop_has_no_amplitude_to_miss(cases):
     time = np.arange(2001) / 100
     simulator = Simulator(line.states, line.terms)
     truth = Truth(line, time, simulator(line, np.array([0.1, 0.1, 0, 0]), time).states, (10, 20))
-    other = Identified.of(line.coefficients * 1.01)
+    other = IdentifiedModel(replace(line, coefficients=1.01 * line.coefficients), "unjudged")
     row = score(truth, other, reconstruct(simulator, truth, other), np.ones((4, len(line.terms))))
     undefined = {name for name, value in row.items() if isinstance(value, float) and np.isnan(value)}
     assert undefined == {
@@ -265,11 +274,11 @@ def test_a_line_that_diverges_is_a_row_with_its_reason(cases):
         reduced = reduce(recordings[0], library(4, 3))
     with pytest.raises(ValueError, match="NaN"):
         normalised(reduced, threshold=None, path_length=5)
-    failed = Identified.failed(4, len(line.terms), "stlsq: no data")
+    failed = IdentifiedModel.refused(line.states, line.terms, "stlsq: no data")
     motion = reconstruct(None, truth, failed)
     row = score(truth, failed, motion, np.full(line.coefficients.shape, np.nan))
     assert row.pop("status") == "the line itself diverged: |x| exceeded 1000 at t = 3 s"
-    assert row.pop("verdict") == ""
+    assert row.pop("verdict") == "refused: stlsq: no data"
     assert np.isnan(list(row.values())).all()
 
 
@@ -528,7 +537,7 @@ def test_table_3_shows_true_and_spurious_terms(cases):
     off[3, terms.index((0, 0, 0, 1))] = 0.0  # kappa_1 missed
     off[3, terms.index((1, 0, 0, 0))] = -0.5  # kappa_8 spurious
     off[2, terms.index((0, 0, 0, 3))] = 0.2  # spurious, without a symbol
-    table = identified_terms(true, [Identified.of(off)] * 3, terms)
+    table = identified_terms(true, [unjudged(model(true), off, terms)] * 3, terms)
     table = table3(table.assign(case="a", protocol="state", method="stlsq", level=0.0))
     by_symbol = table.set_index("symbol")
     assert list(table["equation"].unique()) == ["vertical", "horizontal"]

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from galloping.physics.equations import EQUATIONS, model
 from galloping.bounds.cell import Noise, at_the_bound, bound, on_library
-from galloping.identification import result
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel, write
+from galloping.physics.equations import EQUATIONS, model
 from galloping.polynomial import extended, library
 from galloping.recording import read_replicates
 from galloping.reproducibility.job import run
@@ -22,13 +21,13 @@ def main() -> None:
         time, motions = file["time"], file["states"][: settings["releases"]]
     replicates = read_replicates(snakemake.input.recordings)
     if np.isnan(motions).any():
-        nothing = Identified.failed(*line.coefficients.shape, "bound: the line itself diverges")
+        nothing = IdentifiedModel.refused(line.states, line.terms, "bound: the line diverges")
         write_arrays(snakemake.output.bounds, std=np.full((1, *line.coefficients.shape), np.nan))
-        result.write(snakemake.output.models, [nothing] * len(replicates))
+        write(snakemake.output.models, [nothing] * len(replicates))
         return
     if settings["level"] == 0:
         write_arrays(snakemake.output.bounds, std=np.full((1, *line.coefficients.shape), np.nan))
-        result.write(snakemake.output.models, [Identified.of(line.coefficients)])
+        write(snakemake.output.models, [IdentifiedModel(line, "unjudged")])
         return
     noises = [Noise.of(cell.protocol, settings["level"], x, settings["relative"]) for x in motions]
 
@@ -52,7 +51,7 @@ def main() -> None:
     std = np.stack([on_library(line, one) for one in found])
     std[:, :, len(terms) :] = np.nan  # no method on the library estimates what it lacks
     write_arrays(snakemake.output.bounds, std=std)
-    result.write(snakemake.output.models, models)
+    write(snakemake.output.models, models)
 
 
 run(main, snakemake)

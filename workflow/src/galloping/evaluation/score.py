@@ -14,7 +14,7 @@ from galloping.evaluation.coefficients import (
     support_scores,
 )
 from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 from galloping.simulation import Simulator, Trajectory
 
@@ -43,14 +43,14 @@ class Truth:
         return slice(int(first), int(last))
 
 
-def reconstruct(simulator: Simulator, truth: Truth, result: Identified) -> Trajectory:
+def reconstruct(simulator: Simulator, truth: Truth, result: IdentifiedModel) -> Trajectory:
     """The identified model's motion from the true initial state."""
-    status = result.status if truth.status == "ok" else f"the line itself {truth.status}"
-    if status != "ok":
-        return Trajectory(truth.time, np.full_like(truth.states, np.nan), status)
-    coefficients = _on_terms_of(truth, result.coefficients, absent=0.0)
-    model = PolynomialModel(truth.model.states, truth.model.terms, coefficients)
-    return simulator(model, truth.states[0], truth.time)
+    refusal = result.verdict if result.status == "refused" else ""
+    if truth.status != "ok":
+        refusal = f"the line itself {truth.status}"
+    if refusal:
+        return Trajectory(truth.time, np.full_like(truth.states, np.nan), refusal)
+    return simulator(result.model, truth.states[0], truth.time)
 
 
 def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
@@ -60,7 +60,7 @@ def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
 
 
 def score(
-    truth: Truth, result: Identified, motion: Trajectory, bound: np.ndarray
+    truth: Truth, result: IdentifiedModel, motion: Trajectory, bound: np.ndarray
 ) -> dict[str, float | str]:
     """All metrics of one replicate; failures score inf (errors) or -inf (R2), never nothing.
 
@@ -70,9 +70,9 @@ def score(
     """
     rows, step = truth.steady_rows, float(truth.time[1] - truth.time[0])
     row: dict[str, float | str] = {"status": motion.status, "verdict": result.verdict}
-    coefficients = _on_terms_of(truth, result.coefficients, absent=0.0)
+    coefficients = _on_terms_of(truth, result.model.coefficients, absent=0.0)
     standard_errors = _on_terms_of(truth, result.standard_errors, absent=np.nan)
-    if result.status != "ok":
+    if result.status == "refused":
         coefficients = np.full_like(coefficients, np.nan)
     for order, error in mean_error_by_order(truth.model, coefficients, EQUATIONS).items():
         row[f"mean_error_{order}_percent"] = 100 * error

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from galloping.identification.model import IdentifiedModel
 from galloping.physics.equations import EQUATIONS, STATES, model, symbol_of
-from galloping.identification.result import Identified
 from galloping.polynomial import Exponents, extended, term_name
 from galloping.tables.summary import interval
 
 
 def identified_terms(
-    coefficients: dict[str, float], results: list[Identified], terms: tuple[Exponents, ...]
+    coefficients: dict[str, float], results: list[IdentifiedModel], terms: tuple[Exponents, ...]
 ) -> pd.DataFrame:
     """Each true term, and each other one that a replicate found, with median and interval.
 
@@ -24,7 +24,7 @@ def identified_terms(
     lacking = extended(terms, model(coefficients))[len(terms) :]
     terms = terms + lacking
     true = model(coefficients).on_library(terms)
-    found = np.stack([np.nan_to_num(result.coefficients) for result in results])
+    found = np.stack([np.nan_to_num(result.model.coefficients) for result in results])
     found = np.pad(found, ((0, 0), (0, 0), (0, len(lacking))))
     rows = []
     for row, equation in EQUATIONS.items():
