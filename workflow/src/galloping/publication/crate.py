@@ -112,7 +112,8 @@ def _add_author(crate: ROCrate, author: Mapping[str, str]) -> Entity:
 
 def _add_workflow(crate: ROCrate, folder: Path, about: About) -> Entity:
     project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    needed = sorted(canonicalize_name(Requirement(text).name) for text in project["dependencies"])
+    wanted = project["dependencies"] + project["optional-dependencies"]["study"]
+    needed = sorted(canonicalize_name(Requirement(text).name) for text in wanted)
     versions = {f"pypi/{name}": about.packages[name] for name in needed}
     workflow = crate.add_workflow(
         folder / WORKFLOW,
