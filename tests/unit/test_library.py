@@ -32,6 +32,17 @@ def test_the_examples_of_the_library_run(tmp_path, monkeypatch):
     assert failed == 0
 
 
+def test_the_examples_of_the_readme_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "README.md").read_text().partition("## As a library")[2].partition("\n## ")[0]
+    names = {}
+    for block in text.split("```python\n")[1:]:
+        exec(block.partition("```")[0], names)
+    assert "d(q_v)/dt = 1 dq_v" in capsys.readouterr().out
+    assert len(names["recordings"]) == 2
+    assert names["again"].status == "ok"
+
+
 def test_every_name_is_there():
     for name in galloping.__all__:
         assert getattr(galloping, name)
