@@ -148,6 +148,16 @@ def test_modules_that_a_script_does_not_use_do_not_count(package):
     assert package("new.py", "NEW = 1\n") == before
 
 
+def test_what_runs_a_script_and_computes_nothing_does_not_count(package, monkeypatch):
+    monkeypatch.setattr(digest, "UNCOUNTED", ("package.guard",))
+    script = SCRIPT.replace("import sys\n", "import sys\nfrom package.guard import run\n")
+    package("guard.py", "from package import other\n\nrun = 'no space left'\n")
+    before = package("script.py", script)
+    assert package("guard.py", "from package import other\n\nrun = 'the disk is full'\n") == before
+    assert package("other.py", "OTHER = 2\n") == before
+    assert package("base.py", "ONE = 2\n") != before
+
+
 def test_modules_imported_by_name_count_when_named(package):
     before = package(modules=["package.method"])
     assert before != package()

@@ -138,21 +138,6 @@ def test_a_mistake_in_the_users_settings_is_one_line(user, tmp_path):
     assert len(said) == 1 and said[0].startswith("measurement.replicates: 'many' is text"), said
 
 
-def test_a_damaged_result_stops_the_run_until_it_is_removed(user):
-    table = user.folder / "study" / "tables" / "claims.csv"
-    made = table.read_bytes()
-    table.write_bytes(made + b"a line that no job wrote\n")
-    run = user.snakemake()
-    assert run.returncode != 0
-    assert run.stdout.splitlines()[-1] == (
-        "study/tables/claims.csv: edited or damaged since its job wrote it; remove it and run again"
-    )
-    table.unlink()
-    run = user.snakemake("study/tables/claims.csv")
-    assert run.returncode == 0, run.stdout
-    assert table.read_bytes() == made
-
-
 @pytest.fixture(scope="module")
 def host(fresh, tmp_path_factory):
     """Settings of git that make this repository the one at the user's git host."""

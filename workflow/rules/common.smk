@@ -1,7 +1,6 @@
 # Settings, the cells of the study, and the environment of its jobs.
 import os
 import sys
-import threading
 from functools import cache
 from pathlib import Path
 
@@ -42,13 +41,6 @@ wildcard_constraints:
     protocol="|".join(PROTOCOLS),
     cell="|".join([*LEVELS, *SUBSETS, *JOINT]),
     method="|".join(METHODS),
-
-
-def cancel_timers():
-    """End the timers of Snakemake's rate limit, which would hold up its exit."""
-    for thread in threading.enumerate():
-        if isinstance(thread, threading.Timer):
-            thread.cancel()
 
 
 def out(path):

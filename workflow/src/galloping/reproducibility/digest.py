@@ -2,7 +2,8 @@
 
 Snakemake tracks a rule's script by its time, and not at all what the script imports. The digest
 covers the script and its imports from this package, transitively. It leaves out what does not
-change what they do: comments, docstrings, layout, and where imports and definitions stand.
+change what they do: comments, docstrings, layout, and where imports and definitions stand; and
+modules that run a script's work but have no part in it.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from galloping.reproducibility.libraries import versions
 
 SOURCE = Path(__file__).parents[2]
 PACKAGE = Path(__file__).parents[1].name
+# Logs, receipts and messages: no number depends on them.
+UNCOUNTED = (f"{PACKAGE}.reproducibility.job",)
 DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 DOCUMENTED = (ast.Module, *DEFINITIONS)
 IMPORTS = (ast.Import, ast.ImportFrom)
@@ -115,7 +118,7 @@ def _files(name: str) -> list[Path]:
     """Files that importing a module of the package runs: its own and those of its parents."""
     parts = name.split(".")
     names = (".".join(parts[: k + 1]) for k in range(len(parts)))
-    return [file for name in names if (file := _find(name))]
+    return [file for name in names if name not in UNCOUNTED and (file := _find(name))]
 
 
 @cache
