@@ -5,27 +5,26 @@ A line that diverges has no motion to measure: its states are all NaN, its statu
 
 import numpy as np
 
-from galloping.physics.equations import STATES, model
+from galloping.measurement.motion import Motion
 from galloping.reproducibility.job import run
 from galloping.simulation import Simulator, time_grid
-from galloping.storage import read_json, write_arrays
+from galloping.study.files import models, trajectories
 
 
 def main() -> None:
     settings = snakemake.params.settings
-    line = model(read_json(snakemake.input.model)["coefficients"])
+    line = models.read(snakemake.input.model).model
     time = time_grid(settings["duration"], settings["sampling_rate"])
     simulator = Simulator(line.states, line.terms)
-    states, status = [], []
+    motions = []
     for release in settings["releases"]:
-        start = np.array([release[name] for name in STATES])
+        start = np.array([release[name] for name in line.states])
         trajectory = simulator(line, start, time)
-        moved = trajectory.status == "ok"
-        states.append(trajectory.states if moved else np.full_like(trajectory.states, np.nan))
-        status.append(trajectory.status)
-    write_arrays(
-        snakemake.output.trajectory, time=time, states=np.stack(states), status=np.array(status)
-    )
+        states = trajectory.states
+        if trajectory.status != "ok":
+            states = np.full_like(states, np.nan)
+        motions.append(Motion(line.states, time, states, line(states), trajectory.status))
+    trajectories.write(snakemake.output.trajectory, motions)
 
 
 run(main, snakemake)

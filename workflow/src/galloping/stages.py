@@ -10,12 +10,13 @@ from galloping.arrays import finite, increasing
 from galloping.bounds.information import Experiment, state_bound
 from galloping.configuration.load import ConfigurationError, load, plain
 from galloping.identification.likelihood.problem import velocity_pairs
-from galloping.measurement import PROTOCOLS
+from galloping.measurement.measuring import measure as recordings_of
+from galloping.measurement.motion import Motion
+from galloping.measurement.protocols import BY_NAME
 from galloping.physics.equations import model as equations_of
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
-from galloping.seeds import generator
 from galloping.simulation import Simulator, Trajectory
 
 
@@ -68,16 +69,17 @@ def measure(
         raise ValueError(
             f"motion: has {motion.states.shape[1]} states; the model has {len(model.states)}"
         )
-    if protocol not in PROTOCOLS:
-        raise ValueError(f"protocol: {protocol!r}; must be one of {', '.join(PROTOCOLS)}")
+    if protocol not in BY_NAME:
+        raise ValueError(f"protocol: {protocol!r}; must be one of {', '.join(BY_NAME)}")
     amount = float(finite("level", level, ()))
     if amount < 0:
         raise ValueError(f"level: {level!r}; must be >= 0")
-    x = motion.states
-    scale = x.std(axis=0) if relative else np.ones(x.shape[1])
-    rng = generator(seed, "measurement")
-    values, rates = PROTOCOLS[protocol](x, model(x), amount, scale, rng)
-    return Recording(motion.time, model.states, values, rates)
+    measured = Motion(model.states, motion.time, motion.states, model(motion.states))
+    replicates = recordings_of(
+        [measured], protocol=protocol, level=amount, relative=relative, samples=len(motion.time),
+        recordings=1, replicates=1, seed=seed, name=(),
+    )  # fmt: skip
+    return replicates[0][0]
 
 
 def cramer_rao_bound(

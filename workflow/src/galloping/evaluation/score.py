@@ -15,11 +15,12 @@ from galloping.evaluation.coefficients import (
 )
 from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
 from galloping.identification.model import IdentifiedModel
+from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import PolynomialModel
-from galloping.simulation import Simulator, Trajectory
+from galloping.simulation import Trajectory
 
 DISPLACEMENTS = {"q_v": 0, "q_w": 1}
-EQUATIONS = (2, 3)  # the kinematic rows carry no parameter of the line
+UNKNOWN = tuple(EQUATIONS)  # the kinematic rows carry no parameter of the line
 
 
 @dataclass(frozen=True)
@@ -43,16 +44,6 @@ class Truth:
         return slice(int(first), int(last))
 
 
-def reconstruct(simulator: Simulator, truth: Truth, result: IdentifiedModel) -> Trajectory:
-    """The identified model's motion from the true initial state."""
-    refusal = result.verdict if result.status == "refused" else ""
-    if truth.status != "ok":
-        refusal = f"the line itself {truth.status}"
-    if refusal:
-        return Trajectory(truth.time, np.full_like(truth.states, np.nan), refusal)
-    return simulator(result.model, truth.states[0], truth.time)
-
-
 def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
     """(n_states, n_terms) of the truth, from values on the candidate library, which comes first."""
     lacking = len(truth.model.terms) - values.shape[1]
@@ -74,12 +65,12 @@ def score(
     standard_errors = _on_terms_of(truth, result.standard_errors, absent=np.nan)
     if result.status == "refused":
         coefficients = np.full_like(coefficients, np.nan)
-    for order, error in mean_error_by_order(truth.model, coefficients, EQUATIONS).items():
+    for order, error in mean_error_by_order(truth.model, coefficients, UNKNOWN).items():
         row[f"mean_error_{order}_percent"] = 100 * error
     row["e2"] = relative_norm_error(truth.model, coefficients)
     row |= support_scores(truth.model, coefficients)
-    row["efficiency"] = efficiency(truth.model, coefficients, bound, EQUATIONS)
-    row |= coverage(truth.model, coefficients, standard_errors, EQUATIONS)
+    row["efficiency"] = efficiency(truth.model, coefficients, bound, UNKNOWN)
+    row |= coverage(truth.model, coefficients, standard_errors, UNKNOWN)
     whole = r_squared(truth.states, motion.states)
     steady = r_squared(truth.states[rows], motion.states[rows])
     amplitude = _relative(steady_amplitude, truth.states[rows], motion.states[rows])

@@ -9,11 +9,13 @@ paper's own lines are judged: no other can reproduce it, or fail to.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
+from galloping.study.kinds import NOISE, SUBSET
 from galloping.tables.summary import interval, of_kind
 
 
@@ -99,24 +101,22 @@ CLAIMS = [
 
 
 COLUMNS = (
-    "claim source case quantity paper_value study_value low high replicates protocol method verdict"
-).split()
+    "claim", "source", "case", "quantity", "paper_value", "study_value", "low", "high",
+    "replicates", "protocol", "method", "verdict",
+)  # fmt: skip
 
 
-def claims_table(
-    scores: pd.DataFrame, subset_level: float, cases: list[str], combinations: list[tuple]
-) -> pd.DataFrame:
-    """Every claim about one of `cases` for every protocol and method of the study.
+def claims_table(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+    """Every claim about one of the cases for every protocol and method of the study.
 
-    cases: those of the study that are the paper's, with its parameters. combinations: (protocol,
-    method) pairs. Columns `COLUMNS`, also where there are no rows.
+    settings: cases, those that are the paper's, with its parameters; pairs of protocol and method; subset_level, the noise level of the subsets.
     """
     rows = []
     for claim in CLAIMS:
-        about = [case for case in cases if claim.case in (None, case)]
+        about = [case for case in settings["cases"] if claim.case in (None, case)]
         for case in about:
-            for protocol, method in combinations:
-                values = _values(scores, claim, case, protocol, method, subset_level)
+            for protocol, method in settings["pairs"]:
+                values = _values(scores, claim, case, protocol, method, settings["subset_level"])
                 if values is None:
                     continue
                 rows.append(_row(claim, case, protocol, method, values))
@@ -125,7 +125,7 @@ def claims_table(
 
 def _values(scores, claim, case, protocol, method, subset_level) -> np.ndarray | None:
     """Replicates of the claim's cell; empty if the study did not run it."""
-    taken = of_kind(scores, "points" if claim.points else "noise")
+    taken = of_kind(scores, SUBSET if claim.points else NOISE)
     taken = taken[(taken["protocol"] == protocol) & (taken["method"] == method)]
     if taken.empty:
         return None  # the method does not take such recordings

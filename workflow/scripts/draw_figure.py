@@ -1,18 +1,19 @@
-"""Figure 1: the line and its coordinates."""
+"""One figure of `galloping.figures.registry`."""
 
-from galloping.figures.line import draw_line
 from galloping.figures.write import write_figure
+from galloping.importing import imported
 from galloping.reproducibility.job import run
-from galloping.storage import read_json
+from galloping.study.loading import load
 
 
 def main() -> None:
     settings, output = snakemake.params.settings, snakemake.output
-    derived = read_json(snakemake.input.model)
+    read = load(settings["reads"], dict(snakemake.input.items()))
+    draw = imported(settings["function"])
     write_figure(
         output.svg,
         output.png,
-        lambda: draw_line(settings["line"], derived, settings["case"]),
+        lambda: draw(**read, settings=settings["shown"]),
         **settings["look"],
     )
 
