@@ -207,9 +207,8 @@ def test_failures_are_rows_of_worst_values(truth, failure):
     else:
         result.model.coefficients[2, 3] = 3.0  # strong negative damping
         result.model.coefficients[2, 31:] = 0.0
-    simulator = Simulator(truth.model.states, truth.model.terms)
     bound = np.full((4, 35), 0.1)
-    (motion,) = reconstruct(simulator, truth, [result])
+    (motion,) = reconstruct(truth, [result])
     row = score(truth, result, motion, bound)
     expected = "refused: stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
     assert row["status"].startswith(expected)
@@ -238,7 +237,7 @@ def test_a_term_that_the_library_lacks_is_missing(cases):
     within = PolynomialModel(line.states, terms, truth.coefficients[:, : len(terms)])
     exact = IdentifiedModel(within, "unjudged")
     truth = Truth(truth, time, states, (10, 20))
-    (motion,) = reconstruct(simulator, truth, [exact])
+    (motion,) = reconstruct(truth, [exact])
     assert motion.status == "ok"
     row = score(truth, exact, motion, np.full(truth.model.coefficients.shape, np.nan))
     assert (row["missing"], row["spurious"]) == (lacking, 0)
@@ -259,7 +258,7 @@ def test_a_line_that_does_not_gallop_has_no_amplitude_to_miss(cases):
     simulator = Simulator(line.states, line.terms)
     truth = Truth(line, time, simulator(line, np.array([0.1, 0.1, 0, 0]), time).states, (10, 20))
     other = IdentifiedModel(replace(line, coefficients=1.01 * line.coefficients), "unjudged")
-    (motion,) = reconstruct(simulator, truth, [other])
+    (motion,) = reconstruct(truth, [other])
     row = score(truth, other, motion, np.ones((4, len(line.terms))))
     undefined = {name for name, value in row.items() if isinstance(value, float) and np.isnan(value)}
     assert undefined == {
@@ -282,7 +281,7 @@ def test_a_line_that_diverges_is_a_row_with_its_reason(cases):
     with pytest.raises(ValueError):  # which makes a row of it
         normalised(reduced, threshold=None, path_length=5)
     failed = IdentifiedModel.refused(line.states, line.terms, "stlsq: no data")
-    (motion,) = reconstruct(None, truth, [failed])
+    (motion,) = reconstruct(truth, [failed])
     row = score(truth, failed, motion, np.full(line.coefficients.shape, np.nan))
     assert row.pop("status") == "the line itself diverged: |x| exceeded 1000 at t = 3 s"
     assert row.pop("verdict") == "refused: stlsq: no data"

@@ -148,7 +148,7 @@ def receipt(path, **others):
         wildcards={},
         log=f"{RESULTS}/logs/{Path(path).stem}.log",
         settings={"code": "abc"},
-        inputs={p: "0" * 64 for p in INPUTS[path]},
+        inputs=dict.fromkeys(INPUTS[path], "0" * 64),
         sha256=digest(path) if Path(path).exists() else "0" * 64,
         size=1,
         seconds=1.5,

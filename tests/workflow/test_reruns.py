@@ -377,6 +377,15 @@ def test_every_edit_has_a_row_and_every_row_an_edit():
     assert sorted(named) == sorted(EDITS)
 
 
+def test_every_job_counts_the_code_that_it_runs(root, planned):
+    with tempfile.TemporaryDirectory() as folder:
+        copy_repository(root, Path(folder))
+        counted = {
+            (job["rule"], job["settings"]["code"]["digest"]) for job in planned(Path(folder))
+        }
+    assert len({rule for rule, _ in counted}) > 20
+
+
 # only Snakemake knows what became of a file
 OF_FILES = ("a number in `results/reference`", "a script, module, rule file or result touched")
 

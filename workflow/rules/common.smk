@@ -40,6 +40,32 @@ wildcard_constraints:
     figure="|".join(FIGURES),
 
 
+@cache
+def job(rule, *wildcards):
+    return getattr(jobs, rule)(STUDY, **dict(wildcards))
+
+
+def inputs(rule):
+    """The files that a rule reads, by name."""
+    return lambda wildcards: dict(job(rule, *wildcards.items()).inputs)
+
+
+@cache
+def script_code(name, *modules):
+    """Digests of what a script runs: in `params`, so that an edit of it reruns the rule."""
+    return code(workflow.source_path(f"../scripts/{name}"), *modules)
+
+
+def settings(rule):
+    """The settings that a rule reads, with its code and that of what it imports by name."""
+
+    def plain(wildcards):
+        described = job(rule, *wildcards.items())
+        return {**described.settings, "code": script_code(f"{rule}.py", *described.modules)}
+
+    return plain
+
+
 def log_of(path):
     return f"{RESULTS}/logs/{path}.log"
 
@@ -48,11 +74,8 @@ def benchmark_of(path):
     return f"{RESULTS}/benchmarks/{path}.tsv"
 
 
-def caption(kind):
-    """Of a table or a figure. It depends on `output`, so that an edit of it runs nothing again."""
-
-    def text(wildcards, output):
-        file = workflow.source_path(f"../report/{kind}s/{wildcards[kind]}.rst")
-        return Path(file).read_text(encoding="utf-8")
-
-    return text
+@cache
+def captions(kind, *names):
+    """Captions of `tables` or `figures`, by name; `introduction` is that of the whole report."""
+    files = {name: workflow.source_path(f"../report/{kind}/{name}.rst") for name in names}
+    return {name: Path(file).read_text(encoding="utf-8") for name, file in files.items()}

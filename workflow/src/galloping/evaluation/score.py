@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -43,6 +44,25 @@ class Truth:
         first, last = np.searchsorted(self.time, np.add(self.steady, (-1e-9, 1e-9)))
         return slice(int(first), int(last))
 
+    @property
+    def step(self) -> float:
+        """Of the time grid, s."""
+        return float(self.time[1] - self.time[0])
+
+    @cached_property
+    def amplitude(self) -> np.ndarray:
+        """Steady amplitude of each displacement, m; NaN where the line does not gallop."""
+        return np.where(gallops(self.model), steady_amplitude(self._steady), np.nan)
+
+    @cached_property
+    def frequency(self) -> np.ndarray:
+        """Steady frequency of each displacement, Hz."""
+        return steady_frequency(self._steady, self.step)
+
+    @property
+    def _steady(self) -> np.ndarray:
+        return self.states[self.steady_rows][:, list(DISPLACEMENTS.values())]
+
 
 def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
     """(n_states, n_terms) of the truth, from values on the candidate library, which comes first."""
@@ -59,7 +79,6 @@ def score(
     candidate library lacks is missing from the model. NaN is what is undefined: every number
     where the line itself diverges, the amplitude's error where it does not gallop.
     """
-    rows, step = truth.steady_rows, float(truth.time[1] - truth.time[0])
     row: dict[str, float | str] = {"status": motion.status, "verdict": result.verdict}
     coefficients = _on_terms_of(truth, result.model.coefficients, absent=0.0)
     standard_errors = _on_terms_of(truth, result.standard_errors, absent=np.nan)
@@ -71,15 +90,18 @@ def score(
     row |= support_scores(truth.model, coefficients)
     row["efficiency"] = efficiency(truth.model, coefficients, bound, UNKNOWN)
     row |= coverage(truth.model, coefficients, standard_errors, UNKNOWN)
-    whole = r_squared(truth.states, motion.states)
-    steady = r_squared(truth.states[rows], motion.states[rows])
-    amplitude = _relative(steady_amplitude, truth.states[rows], motion.states[rows])
-    if not gallops(truth.model):
-        amplitude = np.full_like(amplitude, np.nan)
-    frequency = _relative(
-        lambda states: steady_frequency(states, step), truth.states[rows], motion.states[rows]
+    columns = list(DISPLACEMENTS.values())
+    true, moved, steady_moved = (
+        states[:, columns]
+        for states in (truth.states, motion.states, motion.states[truth.steady_rows])
     )
-    for name, k in DISPLACEMENTS.items():
+    whole = r_squared(true, moved)
+    steady = r_squared(true[truth.steady_rows], steady_moved)
+    amplitude = _relative(steady_amplitude, truth.amplitude, steady_moved)
+    frequency = _relative(
+        lambda states: steady_frequency(states, truth.step), truth.frequency, steady_moved
+    )
+    for k, name in enumerate(DISPLACEMENTS):
         row[f"r2_{name}"] = whole[k]
         row[f"r2_steady_{name}"] = steady[k]
         row[f"amplitude_error_{name}_percent"] = 100 * amplitude[k]
@@ -89,9 +111,8 @@ def score(
     return row
 
 
-def _relative(measure, true: np.ndarray, model: np.ndarray) -> np.ndarray:
+def _relative(measure, expected: np.ndarray, model: np.ndarray) -> np.ndarray:
     """Relative error of a steady quantity, inf where the motion ended early."""
     if not np.all(np.isfinite(model)):
-        return np.full(true.shape[1], np.inf)
-    expected = measure(true)
+        return np.where(np.isnan(expected), np.nan, np.inf)
     return np.abs(measure(model) - expected) / np.abs(expected)

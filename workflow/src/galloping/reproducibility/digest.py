@@ -36,38 +36,32 @@ def code(*roots: str | Path) -> dict:
     Raises ValueError for a module that is not in the package.
     """
     files = _closure(roots)
-    texts = sorted(f"{_named(path)}\n{_parse(path).content}\n" for path in files)
+    texts = []
+    for path in files:  # named as wherever the repository lies and a script is called
+        name = path.relative_to(SOURCE).as_posix() if path.is_relative_to(SOURCE) else "script"
+        texts.append(f"{name}\n{_parse(path).content}\n")
     libraries = frozenset().union(*(_parse(path).libraries for path in files))
     return {
-        "digest": hashlib.sha256("".join(texts).encode()).hexdigest()[:16],
+        "digest": hashlib.sha256("".join(sorted(texts)).encode()).hexdigest()[:16],
         "libraries": versions(libraries),
     }
-
-
-def _named(path: Path) -> str:
-    """A file as the digest knows it, wherever the repository lies and a script is called."""
-    return path.relative_to(SOURCE).as_posix() if path.is_relative_to(SOURCE) else "script"
 
 
 def _closure(roots: tuple[str | Path, ...]) -> set[Path]:
     """Files of the package that `roots` import, and those of `roots`."""
     seen: set[Path] = set()
-    waiting = [path for root in roots for path in _rooted(root)]
+    waiting: list[Path] = []
+    for root in roots:
+        module = str(root).partition(":")[0]
+        waiting += [Path(root)] if Path(root).suffix == ".py" else _files(module)
+        if Path(root).suffix != ".py" and not _find(module):
+            raise ValueError(f"{module}: no such module")
     while waiting:
         path = waiting.pop()
         if path not in seen:
             seen.add(path)
             waiting += _parse(path).modules
     return seen
-
-
-def _rooted(root: str | Path) -> list[Path]:
-    if Path(root).suffix == ".py":
-        return [Path(root)]
-    module = str(root).partition(":")[0]
-    if not _find(module):
-        raise ValueError(f"{module}: no such module")
-    return _files(module)
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ class Table:
 
     function: `module:function`, imported only by the job that makes it; it takes what is read, by
     name, and `settings`, and returns a DataFrame. reads, settings: of a study, in plain values.
-    is_compared: with the reference.
+    is_compared: with the reference. is_shown: in the report.
     """
 
     name: str
@@ -32,6 +32,7 @@ class Table:
     reads: Callable[[Study], Sources] = _nothing
     settings: Callable[[Study], Mapping] = _nothing
     is_compared: bool = True
+    is_shown: bool = True
 
 
 def _cases(study: Study) -> dict:
@@ -123,6 +124,12 @@ TABLES = (
     ),
     Table("identifiability", "galloping.tables.bounds:identifiability", _bounds, _identifiability),
     Table("further_recordings", "galloping.tables.bounds:further_recordings", _rankings),
-    Table("scores", "galloping.tables.summary:all_scores", _scores_of_cells, is_compared=False),
+    Table(
+        "scores",
+        "galloping.tables.summary:all_scores",
+        _scores_of_cells,
+        is_compared=False,
+        is_shown=False,
+    ),
 )
 BY_NAME = {table.name: table for table in TABLES}
