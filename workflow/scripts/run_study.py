@@ -31,7 +31,7 @@ def main(*arguments: str) -> int:
     parser.add_argument("--repair", action="store_true")
     own, options = parser.parse_known_args(arguments)
     parser.add_argument("--configfile", nargs="+", default=[])
-    parser.add_argument("--cores")
+    parser.add_argument("--cores", nargs="?", const="")
     known, _ = parser.parse_known_args(options)
     check_cores(known.cores)
     files, repair = known.configfile, make_command(known.configfile, "repair")
