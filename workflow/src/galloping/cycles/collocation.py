@@ -32,6 +32,11 @@ C, A, B = _gauss(STAGES)
 _NODES = np.concatenate([[0.0], C])  # of the polynomial on an interval
 _LEADING = 1 / np.prod(_NODES[:, np.newaxis] - _NODES + np.eye(STAGES + 1), axis=1)
 
+# [j, k]: derivative of the k-th Lagrange polynomial of these nodes at c_j
+_SLOPES = (np.vander(C, STAGES, increasing=True) * np.arange(1, STAGES + 1)) @ np.linalg.inv(
+    np.vander(_NODES, increasing=True)
+)[1:]
+
 
 @dataclass(frozen=True)
 class Orbit:
@@ -89,6 +94,11 @@ class Orbit:
         """Half of the range of each state over a period: (n_states,)."""
         time, x = self.sampled()
         return (_peak(time, x, self.period) + _peak(time, -x, self.period)) / 2
+
+    def velocity(self) -> np.ndarray:
+        """(n, STAGES, n_states) derivative by scaled time at the Gauss points."""
+        values = np.concatenate([self.mesh_states[:, np.newaxis], self.stage_states], axis=1)
+        return _SLOPES @ values / self.widths[:, np.newaxis, np.newaxis]
 
     def on(self, widths: np.ndarray) -> Orbit:
         """The same orbit, interpolated on another mesh."""
@@ -242,9 +252,7 @@ class Linearisation:
         self._inner = inner.reshape(n, stages, n_states, n_states + 3)
         self._across = across
         # (n, stages, n_states): how a change of the states changes the phase
-        self._phase = orbit.stage_weights[..., np.newaxis] * (
-            field(reference.stage_states.reshape(-1, n_states), coefficients, slope)[0]
-        ).reshape(n, stages, n_states)
+        self._phase = orbit.stage_weights[..., np.newaxis] * reference.velocity()
         self._ahead = float(np.sum(self._phase * (orbit.stage_states - reference.stage_states)))
 
     def solve(self, border: Border, value: float, newton: bool) -> Change:

@@ -36,6 +36,7 @@ class VectorField:
         first = family.model(value)
         self.states, self.terms = first.states, first.terms
         self.n_states = len(self.states)
+        self.shape = (self.n_states, len(self.terms))
         self._monomials, self._place, self._derivatives = _derivative_tables(self.terms)
 
     def coefficients(self, value: float) -> np.ndarray:
