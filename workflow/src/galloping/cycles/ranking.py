@@ -16,6 +16,7 @@ from galloping.physics.galerkin import coefficients
 from galloping.physics.measures import NOTHING, Measure, added, modal_masses
 from galloping.simulation import Simulator
 
+OUTLINE = 120  # places of an orbit that are enough for its clearance
 DAMPING = (("dq_v", "vertical"), ("dq_w", "horizontal"))
 
 
@@ -174,7 +175,7 @@ def _places(states: np.ndarray) -> np.ndarray:
 
 
 def _apart(places: np.ndarray, design: Design) -> float:
-    thinned = places[:: max(1, len(places) // 300)]
+    thinned = places[:: max(1, len(places) // OUTLINE)]
     return clearance(thinned, thinned, design.distance).least
 
 
