@@ -1,11 +1,11 @@
 """Figures: the same bytes for the same data, one look per method, and nothing that stops them."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pandas as pd
 import pytest
-from galloping.identification.result import Identified
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.reconstruction import Reconstruction
@@ -24,6 +24,7 @@ from galloping.figures.panels import shifts
 from galloping.figures.recovery import draw_recovery
 from galloping.figures.style import KNOWN, method_style
 from galloping.figures.write import write_figure
+from galloping.identification.model import IdentifiedModel
 from galloping.measurement.motion import Motion
 from galloping.physics.galerkin import derive
 from galloping.polynomial import library
@@ -161,7 +162,7 @@ def test_identifiability_of_any_size(tmp_path, t):
 
 def scored(methods, error=5.0, levels=(0, 0.01, 0.05)):
     return pd.DataFrame(
-        {"case": "line", "protocol": "state", "cell": f"noise_{level}", "kind": "noise", "level": level,
+        {"case": "line", "protocol": "state", "kind": "noise", "level": level,
          "method": method, "mean_error_linear_percent": error * (k + 1) * level,
          "mean_error_cubic_percent": error * level}
         for k, method in enumerate(methods)
@@ -247,7 +248,9 @@ def test_coefficients_with_missing_and_spurious_terms(tmp_path):
     values = LINE.model.on_library(library(4, 3)).coefficients
     off = values.copy()
     off[2, 0], off[3, 4] = 9.0, 0.0
-    models = {"cell": {"weak": [Identified.of(values), Identified.of(off)]}}
+    line = LINE.model.on_library(library(4, 3))
+    replicates = [IdentifiedModel(replace(line, coefficients=c), "unjudged") for c in (values, off)]
+    models = {"cell": {"weak": replicates}}
     settings = {**CELL, "levels": {"cell": 0.05}, "degree": 3}
     drawn(tmp_path, lambda: draw_coefficients(LINE, models, settings))
 

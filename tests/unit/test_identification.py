@@ -14,6 +14,8 @@ from galloping.identification.cell import identify
 from galloping.identification.model import BY_TERM, IdentifiedModel
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import reduction, selection, stlsq
+from galloping.identification.sparse.bagging import bagged_medians
+from galloping.identification.sparse.drawing import seeded
 from galloping.identification.sparse.reduction import reduce
 from galloping.identification.sparse.regression import regression, stretches
 from galloping.identification.sparse.smoothing import smooth
@@ -54,6 +56,7 @@ def recordings(simulated, protocol, level=0.05, points=None, replicates=1):
 
 
 def run(method, replicates, **options):
+    """What a method makes of replicates of one recording each."""
     settings = BY_NAME[method].settings(SETTINGS, 3)
     settings["options"] |= options
     items = [[recording] for recording in replicates]
@@ -351,10 +354,8 @@ def test_a_motionless_recording_is_a_row_with_a_reason(resonant, method):
     still = replace(recording, values=values, derivatives=derivatives)
     failed, good = run(method, [still, recording])
     assert failed.reason == f"{method}: a state or a derivative is zero throughout the recording"
-    assert (
-        failed.model.coefficients.shape == (4, len(TERMS))
-        and np.isnan(failed.model.coefficients).all()
-    )
+    assert failed.model.coefficients.shape == (4, len(TERMS))
+    assert np.isnan(failed.model.coefficients).all()
     assert good.status == "unjudged"
 
 
@@ -398,6 +399,20 @@ def test_bootstraps_are_drawn_by_position(replicates):
     assert equal(several[0], run("ensemble", [item], ensemble_models=2)[0])
 
 
+def test_bagging_is_that_of_pysindy(resonant):
+    (recording,) = recordings(resonant, "derivative")
+    problem = reduce([recording], TERMS)
+    library, targets = problem.library, problem.targets / 1e-3
+    optimizer = ps.EnsembleOptimizer(
+        ps.STLSQ(threshold=1, alpha=0, unbias=False), bagging=True, n_models=5
+    )
+    with seeded(np.random.default_rng(2)):
+        theirs = optimizer.fit(library, targets).coef_
+    ours = bagged_medians(library, targets, 5, np.random.default_rng(2))
+    assert np.array_equal(ours != 0, theirs != 0) and np.count_nonzero(ours) > 10
+    assert ours == pytest.approx(theirs, rel=1e-6)
+
+
 @pytest.mark.parametrize("method", ["ensemble", "weak"])
 def test_global_random_state_is_left_alone(replicates, method):
     np.random.seed(12)
@@ -427,6 +442,52 @@ def test_a_method_is_told_its_own_settings_alone():
     assert drawing == ["ensemble"]
 
 
+def test_results_come_back_from_files(tmp_path):
+    model = OSCILLATOR
+    errors = np.array([[np.nan] * 3, [0.01, np.nan, 2e-4]])
+    sure = IdentifiedModel(
+        model, "not identifiable", "one term", errors, detection_limits=np.full((2, 3), np.inf),
+        covariance=np.eye(2), sigma=np.ones((1, 2)), initial_states=np.zeros((1, 2)), chi2=1.5,
+        known=(0,), diagnostics={"removed_share": 0.25},
+    )  # fmt: skip
+    failed = IdentifiedModel.refused(model.states, model.terms, "stlsq: no luck")
+    unjudged = IdentifiedModel(model, "unjudged", thresholds=np.array([0.1, 0.2]))
+    for name in ("a.npz", "b.npz"):
+        identified.write(tmp_path / name, {"a": [sure, failed], "b": [unjudged]})
+    read = identified.read(tmp_path / "a.npz")
+    assert list(read) == ["a", "b"]
+    assert all(map(equal, read["a"] + read["b"], [sure, failed, unjudged]))
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    for result in (sure, failed, unjudged):
+        result.save(tmp_path / "one.json")
+        again = IdentifiedModel.load(tmp_path / "one.json")
+        assert equal(again, result) and again.diagnostics == result.diagnostics
+        for name in ("covariance", "sigma", "initial_states"):
+            assert np.array_equal(getattr(again, name), getattr(result, name), equal_nan=True)
+    (tmp_path / "one.json").write_text('{"states": ["x"]}')
+    with pytest.raises(ValueError, match=r"one\.json: not an identified model"):
+        IdentifiedModel.load(tmp_path / "one.json")
+
+
+def test_a_model_prints_and_moves(resonant):
+    line, trajectory = resonant
+    model = OSCILLATOR
+    errors = np.array([[np.nan] * 3, [0.01, 2e-4, np.nan]])
+    result = IdentifiedModel(model, "ok", standard_errors=errors, known=(0,))
+    assert str(result).splitlines() == [
+        "d(x)/dt = 1 dx",
+        "d(dx)/dt = (0.300 ± 0.010) + (-2.00000 ± 0.00020) x",
+        "ok",
+    ]
+    assert result.support.tolist() == [[False] * 3, [True, True, False]]
+    moved = IdentifiedModel(line, "unjudged").simulate(trajectory.states[0], trajectory.time)
+    assert np.array_equal(moved.states[:100], trajectory.states[:100])
+    with pytest.raises(ValueError, match="no model to simulate: no luck"):
+        IdentifiedModel.refused(line.states, line.terms, "no luck").simulate([0.0] * 4, [0.0, 1.0])
+    with pytest.raises(ValueError, match="'sure' must be one of ok"):
+        IdentifiedModel(line, "sure")
+
+
 def test_methods_of_a_family_share_their_evidence(resonant, monkeypatch):
     made = []
     monkeypatch.setattr(reduction, "reduce", lambda *given: made.append(reduce(*given)) or made[-1])
@@ -435,19 +496,3 @@ def test_methods_of_a_family_share_their_evidence(resonant, monkeypatch):
     together = identify(settings, [[recording]] * 2, TERMS, NAME)
     assert len(made) == 2  # one for each replicate
     assert equal(together["lasso"][0], run("lasso", [recording])[0])
-
-
-def test_identified_models_come_back_from_files(tmp_path):
-    states, terms = ("x", "y"), ((1, 0), (0, 1))
-    model = PolynomialModel(states, terms, np.array([[1.0, 0.0], [0.0, -2.0]]))
-    errors = np.array([[0.1, np.nan], [np.nan, 0.2]])
-    first = IdentifiedModel(
-        model, "not identifiable", "one term", standard_errors=errors, known=(0,), chi2=1.1
-    )
-    failed = IdentifiedModel.refused(states, terms, "stlsq: no luck")
-    for name in ("a.npz", "b.npz"):
-        identified.write(tmp_path / name, {"stlsq": [first, failed], "lasso": [failed, failed]})
-    read = identified.read(tmp_path / "a.npz")
-    assert list(read) == ["stlsq", "lasso"]
-    assert all(map(equal, read["stlsq"], [first, failed]))
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()

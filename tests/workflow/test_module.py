@@ -33,7 +33,7 @@ use rule * from galloping as galloping_*
 
 rule count_claims:
     input:
-        rules.galloping_tabulate_scores.output.claims,
+        "study/tables/claims.csv",
     output:
         "claims.txt",
     script:
@@ -126,7 +126,7 @@ def test_it_runs_to_the_end_in_the_users_folder(user):
 def test_rules_have_the_users_names(user):
     receipts = (user.folder / "study").rglob(".*.receipt")
     rules = {json.loads(path.read_text(encoding="utf-8"))["rule"] for path in receipts}
-    assert len(rules) > 10 and all(rule.startswith("galloping_") for rule in rules)
+    assert len(rules) >= 9 and all(rule.startswith("galloping_") for rule in rules)
 
 
 def test_a_mistake_in_the_users_settings_is_one_line(user, tmp_path):

@@ -27,7 +27,7 @@ def draw_coefficients(
     identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
     settings: Mapping,
 ) -> Figure:
-    """Identified over true coefficient of each equation, and how often each term was found.
+    """IdentifiedModel over true coefficient of each equation, and how often each term was found.
 
     model: of the line. identified: replicates by cell and method. settings: case, protocol, method;
     levels by cell; degree of the library.

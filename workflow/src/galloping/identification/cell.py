@@ -1,4 +1,4 @@
-"""All replicates of one cell through a family of methods; a fit that fails is a row with its reason."""
+"""A cell's replicates through a family of methods; a fit that fails is a row with its reason."""
 
 from __future__ import annotations
 
@@ -29,7 +29,6 @@ def identify(
     models: dict[str, list[IdentifiedModel]] = {method: [] for method in methods}
     for replicate, recordings in enumerate(replicates):
         evidence = cache(partial(_evidence, recordings, terms))
-        states = recordings[0].states
         for method, settings in methods.items():
             options = dict(settings["options"])
             if settings["seed"] is not None:
@@ -39,7 +38,7 @@ def identify(
                 model = imported(settings["function"])(evidence(settings["evidence"]), **options)
             except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
                 reason = f"{method}: {str(error).splitlines()[0]}"
-                model = IdentifiedModel.refused(states, terms, reason)
+                model = IdentifiedModel.refused(recordings[0].states, terms, reason)
             models[method].append(model)
     return models
 

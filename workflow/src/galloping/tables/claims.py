@@ -5,7 +5,8 @@ meets the claim: an error no larger, an R2 or a true positive ratio no smaller t
 share of replicates that do, `met_by`, the verdict says: `reproduced` if it is most of them, `in
 reach` if it is at least one in twenty (the paper may have shown such a draw), else `not
 reproduced`. `better`: less than one draw in twenty has an error as large as the paper's. A cell the
-study did not run is `not run`.
+study did not run is `not run`. Only the paper's own lines are judged: no other can reproduce it, or
+fail to.
 """
 
 from __future__ import annotations
@@ -111,14 +112,14 @@ COLUMNS = (
 
 
 def claims_table(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
-    """Every claim for every protocol and method of the study.
+    """Every claim about one of the cases for every protocol and method of the study.
 
-    settings: cases; pairs of protocol and method; subset_level of the noise. Columns: COLUMNS,
-    study_value the median.
+    settings: cases, those that are the paper's, with its parameters; pairs of protocol and method;
+    subset_level, the noise level of the subsets. Columns: COLUMNS, study_value the median.
     """
     rows = []
     for claim in CLAIMS:
-        about = settings["cases"] if claim.case is None else [claim.case]
+        about = [case for case in settings["cases"] if claim.case in (None, case)]
         for case in about:
             for protocol, method in settings["pairs"]:
                 values = _values(scores, claim, case, protocol, method, settings["subset_level"])

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pysindy as ps
 from scipy.fft import dct
-from sklearn import config_context
 
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.sparse.drawing import seeded
+from galloping.identification.sparse.bagging import bagged_medians
 from galloping.identification.sparse.reduction import Evidence
 from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit
 from galloping.identification.sparse.stlsq import normalised
@@ -34,13 +32,10 @@ def ensemble(
     library, targets = problem.library / lengths, problem.targets / scale
     thresholds = normalised(evidence, threshold=threshold, path_length=path_length).thresholds
     size = library.shape[1] + targets.shape[1]  # rows of a block
-    optimizer = ps.EnsembleOptimizer(
-        ps.STLSQ(threshold=1, alpha=0, unbias=False), bagging=True, n_models=ensemble_models
-    )
-    with seeded(rng), config_context(assume_finite=True, skip_parameter_validation=True):
-        # targets in units of their threshold, as in stlsq.fit
-        optimizer.fit(_mixed(library, size), _mixed(targets, size) / thresholds)
-    medians = optimizer.coef_ * thresholds[:, np.newaxis]
+    # targets in units of their threshold, as in stlsq.fit
+    scaled = _mixed(targets, size) / thresholds
+    medians = bagged_medians(_mixed(library, size), scaled, ensemble_models, rng)
+    medians = medians * thresholds[:, np.newaxis]
     support = (np.abs(medians) >= NEGLIGIBLE)[:, np.newaxis]
     coefficients = refit(library, targets, support)[:, 0]
     return problem.model(coefficients * scale[:, np.newaxis] / lengths, thresholds)

@@ -32,14 +32,20 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evi
     """The regressions of recordings of one system on the candidate library `terms`.
 
     Where no derivatives were measured they come from smoothing, and so do the states: it is chosen
-    where the samples are equally spaced. Raises ValueError where a value is missing.
+    where the samples are equally spaced. Recordings without any sample, as of a line that diverges,
+    give NaN, which no method can solve. Raises ValueError where a value is missing.
     """
+    states = recordings[0].states
+    if any(np.isnan(recording.values).all() for recording in recordings):
+        theta, targets = np.full((1, len(terms)), np.nan), np.full((1, len(states)), np.nan)
+        nothing = Regression(theta, targets, np.zeros(len(states)), states, terms)
+        return Evidence(nothing, nothing)
     parts = [_differentiated(recording) for recording in recordings]
     x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
     observations = sum(part[2] for part in parts)
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
-    plain = regression(blocks, observations, recordings[0].states, terms)
+    plain = regression(blocks, observations, states, terms)
     settings = smoothings(recordings, terms)
     tuned = settings[best_setting(settings)] if settings else plain
     return Evidence(plain, tuned, tuple(settings))

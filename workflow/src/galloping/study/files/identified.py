@@ -11,47 +11,45 @@ from galloping.identification.model import BY_TERM, IdentifiedModel
 from galloping.polynomial import PolynomialModel
 from galloping.storage import write_arrays
 
-STACKED = (*BY_TERM, "thresholds", "chi2", "status", "reason")
+BY_STATE = (*BY_TERM, "thresholds")  # and by term, or not
+TEXTS = ("status", "reason")
 
 
 def write(path: str | os.PathLike, models: Mapping[str, Sequence[IdentifiedModel]]) -> None:
-    """Replicates of one cell, by method; what belongs to single recordings is left out."""
-    arrays = {}
+    """Replicates of one cell by method; what belongs to single recordings is left out."""
+    first = next(iter(models.values()))[0].model
+    arrays = {"states": np.array(first.states), "terms": np.array(first.terms)}
     for method, replicates in models.items():
-        model = replicates[0].model
-        states = np.arange(len(model.states))
-        columns = {
-            "states": np.array(model.states),
-            "terms": np.array(model.terms),
-            "coefficients": np.stack([each.model.coefficients for each in replicates]),
-            "known": np.stack([np.isin(states, each.known) for each in replicates]),
-            **{name: np.array([getattr(each, name) for each in replicates]) for name in STACKED},
-        }
-        arrays |= {f"{method}/{name}": column for name, column in columns.items()}
+        columns = {name: [getattr(r, name) for r in replicates] for name in (*BY_STATE, *TEXTS)}
+        columns["coefficients"] = [r.model.coefficients for r in replicates]
+        columns["chi2"] = [r.chi2 for r in replicates]
+        columns["known"] = [np.isin(np.arange(len(first.states)), r.known) for r in replicates]
+        arrays |= {f"{method}/{name}": np.array(column) for name, column in columns.items()}
     write_arrays(path, **arrays)
 
 
 def read(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]:
     """The model of each replicate, by method in the order of the study."""
-    columns: dict[str, dict[str, np.ndarray]] = {}
     with np.load(path) as file:
-        for key in file:
-            method, _, name = key.partition("/")
-            columns.setdefault(method, {})[name] = file[key]
-    return {method: _models(arrays) for method, arrays in columns.items()}
+        arrays = dict(file)
+    states = tuple(arrays.pop("states").tolist())
+    terms = tuple(map(tuple, arrays.pop("terms").tolist()))
 
-
-def _models(arrays: dict[str, np.ndarray]) -> list[IdentifiedModel]:
-    states = tuple(arrays["states"].tolist())
-    terms = tuple(map(tuple, arrays["terms"].tolist()))
-    return [
-        IdentifiedModel(
-            model=PolynomialModel(states, terms, coefficients),
-            status=str(arrays["status"][k]),
-            reason=str(arrays["reason"][k]),
-            chi2=float(arrays["chi2"][k]),
-            known=tuple(np.flatnonzero(arrays["known"][k]).tolist()),
-            **{name: arrays[name][k] for name in (*BY_TERM, "thresholds")},
+    def model(method: str, replicate: int) -> IdentifiedModel:
+        part = {
+            name: arrays[f"{method}/{name}"][replicate]
+            for name in (*BY_STATE, *TEXTS, "coefficients", "chi2", "known")
+        }
+        return IdentifiedModel(
+            model=PolynomialModel(states, terms, part["coefficients"]),
+            chi2=float(part["chi2"]),
+            known=tuple(np.flatnonzero(part["known"]).tolist()),
+            **{name: part[name] for name in BY_STATE},
+            **{name: str(part[name]) for name in TEXTS},
         )
-        for k, coefficients in enumerate(arrays["coefficients"])
-    ]
+
+    methods = dict.fromkeys(name.partition("/")[0] for name in arrays)
+    return {
+        method: [model(method, k) for k in range(len(arrays[f"{method}/status"]))]
+        for method in methods
+    }
