@@ -116,7 +116,7 @@ def _shown(table: pd.DataFrame) -> dict[str, str]:
     best = best_of_pysindy(table)
     names = {
         PAPERS_METHOD: "paper's method",
-        ORACLES: "any setting of pysindy, chosen with the truth",
+        ORACLES: "pysindy as the truth would set it",
         OURS: "ours",
         BOUND: "",
     }

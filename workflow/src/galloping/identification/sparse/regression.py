@@ -20,7 +20,7 @@ from galloping.polynomial import Exponents, PolynomialModel
 BLOCKS = 10
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # itself alone, so that what was made of it can be kept
 class Regression:
     """A reduced regression dX/dt = Theta c.
 

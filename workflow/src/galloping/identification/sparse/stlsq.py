@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import pysindy as ps
 from sklearn import config_context
@@ -41,7 +43,7 @@ def normalised(evidence: Evidence, *, threshold: float | None, path_length: int)
         candidates = np.tile(path, (len(scale), 1))
         chosen = _scan(library, targets, candidates, problem.observations)
     else:
-        chosen, ridges = _cross_validated(problem, path)
+        chosen, ridges = _cross_validated(problem, path_length)
     coefficients = np.zeros((len(scale), library.shape[1]))
     for ridge in np.unique(ridges):
         rows = ridges == ridge
@@ -77,8 +79,10 @@ def supports_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> 
     )
 
 
-def _cross_validated(problem: Regression, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+@lru_cache(maxsize=1)  # ensembles ask again
+def _cross_validated(problem: Regression, path_length: int) -> tuple[np.ndarray, np.ndarray]:
     """The threshold and the ridge of each equation that held-out stretches prefer."""
+    path = np.geomspace(NEGLIGIBLE, 1, path_length)
     judged = judge(problem, lambda *products: supports_along(path, *products))
     ridges, places = np.divmod(judged.chosen(), len(path))
     supports = judged.supports.reshape(len(ridges), len(RIDGES), len(path), -1)
