@@ -39,12 +39,15 @@ def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Tra
     runs three times as fast as one with the whole library.
     """
     support = np.any([np.nan_to_num(r.model.coefficients) != 0 for r in replicates], axis=0)
-    simulator = Simulator(truth.model.states, truth.model.terms, support)
+    simulator = Simulator(truth.model.states, replicates[0].model.terms, support)
     motions = []
     for identified in replicates:
-        if identified.status == "refused":
+        refusal = identified.verdict if identified.status == "refused" else ""
+        if truth.status != "ok":
+            refusal = f"the line itself {truth.status}"
+        if refusal:
             nowhere = np.full_like(truth.states, np.nan)
-            motions.append(Trajectory(truth.time, nowhere, identified.verdict))
+            motions.append(Trajectory(truth.time, nowhere, refusal))
         else:
             motions.append(simulator(identified.model, truth.states[0], truth.time))
     return motions

@@ -14,7 +14,7 @@ from galloping.evaluation.coefficients import (
     relative_norm_error,
     support_scores,
 )
-from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
+from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
 from galloping.identification.model import IdentifiedModel
 from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import PolynomialModel
@@ -28,13 +28,16 @@ UNKNOWN = tuple(EQUATIONS)  # the kinematic rows carry no parameter of the line
 class Truth:
     """What identified models are compared with.
 
-    model on the candidate library; time: (n,) s; states: (n, n_states); steady: window in s.
+    model: on the candidate library and the terms that it lacks (`polynomial.extended`). time:
+    (n,) s. states: (n, n_states). steady: window in s. status: `ok`, or why the line itself has
+    no motion to compare with, as in `Trajectory`.
     """
 
     model: PolynomialModel
     time: np.ndarray
     states: np.ndarray
     steady: tuple[float, float]
+    status: str = "ok"
 
     @property
     def steady_rows(self) -> slice:
@@ -48,8 +51,8 @@ class Truth:
 
     @cached_property
     def amplitude(self) -> np.ndarray:
-        """Steady amplitude of each displacement, m."""
-        return steady_amplitude(self._steady)
+        """Steady amplitude of each displacement, m; NaN where the line does not gallop."""
+        return np.where(gallops(self.model), steady_amplitude(self._steady), np.nan)
 
     @cached_property
     def frequency(self) -> np.ndarray:
@@ -61,21 +64,32 @@ class Truth:
         return self.states[self.steady_rows][:, list(DISPLACEMENTS.values())]
 
 
+def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
+    """(n_states, n_terms) of the truth, from values on the candidate library, which comes first."""
+    lacking = len(truth.model.terms) - values.shape[1]
+    return np.pad(values, ((0, 0), (0, lacking)), constant_values=absent)
+
+
 def score(
     truth: Truth, result: IdentifiedModel, motion: Trajectory, bound: np.ndarray
 ) -> dict[str, float | str]:
     """All metrics of one replicate; failures score inf (errors) or -inf (R2), never nothing.
 
-    bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise.
+    bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise. What the
+    candidate library lacks is missing from the model. NaN is what is undefined: every number
+    where the line itself diverges, the amplitude's error where it does not gallop.
     """
-    coefficients = result.model.coefficients
     row: dict[str, float | str] = {"status": motion.status, "verdict": result.verdict}
+    coefficients = _on_terms_of(truth, result.model.coefficients, absent=0.0)
+    standard_errors = _on_terms_of(truth, result.standard_errors, absent=np.nan)
+    if result.status == "refused":
+        coefficients = np.full_like(coefficients, np.nan)
     for order, error in mean_error_by_order(truth.model, coefficients, UNKNOWN).items():
         row[f"mean_error_{order}_percent"] = 100 * error
     row["e2"] = relative_norm_error(truth.model, coefficients)
     row |= support_scores(truth.model, coefficients)
     row["efficiency"] = efficiency(truth.model, coefficients, bound, UNKNOWN)
-    row |= coverage(truth.model, coefficients, result.standard_errors, UNKNOWN)
+    row |= coverage(truth.model, coefficients, standard_errors, UNKNOWN)
     columns = list(DISPLACEMENTS.values())
     true, moved, steady_moved = (
         states[:, columns]
@@ -92,11 +106,13 @@ def score(
         row[f"r2_steady_{name}"] = steady[k]
         row[f"amplitude_error_{name}_percent"] = 100 * amplitude[k]
         row[f"frequency_error_{name}_percent"] = 100 * frequency[k]
+    if truth.status != "ok":
+        row |= {name: np.nan for name in row if name not in ("status", "verdict")}
     return row
 
 
 def _relative(measure, expected: np.ndarray, model: np.ndarray) -> np.ndarray:
     """Relative error of a steady quantity, inf where the motion ended early."""
     if not np.all(np.isfinite(model)):
-        return np.full(len(expected), np.inf)
+        return np.where(np.isnan(expected), np.nan, np.inf)
     return np.abs(measure(model) - expected) / np.abs(expected)

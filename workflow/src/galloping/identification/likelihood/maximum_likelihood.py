@@ -7,7 +7,7 @@ come from the information at the solution, so they are those of the Cramer-Rao b
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from galloping.identification.likelihood.ambiguity import open_questions
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
+from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
 from galloping.identification.likelihood.result import assembled, refused, verdict
@@ -81,7 +82,7 @@ class Step:
 
 
 def maximum_likelihood(
-    recordings: list[Recording],
+    recordings: Recording | Sequence[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
@@ -95,11 +96,11 @@ def maximum_likelihood(
     terms: the library. known: model whose equations of `known_states` hold; the equation of a
     state X is known to be dX/dt = dX where a state has that name. begin: makes the start.
     The status is `ok`, `not identifiable` (other terms could be there as well), or `refused`.
-    Raises ValueError where the recordings differ in their states.
+    Raises ValueError where the recordings differ in their states, and for other input.
     """
+    recordings = checked_recordings(recordings)
     states = recordings[0].states
-    if any(recording.states != states for recording in recordings):
-        raise ValueError("the recordings do not have the same states")
+    check_question(states, terms, known, known_states)
     problem = make_problem(states, terms, known, known_states)
     try:
         if all(recording.derivatives is not None for recording in recordings):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from galloping.identification.likelihood.ambiguity import open_questions
+from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
 from galloping.identification.likelihood.result import assembled, refused, verdict
@@ -92,7 +93,7 @@ def begin(problem: Problem, recordings: list[Recording]) -> Start:
 
 
 def weak_gls(
-    recordings: list[Recording],
+    recordings: Recording | Sequence[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
@@ -104,8 +105,10 @@ def weak_gls(
     whose equations of `known_states` hold; dX/dt = `dX` is known by its name. begin: makes the
     start.
     The intervals are those of the linearised weak form, inflated by the misfit where it is above
-    one. The status is as in `IdentifiedModel`.
+    one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
     """
+    recordings = checked_recordings(recordings)
+    check_question(recordings[0].states, terms, known, known_states)
     problem = make_problem(recordings[0].states, terms, known, known_states)
     try:
         return _fitted(problem, begin(problem, recordings))
