@@ -110,9 +110,7 @@ def maximum_likelihood(
         return refused(problem, str(error))
 
 
-def _from_states(
-    problem: Problem, recordings: list[Recording], begun: Start
-) -> IdentifiedModel:
+def _from_states(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
     measured = [np.isfinite(recording.values) for recording in recordings]
