@@ -18,7 +18,14 @@ from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
 from galloping.identification.likelihood.result import Identified, assembled, refused
 from galloping.identification.likelihood.selection import select, solve_support
-from galloping.identification.likelihood.shooting import Segments, cut, eliminate, linearise, residuals
+from galloping.identification.likelihood.shooting import (
+    Segments,
+    chained,
+    cut,
+    eliminate,
+    linearise,
+    residuals,
+)
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.verdict import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.weak_gls import WeakFit, prepared, weak_fit
@@ -59,7 +66,7 @@ class Step:
     information, right: of the regression on all candidates. covariance: of the supported ones.
     misfit, cost: chi^2 before the step, by the noise of its fit and by a fixed one. decrement:
     squared length of the step, in units of its covariance. gap: largest mismatch of segments
-    before the step.
+    before the step. segments: in the chains that were matched.
     """
 
     fit: Fit
@@ -70,6 +77,7 @@ class Step:
     cost: float
     decrement: float
     gap: float
+    segments: Segments
 
 
 def maximum_likelihood(
@@ -110,15 +118,15 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
     observed = np.flatnonzero(np.any([one.any(axis=0) for one in measured], axis=0))
     condensed, segments, fit = _prepare(problem, recordings, smoothed, observed, period, start)
     fit, step = _iterate(problem, condensed, segments, fit, penalty)
-    remaining, shown = _remaining(problem, condensed, fit, segments, period)
+    remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
         fit = replace(fit, sigma=np.sqrt(power), floor=np.sqrt(power))
         fit, step = _iterate(problem, condensed, segments, fit, penalty)
-        remaining, shown = _remaining(problem, condensed, fit, segments, period)
+        remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
-    parameters = int(fit.support.sum()) + len(recordings) * len(problem.states)
+    parameters = int(fit.support.sum()) + (step.segments.chains[-1] + 1) * len(problem.states)
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
@@ -152,13 +160,14 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
 def _remaining(
     problem: Problem, condensed: Condensed, fit: Fit, segments: Segments, period: float
 ) -> tuple[np.ndarray, Residue]:
-    """Residuals of single shooting over every recording, and what they show.
+    """Residuals of single shooting over every chain, and what they show.
 
-    Raises FloatingPointError where the model diverges over a recording.
+    Raises FloatingPointError where the model diverges over a chain.
     """
-    nowhere = np.zeros(condensed.first[-1], bool)
-    whole = cut(condensed, int(condensed.first[-1]) + 1, nowhere, chained=True)
-    firsts = fit.starts[_first_segments(segments)]
+    begins = np.unique(segments.chains, return_index=True)[1]
+    windows = np.append(segments.first[begins], segments.first[-1])
+    whole = Segments(windows, segments.recording[begins], np.arange(len(begins)))
+    firsts = fit.starts[begins]
     remaining, _ = residuals(problem, condensed, whole, fit.free, firsts)
     return remaining, residue(condensed, remaining, int(fit.support.sum()) + firsts.size, period)
 
@@ -231,7 +240,6 @@ def _iterate(
     diverges or raises the misfit is halved. Raises FloatingPointError where the iteration does
     not settle.
     """
-    chained = replace(segments, chains=segments.recording)
     close = CLOSE * float(np.sum(condensed.rows))
     previous, reference, cost, matched = fit, fit.sigma, np.inf, False
     for passed in range(MOST_PASSES):
@@ -240,7 +248,7 @@ def _iterate(
         for _ in range(MOST_HALVINGS):
             try:
                 step = _gauss_newton(
-                    problem, condensed, chained if matched else segments, fit,
+                    problem, condensed, segments, fit, matched,
                     penalty if choosing else None, reference,
                 )  # fmt: skip
             except FloatingPointError:
@@ -271,6 +279,7 @@ def _gauss_newton(
     condensed: Condensed,
     segments: Segments,
     fit: Fit,
+    matched: bool,
     penalty: float | None,
     reference: np.ndarray,
 ) -> Step:
@@ -280,13 +289,19 @@ def _gauss_newton(
     white it differs from the noise between samples. reference: the noise that measures the cost.
     """
     linear = linearise(problem, condensed, fit.sigma, segments, fit.free, fit.starts)
+    if matched:
+        segments = chained(linear, segments)
     quadratic = eliminate(linear, segments, fit.starts)
     right = quadratic.right + quadratic.information @ fit.free
     support = fit.support
     if penalty is not None:
         starts = [np.ones(len(right), bool), fit.support]
-        support = select(quadratic.information, right, starts, penalty)
-    free, covariance = solve_support(quadratic.information, right, support)
+        support = select(quadratic.information, quadratic.right, starts, penalty, fit.free)
+    # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
+    free = np.where(support, fit.free, 0.0)
+    rest = quadratic.right + quadratic.information @ (fit.free - free)
+    step, covariance = solve_support(quadratic.information, rest, support)
+    free = free + step
     change = free - fit.free
     starts = fit.starts + quadratic.states[:, :, :-1] @ change + quadratic.states[:, :, -1]
     squares = linear.squares * fit.sigma**2
@@ -302,4 +317,5 @@ def _gauss_newton(
         float(np.sum(squares / reference**2)),
         float(change @ quadratic.information @ change),
         quadratic.gap,
+        segments,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.linalg import lapack
 
@@ -28,40 +30,64 @@ def solve_support(
 
 
 def select(
-    information: np.ndarray, right: np.ndarray, starts: list[np.ndarray], penalty: float
+    information: np.ndarray,
+    right: np.ndarray,
+    starts: list[np.ndarray],
+    penalty: float,
+    about: np.ndarray | None = None,
 ) -> np.ndarray:
     """The best support found: least chi^2 plus `penalty` for each term.
 
     From each of `starts`, (n,) boolean: removes the term with the smallest Wald statistic
     c^2/var while that is below the penalty; adds the excluded term with the largest score
     statistic while that is above it, or the best pair of terms, removing again; then exchanges a
-    term for an excluded one while that pays. Shapes as in `solve_support`. Returns the (n,)
+    term for an excluded one while that pays. Shapes as in `solve_support`; right: half the fall
+    of chi^2 with each coefficient, at the coefficients `about` (n,), zero where not given. About
+    a good fit these falls are small, and what they say is not lost in rounding. Returns the (n,)
     boolean support.
     """
     diagonal = np.diag(information)
     usable = diagonal > 0.0
     scale = np.where(usable, 1.0 / np.sqrt(np.where(usable, diagonal, 1.0)), 0.0)
-    h = information * scale[:, None] * scale
-    b = right * scale
+    root = np.sqrt(np.maximum(diagonal, 0.0))
+    about = np.zeros(len(right)) if about is None else about * root
+    misfit = _Quadratic(information * scale[:, None] * scale, right * scale, about)
     found: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
-        support = _descend(h, b, start & usable, usable, penalty)
-        found[support.tobytes()] = (_criterion(h, b, support, penalty), support)
+        support = _descend(misfit, start & usable, usable, penalty)
+        found[support.tobytes()] = (_criterion(misfit, support, penalty), support)
     return min(found.values(), key=lambda entry: entry[0])[1]
 
 
+@dataclass(frozen=True)
+class _Quadratic:
+    """chi^2 = d h d - 2 right d, d = c - about."""
+
+    h: np.ndarray
+    right: np.ndarray
+    about: np.ndarray
+
+    def without(self, support: np.ndarray) -> tuple[np.ndarray, float]:
+        """`right` and chi^2 where the coefficients outside `support` are set to zero."""
+        lost = np.where(support, 0.0, self.about)
+        if not lost.any():
+            return self.right, 0.0
+        pull = self.h @ lost
+        return self.right + pull, float(lost @ pull + 2.0 * self.right @ lost)
+
+
 def _descend(
-    h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarray, penalty: float
+    misfit: _Quadratic, support: np.ndarray, usable: np.ndarray, penalty: float
 ) -> np.ndarray:
     """Removal, re-entry and exchange until none of them lowers the criterion."""
     best, lowest = support, np.inf
     while True:
-        support = _remove(h, b, support, penalty)
-        value = _criterion(h, b, support, penalty)
+        support = _remove(misfit, support, penalty)
+        value = _criterion(misfit, support, penalty)
         if value >= lowest - 1e-6:
             return best
         best, lowest = support, value
-        gradient, left = _conditional(h, b, support, usable)
+        gradient, left = _conditional(misfit.h, misfit.without(support)[0], support, usable)
         score, pair_score = _scores(gradient, left), _pair_scores(gradient, left)
         if score.max() > penalty:
             support = support.copy()
@@ -70,18 +96,19 @@ def _descend(
             support = support.copy()
             support[list(np.unravel_index(np.argmax(pair_score), pair_score.shape))] = True
         else:
-            support = _exchanged(h, b, support, usable)
+            support = _exchanged(misfit, support, usable)
 
 
-def _exchanged(h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarray) -> np.ndarray:
+def _exchanged(misfit: _Quadratic, support: np.ndarray, usable: np.ndarray) -> np.ndarray:
     """The support after the most profitable exchange of one term for another, or unchanged."""
     best, gain = support, 0.0
-    inverse = _inverse(h[np.ix_(support, support)])
-    wald = (inverse @ b[support]) ** 2 / np.diag(inverse)
+    inverse = _inverse(misfit.h[np.ix_(support, support)])
+    c = misfit.about[support] + inverse @ misfit.without(support)[0][support]
+    wald = c**2 / np.diag(inverse)
     for loss, out in zip(wald, np.flatnonzero(support), strict=True):
         without = support.copy()
         without[out] = False
-        score = _scores(*_conditional(h, b, without, usable))
+        score = _scores(*_conditional(misfit.h, misfit.without(without)[0], without, usable))
         score[out] = 0.0
         if score.max() - loss > gain:
             gain = score.max() - loss
@@ -90,12 +117,14 @@ def _exchanged(h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.nda
     return best
 
 
-def _criterion(h: np.ndarray, b: np.ndarray, support: np.ndarray, penalty: float) -> float:
-    """chi^2 less that of no terms, plus the penalty of every term."""
+def _criterion(misfit: _Quadratic, support: np.ndarray, penalty: float) -> float:
+    """chi^2, less that at `about`, plus the penalty of every term."""
+    right, raised = misfit.without(support)
     if not support.any():
-        return 0.0
-    right = b[support]
-    return float(penalty * len(right) - right @ _inverse(h[np.ix_(support, support)]) @ right)
+        return raised
+    right = right[support]
+    fall = right @ _inverse(misfit.h[np.ix_(support, support)]) @ right
+    return float(raised + penalty * len(right) - fall)
 
 
 def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
@@ -151,13 +180,13 @@ def alternatives(
     return exchanges
 
 
-def _remove(h: np.ndarray, b: np.ndarray, support: np.ndarray, penalty: float) -> np.ndarray:
+def _remove(misfit: _Quadratic, support: np.ndarray, penalty: float) -> np.ndarray:
     """Backward elimination; the inverse is updated by one rank at each removal."""
     kept = np.flatnonzero(support)
     if not len(kept):
         return support
-    inverse = _inverse(h[np.ix_(kept, kept)])
-    c = inverse @ b[kept]
+    inverse = _inverse(misfit.h[np.ix_(kept, kept)])
+    c = misfit.about[kept] + inverse @ misfit.without(support)[0][kept]
     while len(kept):
         wald = c**2 / np.diag(inverse)
         worst = int(np.argmin(wald))
@@ -184,10 +213,12 @@ def _conditional(
     kept, out = np.flatnonzero(support), np.flatnonzero(~support & usable)
     block, rest = h[np.ix_(out, out)], b[out]
     if len(kept):
-        cross = h[np.ix_(kept, out)]
-        solved = _inverse(h[np.ix_(kept, kept)]) @ np.column_stack([cross, b[kept]])
-        block = block - cross.T @ solved[:, :-1]
-        rest = rest - cross.T @ solved[:, -1]
+        cross, own = h[np.ix_(kept, out)], h[np.ix_(kept, kept)]
+        inverse = _inverse(own)
+        block = block - cross.T @ (inverse @ cross)
+        c = inverse @ b[kept]
+        c += inverse @ (b[kept] - own @ c)  # of a long recording b is huge, what it leaves small
+        rest = rest - cross.T @ c
     good = np.diag(block) > IMITATED * np.diag(h)[out]
     out = out[good]
     left[np.ix_(out, out)] = block[np.ix_(good, good)]
