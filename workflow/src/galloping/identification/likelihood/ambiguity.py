@@ -35,8 +35,8 @@ def open_questions(
     selection asks; or where an excluded term could make up more than a sixtieth of a state
     derivative without being selected.
 
-    information, right: whitened regression on the candidates, as in `selection`. support, free:
-    (n_candidates,). penalty: that of the selection. misfit: chi^2 of the fit, which no term can
+    information, right: whitened regression on the candidates about `free`, as in
+    `selection.select`. support, free: (n_candidates,). penalty: that of the selection. misfit: chi^2 of the fit, which no term can
     lower by more. x: (n, n_states), states of the recordings.
     """
     pairs = [tuple(int(k) for k in pair) for pair in problem.candidates]
@@ -46,7 +46,7 @@ def open_questions(
     ]
     reasons = [
         f"the data cannot tell {names[found]} from {names[other]} (chi2 {rise:+.1f})"
-        for found, other, rise in alternatives(information, right, support, AMBIGUOUS)
+        for found, other, rise in alternatives(information, right, support, AMBIGUOUS, free)
     ]
     for terms, fall in plausible_additions(
         information, right, support, PLAUSIBLE_TERM, PLAUSIBLE_PAIR

@@ -16,7 +16,7 @@ from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
-from galloping.identification.likelihood.result import Identified, assembled, refused
+from galloping.identification.likelihood.result import assembled, refused, verdict
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import (
     Segments,
@@ -29,6 +29,7 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.verdict import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.weak_gls import WeakFit, prepared, weak_fit
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
@@ -63,8 +64,8 @@ class Fit:
 class Step:
     """A Gauss-Newton step from one `Fit` to the next.
 
-    information, right: of the regression on all candidates. covariance: of the supported ones.
-    misfit, cost: chi^2 before the step, by the noise of its fit and by a fixed one. decrement:
+    information: of the regression on all candidates; right: half the fall of chi^2 with each, at
+    the new fit. covariance: of the supported ones. misfit, cost: chi^2 before the step, by the noise of its fit and by a fixed one. decrement:
     squared length of the step, in units of its covariance. gap: largest mismatch of segments
     before the step. segments: in the chains that were matched.
     """
@@ -85,7 +86,7 @@ def maximum_likelihood(
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
-) -> Identified:
+) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
 
     recordings: sharing their states; any sampling, NaN where samples or channels are missing;
@@ -105,10 +106,10 @@ def maximum_likelihood(
             return derivative_fit(problem, recordings)
         return _from_states(problem, recordings)
     except (ValueError, FloatingPointError, np.linalg.LinAlgError) as error:
-        return refused(problem, len(recordings), str(error))
+        return refused(problem, str(error))
 
 
-def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
+def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     recordings, smoothed, period = prepared(recordings)
     measured = [np.isfinite(recording.values) for recording in recordings]
@@ -130,17 +131,15 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
-    status, reason = "refused", shown.objection([problem.states[k] for k in observed])
-    if not fit.support.any():
-        reason = "no term stands out of the noise"
-    elif not reason:
+    objection, questions = shown.objection([problem.states[k] for k in observed]), ""
+    if fit.support.any() and not objection:
         x = np.concatenate([one.states[one.valid] for one in smoothed])
-        reason = open_questions(
+        questions = open_questions(
             problem, step.information, step.right, fit.support, fit.free, penalty, step.misfit, x
         )
-        status = "not identifiable" if reason else "ok"
+    status, reason = verdict(fit.support, objection, questions)
     return assembled(
-        problem, fit.free, fit.support, step.information, step.covariance,
+        problem, fit.free, fit.support, step.information, step.covariance, penalty,
         initial_states=fit.starts[_first_segments(segments)],
         sigma=sigma,
         chi2=shown.chi2,
@@ -292,10 +291,9 @@ def _gauss_newton(
     if matched:
         segments = chained(linear, segments)
     quadratic = eliminate(linear, segments, fit.starts)
-    right = quadratic.right + quadratic.information @ fit.free
     support = fit.support
     if penalty is not None:
-        starts = [np.ones(len(right), bool), fit.support]
+        starts = [np.ones(len(support), bool), fit.support]
         support = select(quadratic.information, quadratic.right, starts, penalty, fit.free)
     # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
     free = np.where(support, fit.free, 0.0)
@@ -311,7 +309,7 @@ def _gauss_newton(
     return Step(
         Fit(free, support, starts, np.maximum(sigma, fit.floor), fit.floor),
         quadratic.information,
-        right,
+        quadratic.right - quadratic.information @ change,
         covariance,
         float(np.sum(linear.squares)),
         float(np.sum(squares / reference**2)),

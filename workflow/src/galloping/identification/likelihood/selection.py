@@ -158,21 +158,27 @@ def plausible_additions(
 
 
 def alternatives(
-    information: np.ndarray, right: np.ndarray, support: np.ndarray, rise: float
+    information: np.ndarray,
+    right: np.ndarray,
+    support: np.ndarray,
+    rise: float,
+    free: np.ndarray,
 ) -> list[tuple[int, int, float]]:
     """Exchanges the data cannot rule out: (term found, excluded term, rise of chi^2).
 
     Each found term is listed with the excluded term that replaces it best, where the exchange
-    raises chi^2 by less than `rise`. Shapes as in `solve_support`.
+    raises chi^2 by less than `rise`. free: (n,) the coefficients about which `right` is, best
+    within the support. Shapes as in `solve_support`.
     """
     usable = np.diag(information) > 0.0
     covariance = _inverse(information[np.ix_(support, support)])
-    wald = (covariance @ right[support]) ** 2 / np.diag(covariance)
+    wald = free[support] ** 2 / np.diag(covariance)
+    misfit = _Quadratic(information, right, free)
     exchanges = []
     for loss, out in zip(wald, np.flatnonzero(support), strict=True):
         without = support.copy()
         without[out] = False
-        score = _scores(*_conditional(information, right, without, usable))
+        score = _scores(*_conditional(information, misfit.without(without)[0], without, usable))
         score[out] = 0.0
         best = int(np.argmax(score))
         if loss - score[best] < rise:

@@ -116,7 +116,8 @@ def linearise(
             compiled, condensed.step, first - first[0], starts[group],
             condensed.functionals[span], condensed.observed, sensitive=True,
         )  # fmt: skip
-        if not (np.all(np.abs(ends[group]) < HUGE) and np.all(np.abs(end_derivatives[group]) < HUGE)):
+        reached = (ends[group], end_derivatives[group])
+        if not all(np.all(np.abs(values) < HUGE) for values in reached):
             raise FloatingPointError("the model diverges within a segment")
         residual = condensed.targets[span] - predicted
         for g in range(group.start, group.stop):
