@@ -36,8 +36,8 @@ def open_questions(
     derivative without being selected.
 
     information, right: whitened regression on the candidates about `free`, as in
-    `selection.select`. support, free: (n_candidates,). penalty: that of the selection. misfit: chi^2 of the fit, which no term can
-    lower by more. x: (n, n_states), states of the recordings.
+    `selection.select`. support, free: (n_candidates,). penalty: that of the selection. misfit:
+    chi^2 of the fit, which no term can lower by more. x: (n, n_states), states of the recordings.
     """
     pairs = [tuple(int(k) for k in pair) for pair in problem.candidates]
     names = [

@@ -65,9 +65,10 @@ class Step:
     """A Gauss-Newton step from one `Fit` to the next.
 
     information: of the regression on all candidates; right: half the fall of chi^2 with each, at
-    the new fit. covariance: of the supported ones. misfit, cost: chi^2 before the step, by the noise of its fit and by a fixed one. decrement:
-    squared length of the step, in units of its covariance. gap: largest mismatch of segments
-    before the step. segments: in the chains that were matched.
+    the new fit. covariance: of the supported ones. misfit, cost: chi^2 before the step, by the
+    noise of its fit and by a fixed one. decrement: squared length of the step, in units of its
+    covariance. gap: largest mismatch of segments before the step. segments: in the chains that
+    were matched.
     """
 
     fit: Fit
