@@ -68,13 +68,15 @@ class Eliminated:
 
     information: (n, n), right: (n,) of the coefficients' change. states: (n_segments, n_states,
     n + 1), the change of each segment's state, linear in the coefficients' change and constant.
-    gap: largest mismatch between segments of a chain, in units of each state's size.
+    gap: largest mismatch between segments of a chain, in units of each state's size. fall: of
+    chi^2, when the states alone are moved to their best.
     """
 
     information: np.ndarray
     right: np.ndarray
     states: np.ndarray
     gap: float
+    fall: float
 
 
 def cut(condensed: Condensed, windows: int, allowed: np.ndarray, chained: bool) -> Segments:
@@ -101,28 +103,40 @@ def linearise(
     segments: Segments,
     free: np.ndarray,
     starts: np.ndarray,
+    pairs: np.ndarray | None = None,
+    columns: np.ndarray | None = None,
 ) -> Linearised:
     """Misfit of the condensed samples about the candidates' coefficients and segment states.
 
     sigma: (n_recordings, n_observed), the noise. free: (n_candidates,). starts: (n_segments,
-    n_states). Raises FloatingPointError where the solution diverges within a segment.
+    n_states). pairs: (n_pairs, 2) coefficients (equation, term) to linearise by, the candidates
+    where not given. columns: (n_windows, n_observed, n_rows, n_columns), derivatives of the
+    predicted projections by parameters of the instrument, which count as coefficients after the
+    others. Raises FloatingPointError where the solution diverges within a segment.
     """
-    compiled = system(problem.tables, problem.coefficients(free), problem.candidates)
-    n, n_states = len(free), starts.shape[1]
+    pairs = problem.candidates if pairs is None else pairs
+    compiled = system(problem.tables, problem.coefficients(free), pairs)
+    n_states = starts.shape[1]
+    direct = 0 if columns is None else columns.shape[3]
+    n = len(pairs) + direct
     m = n + n_states
     kept = np.empty((len(starts), n_states, m + 1))
     information, right = np.zeros((n, n)), np.zeros(n)
     squares = np.zeros(sigma.shape)
     ends = np.empty(starts.shape)
-    end_derivatives = np.empty((*starts.shape, m))
+    end_derivatives = np.zeros((*starts.shape, m))
+    by_dynamics = np.r_[: len(pairs), n:m]
     for batch in range(0, len(starts), BATCH):
         group = slice(batch, min(batch + BATCH, len(starts)))
         first = segments.first[group.start : group.stop + 1]
         span = slice(first[0], first[-1])
-        predicted, derivatives, ends[group], end_derivatives[group], _ = integrate(
+        predicted, derivatives, ends[group], moved, _ = integrate(
             compiled, condensed.step, first - first[0], starts[group],
             condensed.functionals[span], condensed.observed, sensitive=True,
         )  # fmt: skip
+        end_derivatives[group][..., by_dynamics] = moved
+        if columns is not None:
+            derivatives = np.insert(derivatives, [len(pairs)] * direct, columns[span], axis=3)
         reached = (ends[group], end_derivatives[group])
         if not all(np.all(np.abs(values) < HUGE) for values in reached):
             raise FloatingPointError("the model diverges within a segment")
@@ -187,7 +201,7 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
     information, right = linearised.information.copy(), linearised.right.copy()
     states = np.zeros((n_segments, n_states, n + 1))
     size = np.abs(linearised.ends).max(axis=0) + np.finfo(float).tiny
-    gap = 0.0
+    gap, fall = 0.0, 0.0
     bounds = np.flatnonzero(np.diff(segments.chains, prepend=-1, append=-1))
     for begin, end in pairwise(bounds):
         relation = np.hstack([np.zeros((n_states, n)), np.eye(n_states)])
@@ -209,6 +223,7 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
                 relation[:, :n] += derivative[:, :n]
         kept, rest, left = _rotated(np.vstack(rows), np.concatenate(residual), n)
         first, undetermined = _first_state(kept, n)
+        fall += float(np.sum(kept[:, -1] ** 2) - np.sum(undetermined[:, -1] ** 2))
         rest = np.vstack([rest, undetermined[:, :n]])
         information += rest.T @ rest
         right += np.append(left, undetermined[:, n]) @ rest
@@ -216,7 +231,7 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
             states[g] = matrix[:, n:] @ first
             states[g, :, :n] += matrix[:, :n]
             states[g, :, n] += shift
-    return Eliminated(information, right, states, gap)
+    return Eliminated(information, right, states, gap, fall)
 
 
 def _first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
