@@ -56,8 +56,8 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
 
     Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million
     samples, and well above the accuracy of the curve itself; the curve is fitted again until none
-    is left. Where a tenth of a channel would be far from its curve, its noise varies with time,
-    and the deviation of the nearby samples counts. Raises ValueError where more than a tenth of
+    is left. The deviation is that of the channel and also that of the nearby samples, as noise
+    may grow and shrink with the signal. Raises ValueError where more than a tenth of
     the samples of a channel would go.
     """
     before = np.isfinite(recording.values).sum(axis=0)
@@ -69,14 +69,11 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
             good = np.isfinite(gap)
             if not good.any():
                 continue
-            deviation = np.maximum(1.4826 * np.median(gap[good]), floor[k])
-            far[good, k] = gap[good] > OUTLIER * deviation
-            if far[:, k].sum() > MOST_OUTLIERS * good.sum():
-                deviation = np.maximum(
-                    1.4826 * _local_median(recording.time[good], gap[good], LOCAL * period),
-                    floor[k],
-                )
-                far[good, k] = gap[good] > OUTLIER * deviation
+            limit = OUTLIER * np.maximum(1.4826 * np.median(gap[good]), floor[k])
+            far[good, k] = gap[good] > limit
+            if far[:, k].any():
+                near = _local_median(recording.time[good], gap[good], LOCAL * period)
+                far[good, k] &= gap[good] > OUTLIER * 1.4826 * near
         if not far.any():
             break
         recording = replace(recording, values=np.where(far, np.nan, recording.values))
