@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from galloping.identification.likelihood.ambiguity import open_questions
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
-from galloping.identification.likelihood.result import assembled, refused, verdict
+from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import (
     Segments,
@@ -129,20 +128,12 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedMod
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
-    objection, questions = shown.objection([problem.states[k] for k in observed]), ""
-    if fit.support.any() and not objection:
-        x = np.concatenate([one.states[one.valid] for one in smoothed])
-        questions = open_questions(
-            problem, step.information, step.right, fit.support, fit.free, penalty, step.misfit, x
-        )
-    status, reason = verdict(fit.support, objection, questions)
-    return assembled(
-        problem, fit.free, fit.support, step.information, step.covariance, penalty,
+    return judged(
+        problem, step.information, step.right, fit.support, penalty,
+        objection=shown.objection([problem.states[k] for k in observed]),
         initial_states=fit.starts[_first_segments(segments)],
         sigma=sigma,
         chi2=shown.chi2,
-        status=status,
-        reason=reason,
         diagnostics={
             "chi2_allowed": shown.chi2_allowed,
             "residual_band": shown.band,
