@@ -18,11 +18,11 @@ import numpy as np
 import pysindy as ps
 from scipy.integrate import solve_ivp
 
-from galloping.physics.equations import model
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.reduction import reduce
 from galloping.identification.sparse.stlsq import normalised
+from galloping.physics.equations import model
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording, Recordings
 from galloping.simulation import Simulator, time_grid
