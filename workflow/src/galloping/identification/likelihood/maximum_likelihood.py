@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from galloping.identification.likelihood.ambiguity import open_questions
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.instrument import faults
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
-from galloping.identification.likelihood.result import assembled, refused, verdict
+from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import (
     Segments,
@@ -145,29 +144,22 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedMod
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
-    objection, questions = shown.objection([problem.states[k] for k in observed]), ""
+    objection, doubt = shown.objection([problem.states[k] for k in observed]), ""
     if step.settled:
         causes = faults(
             problem, condensed, step.segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
         )
         objection = "; ".join([fault.cause for fault in causes[:1]] + [objection] * bool(objection))
-    else:
-        objection = ""  # what it leaves in the residuals is that it is not the best fit
-    if fit.support.any() and not objection:
-        x = np.concatenate([one.states[one.valid] for one in smoothed])
-        questions = open_questions(
-            problem, step.information, step.right, fit.support, fit.free, penalty, step.misfit, x
-        )
-    if not step.settled:
-        questions = "; ".join(filter(None, ["many models follow the data alike", questions]))
-    status, reason = verdict(fit.support, objection, questions)
-    return assembled(
-        problem, fit.free, fit.support, step.information, step.covariance, penalty,
+    else:  # what it leaves in the residuals is that it is not the best fit
+        objection, doubt = "", "many models follow the data alike"
+    return judged(
+        problem, step.information, step.right, fit.support, penalty,
+        about=step.fit.free,
+        objection=objection,
+        doubt=doubt,
         initial_states=fit.starts[_first_segments(segments)],
         sigma=sigma,
         chi2=shown.chi2,
-        status=status,
-        reason=reason,
         diagnostics={
             "chi2_allowed": shown.chi2_allowed,
             "residual_band": shown.band,
