@@ -130,7 +130,12 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedMod
     )
     fit = step.fit
     unseen = bool(np.linalg.eigvalsh(step.information * largest * largest[:, None])[0] < 1.0)
-    fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
+    try:
+        fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
+    except FloatingPointError as error:
+        raise FloatingPointError(
+            "; ".join([*_causes(problem, condensed, segments, step.fit, penalty), str(error)])
+        ) from error
     remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
@@ -146,10 +151,8 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedMod
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
     objection, doubt = shown.objection([problem.states[k] for k in observed]), ""
     if step.settled:
-        causes = faults(
-            problem, condensed, step.segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
-        )
-        objection = "; ".join([fault.cause for fault in causes[:1]] + [objection] * bool(objection))
+        causes = _causes(problem, condensed, step.segments, fit, penalty)
+        objection = "; ".join(filter(None, [*causes, objection]))
     else:  # what it leaves in the residuals is that it is not the best fit
         objection, doubt = "", "many models follow the data alike"
     return judged(
@@ -169,6 +172,16 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedMod
             "removed_share": 1.0 - kept / samples,
         },
     )  # fmt: skip
+
+
+def _causes(
+    problem: Problem, condensed: Condensed, segments: Segments, fit: Fit, penalty: float
+) -> list[str]:
+    """The clearest fault of the recording, or none."""
+    shown = faults(
+        problem, condensed, segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
+    )
+    return [fault.cause for fault in shown[:1]]
 
 
 def _remaining(
