@@ -160,7 +160,7 @@ def map_rows(
             line = Line.from_case(inner)
             omega_v, omega_w, *_ = frequencies(line, *modes(inner, line))
             start = initial_state(inner)
-            motion = settle(simulator, family.model(x), start, duration=2000, window=500)
+            motion = settle(simulator, family.model(x), start)
             rows.append(
                 {
                     "case": label,
@@ -293,4 +293,3 @@ def steady_truth(case: Mapping, winds: Sequence[float], simulator: Simulator) ->
     return np.array(
         [m.half_range[:2] if m.kind == "cycle" else np.full(2, np.nan) for m in motions]
     )
-
