@@ -1,6 +1,5 @@
 """Identification: exact without noise, equal to pysindy's own, and failures kept as rows."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,66 +10,66 @@ from hypothesis import strategies as st
 from lines import simulate
 
 from galloping.configuration.load import load, plain
-from galloping.identification import result
-from galloping.identification.cell import identify, imported
+from galloping.identification.cell import identify
+from galloping.identification.model import BY_TERM, IdentifiedModel
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import reduction, selection, stlsq
+from galloping.identification.sparse.bagging import bagged_medians
+from galloping.identification.sparse.ensemble import seeded
 from galloping.identification.sparse.reduction import reduce, regression, stretches
 from galloping.identification.sparse.smoothing import smooth
-from galloping.measurement import measure
-from galloping.polynomial import design_matrix, library
+from galloping.importing import imported
+from galloping.measurement.measuring import measure
+from galloping.measurement.motion import Motion
+from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.recording import Recording
+from galloping.study.files import identified
 
 TERMS = library(4, 3)
-SHAPE = (4, len(TERMS))
 SETTINGS = plain(load({}))["identification"]
 FROM_SUBSETS = [m.name for m in METHODS if not m.needs_uniform and "derivative" in m.protocols]
 COMBINATIONS = [
     (m.name, protocol) for m in METHODS for protocol in m.protocols if m.name != "weak_gls"
 ]
 NAME = ("a_case", "state", "a_cell")
+OSCILLATOR = PolynomialModel(
+    ("x", "dx"), library(2, 1), np.array([[0.0, 0.0, 1.0], [0.3, -2.0, 0.0]])
+)
 
 
 def recordings(simulated, protocol, level=0.05, points=None, replicates=1):
     line, trajectory = simulated
+    motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
     measured = measure(
-        line,
-        trajectory.time,
-        trajectory.states[np.newaxis],
+        [motion],
         protocol=protocol,
         level=level,
-        points=points,
         relative=True,
+        samples=points or len(motion.time),
+        recordings=1,
+        replicates=replicates,
         seed=3,
         name=("a_case", protocol, "a_cell"),
-        replicates=replicates,
     )
-    return [recording for (recording,) in measured.replicates]
+    return [recording for (recording,) in measured]
 
 
-def evidence(method, replicates):
-    """What a method takes of replicates of one recording each."""
-    if BY_NAME[method].evidence == "recordings":
-        return [[recording] for recording in replicates]
-    return [reduce([recording], TERMS) for recording in replicates]
-
-
-def run(method, items, **options):
+def run(method, replicates, **options):
+    """What a method makes of replicates of one recording each."""
     settings = BY_NAME[method].settings(SETTINGS, 3)
-    return identify(
-        imported(settings["function"]),
-        items,
-        options=settings["options"] | options,
-        seed=settings["seed"],
-        name=(*NAME, method),
-        shape=SHAPE,
-    )
+    settings["options"] |= options
+    items = [[recording] for recording in replicates]
+    return identify({method: settings}, items, TERMS, NAME)[method]
 
 
 def equal(a, b):
-    return (a.status, a.verdict) == (b.status, b.verdict) and all(
-        np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
-        for name in ("coefficients", "thresholds", "standard_errors")
+    return (
+        a.verdict == b.verdict
+        and all(
+            np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
+            for name in (*BY_TERM, "thresholds", "chi2", "known")
+        )
+        and np.array_equal(a.model.coefficients, b.model.coefficients, equal_nan=True)
     )
 
 
@@ -80,10 +79,10 @@ def equal(a, b):
 @pytest.mark.parametrize(("method", "protocol"), COMBINATIONS)
 def test_exact_without_noise(simulated, method, protocol):
     true = simulated[0].on_library(TERMS)
-    (found,) = run(method, evidence(method, recordings(simulated, protocol, level=0)))
-    assert found.status == "ok"
-    assert np.array_equal(found.coefficients != 0, true.support)
-    ratio = found.coefficients[true.support] / true.coefficients[true.support]
+    (found,) = run(method, recordings(simulated, protocol, level=0))
+    assert found.status != "refused"
+    assert np.array_equal(found.model.coefficients != 0, true.support)
+    ratio = found.model.coefficients[true.support] / true.coefficients[true.support]
     assert np.abs(ratio - 1).max() < 1e-6
 
 
@@ -91,11 +90,11 @@ def test_exact_without_noise(simulated, method, protocol):
 def test_weak_gls_without_noise(simulated, protocol):
     # its smoothing and quadrature are made for noise: near, and it says so where terms are open
     true = simulated[0].on_library(TERMS)
-    (found,) = run("weak_gls", evidence("weak_gls", recordings(simulated, protocol, level=0)))
-    missing = true.support & (found.coefficients == 0)
+    (found,) = run("weak_gls", recordings(simulated, protocol, level=0))
+    missing = true.support & (found.model.coefficients == 0)
     assert not missing.any()
-    if np.array_equal(found.coefficients != 0, true.support):
-        ratio = found.coefficients[true.support] / true.coefficients[true.support]
+    if np.array_equal(found.model.coefficients != 0, true.support):
+        ratio = found.model.coefficients[true.support] / true.coefficients[true.support]
         assert np.abs(ratio - 1).max() < 0.05
     else:
         assert found.verdict.startswith("not identifiable: ")
@@ -104,20 +103,20 @@ def test_weak_gls_without_noise(simulated, protocol):
 @pytest.mark.parametrize("method", FROM_SUBSETS)
 def test_exact_from_few_points_without_noise(simulated, method):
     true = simulated[0].on_library(TERMS)
-    items = evidence(method, recordings(simulated, "derivative", level=0, points=1000))
+    items = recordings(simulated, "derivative", level=0, points=1000)
     (found,) = run(method, items)
-    assert np.array_equal(found.coefficients != 0, true.support)
-    assert found.coefficients == pytest.approx(true.coefficients, rel=1e-6)
+    assert np.array_equal(found.model.coefficients != 0, true.support)
+    assert found.model.coefficients == pytest.approx(true.coefficients, rel=1e-6)
 
 
 @pytest.mark.parametrize("points", [100, 105, 389])
 @pytest.mark.parametrize("method", FROM_SUBSETS)
 def test_recordings_shorter_than_their_factor(resonant, method, points):
     true = resonant[0].on_library(TERMS)
-    items = evidence(method, recordings(resonant, "derivative", level=1e-6, points=points))
+    items = recordings(resonant, "derivative", level=1e-6, points=points)
     (found,) = run(method, items)
-    assert found.status == "ok"
-    assert found.coefficients[true.support] == pytest.approx(
+    assert found.status != "refused"
+    assert found.model.coefficients[true.support] == pytest.approx(
         true.coefficients[true.support], rel=0.05
     )
 
@@ -140,14 +139,14 @@ def test_reduced_regression_equals_pysindy_on_all_samples(resonant, threshold):
     ours = stlsq.raw(reduce([recording], TERMS), threshold=threshold, path_length=30)
     theirs = whole.coefficients()
     assert np.count_nonzero(theirs) > 10
-    assert np.array_equal(ours.coefficients != 0, theirs != 0)
-    assert ours.coefficients == pytest.approx(theirs, rel=1e-8)
+    assert np.array_equal(ours.model.coefficients != 0, theirs != 0)
+    assert ours.model.coefficients == pytest.approx(theirs, rel=1e-8)
 
 
 @pytest.mark.parametrize("method", ["stlsq", "stlsq_raw"])
 def test_chosen_thresholds_give_pysindy_s_model_on_all_samples(resonant, method):
     (recording,) = recordings(resonant, "derivative")
-    (ours,) = run(method, evidence(method, [recording]))
+    (ours,) = run(method, [recording])
     theta, targets = design_matrix(recording.values, TERMS), recording.derivatives
     lengths, scale = np.ones(len(TERMS)), np.ones(4)
     if method == "stlsq":
@@ -156,7 +155,7 @@ def test_chosen_thresholds_give_pysindy_s_model_on_all_samples(resonant, method)
         optimizer = ps.STLSQ(threshold=ours.thresholds[row], alpha=0)
         optimizer.fit(theta / lengths, targets[:, [row]] / scale[row])
         expected = optimizer.coef_[0] * scale[row] / lengths
-        assert ours.coefficients[row] == pytest.approx(expected, rel=1e-8)
+        assert ours.model.coefficients[row] == pytest.approx(expected, rel=1e-8)
 
 
 @given(
@@ -168,7 +167,7 @@ def test_reduction_keeps_inner_products(n, columns, seed):
     rng = np.random.default_rng(seed)
     theta, dx = rng.standard_normal((n, columns)), rng.standard_normal((n, 2))
     blocks = [(theta[rows], dx[rows]) for rows in stretches(n)]
-    reduced = regression(blocks, np.array([n, n]))
+    reduced = regression(blocks, np.array([n, n]), ("x", "y"), ((1, 0),) * columns)
     small = np.hstack([reduced.library, reduced.targets])
     whole = np.hstack([theta, dx])
     assert small.T @ small == pytest.approx(whole.T @ whole, rel=1e-10, abs=1e-10)
@@ -196,7 +195,7 @@ def test_thresholded_supports_are_those_of_pysindy(simulated, protocol):
 def test_thresholds_beyond_every_term_leave_nothing(resonant):
     (recording,) = recordings(resonant, "derivative")
     found = stlsq.normalised(reduce([recording], TERMS), threshold=1e3, path_length=30)
-    assert not found.coefficients.any()
+    assert not found.model.coefficients.any()
 
 
 def test_joint_recordings_are_one_regression(resonant):
@@ -242,19 +241,19 @@ def test_best_threshold_is_the_middle_of_its_range():
 def test_choice_does_not_depend_on_the_truth_or_the_scale(resonant, method):
     # in other units of time, the same structure and scaled coefficients
     (recording,) = recordings(resonant, "derivative", level=0.01)
-    (found,) = run(method, evidence(method, [recording]))
+    (found,) = run(method, [recording])
     scaled = replace(recording, derivatives=4 * recording.derivatives)
-    (again,) = run(method, evidence(method, [scaled]))
-    assert again.coefficients == pytest.approx(4 * found.coefficients, rel=1e-9)
+    (again,) = run(method, [scaled])
+    assert again.model.coefficients == pytest.approx(4 * found.model.coefficients, rel=1e-9)
 
 
 @pytest.mark.parametrize("method", ["stlsq", "stlsq_raw", "lasso", "ensemble"])
 def test_a_configured_threshold_is_used(resonant, method):
-    items = evidence(method, recordings(resonant, "derivative"))
+    items = recordings(resonant, "derivative")
     (loose,) = run(method, items, threshold=1e-3)
     (tight,) = run(method, items, threshold=0.1)
     assert np.all(loose.thresholds == 1e-3) and np.all(tight.thresholds == 0.1)
-    assert np.count_nonzero(tight.coefficients) < np.count_nonzero(loose.coefficients)
+    assert np.count_nonzero(tight.model.coefficients) < np.count_nonzero(loose.model.coefficients)
 
 
 # --- derivatives from samples ---
@@ -337,11 +336,11 @@ def test_weak_form_refuses_what_it_cannot_use(resonant):
     (subset,) = recordings(resonant, "state", points=1000)
     values = good.values.copy()
     values[3, 0] = np.nan
-    results = run("weak", [[subset], [replace(good, values=values)], [good]])
-    assert [found.status for found in results] == [
-        "weak: weak: needs a regularly sampled recording",
-        "weak: weak: needs every state at every sample",
-        "ok",
+    results = run("weak", [subset, replace(good, values=values), good])
+    assert [found.verdict for found in results] == [
+        "refused: weak: weak: needs a regularly sampled recording",
+        "refused: weak: weak: needs every state at every sample",
+        "unjudged",
     ]
 
 
@@ -351,15 +350,16 @@ def test_a_motionless_recording_is_a_row_with_a_reason(resonant, method):
     values, derivatives = recording.values.copy(), recording.derivatives.copy()
     values[:, 1] = values[:, 3] = derivatives[:, 1] = derivatives[:, 3] = 0
     still = replace(recording, values=values, derivatives=derivatives)
-    failed, good = run(method, evidence(method, [still, recording]))
-    assert failed.status == (f"{method}: a state or a derivative is zero throughout the recording")
-    assert failed.coefficients.shape == SHAPE and np.isnan(failed.coefficients).all()
-    assert good.status == "ok"
+    failed, good = run(method, [still, recording])
+    assert failed.reason == f"{method}: a state or a derivative is zero throughout the recording"
+    assert failed.model.coefficients.shape == (4, len(TERMS))
+    assert np.isnan(failed.model.coefficients).all()
+    assert good.status == "unjudged"
 
 
 def test_errors_of_our_own_making_are_not_kept_as_rows():
     with pytest.raises(AttributeError):
-        run("stlsq", ["no regression"])
+        run("stlsq", ["no recording"])
 
 
 # --- replicates ---
@@ -370,7 +370,7 @@ def replicates():
     """Five replicates of what each method takes, of a short record."""
     noisy = recordings(simulate("internal_resonance"), "state", replicates=5)
     short = [Recording(r.time[:6000], r.states, r.values[:6000]) for r in noisy]
-    return {method.name: evidence(method.name, short) for method in METHODS}
+    return {method.name: short for method in METHODS}
 
 
 @pytest.mark.parametrize("method", BY_NAME)
@@ -397,6 +397,20 @@ def test_bootstraps_are_drawn_by_position(replicates):
     assert equal(several[0], run("ensemble", [item], ensemble_models=2)[0])
 
 
+def test_bagging_is_that_of_pysindy(resonant):
+    (recording,) = recordings(resonant, "derivative")
+    problem = reduce([recording], TERMS)
+    library, targets = problem.library, problem.targets / 1e-3
+    optimizer = ps.EnsembleOptimizer(
+        ps.STLSQ(threshold=1, alpha=0, unbias=False), bagging=True, n_models=5
+    )
+    with seeded(np.random.default_rng(2)):
+        theirs = optimizer.fit(library, targets).coef_
+    ours = bagged_medians(library, targets, 5, np.random.default_rng(2))
+    assert np.array_equal(ours != 0, theirs != 0) and np.count_nonzero(ours) > 10
+    assert ours == pytest.approx(theirs, rel=1e-6)
+
+
 @pytest.mark.parametrize("method", ["ensemble", "weak"])
 def test_global_random_state_is_left_alone(replicates, method):
     np.random.seed(12)
@@ -412,9 +426,9 @@ def test_global_random_state_is_left_alone(replicates, method):
 def test_every_method_says_what_it_takes():
     available = {*SETTINGS, "threshold", "rng", "seed"}
     for method in METHODS:
-        assert re.fullmatch(r"galloping(\.\w+)+:\w+", method.function)
+        assert all(callable(imported(name)) for name in method.modules)
         assert set(method.options) <= available
-        assert callable(imported(method.reader))
+        assert method.protocols
 
 
 def test_a_method_is_told_its_own_settings_alone():
@@ -427,19 +441,56 @@ def test_a_method_is_told_its_own_settings_alone():
 
 
 def test_results_come_back_from_files(tmp_path):
-    found = result.Identified.of(np.array([[1.0, 0.0], [0.0, -2.0]]), np.array([0.1, 0.2]))
-    found = replace(found, verdict="not identifiable: one term")
-    failed = result.Identified.failed(2, 2, "stlsq: no luck")
+    model = OSCILLATOR
+    errors = np.array([[np.nan] * 3, [0.01, np.nan, 2e-4]])
+    sure = IdentifiedModel(
+        model, "not identifiable", "one term", errors, detection_limits=np.full((2, 3), np.inf),
+        covariance=np.eye(2), sigma=np.ones((1, 2)), initial_states=np.zeros((1, 2)), chi2=1.5,
+        known=(0,), diagnostics={"removed_share": 0.25},
+    )  # fmt: skip
+    failed = IdentifiedModel.refused(model.states, model.terms, "stlsq: no luck")
+    unjudged = IdentifiedModel(model, "unjudged", thresholds=np.array([0.1, 0.2]))
     for name in ("a.npz", "b.npz"):
-        result.write(tmp_path / name, [found, failed])
-    assert all(map(equal, result.read(tmp_path / "a.npz"), [found, failed]))
+        identified.write(tmp_path / name, {"a": [sure, failed], "b": [unjudged]})
+    read = identified.read(tmp_path / "a.npz")
+    assert list(read) == ["a", "b"]
+    assert all(map(equal, read["a"] + read["b"], [sure, failed, unjudged]))
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    for result in (sure, failed, unjudged):
+        result.save(tmp_path / "one.json")
+        again = IdentifiedModel.load(tmp_path / "one.json")
+        assert equal(again, result) and again.diagnostics == result.diagnostics
+        for name in ("covariance", "sigma", "initial_states"):
+            assert np.array_equal(getattr(again, name), getattr(result, name), equal_nan=True)
+    (tmp_path / "one.json").write_text('{"states": ["x"]}')
+    with pytest.raises(ValueError, match=r"one\.json: not an identified model"):
+        IdentifiedModel.load(tmp_path / "one.json")
 
 
-def test_reductions_come_back_from_files(resonant, tmp_path):
-    written = [reduce([r], TERMS) for r in recordings(resonant, "derivative", replicates=2)]
-    reduction.write(tmp_path / "a.npz", written)
-    for a, b in zip(reduction.read(tmp_path / "a.npz"), written, strict=True):
-        assert np.array_equal(a.library, b.library)
-        assert np.array_equal(a.targets, b.targets)
-        assert np.array_equal(a.observations, b.observations)
+def test_a_model_prints_and_moves(resonant):
+    line, trajectory = resonant
+    model = OSCILLATOR
+    errors = np.array([[np.nan] * 3, [0.01, 2e-4, np.nan]])
+    result = IdentifiedModel(model, "ok", standard_errors=errors, known=(0,))
+    assert str(result).splitlines() == [
+        "d(x)/dt = 1 dx",
+        "d(dx)/dt = (0.300 ± 0.010) + (-2.00000 ± 0.00020) x",
+        "ok",
+    ]
+    assert result.support.tolist() == [[False] * 3, [True, True, False]]
+    moved = IdentifiedModel(line, "unjudged").simulate(trajectory.states[0], trajectory.time)
+    assert np.array_equal(moved.states[:100], trajectory.states[:100])
+    with pytest.raises(ValueError, match="no model to simulate: no luck"):
+        IdentifiedModel.refused(line.states, line.terms, "no luck").simulate([0.0] * 4, [0.0, 1.0])
+    with pytest.raises(ValueError, match="'sure' must be one of ok"):
+        IdentifiedModel(line, "sure")
+
+
+def test_methods_of_a_family_share_their_evidence(resonant, monkeypatch):
+    made = []
+    monkeypatch.setattr(reduction, "reduce", lambda *given: made.append(reduce(*given)) or made[-1])
+    settings = {name: BY_NAME[name].settings(SETTINGS, 3) for name in ("stlsq", "lasso")}
+    (recording,) = recordings(resonant, "derivative")
+    together = identify(settings, [[recording]] * 2, TERMS, NAME)
+    assert len(made) == 2  # one for each replicate
+    assert equal(together["lasso"][0], run("lasso", [recording])[0])

@@ -7,6 +7,7 @@ come from the information at the solution, so they are those of the Cramer-Rao b
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,14 +15,22 @@ import numpy as np
 from galloping.identification.likelihood.ambiguity import open_questions
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
+from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
-from galloping.identification.likelihood.result import Identified, assembled, refused
+from galloping.identification.likelihood.result import assembled, refused, verdict
 from galloping.identification.likelihood.selection import select, solve_support
-from galloping.identification.likelihood.shooting import Segments, cut, eliminate, linearise, residuals
+from galloping.identification.likelihood.shooting import (
+    Segments,
+    cut,
+    eliminate,
+    linearise,
+    residuals,
+)
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.verdict import MOST_COLOUR, Residue, residue
-from galloping.identification.likelihood.weak_gls import WeakFit, prepared, weak_fit
+from galloping.identification.likelihood.weak_gls import Start, WeakFit, begin
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
@@ -73,40 +82,42 @@ class Step:
 
 
 def maximum_likelihood(
-    recordings: list[Recording],
+    recordings: Recording | Sequence[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
-) -> Identified:
+    begin: Callable[[Problem, list[Recording]], Start] = begin,
+) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
 
     recordings: sharing their states; any sampling, NaN where samples or channels are missing;
     the noise of each channel of each recording is unknown, white and Gaussian. Where they carry
     derivatives, the states are exact and the equations are fitted directly.
     terms: the library. known: model whose equations of `known_states` hold; the equation of a
-    state X is known to be dX/dt = dX where a state has that name.
+    state X is known to be dX/dt = dX where a state has that name. begin: makes the start.
     The status is `ok`, `not identifiable` (other terms could be there as well), or `refused`.
-    Raises ValueError where the recordings differ in their states.
+    Raises ValueError where the recordings differ in their states, and for other input.
     """
+    recordings = checked_recordings(recordings)
     states = recordings[0].states
-    if any(recording.states != states for recording in recordings):
-        raise ValueError("the recordings do not have the same states")
+    check_question(states, terms, known, known_states)
     problem = make_problem(states, terms, known, known_states)
     try:
         if all(recording.derivatives is not None for recording in recordings):
             return derivative_fit(problem, recordings)
-        return _from_states(problem, recordings)
+        return _from_states(problem, recordings, begin(problem, recordings))
     except (ValueError, FloatingPointError, np.linalg.LinAlgError) as error:
-        return refused(problem, len(recordings), str(error))
+        return refused(problem, str(error))
 
 
-def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
+def _from_states(
+    problem: Problem, recordings: list[Recording], begun: Start
+) -> IdentifiedModel:
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
-    recordings, smoothed, period = prepared(recordings)
+    recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
     measured = [np.isfinite(recording.values) for recording in recordings]
     kept = sum(int(one.sum()) for one in measured)
-    penalty = 2.0 * np.log(kept)
-    start = weak_fit(problem, smoothed, penalty)
+    penalty, start = begun.penalty, begun.fit
     observed = np.flatnonzero(np.any([one.any(axis=0) for one in measured], axis=0))
     condensed, segments, fit = _prepare(problem, recordings, smoothed, observed, period, start)
     fit, step = _iterate(problem, condensed, segments, fit, penalty)
@@ -122,17 +133,15 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
-    status, reason = "refused", shown.objection([problem.states[k] for k in observed])
-    if not fit.support.any():
-        reason = "no term stands out of the noise"
-    elif not reason:
+    objection, questions = shown.objection([problem.states[k] for k in observed]), ""
+    if fit.support.any() and not objection:
         x = np.concatenate([one.states[one.valid] for one in smoothed])
-        reason = open_questions(
+        questions = open_questions(
             problem, step.information, step.right, fit.support, fit.free, penalty, step.misfit, x
         )
-        status = "not identifiable" if reason else "ok"
+    status, reason = verdict(fit.support, objection, questions)
     return assembled(
-        problem, fit.free, fit.support, step.information, step.covariance,
+        problem, fit.free, fit.support, step.information, step.covariance, penalty,
         initial_states=fit.starts[_first_segments(segments)],
         sigma=sigma,
         chi2=shown.chi2,

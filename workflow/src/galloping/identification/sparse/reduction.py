@@ -6,17 +6,16 @@ orthogonal transformation keeps those. Identification therefore works on the tri
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.smoothing import smooth
-from galloping.polynomial import Exponents, design_matrix
+from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
-from galloping.storage import write_arrays
 
 # Contiguous stretches of a recording that are reduced separately, for the bootstrap.
 BLOCKS = 10
@@ -28,11 +27,19 @@ class Regression:
 
     library: (rows, n_terms), targets: (rows, n_states), rows of the stacked block factors.
     observations: (n_states,) effective number of independent observations of each target.
+    states, terms: names of the targets' states, and the candidate library.
     """
 
     library: np.ndarray
     targets: np.ndarray
     observations: np.ndarray
+    states: tuple[str, ...]
+    terms: tuple[Exponents, ...]
+
+    def model(self, coefficients: np.ndarray, thresholds: np.ndarray) -> IdentifiedModel:
+        """What a method makes of it: (n_states, n_terms) coefficients, without a verdict."""
+        model = PolynomialModel(self.states, self.terms, coefficients)
+        return IdentifiedModel(model, "unjudged", thresholds=thresholds)
 
 
 def stretches(n: int) -> list[slice]:
@@ -42,7 +49,10 @@ def stretches(n: int) -> list[slice]:
 
 
 def regression(
-    blocks: Iterable[tuple[np.ndarray, np.ndarray]], observations: np.ndarray
+    blocks: Iterable[tuple[np.ndarray, np.ndarray]],
+    observations: np.ndarray,
+    states: tuple[str, ...],
+    terms: tuple[Exponents, ...],
 ) -> Regression:
     """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
     libraries, targets = [], []
@@ -51,7 +61,8 @@ def regression(
         factor = _triangle(np.column_stack([library, target]))
         libraries.append(factor[:, :p])
         targets.append(factor[:, p:])
-    return Regression(np.concatenate(libraries), np.concatenate(targets), np.asarray(observations))
+    library, target = np.concatenate(libraries), np.concatenate(targets)
+    return Regression(library, target, np.asarray(observations), states, terms)
 
 
 def _triangle(rows: np.ndarray) -> np.ndarray:
@@ -69,15 +80,20 @@ def _triangle(rows: np.ndarray) -> np.ndarray:
 def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regression:
     """The regression of recordings of one system on the candidate library `terms`.
 
-    Where no derivatives were measured they come from `smooth`, and so do the states.
+    Where no derivatives were measured they come from `smooth`, and so do the states. Recordings
+    without any sample, as of a line that diverges, give NaN, which no method can solve.
     Raises ValueError where a value is missing.
     """
+    states = recordings[0].states
+    if any(np.isnan(recording.values).all() for recording in recordings):
+        theta, targets = np.full((1, len(terms)), np.nan), np.full((1, len(states)), np.nan)
+        return Regression(theta, targets, np.zeros(len(states)), states, terms)
     parts = [_differentiated(recording) for recording in recordings]
     x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
     observations = sum(part[2] for part in parts)
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
-    return regression(blocks, observations)
+    return regression(blocks, observations, states, terms)
 
 
 def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -90,19 +106,3 @@ def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.nd
         raise ValueError("recording: sparse regression needs every derivative at every sample")
     n, states = recording.values.shape
     return recording.values, recording.derivatives, np.full(states, n)
-
-
-def write(path: str | os.PathLike, regressions: list[Regression]) -> None:
-    """Replicates of one cell as one .npz."""
-    write_arrays(
-        path,
-        library=np.stack([r.library for r in regressions]),
-        targets=np.stack([r.targets for r in regressions]),
-        observations=np.stack([r.observations for r in regressions]),
-    )
-
-
-def read(path: str | os.PathLike) -> list[Regression]:
-    with np.load(path) as file:
-        arrays = (file["library"], file["targets"], file["observations"])
-    return [Regression(*parts) for parts in zip(*arrays, strict=True)]
