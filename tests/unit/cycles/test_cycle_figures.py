@@ -52,7 +52,7 @@ def drawn(tmp_path, draw):
 
 
 def test_diagram(tmp_path, case, simulator):
-    along = line_diagram(case, "wind_speed", 4, 9)
+    along = line_diagram(case, "wind_speed", 4, 9, simulator)
     simulated = simulation_rows("line", case, "wind_speed", [4, 8], simulator)
     assert [row["kind"] for row in simulated] == ["rest", "cycle"]
     cycles = pd.DataFrame(limit_cycle_rows("line", "wind_speed", along) + simulated)
@@ -66,13 +66,17 @@ def test_diagram(tmp_path, case, simulator):
     drawn(tmp_path, lambda: draw_limit_cycles(cycles, changes, settings))
 
 
-def test_a_continuation_that_fails_is_a_row(case):
-    along = line_diagram(case, "damping_vertical", 0.001, 0.02)
-    rows = bifurcation_rows("line", "damping_vertical", along, case)
-    notes = [row["note"] for row in rows if row["name"] == "end"]
-    assert all(note for note in notes)
+def test_parameters_without_a_hopf_bifurcation_in_their_range(case, simulator):
+    along = line_diagram(case, "tension", 24e3, 27e3, simulator)
+    cycles = pd.DataFrame(limit_cycle_rows("line", "tension", along))
+    assert set(cycles["unit"]) == {"N"} and {24e3, 27e3} <= set(cycles["value"])
+    own = cycles.iloc[(cycles["value"] - 25e3).abs().argsort()[:1]]
+    assert own["w_m"].item() == pytest.approx(2.13, abs=0.3)
+    calm = line_diagram(case, "wind_speed", 2, 4, simulator)
+    rows = bifurcation_rows("line", "wind_speed", calm, case)
+    assert rows[-1]["note"].startswith("no limit cycle: no Hopf bifurcation in 2..4 m/s, and at 3")
     with pytest.raises(ValueError, match="it can vary wind_speed"):
-        line_diagram(case, "phase_of_the_moon", 0, 1)
+        line_diagram(case, "phase_of_the_moon", 0, 1, simulator)
 
 
 def test_map_and_orbits(tmp_path, case, simulator):

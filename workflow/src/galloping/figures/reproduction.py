@@ -10,7 +10,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from galloping.figures.style import DOUBLE, spoken
+from galloping.figures.style import DOUBLE
 
 COLORS = ("#ffffff", "#d9d9d9", "#11115a")  # not run, not met, met
 
@@ -21,7 +21,7 @@ def draw_reproduction(table: pd.DataFrame, settings: Mapping) -> Figure:
     table: of `reproduction_rows`. settings: labels, of the parameters, by name in their order.
     """
     names = [name for name in settings["labels"] if name in set(table["parameter"])]
-    claims = list(dict.fromkeys(table["claim"]))
+    claims = list(dict.fromkeys(table["claim"]))[::-1]  # the first on top
     widths = [table[table["parameter"] == name]["value"].nunique() for name in names]
     figure = Figure(figsize=(DOUBLE, 1.3 + 0.17 * len(claims)), layout="constrained")
     panes = figure.subplots(1, len(names), sharey=True, squeeze=False, width_ratios=widths)[0]
@@ -46,7 +46,7 @@ def draw_reproduction(table: pd.DataFrame, settings: Mapping) -> Figure:
             axes.text(k, len(claims) - 0.3, str(met.get(value, 0)), ha="center", va="bottom",
                       size="small")  # fmt: skip
         axes.set_ylim(-0.5, len(claims) + 0.5)
-    panes[0].set_yticks(np.arange(len(claims)), [spoken(claim) for claim in claims])
+    panes[0].set_yticks(np.arange(len(claims)), claims)
     figure.legend(
         handles=[Patch(fc=COLORS[2], label="met"), Patch(fc=COLORS[1], label="not met")],
         loc="outside lower center", ncols=2, title="* the study's value; numbers: claims met",
