@@ -17,7 +17,7 @@ def ensemble(
     *,
     threshold: float | None,
     path_length: int,
-    ensemble_models: int,
+    models: int,
     rng: np.random.Generator,
 ) -> IdentifiedModel:
     """Bagging on the rows of the reduced regression, a term stays if most models have it.
@@ -34,7 +34,7 @@ def ensemble(
     size = library.shape[1] + targets.shape[1]  # rows of a block
     # targets in units of their threshold, as in stlsq.fit
     scaled = _mixed(targets, size) / thresholds
-    medians = bagged_medians(_mixed(library, size), scaled, ensemble_models, rng)
+    medians = bagged_medians(_mixed(library, size), scaled, models, rng)
     medians = medians * thresholds[:, np.newaxis]
     support = (np.abs(medians) >= NEGLIGIBLE)[:, np.newaxis]
     coefficients = refit(library, targets, support)[:, 0]
