@@ -372,7 +372,7 @@ class Library(Section):
 
     degree: whole(ge=1, le=5) = setting(3, "highest degree of the candidate library", "1")
     methods: selection(MethodName) = setting(
-        tuple(method.name for method in METHODS), "identification methods"
+        tuple(m.name for m in METHODS if m.by_default), "identification methods"
     )
 
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.evaluation.cell import evaluate
+from galloping.evaluation.cell import reconstruct
 from galloping.evaluation.coefficients import ORDERS
-from galloping.evaluation.score import UNKNOWN, Truth
+from galloping.evaluation.score import UNKNOWN, Truth, score
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.registry import BY_NAME, REGRESSION, WEAK_FORM
 from galloping.identification.sparse import reduction, weak
@@ -62,18 +62,19 @@ def oracle_rows(
     truth: its model is on the candidate library. replicates: recordings of each. path_length: of
     the thresholds tried.
     """
-    choices: dict[str, dict[str, list[IdentifiedModel]]] = {name: {} for name in CHOICES}
-    for recordings in replicates:
+    named, models = [], []
+    for replicate, recordings in enumerate(replicates):
         for evidence, make in EVIDENCE.items():
             paths = {m: path for m, path in PATHS.items() if BY_NAME[m].evidence == evidence}
-            for method, models in _chosen(truth.model, recordings, make, paths, path_length):
-                for choice, model in zip(CHOICES, models, strict=True):
-                    choices[choice].setdefault(method, []).append(model)
-    unknown = np.full((1, *truth.model.coefficients.shape), np.nan)
+            for method, chosen in _chosen(truth.model, recordings, make, paths, path_length):
+                for choice, model in zip(CHOICES, chosen, strict=True):
+                    named.append({"choice": choice, "method": method, "replicate": replicate})
+                    models.append(model)
+    unknown = np.full(truth.model.coefficients.shape, np.nan)
+    motions = reconstruct(truth, models)  # all at once: an integrator takes longest to be made
     return [
-        {"choice": choice, **row}
-        for choice, models in choices.items()
-        for row in evaluate(truth, models, unknown)[0]
+        name | score(truth, model, motion, unknown)
+        for name, model, motion in zip(named, models, motions, strict=True)
     ]
 
 

@@ -27,6 +27,7 @@ class Method:
     replicate and the keywords `options`, and returns an `IdentifiedModel`.
     options: its own section of the `identification` settings, keywords of the function. given:
     further keywords: `degree` of the library, `seed` of the study, `rng` of the replicate.
+    by_default: whether a study has it that names none.
     takes: what a protocol may measure: RATES, STATES, DISPLACEMENTS.
     needs_uniform: whether the samples must be equally spaced, which random subsets are not.
     """
@@ -40,6 +41,7 @@ class Method:
     needs_uniform: bool
     summary: str
     given: tuple[str, ...] = ()
+    by_default: bool = True
 
     @property
     def protocols(self) -> tuple[str, ...]:
@@ -101,6 +103,7 @@ METHODS = (
         takes=(RATES, STATES),
         needs_uniform=False,
         summary="least squares with an l1 penalty",
+        by_default=False,  # no better than frols where it was tried, at twenty times the cost
     ),
     Method(
         name="frols",

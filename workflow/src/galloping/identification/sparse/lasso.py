@@ -11,7 +11,7 @@ from galloping.identification.sparse.cross_validation import judge
 from galloping.identification.sparse.reduction import Evidence
 from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit, scores, solve
 
-PENALTIES = np.geomspace(1, NEGLIGIBLE**2, 60)  # of unit columns, in units of the first to act
+PENALTIES = np.geomspace(1, 1e-6, 45)  # of unit columns and targets, as sums over rows
 
 
 def lasso(evidence: Evidence, *, threshold: float | None) -> IdentifiedModel:
@@ -45,7 +45,9 @@ def supports_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
     """Supports (f, m, k, p) at PENALTIES, of problems with unit columns and targets."""
     supports = np.zeros((*moments.shape[:2], len(PENALTIES), moments.shape[2]), dtype=bool)
     for f, m in np.ndindex(moments.shape[:2]):
-        kinks, _, path = lars_path_gram(moments[f, m], grams[f], n_samples=1, method="lasso")
+        kinks, _, path = lars_path_gram(
+            moments[f, m], grams[f], n_samples=1, method="lasso", alpha_min=PENALTIES[-1]
+        )
         for place, penalty in enumerate(PENALTIES):
             # the coefficients that are not zero between two kinks are those of either
             after = np.searchsorted(-kinks, -penalty)

@@ -71,15 +71,11 @@ def thresholded_supports(
     moving = np.ones((m, k), dtype=bool)
     while np.any(moving):
         rows, columns = np.nonzero(moving)
-        keys = np.column_stack([rows, supports[rows, columns]])
-        distinct, where = np.unique(keys, axis=0, return_inverse=True)
-        solved = np.empty((len(distinct), p))
-        for target in range(m):
-            mine = distinct[:, 0] == target
-            if np.any(mine):
-                chosen = distinct[np.newaxis, mine, 1:].astype(bool)
-                solved[mine] = solve(gram, moments[[target]], chosen)[0]
-        coefficients = solved[where.ravel()]
+        # neighbouring thresholds mostly have the same support: each is solved once
+        keys = np.column_stack([rows, np.packbits(supports[rows, columns], axis=1)])
+        _, first, where = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        distinct = supports[rows[first], columns[first]][:, np.newaxis]
+        coefficients = solve(gram, moments[rows[first]], distinct)[where.ravel(), 0]
         kept = np.abs(coefficients) * weights >= thresholds[rows, columns][:, np.newaxis]
         kept &= supports[rows, columns]
         moving[rows, columns] = np.any(kept != supports[rows, columns], axis=1)
