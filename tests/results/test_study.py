@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-SPARSE = ["stlsq", "stlsq_raw", "lasso", "ensemble", "weak"]
+SPARSE = ["stlsq", "stlsq_raw", "frols", "ensemble", "weak"]
 LINE = "internal_resonance"
 
 
