@@ -138,8 +138,9 @@ def _bifurcations(study: Study) -> Sources:
 
 
 def _maps(study: Study) -> Sources:
-    maps = [sweep for sweep in study.sweeps if sweep.is_map]
-    parts = [_blocks(study, case, sweep) for case in study.cases for sweep in maps]
+    """Of the first case: lines that differ in what is varied have the same map."""
+    case = shown.first_case(study)
+    parts = [_blocks(study, case, sweep) for sweep in study.sweeps if sweep.is_map]
     return {"parts": {name: block for part in parts for name, block in part.items()}}
 
 
