@@ -14,6 +14,7 @@ import numpy as np
 from galloping.identification.likelihood.ambiguity import open_questions
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
+from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
 from galloping.identification.likelihood.result import assembled, refused, verdict
@@ -92,7 +93,8 @@ def maximum_likelihood(
     derivatives, the states are exact and the equations are fitted directly.
     terms: the library. known: model whose equations of `known_states` hold; the equation of a
     state X is known to be dX/dt = dX where a state has that name.
-    The status is `ok`, `not identifiable` (other terms could be there as well), or `refused`.
+    The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
+    model of the library follows the data to the noise; see `model_error`), or `refused`.
     Raises ValueError where the recordings differ in their states.
     """
     states = recordings[0].states
@@ -116,6 +118,33 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedMod
     start = weak_fit(problem, smoothed, penalty)
     observed = np.flatnonzero(np.any([one.any(axis=0) for one in measured], axis=0))
     condensed, segments, fit = _prepare(problem, recordings, smoothed, observed, period, start)
+    try:
+        exact = _exact(problem, condensed, segments, fit, smoothed, period, penalty, kept / samples)
+    except FloatingPointError as error:
+        exact = refused(problem, str(error))
+    if exact.status != "refused":
+        return exact
+    states, _ = _window_states(condensed, recordings, smoothed)
+    return approximation(
+        problem, condensed, segments, states, fit.free, fit.sigma, fit.floor, penalty, exact.reason
+    )
+
+
+def _exact(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    fit: Fit,
+    smoothed: list[Smooth],
+    period: float,
+    penalty: float,
+    kept_share: float,
+) -> IdentifiedModel:
+    """The model that follows the data to the noise; refused where none does.
+
+    Raises FloatingPointError where the iteration does not settle.
+    """
+    observed = condensed.observed
     fit, step = _iterate(problem, condensed, segments, fit, penalty)
     remaining, shown = _remaining(problem, condensed, fit, segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:
@@ -124,8 +153,8 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedMod
         fit, step = _iterate(problem, condensed, segments, fit, penalty)
         remaining, shown = _remaining(problem, condensed, fit, segments, period)
     squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
-    sigma = np.full((len(recordings), len(problem.states)), np.nan)
-    parameters = int(fit.support.sum()) + len(recordings) * len(problem.states)
+    sigma = np.full((len(smoothed), len(problem.states)), np.nan)
+    parameters = int(fit.support.sum()) + len(smoothed) * len(problem.states)
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
@@ -149,7 +178,7 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedMod
             "residual_band_allowed": shown.band_allowed,
             "residual_line": shown.line,
             "residual_line_allowed": shown.line_allowed,
-            "removed_share": 1.0 - kept / samples,
+            "removed_share": 1.0 - kept_share,
         },
     )  # fmt: skip
 

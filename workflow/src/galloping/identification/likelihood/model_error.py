@@ -16,10 +16,12 @@ import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.result import assembled, refused
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.sensitivity import integrate
 from galloping.identification.likelihood.shooting import Segments
 from galloping.identification.likelihood.taylor import system
+from galloping.identification.model import IdentifiedModel
 
 PENALTIES = (4.0, 10.0, 25.0)  # times that of exact models: a wrong model needs stronger evidence
 PERIODS = 6  # of a segment
@@ -141,6 +143,57 @@ def approximate(
         if np.mean(worse) <= np.std(worse) / np.sqrt(len(worse)):
             return one
     return found[0]
+
+
+def approximation(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    states: np.ndarray,
+    free: np.ndarray,
+    sigma: np.ndarray,
+    floor: np.ndarray,
+    penalty: float,
+    objection: str,
+) -> IdentifiedModel:
+    """The identified model of `approximate`, which takes the other arguments.
+
+    objection: why no model of the library is right. Refused where no model can be integrated or
+    its forecasts are no better than the mean of the data. The diagnostics are the R2 of the
+    forecasts and the error of each channel as a share of its motion: in all, slow (below half of
+    the frequency at which the channel mostly moves), near it, and fast (above one and a half).
+    """
+    try:
+        made = approximate(problem, condensed, segments, states, free, sigma, floor, penalty)
+    except (FloatingPointError, np.linalg.LinAlgError) as error:
+        return refused(problem, f"{objection}; {error}")
+    if not made.skill > 0.0:
+        return refused(problem, f"{objection}; what comes near it predicts nothing")
+    shares = error_shares(made, condensed)
+    names = [problem.states[k] for k in condensed.observed]
+    noise = np.full((len(condensed.counts), len(problem.states)), np.nan)
+    inside = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
+    noise[:, condensed.observed] = np.where(condensed.counts > 0, np.sqrt(inside), np.nan)
+    named = ", ".join(
+        f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
+    )
+    firsts = np.unique(segments.recording, return_index=True)[1]
+    return assembled(
+        problem, made.free, made.support, made.information, made.covariance, penalty,
+        initial_states=made.starts[firsts],
+        sigma=noise,
+        chi2=float(np.sum(made.forecast[1]) / np.sum(made.forecast[2])),
+        status="approximate",
+        reason=f"{objection}; forecasts over {PERIODS} periods leave {named}",
+        diagnostics={
+            "forecast_r2": made.skill,
+            **{
+                f"error_share_{band}_{name}": float(share)
+                for name, row in zip(names, shares, strict=True)
+                for band, share in zip(("all", "slow", "near", "fast"), row, strict=True)
+            },
+        },
+    )  # fmt: skip
 
 
 def _sizes(segments: Segments, states: np.ndarray) -> np.ndarray:
