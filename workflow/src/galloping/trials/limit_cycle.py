@@ -1,4 +1,4 @@
-"""The limit cycle ahead of its time: what a model from a short recording says of the steady state."""
+"""The limit cycle ahead of its time: what a short recording says of the steady state."""
 
 from __future__ import annotations
 
