@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import norm, t
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.problem import Problem
@@ -23,14 +24,17 @@ from galloping.identification.likelihood.shooting import Segments
 from galloping.identification.likelihood.taylor import system
 from galloping.identification.model import IdentifiedModel
 
-PENALTIES = (4.0, 10.0, 25.0)  # times that of exact models: a wrong model needs stronger evidence
+PENALTIES = (10.0, 25.0)  # times that of exact models: a wrong model needs stronger evidence
 PERIODS = 6  # of a segment
 PASSES = 12
 FREE_PASSES = 2  # before terms are chosen
 CHOOSING_PASSES = 8
 CONVERGED = 0.05  # squared length of a step, in standard deviations
 MOST_HALVINGS = 6
-MOST_GROUPS = 24  # of segments left out together
+MOST_GROUPS = 12  # of segments left out together
+SYSTEMATIC = (
+    2.0  # total variance over that between stretches: what errs alike in all may be as large
+)
 FIRST_JUMP = 0.05  # relative to each state
 QUIET = 0.03  # size of a motion, relative to the whole record's, below which jumps stay as large
 RIDGE = 1e-12
@@ -43,7 +47,7 @@ class Approximation:
 
     free, support: (n_candidates,). starts: (n_segments, n_states). information, covariance: of
     the candidates with the disturbance accounted for, and of the supported ones by leaving
-    stretches out (delete-a-group jackknife).
+    stretches out (delete-a-group jackknife), widened for what errs alike in all stretches.
     forecast: per segment and channel the mean squares of data, of what is left of them by
     forecasts from its beginning, and of the noise, (3, n_segments, n_observed). residual:
     (n_windows, n_observed) of those forecasts, as the mean of a window's samples times the root
@@ -403,7 +407,9 @@ def _judged(
         predicted = _predicted(problem, part, stretch, fit.free + change, starts[group])
         residual[own] = condensed.targets[own] - predicted
     spread = changes - changes.mean(axis=0)
-    covariance = (len(groups) - 1) / len(groups) * spread.T @ spread
+    freedom = max(len(groups) - 1, 1)
+    few = (t.ppf(0.975, freedom) / norm.ppf(0.975)) ** 2  # so that normal intervals hold
+    covariance = SYSTEMATIC * few * freedom / len(groups) * spread.T @ spread
     solved = _joint(linear, segments, fit.starts, fit.jump, size)
     inside = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
     windows = np.diff(segments.first)[:, None]
