@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from galloping.evaluation.cell import evaluate, reconstruct
 from galloping.evaluation.coefficients import (
     coverage,
     efficiency,
@@ -18,18 +19,19 @@ from galloping.evaluation.coefficients import (
 )
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.reconstruction import summarise as summarise_motions
-from galloping.evaluation.score import Truth, reconstruct, score
+from galloping.evaluation.score import Truth, score
 from galloping.identification.model import IdentifiedModel
+from galloping.physics.derived import Derived
 from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, library
 from galloping.simulation import Simulator, Trajectory
 from galloping.tables.claims import CLAIMS, Claim, claims_table, verdict
-from galloping.tables.coefficients import identified_terms, table3
+from galloping.tables.coefficients import table3
 from galloping.tables.data_amount import data_amount
 from galloping.tables.noise import noise_coefficients, noise_r2
 from galloping.tables.parameters import conductor, spacers
-from galloping.tables.summary import interval, read_scores
+from galloping.tables.summary import all_scores, interval
 
 INF = float("inf")
 
@@ -154,9 +156,10 @@ def truth(resonant):
 
 
 def test_the_true_model_scores_best(truth):
-    simulator = Simulator(truth.model.states, truth.model.terms)
-    result = unjudged(truth.model, truth.model.coefficients)
-    row = score(truth, result, reconstruct(simulator, truth, result), NO_BOUND)
+    models = {"stlsq": [unjudged(truth.model, truth.model.coefficients)]}
+    (row,), shown = evaluate(truth, models, NO_BOUND[np.newaxis])
+    assert (row["method"], row["replicate"]) == ("stlsq", 0)
+    assert np.array_equal(shown["stlsq"].low, shown["stlsq"].high)
     assert row["status"] == "ok"
     assert (row["missing"], row["spurious"], row["true_positive_ratio"]) == (0, 0, 1)
     errors = [value for name, value in row.items() if "error" in name or name == "e2"]
@@ -193,7 +196,8 @@ def test_failures_are_rows_of_worst_values(truth, failure):
         result.model.coefficients[2, 31:] = 0.0
     simulator = Simulator(truth.model.states, truth.model.terms)
     bound = np.full((4, 35), 0.1)
-    row = score(truth, result, reconstruct(simulator, truth, result), bound)
+    (motion,) = reconstruct(simulator, truth, [result])
+    row = score(truth, result, motion, bound)
     expected = "refused: stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
     assert row["status"].startswith(expected)
     for state in ("q_v", "q_w"):
@@ -209,12 +213,11 @@ def test_failures_are_rows_of_worst_values(truth, failure):
 
 def test_representative_motion_is_the_median_one():
     time = np.arange(0, 10, 0.01)
-    motions = [Trajectory(time, np.full((1000, 4), float(k)), "ok") for k in range(5)]
-    scores = [{"r2_q_v": r2, "r2_q_w": 0.0} for r2 in (0.9, -INF, 0.5, 0.7, 0.99)]
-    summary = summarise_motions(motions, scores)
-    assert np.diff(summary["time"]) == pytest.approx(np.full(199, 0.05))
-    assert np.all(summary["representative"] == 3)
-    assert summary["low"][0] == pytest.approx(0.2) and summary["high"][0] == pytest.approx(3.8)
+    states = np.stack([np.full((1000, 4), float(k)) for k in range(5)])
+    summary = summarise_motions(time, states, np.array([0.9, -INF, 0.5, 0.7, 0.99]))
+    assert np.diff(summary.time) == pytest.approx(np.full(199, 0.05))
+    assert np.all(summary.representative == 3)
+    assert summary.low[0] == pytest.approx(0.2) and summary.high[0] == pytest.approx(3.8)
 
 
 # --- intervals ---
@@ -267,6 +270,7 @@ def study_scores(replicates=4):
                 "case": case,
                 "protocol": "state",
                 "cell": cell,
+                "kind": cell.partition("_")[0],
                 "level": level,
                 "points": points,
                 "method": method,
@@ -289,21 +293,25 @@ def study_scores(replicates=4):
 
 
 def claims_of(scores, cases=CASES, combinations=(("state", "stlsq"), ("state", "weak"))):
-    return claims_table(scores, 0.05, cases, list(combinations))
+    settings = {"cases": cases, "subset_level": 0.05, "pairs": list(combinations)}
+    return claims_table(scores, settings)
 
 
-@pytest.mark.parametrize("table", [noise_coefficients, noise_r2, data_amount, claims_of])
+@pytest.mark.parametrize("table", [noise_coefficients, noise_r2, data_amount, claims_table])
 def test_tables_do_not_depend_on_the_order_of_replicates(table):
+    settings = {
+        "cases": CASES, "subset_level": 0.05, "pairs": [("state", "stlsq"), ("state", "weak")],
+    }  # fmt: skip
     scores = study_scores()
-    expected = table(scores)
+    expected = table(scores, settings)
     for seed in range(5):
         shuffled = scores.sample(frac=1, random_state=seed, ignore_index=True)
-        pd.testing.assert_frame_equal(table(shuffled), expected)
+        pd.testing.assert_frame_equal(table(shuffled, settings), expected)
 
 
 def test_noise_tables_hold_whole_records_with_failures_counted():
     scores = study_scores()
-    errors, r2 = noise_coefficients(scores), noise_r2(scores)
+    errors, r2 = noise_coefficients(scores, {}), noise_r2(scores, {})
     assert set(errors["order"]) == {"linear", "quadratic", "cubic"}
     assert set(errors["level"]) == set(r2["level"]) == {0.0, 0.05}
     assert len(r2) == 2 * 2 * 2 * 2 and len(errors) == 2 * 2 * 2 * 3
@@ -320,7 +328,7 @@ def test_noise_tables_hold_whole_records_with_failures_counted():
 
 
 def test_data_amount_holds_subsets():
-    table = data_amount(study_scores())
+    table = data_amount(study_scores(), {})
     assert set(table["points"]) == {1000} and set(table["method"]) == {"stlsq"}
     assert len(table) == 2 * 2
     assert set(table["failures"]) == {1}
@@ -329,14 +337,11 @@ def test_data_amount_holds_subsets():
     assert np.isfinite(table[["amplitude_error_percent", "r2"]]).all(axis=None)
 
 
-def test_scores_are_read_in_one_order(tmp_path):
+def test_scores_of_cells_stand_in_one_order():
     scores = study_scores()
-    paths = []
-    for i, (_, cell) in enumerate(scores.groupby(["case", "method", "cell"])):
-        paths.append(tmp_path / f"{i}.csv")
-        cell.to_csv(paths[-1], index=False)
-    forward, backward = read_scores(paths), read_scores(paths[::-1])
-    pd.testing.assert_frame_equal(forward, backward)
+    cells = {str(k): cell for k, (_, cell) in enumerate(scores.groupby(["case", "method", "cell"]))}
+    forward = all_scores(cells, {})
+    pd.testing.assert_frame_equal(forward, all_scores(dict(reversed(cells.items())), {}))
     assert len(forward) == len(scores)
 
 
@@ -413,7 +418,9 @@ def test_claims_about_a_case_left_out_are_not_run():
 
 
 def test_subsets_at_another_level_answer_no_claim():
-    table = claims_table(study_scores(), 0.1, CASES, [("state", "stlsq")])
+    table = claims_table(
+        study_scores(), {"cases": CASES, "subset_level": 0.1, "pairs": [("state", "stlsq")]}
+    )
     subsets = table["claim"].str.contains("points")
     assert subsets.sum() == 10
     assert set(table.loc[subsets, "verdict"]) == {"not run"}
@@ -464,8 +471,9 @@ def test_table_3_shows_true_and_spurious_terms(cases):
     off[3, terms.index((0, 0, 0, 1))] = 0.0  # kappa_1 missed
     off[3, terms.index((1, 0, 0, 0))] = -0.5  # kappa_8 spurious
     off[2, terms.index((0, 0, 0, 3))] = 0.2  # spurious, without a symbol
-    table = identified_terms(true, [unjudged(model(true), off, terms)] * 3, terms)
-    table = table3(table.assign(case="a", protocol="state", method="stlsq", level=0.0))
+    settings = {"cases": ["a"], "protocol": "state", "method": "stlsq", "level": 0.0, "degree": 3}
+    identified = {"a": {"stlsq": [unjudged(model(true), off, terms)] * 3}}
+    table = table3({"a": Derived(model(true), true, {})}, identified, settings)
     by_symbol = table.set_index("symbol")
     assert list(table["equation"].unique()) == ["vertical", "horizontal"]
     present = [symbol for symbol, value in true.items() if value]
@@ -482,7 +490,7 @@ def test_table_3_shows_true_and_spurious_terms(cases):
 
 
 def test_parameters_have_units_and_provenance(cases):
-    rows = pd.DataFrame(conductor(cases) + spacers(cases))
+    rows = pd.concat([conductor({"cases": cases}), spacers({"cases": cases})], ignore_index=True)
     assert set(rows["case"]) == set(CASES)
     assert set(rows["provenance"]) <= {"seed", "derived", "assumed"}
     values = rows[rows["case"] == "non_resonant"].set_index("key")["value"]

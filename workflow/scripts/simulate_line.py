@@ -1,26 +1,26 @@
-"""Trajectories of one case on its sampling grid, one for each release."""
+"""Motions of one case on its sampling grid, one for each release."""
 
 import numpy as np
 
-from galloping.physics.equations import STATES, model
+from galloping.measurement.motion import Motion
 from galloping.reproducibility.job import run
 from galloping.simulation import Simulator, time_grid
-from galloping.storage import read_json, write_arrays
+from galloping.study.files import models, trajectories
 
 
 def main() -> None:
     settings = snakemake.params.settings
-    line = model(read_json(snakemake.input.model)["coefficients"])
+    line = models.read(snakemake.input.model).model
     time = time_grid(settings["duration"], settings["sampling_rate"])
     simulator = Simulator(line.states, line.terms)
-    states = []
+    motions = []
     for release in settings["releases"]:
-        start = np.array([release[name] for name in STATES])
+        start = np.array([release[name] for name in line.states])
         trajectory = simulator(line, start, time)
         if trajectory.status != "ok":
             raise ValueError(f"{snakemake.wildcards.case}: the line itself {trajectory.status}")
-        states.append(trajectory.states)
-    write_arrays(snakemake.output.trajectory, time=time, states=np.stack(states))
+        motions.append(Motion(line.states, time, trajectory.states, line(trajectory.states)))
+    trajectories.write(snakemake.output.trajectory, motions)
 
 
 run(main, snakemake)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 
 import numpy as np
-
-from galloping.storage import write_arrays
 
 
 @dataclass(frozen=True)
@@ -44,56 +41,3 @@ class Recording:
         """Whether the samples are equally spaced (to a thousandth of the spacing)."""
         steps = np.diff(self.time)
         return bool(np.ptp(steps) < 1e-3 * steps.mean())
-
-
-@dataclass(frozen=True)
-class Recordings:
-    """Replicates of one cell, each one or several recordings that share one model."""
-
-    replicates: tuple[tuple[Recording, ...], ...]
-
-    def write(self, path: str | os.PathLike) -> None:
-        """One .npz; what all replicates share (times, exact states) is stored once."""
-        arrays: dict[str, np.ndarray] = {
-            "states": np.array(self.replicates[0][0].states),
-            "replicates": np.array(len(self.replicates)),
-        }
-        for i, copies in enumerate(zip(*self.replicates, strict=True)):
-            for field in FIELDS:
-                if getattr(copies[0], field) is not None:
-                    stacked = [getattr(copy, field) for copy in copies]
-                    arrays[f"{field}_{i}"] = _stack(stacked)
-        write_arrays(path, **arrays)
-
-    @classmethod
-    def read(cls, path: str | os.PathLike) -> Recordings:
-        """Recordings as `write` left them."""
-        with np.load(path) as file:
-            arrays = {key: file[key] for key in file.files}
-        states = tuple(map(str, arrays.pop("states")))
-        count = int(arrays.pop("replicates"))
-        releases = sum(key.startswith("time_") for key in arrays)
-
-        def one(replicate: int, i: int) -> Recording:
-            parts = {
-                field: arrays[key][replicate % len(arrays[key])]
-                for field in FIELDS
-                if (key := f"{field}_{i}") in arrays
-            }
-            return Recording(states=states, **parts)
-
-        return cls(tuple(tuple(one(r, i) for i in range(releases)) for r in range(count)))
-
-
-def read_replicates(path: str | os.PathLike) -> tuple[tuple[Recording, ...], ...]:
-    """The recordings of each replicate in a file."""
-    return Recordings.read(path).replicates
-
-
-FIELDS = ("time", "values", "derivatives")
-
-
-def _stack(arrays: list[np.ndarray]) -> np.ndarray:
-    """All replicates, or one in place of all that are equal."""
-    shared = all(np.array_equal(arrays[0], a, equal_nan=True) for a in arrays[1:])
-    return arrays[0][np.newaxis] if shared else np.stack(arrays)

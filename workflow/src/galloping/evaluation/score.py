@@ -15,11 +15,12 @@ from galloping.evaluation.coefficients import (
 )
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.identification.model import IdentifiedModel
+from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import PolynomialModel
-from galloping.simulation import Simulator, Trajectory
+from galloping.simulation import Trajectory
 
 DISPLACEMENTS = {"q_v": 0, "q_w": 1}
-EQUATIONS = (2, 3)  # the kinematic rows carry no parameter of the line
+UNKNOWN = tuple(EQUATIONS)  # the kinematic rows carry no parameter of the line
 
 
 @dataclass(frozen=True)
@@ -40,13 +41,6 @@ class Truth:
         return slice(int(first), int(last))
 
 
-def reconstruct(simulator: Simulator, truth: Truth, result: IdentifiedModel) -> Trajectory:
-    """The identified model's motion from the true initial state."""
-    if result.status == "refused":
-        return Trajectory(truth.time, np.full_like(truth.states, np.nan), result.verdict)
-    return simulator(result.model, truth.states[0], truth.time)
-
-
 def score(
     truth: Truth, result: IdentifiedModel, motion: Trajectory, bound: np.ndarray
 ) -> dict[str, float | str]:
@@ -57,12 +51,12 @@ def score(
     coefficients = result.model.coefficients
     rows, step = truth.steady_rows, float(truth.time[1] - truth.time[0])
     row: dict[str, float | str] = {"status": motion.status, "verdict": result.verdict}
-    for order, error in mean_error_by_order(truth.model, coefficients, EQUATIONS).items():
+    for order, error in mean_error_by_order(truth.model, coefficients, UNKNOWN).items():
         row[f"mean_error_{order}_percent"] = 100 * error
     row["e2"] = relative_norm_error(truth.model, coefficients)
     row |= support_scores(truth.model, coefficients)
-    row["efficiency"] = efficiency(truth.model, coefficients, bound, EQUATIONS)
-    row |= coverage(truth.model, coefficients, result.standard_errors, EQUATIONS)
+    row["efficiency"] = efficiency(truth.model, coefficients, bound, UNKNOWN)
+    row |= coverage(truth.model, coefficients, result.standard_errors, UNKNOWN)
     whole = r_squared(truth.states, motion.states)
     steady = r_squared(truth.states[rows], motion.states[rows])
     amplitude = _relative(steady_amplitude, truth.states[rows], motion.states[rows])

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import panels
-from galloping.figures.style import BOUND, DOUBLE
+from galloping.figures.style import DOUBLE
+from galloping.study.kinds import BOUND
 
 LOWEST, HIGHEST = 0.5, 1e4  # of rms error / bound
 SPREAD = 0.09  # decades, within which methods are moved apart

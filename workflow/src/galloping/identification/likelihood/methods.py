@@ -6,21 +6,32 @@ Second-order systems name their velocities `dX`; that dX/dt is the state dX is t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from galloping.identification.likelihood import maximum_likelihood as likelihood
 from galloping.identification.likelihood import weak_gls as weak
 from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import library
+from galloping.polynomial import Exponents
 from galloping.recording import Recording
 
 
-def weak_gls(recordings: Sequence[Recording], *, degree: int) -> IdentifiedModel:
-    """`likelihood.weak_gls` on the polynomial library up to `degree`."""
-    return weak.weak_gls(list(recordings), library(len(recordings[0].states), degree))
+@dataclass(frozen=True)
+class Start:
+    """What both methods work on: recordings of one system, and the library."""
+
+    recordings: list[Recording]
+    terms: tuple[Exponents, ...]
 
 
-def maximum_likelihood(recordings: Sequence[Recording], *, degree: int) -> IdentifiedModel:
-    """`likelihood.maximum_likelihood` on the polynomial library up to `degree`."""
-    return likelihood.maximum_likelihood(
-        list(recordings), library(len(recordings[0].states), degree)
-    )
+def start(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Start:
+    return Start(list(recordings), terms)
+
+
+def weak_gls(start: Start) -> IdentifiedModel:
+    """`likelihood.weak_gls` on the polynomial library."""
+    return weak.weak_gls(start.recordings, start.terms)
+
+
+def maximum_likelihood(start: Start) -> IdentifiedModel:
+    """`likelihood.maximum_likelihood` on the polynomial library."""
+    return likelihood.maximum_likelihood(start.recordings, start.terms)
