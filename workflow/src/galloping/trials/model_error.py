@@ -34,7 +34,7 @@ STEADY = 200  # s, from where amplitudes are read
 LENGTH_SCALE = 100.0  # m, of the gusts: some tens of metres above open country
 SPECTRUM = "von_karman"
 FORECAST = 15.0  # s: six vertical periods
-DRAWS = 40  # of the coefficients, for the intervals
+DRAWS = 24  # of the coefficients, for the intervals
 NORMAL = 1.96
 QUANTITIES = (
     "amplitude_v", "amplitude_w", "damping_v", "frequency_v", "damping_w", "frequency_w",
@@ -190,7 +190,7 @@ def trial(
     methods: Mapping[str, Callable[[Sequence[Recording]], IdentifiedModel]],
     *,
     seed: int,
-    replicates: int,
+    replicates: Sequence[int],
 ) -> pd.DataFrame:
     """One row for each replicate and method on the truth `name` of TRUTHS.
 
@@ -212,7 +212,7 @@ def trial(
         ]
     )  # fmt: skip
     rows = []
-    for replicate in range(replicates):
+    for replicate in replicates:
         rng = generator(seed, "model_error", name, replicate)
         clean = motion(case, line, truth, time, rng)
         noise = NOISE * clean.std(axis=0) * rng.standard_normal(clean.shape)
@@ -289,14 +289,15 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 
 def default_methods() -> dict[str, Callable[[Sequence[Recording]], IdentifiedModel]]:
     """maximum_likelihood, weak_gls, and pysindy's STLSQ on splines, with their defaults."""
-    from galloping.identification.likelihood.methods import maximum_likelihood, weak_gls
+    from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+    from galloping.identification.likelihood.weak_gls import weak_gls
     from galloping.identification.sparse.reduction import reduce
     from galloping.identification.sparse.stlsq import normalised
 
     terms = library(len(STATES), DEGREE)
     return {
-        "maximum_likelihood": lambda recordings: maximum_likelihood(recordings, degree=DEGREE),
-        "weak_gls": lambda recordings: weak_gls(recordings, degree=DEGREE),
+        "maximum_likelihood": lambda recordings: maximum_likelihood(recordings, terms),
+        "weak_gls": lambda recordings: weak_gls(recordings, terms),
         "stlsq": lambda recordings: normalised(
             reduce(recordings, terms), threshold=None, path_length=50
         ),

@@ -24,7 +24,8 @@ from galloping.identification.likelihood.shooting import Segments
 from galloping.identification.likelihood.taylor import system
 from galloping.identification.model import IdentifiedModel
 
-PENALTIES = (10.0, 25.0)  # times that of exact models: a wrong model needs stronger evidence
+PENALTIES = (7.0, 25.0)  # times that of exact models: a wrong model needs stronger evidence
+WORTH = 0.25  # of a term: fall of the forecast error, in standard errors of the difference
 PERIODS = 6  # of a segment
 PASSES = 12
 FREE_PASSES = 2  # before terms are chosen
@@ -124,7 +125,7 @@ def approximate(
     sigma, floor: (n_recordings, n_observed) noise of the projections and the least to assume.
     penalty: worth of a term in units of chi^2, were the model exact.
     Of several supports, the smallest is taken whose squared forecast error exceeds the least by no
-    more than the standard error of the difference. Raises FloatingPointError where no model is
+    more than a quarter of the standard error of the difference for every term saved. Raises FloatingPointError where no model is
     found that can be integrated over a segment.
     """
     size = _sizes(segments, states)
@@ -141,12 +142,13 @@ def approximate(
     if not found:
         raise FloatingPointError("no term stands out of the noise")
     errors = [np.mean(one.forecast[1] / one.forecast[0].mean(axis=0), axis=1) for one in found]
-    best = errors[int(np.argmin([np.mean(e) for e in errors]))]
+    best = int(np.argmin([np.mean(error) for error in errors]))
     for one, error in zip(reversed(found), reversed(errors), strict=True):
-        worse = error - best
-        if np.mean(worse) <= np.std(worse) / np.sqrt(len(worse)):
+        worse = error - errors[best]
+        saved = max(found[best].support.sum() - one.support.sum(), 0)
+        if np.mean(worse) <= WORTH * saved * np.std(worse) / np.sqrt(len(worse)):
             return one
-    return found[0]
+    return found[best]
 
 
 def approximation(
