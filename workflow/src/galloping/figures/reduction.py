@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from galloping.figures import panels
 from galloping.figures.style import DOUBLE, MODEL, PAPER
@@ -41,17 +42,27 @@ def draw_reduction(table: pd.DataFrame) -> Figure:
                     axes.plot(
                         places, height, ls="", marker=look["marker"], mec=look["color"],
                         mfc=face or look["color"], clip_on=False,
-                        label=key.removeprefix("r2_").removesuffix("_s").replace("_", "-") + " s",
                     )  # fmt: skip
-                axes.legend(loc="upper right", ncols=3, handletextpad=0.2, columnspacing=0.8)
                 axes.set_xticks(places, lines, rotation=60, ha="right")
             else:
-                axes.plot(places, of_direction.loc[lines, quantity], ls="", **look, label="line")
-                model = of_direction.loc[TWO_MODES, quantity]
-                axes.axhline(model, color="k", lw=0.8, ls="--", label="two-mode model")
+                axes.plot(places, of_direction.loc[lines, quantity], ls="", **look)
+                axes.axhline(of_direction.loc[TWO_MODES, quantity], color="k", lw=0.8, ls="--")
                 axes.set_ylim(0, None)
-                if row == 0 and column == 0:
-                    axes.legend(loc="lower left")
             if column == 0:
                 axes.set_ylabel(label)
+    model = Line2D([], [], color="k", lw=0.8, ls="--", label="two-mode model")
+    entries = [Line2D([], [], ls="", **look, label=name) for name, look in LOOKS.items()]
+    stretches = [
+        Line2D([], [], ls="", marker="o", mec="k", mfc=face or "k", label=f"$R^2$, {_named(key)}")
+        for key, face in R2_LOOKS.items()
+    ]
+    figure.legend(
+        handles=[*entries, model, *stretches], loc="outside upper center", ncols=6,
+        handletextpad=0.3, columnspacing=1.2,
+    )  # fmt: skip
     return figure
+
+
+def _named(key: str) -> str:
+    """0-100 s, of r2_0_100_s."""
+    return key.removeprefix("r2_").removesuffix("_s").replace("_", "-") + " s"

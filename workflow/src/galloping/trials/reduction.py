@@ -36,13 +36,15 @@ class Variant:
 
 
 VARIANTS = {
-    **{f"{n} modes": Variant(n) for n in (1, 3, 5, 7, 9, 13)},
+    "1 mode": Variant(1),
+    **{f"{n} modes": Variant(n) for n in (3, 5, 7, 9, 13)},
     "relative wind": Variant(9, "relative"),
-    "relative wind and drag 0.2": Variant(9, "relative", 0.2),
+    "relative, drag 0.2": Variant(9, "relative", 0.2),
     "gusts 2 %": Variant(9, intensity=0.02),
     "gusts 5 %": Variant(9, intensity=0.05),
     "antisymmetric 1 mm": Variant(9, antisymmetric=1e-3),
     "antisymmetric 10 mm": Variant(9, antisymmetric=1e-2),
+    "relative, antisym. 10 mm": Variant(9, "relative", antisymmetric=1e-2),
 }
 
 

@@ -125,8 +125,8 @@ def approximate(
     sigma, floor: (n_recordings, n_observed) noise of the projections and the least to assume.
     penalty: worth of a term in units of chi^2, were the model exact.
     Of several supports, the smallest is taken whose squared forecast error exceeds the least by no
-    more than a quarter of the standard error of the difference for every term saved. Raises FloatingPointError where no model is
-    found that can be integrated over a segment.
+    more than a quarter of the standard error of the difference for every term saved. Raises
+    FloatingPointError where no model is found that can be integrated over a segment.
     """
     size = _sizes(segments, states)
     scale = np.sqrt(np.mean(states**2, axis=0)) + np.finfo(float).tiny
