@@ -64,7 +64,7 @@ def test_what_predicts_nothing_is_refused():
     values += 0.05 * values.std(axis=0) * rng.standard_normal(values.shape)
     found = maximum_likelihood([Recording(TIME, STATES, values)], TERMS)
     assert found.status == "refused"
-    assert "nothing" in found.reason or "no model" in found.reason
+    assert found.reason
 
 
 def test_trial_has_a_row_for_each_replicate_and_method(case):
