@@ -15,14 +15,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm, t
 
+from galloping.identification.likelihood.ambiguity import detection_limits
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.result import assembled, refused
-from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.likelihood.result import refused
+from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.sensitivity import integrate
 from galloping.identification.likelihood.shooting import Segments
 from galloping.identification.likelihood.taylor import system
 from galloping.identification.model import IdentifiedModel
+from galloping.polynomial import PolynomialModel
 
 PENALTIES = (7.0, 25.0)  # times that of exact models: a wrong model needs stronger evidence
 WORTH = 0.25  # of a term: fall of the forecast error, in standard errors of the difference
@@ -184,8 +186,14 @@ def approximation(
         f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
     )
     firsts = np.unique(segments.recording, return_index=True)[1]
-    return assembled(
-        problem, made.free, made.support, made.information, made.covariance, penalty,
+    errors = added_deviation(made.information, made.support)
+    errors[made.support] = np.sqrt(np.diag(made.covariance))
+    return IdentifiedModel(
+        model=PolynomialModel(problem.states, problem.terms, problem.coefficients(made.free)),
+        standard_errors=problem.on_library(np.where(made.support, errors, np.nan)),
+        detection_limits=problem.on_library(detection_limits(errors, made.support, penalty)),
+        covariance=made.covariance,
+        known=problem.known_equations,
         initial_states=made.starts[firsts],
         sigma=noise,
         chi2=float(np.sum(made.forecast[1]) / np.sum(made.forecast[2])),
