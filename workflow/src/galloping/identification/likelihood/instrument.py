@@ -35,6 +35,8 @@ DISTINCT = 1e-6
 # times in a hundred, which costs a pass of the fit and no more.
 CURIOUS = 2.5
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
+JITTER = "the sampling times jitter"
+GROWING = "the noise grows with the signal"
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,17 @@ class Fault:
 
     cause: str
     z: float
+
+
+def of_the_model(causes: list[Fault]) -> bool:
+    """Whether the model may be what is wrong: forces are missing, and no sensor is the clearest.
+
+    Residuals of a wrong model are larger where the motion is, like noise that grows with it.
+    """
+    if not causes:
+        return True
+    missing = any(fault.cause == FORCES for fault in causes)
+    return missing and causes[0].cause in (FORCES, JITTER, GROWING)
 
 
 def faults(
@@ -236,8 +249,8 @@ def _variances(
     weight = np.where(there[:, :, 0], condensed.functionals[:, :, 0, 0], 1.0)
     tested = []
     for cause, signal in (
-        ("the sampling times jitter", rates[:, :, 0]),
-        ("the noise grows with the signal", (condensed.targets - residual)[:, :, 0]),
+        (JITTER, rates[:, :, 0]),
+        (GROWING, (condensed.targets - residual)[:, :, 0]),
     ):
         total, channels = 0.0, 0
         for r in range(len(sigma)):

@@ -15,7 +15,7 @@ import numpy as np
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
-from galloping.identification.likelihood.instrument import faults
+from galloping.identification.likelihood.instrument import faults, of_the_model
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
@@ -178,9 +178,9 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
         causes = faults(
             problem, condensed, step.segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
         )
-        if objection and not causes:
-            raise FloatingPointError(objection)
         objection = "; ".join([fault.cause for fault in causes[:1]] + [objection] * bool(objection))
+        if objection and of_the_model(causes):
+            raise FloatingPointError(objection)
     else:  # what it leaves in the residuals is that it is not the best fit
         objection, doubt = "", "many models follow the data alike"
     return judged(
