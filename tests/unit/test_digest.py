@@ -133,6 +133,12 @@ def test_code_changes_the_digest_however_deep(package, name, old, new):
     assert package(name, text.replace(old, new)) != before
 
 
+def test_a_template_beside_a_module_counts(package):
+    package("part/page.jinja", "one")
+    before = package()
+    assert package("part/page.jinja", "two") != before
+
+
 def test_relative_imports_count(package):
     before = package(modules=["package.relative"])
     assert package("relative/two.py", "TWO = 3\n", modules=["package.relative"]) != before
@@ -206,7 +212,7 @@ def test_scripts_of_the_study_see_their_stages(root):
 def test_scripts_read_nothing_of_the_package_that_the_digest_leaves_out(root):
     package = digest.SOURCE / digest.PACKAGE
     files = [path for path in package.rglob("*") if path.is_file()]
-    assert {path.suffix for path in files if path.parent.name != "__pycache__"} == {".py"}
+    assert {path.suffix for path in files if path.parent.name != "__pycache__"} == {".py", ".jinja"}
     scripts = (root / "workflow" / "scripts").glob("*.py")
     jobs = tuple(path for path in scripts if "run(main, snakemake)" in path.read_text())
     assert len(jobs) > 5

@@ -260,7 +260,9 @@ def test_a_line_that_does_not_gallop_has_no_amplitude_to_miss(cases):
     other = IdentifiedModel(replace(line, coefficients=1.01 * line.coefficients), "unjudged")
     (motion,) = reconstruct(truth, [other])
     row = score(truth, other, motion, np.ones((4, len(line.terms))))
-    undefined = {name for name, value in row.items() if isinstance(value, float) and np.isnan(value)}
+    undefined = {
+        name for name, value in row.items() if isinstance(value, float) and np.isnan(value)
+    }
     assert undefined == {
         "intervals", "intervals_holding",
         "amplitude_error_q_v_percent", "amplitude_error_q_w_percent",

@@ -98,7 +98,7 @@ def test_one_recording_is_as_good_as_a_list_of_one():
 
 BAD_TIME = "recording: time: must be finite, strictly increasing, two samples or more"
 WANTED = "must be a Recording, or a list of recordings of one system"
-INF = np.where(VALUES == VALUES[3, 0], np.inf, VALUES)
+INF = np.where(np.isclose(VALUES, VALUES[3, 0]), np.inf, VALUES)
 MOTION = galloping.Trajectory(TIME, VALUES, "ok")
 ENDED = galloping.Trajectory(TIME, VALUES, "diverged: far away")
 

@@ -69,7 +69,7 @@ _PUBLIC = {
     "simulate": ("galloping.stages", "simulate"),
     "weak_gls": ("galloping.identification.likelihood.weak_gls", "weak_gls"),
 }
-__all__ = ["__version__", *_PUBLIC]  # noqa: PLE0604
+__all__ = ["__version__", *_PUBLIC]
 
 
 def __getattr__(name: str) -> object:

@@ -136,9 +136,7 @@ def models_at(
     ]
 
 
-def no_models(
-    model: PolynomialModel, measurement: Mapping, reason: str
-) -> list[IdentifiedModel]:
+def no_models(model: PolynomialModel, measurement: Mapping, reason: str) -> list[IdentifiedModel]:
     """None from any replicate, for `reason`."""
     refused = IdentifiedModel.refused(model.states, model.terms, f"bound: {reason}")
     return [refused] * measurement["replicates"]

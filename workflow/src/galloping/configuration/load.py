@@ -66,13 +66,18 @@ def plain(settings: Section) -> dict:
     return settings.model_dump(mode="json")
 
 
-def results_folder(configfiles: Iterable[str | Path]) -> str:
-    """The folder that the study of these files writes; a later file overrides the earlier.
+def configured(configfiles: Iterable[str | Path]) -> Settings:
+    """The settings of the study of these files; a later file overrides the earlier.
 
-    Raises ConfigurationError for a mistake anywhere in them, before Snakemake writes anything.
+    Raises ConfigurationError for a mistake anywhere in them.
     """
     files = [read(file) for file in configfiles]
-    return load(merged(reduce(_overridden, files), files)).results
+    return load(merged(reduce(_overridden, files), files))
+
+
+def results_folder(configfiles: Iterable[str | Path]) -> str:
+    """The folder that the study of these files writes. Raises as `configured`."""
+    return configured(configfiles).results
 
 
 def _overridden(mapping: dict, over: dict) -> dict:

@@ -109,7 +109,8 @@ COLUMNS = (
 def claims_table(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
     """Every claim about one of the cases for every protocol and method of the study.
 
-    settings: cases, those that are the paper's, with its parameters; pairs of protocol and method; subset_level, the noise level of the subsets.
+    settings: cases, those that are the paper's, with its parameters; pairs of protocol and method;
+    subset_level, the noise level of the subsets.
     """
     rows = []
     for claim in CLAIMS:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.identification.likelihood.ambiguity import open_questions
+from galloping.identification.likelihood.constants import SMALLEST_RATE_NOISE
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.result import assembled, verdict
+from galloping.identification.likelihood.result import judged
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording
-
-SMALLEST_NOISE = 1e-7
 
 
 def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
@@ -38,7 +36,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             rows, rate = theta[good], rate[good]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
             gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
-            floor = SMALLEST_NOISE * np.abs(rate).max() + np.finfo(float).tiny
+            floor = SMALLEST_RATE_NOISE * np.abs(rate).max() + np.finfo(float).tiny
             sigma[r, i] = max(np.sqrt(gap @ gap / (len(rate) - n_terms)), floor)
             information[block, block] += rows.T @ rows / sigma[r, i] ** 2
             right[block] += rate @ rows / sigma[r, i] ** 2
@@ -48,22 +46,11 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         whole = np.ones(n_terms, bool)
         support[block] = select(information[block, block], right[block], [whole], penalty)
         count += samples
-    free, covariance = solve_support(information, right, support)
+    free, _ = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
-    x = np.concatenate([recording.values for recording in recordings])
-    questions = ""
-    if support.any():
-        complete = x[np.all(np.isfinite(x), axis=1)]
-        questions = open_questions(
-            problem, information, right, support, free, penalty, misfit, complete
-        )
-    status, reason = verdict(support, "", questions)
-    return assembled(
-        problem, free, support, information, covariance, penalty,
+    return judged(
+        problem, information, right, support, penalty,
         initial_states=np.array([recording.values[0] for recording in recordings]),
         sigma=sigma,
         chi2=misfit / max(count - int(support.sum()), 1),
-        status=status,
-        reason=reason,
-        diagnostics={},
     )  # fmt: skip

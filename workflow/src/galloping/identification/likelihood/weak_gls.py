@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.likelihood.ambiguity import open_questions
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
-from galloping.identification.likelihood.result import assembled, refused, verdict
+from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.smoothing import Smooth, shortest_period
@@ -119,22 +118,13 @@ def weak_gls(
 def _fitted(problem: Problem, start: Start) -> IdentifiedModel:
     smoothed, penalty, fit = start.smoothed, start.penalty, start.fit
     inflation = max(fit.misfit, 1.0)
-    information, right = fit.information / inflation, fit.right / inflation
-    x = np.concatenate([one.states[one.valid] for one in smoothed])
-    objection = questions = ""
+    objection = ""
     if fit.misfit >= MOST_MISFIT:
         objection = f"model inadequate or noise correlated: misfit {fit.misfit:.2f}"
-    elif fit.support.any():
-        questions = open_questions(
-            problem, information, right, fit.support, fit.free, penalty, np.inf, x
-        )
-    status, reason = verdict(fit.support, objection, questions)
-    return assembled(
-        problem, fit.free, fit.support, information, fit.covariance * inflation, penalty,
+    return judged(
+        problem, fit.information / inflation, fit.right / inflation, fit.support, penalty,
+        objection=objection,
         initial_states=np.array([one.states[0] for one in smoothed]),
         sigma=np.array([one.noise for one in smoothed]),
         chi2=fit.misfit,
-        status=status,
-        reason=reason,
-        diagnostics={},
     )  # fmt: skip
