@@ -25,6 +25,7 @@ GRID_PER_PERIOD = 24
 SAMPLES_PER_KNOT = 3
 LEAST_SAMPLES = 8
 GAP = 0.4
+EDGE = 0.5
 ACCURACY = 3e-4
 ROUGHNESS = 5e-4
 
@@ -112,6 +113,7 @@ def smooth(recording: Recording, period: float) -> Smooth:
         )
         states[:, curve] = fitted
         valid &= _near(recording, curve, time, GAP * period)
+        valid &= _away(recording, curve, time, period)
         noise[curve] = deviation
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
     return Smooth(time, states, sigma, derived, noise, residual, valid)
@@ -197,6 +199,16 @@ def _near(recording: Recording, curve: list[int], grid: np.ndarray, distance: fl
     to_next = sampled[np.minimum(after, len(sampled) - 1)] - grid
     to_last = grid - sampled[np.maximum(after - 1, 0)]
     return np.minimum(np.abs(to_next), np.abs(to_last)) <= distance
+
+
+def _away(recording: Recording, curve: list[int], grid: np.ndarray, period: float) -> np.ndarray:
+    """(n_grid,) whether a gap longer than a period is EDGE periods away: a curve ends badly."""
+    sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
+    away = np.ones(len(grid), bool)
+    for last in np.flatnonzero(np.diff(sampled) > period):
+        before, after = sampled[last] - EDGE * period, sampled[last + 1] + EDGE * period
+        away &= (grid < before) | (grid > after)
+    return away
 
 
 @njit(cache=True)
