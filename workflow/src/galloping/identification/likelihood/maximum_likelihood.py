@@ -134,9 +134,10 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedMod
     try:
         fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
     except FloatingPointError as error:
-        causes = _causes(problem, condensed, segments, step.fit, penalty)
-        if not causes and step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
-            causes = [f"followed in pieces, not as a whole: {FORCES}"]
+        causes = []
+        if step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
+            causes = _causes(problem, condensed, segments, step.fit, penalty)
+            causes = causes or [f"followed in pieces, not as a whole: {FORCES}"]
         raise FloatingPointError("; ".join([*causes, str(error)])) from error
     remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:

@@ -7,6 +7,7 @@ where samples are few, or where one of them is not measured or has gaps.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import factorial
 
@@ -24,6 +25,7 @@ LEAST_KNOTS_PER_PERIOD = 5
 GRID_PER_PERIOD = 24
 SAMPLES_PER_KNOT = 3
 LEAST_SAMPLES = 8
+STRETCH = 2**15  # samples whose spectrum is taken at once: longer ones have more to resolve
 GAP = 0.4
 EDGE = 0.5
 ACCURACY = 3e-4
@@ -69,14 +71,14 @@ def shortest_period(recordings: list[Recording]) -> float:
     where no channel varies.
     """
     highest = 0.0
-    for recording in recordings:
-        duration = recording.time[-1] - recording.time[0]
-        for channel in recording.values.T:
+    for time, values in _stretches(recordings):
+        duration = time[-1] - time[0]
+        for channel in values.T:
             good = np.isfinite(channel)
             if good.sum() < LEAST_SAMPLES:
                 continue
-            grid = np.linspace(recording.time[0], recording.time[-1], min(good.sum(), 2**13))
-            signal = np.interp(grid, recording.time[good], channel[good])
+            grid = np.linspace(time[0], time[-1], min(good.sum(), 2**13))
+            signal = np.interp(grid, time[good], channel[good])
             signal = (signal - signal.mean()) * np.hanning(len(signal))
             power = np.abs(np.fft.rfft(signal)) ** 2
             power = np.where(power > 20.0 * np.median(power), power, 0.0)[1:]
@@ -87,6 +89,17 @@ def shortest_period(recordings: list[Recording]) -> float:
     if highest == 0.0:
         raise ValueError("no channel varies above its noise")
     return 1.0 / highest
+
+
+def _stretches(recordings: list[Recording]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Times and values of pieces of the recordings, of at most STRETCH samples."""
+    for recording in recordings:
+        pieces = -(-len(recording.time) // STRETCH)
+        yield from zip(
+            np.array_split(recording.time, pieces),
+            np.array_split(recording.values, pieces),
+            strict=True,
+        )
 
 
 def smooth(recording: Recording, period: float) -> Smooth:
