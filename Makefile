@@ -32,19 +32,17 @@ WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores
 RICH = $(shell [ -t 1 ] && echo --logger rich)
 DIGEST := $(if $(SHA256),--sha256 '$(SHA256)')
 
-.PHONY: all study smoke test repair verify publish restore prune test-faults test-slurm lint bench reference docs lock help
+.PHONY: all study smoke test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs lock help
 all: study
 
 study: $(VENV)/made
 	@$(SCRIPT)/run_study.py $(WHERE) $(RICH) $(OPTIONS)
-	@$(SCRIPT)/make_report.py $(OPTIONS)
 
 smoke:
 	@$(MAKE) --no-print-directory study CONFIG=config/smoke.yaml
 
 repair: $(VENV)/made
 	@$(SCRIPT)/run_study.py --repair $(WHERE) $(RICH) $(OPTIONS)
-	@$(SCRIPT)/make_report.py $(OPTIONS)
 
 verify: $(VENV)/made
 	@$(SCRIPT)/$(if $(ARCHIVE),verify_archive.py '$(ARCHIVE)' $(DIGEST),verify_results.py) $(OPTIONS)
@@ -59,8 +57,14 @@ restore: $(VENV)/made
 prune: $(VENV)/made
 	@$(SCRIPT)/prune_results.py $(if $(filter yes,$(DELETE)),--delete) $(OPTIONS)
 
-test: study
+test: study browser
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
+
+# For the checks of the report: Debian's Chromium, where no browser is and one may be installed.
+browser:
+	@command -v chromedriver >/dev/null || command -v geckodriver >/dev/null || \
+	  { [ "$$(id -u)" = 0 ] && command -v apt-get && apt-get update && \
+	    apt-get install -y --no-install-recommends chromium chromium-driver; } >/dev/null 2>&1 || true
 
 test-faults: $(VENV)/made
 	$(BIN)/python -m pytest -m '' tests/faults

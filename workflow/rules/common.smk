@@ -11,7 +11,7 @@ if isinstance(workflow.current_basedir, os.PathLike):  # a clone: its library is
     os.environ.update(PYTHONPATH=f"{LIBRARY}{os.pathsep}{inherited}" if inherited else LIBRARY)
 
 try:
-    from galloping.configuration.load import ConfigurationError, load, ordered, read
+    from galloping.configuration.load import ConfigurationError, load, merged, read
 except ModuleNotFoundError as error:  # a workflow that was read from a host
     sys.exit(f"{error}: install the library of this workflow with pip, or use a clone")
 from galloping.figures.registry import BY_NAME as FIGURES
@@ -23,7 +23,7 @@ from galloping.tables.registry import BY_NAME as TABLES
 
 try:
     files = [read(file) for file in workflow.configfiles]  # the Snakefile's own comes last
-    STUDY = Study(load(ordered(config, files[-1:] + files[:-1])))
+    STUDY = Study(load(merged(config, files[-1:] + files[:-1])))
 except ConfigurationError as error:
     sys.exit(str(error))
 
@@ -74,11 +74,8 @@ def benchmark_of(path):
     return f"{RESULTS}/benchmarks/{path}.tsv"
 
 
-def caption(kind):
-    """Of a table or a figure. It depends on `output`, so that an edit of it runs nothing again."""
-
-    def text(wildcards, output):
-        file = workflow.source_path(f"../report/{kind}s/{wildcards[kind]}.rst")
-        return Path(file).read_text(encoding="utf-8")
-
-    return text
+@cache
+def captions(kind, *names):
+    """Captions of `tables` or `figures`, by name; `introduction` is that of the whole report."""
+    files = {name: workflow.source_path(f"../report/{kind}/{name}.rst") for name in names}
+    return {name: Path(file).read_text(encoding="utf-8") for name, file in files.items()}

@@ -5,12 +5,7 @@ rule draw_figure:
     input:
         unpack(inputs("draw_figure")),
     output:
-        svg=report(
-            PATHS.figure.replace("{form}", "svg"),
-            caption="../report/caption.rst",
-            category="Figures",
-            labels=lambda wildcards: {"figure": FIGURES[wildcards.figure].label},
-        ),
+        svg=PATHS.figure.replace("{form}", "svg"),
         png=PATHS.figure.replace("{form}", "png"),
     log:
         log_of("draw_figure/{figure}"),
@@ -20,7 +15,6 @@ rule draw_figure:
         "../envs/galloping.yaml"
     params:
         settings=settings("draw_figure"),
-        caption=caption("figure"),
     message:
         "Figure {wildcards.figure}"
     script:

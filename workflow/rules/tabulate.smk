@@ -5,12 +5,7 @@ rule make_table:
     input:
         unpack(inputs("make_table")),
     output:
-        table=report(
-            PATHS.table,
-            caption="../report/caption.rst",
-            category="Tables",
-            labels={"table": "{table}"},
-        ),
+        table=PATHS.table,
     log:
         log_of("make_table/{table}"),
     benchmark:
@@ -19,7 +14,6 @@ rule make_table:
         "../envs/galloping.yaml"
     params:
         settings=settings("make_table"),
-        caption=caption("table"),
     message:
         "Table {wildcards.table}"
     script:
@@ -30,18 +24,8 @@ rule compare_reference:
     input:
         unpack(inputs("compare_reference")),
     output:
-        summary=report(
-            PATHS.table.format(table="reference_summary"),
-            caption="../report/tables/reference_summary.rst",
-            category="Tables",
-            labels={"table": "reference_summary"},
-        ),
-        differences=report(
-            PATHS.table.format(table="reference_differences"),
-            caption="../report/tables/reference_differences.rst",
-            category="Tables",
-            labels={"table": "reference_differences"},
-        ),
+        summary=PATHS.table.format(table="reference_summary"),
+        differences=PATHS.table.format(table="reference_differences"),
     log:
         log_of("compare_reference"),
     benchmark:

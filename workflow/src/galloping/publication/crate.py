@@ -32,7 +32,7 @@ DESCRIPTIONS = {
     "publication.json": "version, commit, and what was not as it should be at publication",
     "receipts.json": "settings, code, inputs, seconds of work and SHA-256 of every file of the "
     "study, also of those that are not in this archive",
-    "report.html": "the report: figures, tables and run times in one page",
+    "report.html": "the report: what was found, figures and tables in one page",
 }
 FORMATS = {
     ".csv": "text/csv",
@@ -134,11 +134,9 @@ def _properties(folder: Path, path: str) -> dict[str, str]:
     """Name, description (the caption in the report, if it has one), format, size and digest."""
     file = folder / path
     text = DESCRIPTIONS.get(path) or DESCRIPTIONS.get(file.name) or file.stem
-    for caption in (f"figure_{file.stem}", file.stem):
-        described = folder / "workflow" / "report" / f"{caption}.rst"
-        if file.parent.name in ("tables", "figures") and described.exists():
-            text = " ".join(described.read_text(encoding="utf-8").replace("``", "").split())
-            break
+    caption = folder / "workflow" / "report" / file.parent.name / f"{file.stem}.rst"
+    if caption.exists():
+        text = " ".join(caption.read_text(encoding="utf-8").replace("``", "").split())
     return {
         "name": file.name,
         "description": text,

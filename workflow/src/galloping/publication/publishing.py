@@ -21,7 +21,6 @@ from galloping.storage import partial_prefix, write_json, write_text
 
 PUBLICATION = "publication"
 RECEIPTS = "receipts.json"
-REPORT = "report.html"
 SOURCES = (
     "CITATION.cff",
     "LICENSE",
@@ -70,7 +69,7 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
 
 def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator[tuple[str, str]]:
     """What speaks against publishing, each with its kind; `ALLOWABLE` says which can be allowed."""
-    report, shown = results / REPORT, [*results.glob("tables/*"), *results.glob("figures/*")]
+    shown = [*results.glob("tables/*"), *results.glob("figures/*")]
     if present is None:
         yield "dirty", "git knows no commit of this folder"
     for kind, paths, fault in (
@@ -84,13 +83,10 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
         ),
         ("damaged", checked.damaged, "not what its job wrote"),
         ("empty", () if shown else (str(results),), "no table or figure is made yet"),
-        ("incomplete", () if report.exists() else (str(report),), "not made yet"),
     ):
         if paths:
             more = f" and {len(paths) - 1} more" if paths[1:] else ""
             yield kind, f"{paths[0]}{more}: {fault}"
-    if report.exists() and any(p.stat().st_mtime > report.stat().st_mtime for p in shown):
-        yield "outdated", f"{report}: older than a table or figure"
 
 
 def files(plan: Plan) -> list[Path]:
@@ -100,9 +96,10 @@ def files(plan: Plan) -> list[Path]:
     lies in the working folder, so that they can be made again without computing anything else.
     """
     maker, results = plan.maker, plan.results
-    final = [p for p in maker if p.startswith((f"{results}/tables/", f"{results}/figures/"))]
-    needed = {path for shown in final for path in maker[shown].inputs if is_plain(path)}
-    wanted = [Path(path) for path in (*final, *needed, f"{results}/{REPORT}", *SOURCES)]
+    shown = (f"{results}/tables/", f"{results}/figures/", f"{results}/report.html")
+    final = [path for path in maker if path.startswith(shown)]
+    needed = {path for made in final for path in maker[made].inputs if is_plain(path)}
+    wanted = [Path(path) for path in (*final, *needed, *SOURCES)]
     for folder in filter(Path.is_dir, map(Path, SOURCES)):
         wanted += [folder / p for p in files_of(folder) if is_plain(p) and "__pycache__" not in p]
     return sorted({path for path in wanted if path.is_file()})

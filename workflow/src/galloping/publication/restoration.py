@@ -17,7 +17,7 @@ from galloping.configuration.load import ConfigurationError, load, plain, read
 from galloping.publication.archive import files_of, is_plain, unpack
 from galloping.publication.crate import CONFIGURATION
 from galloping.publication.manifest import manifest_faults
-from galloping.publication.publishing import RECEIPTS, REPORT
+from galloping.publication.publishing import RECEIPTS
 from galloping.reproducibility.audit import audit
 from galloping.reproducibility.comparison import compare_tables, describe
 from galloping.reproducibility.plan import Plan
@@ -88,7 +88,7 @@ def faults(folder: Path) -> Iterator[str]:
     except NotRestorable as error:
         yield str(error)
         return
-    apart = (f"{study['results']}/{REPORT}", f"{study['reference']}/")
+    apart = f"{study['reference']}/"
     for name in files_of(folder):
         if name.startswith(f"{study['results']}/") and not name.startswith(apart):
             if name not in made:
@@ -157,8 +157,6 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
                 raise NotRestorable("\n".join([*lines, why]))
         made = published_receipts(folder)
         digests = {path: receipt.sha256 for path, receipt in made.items()}
-        if (report := folder / results / REPORT).exists():
-            digests[f"{results}/{REPORT}"] = digest(report)
         others = [path for path in _present(plan) if digests.get(path) != digest(path)]
         if others and not replacing:
             more = f" and {len(others) - 1} more" if others[1:] else ""
@@ -185,8 +183,8 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
 
 
 def _present(plan: Plan) -> list[str]:
-    """The files of the study that are in place: planned, made, or its report."""
-    known = {*plan.maker, *receipts(plan.results), f"{plan.results}/{REPORT}"}
+    """The files of the study that are in place: planned, or made."""
+    known = {*plan.maker, *receipts(plan.results)}
     return sorted(path for path in known if Path(path).exists())
 
 

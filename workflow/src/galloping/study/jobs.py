@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from galloping.figures import registry as figures
-from galloping.study import sources
+from galloping.study import shown, sources
 from galloping.study.cells import Study
 from galloping.study.sources import Source, Sources
 from galloping.tables import registry as tables
 
+COMPARISONS = ["reference_summary", "reference_differences"]  # of compare_reference
 RELEASE_HEIGHTS = [1.0, 2.0, 3.0]  # m, of the further recordings that are compared
 
 
@@ -113,6 +114,34 @@ def compare_reference(study: Study) -> Job:
     others = ("results", "reference", "figures")  # on which no number depends
     settings = {"study": {k: v for k, v in study.plain.items() if k not in others}}
     return _reading(reads, settings)
+
+
+def write_report(study: Study) -> Job:
+    """Every figure and table with its caption, and what was found in the first case."""
+    names = [*(each.name for each in tables.TABLES if each.is_shown), *COMPARISONS]
+    drawn = [each.name for each in figures.FIGURES]
+    paths = study.paths
+    shows = {
+        **{f"figures/{name}": paths.figure.format(figure=name, form="svg") for name in drawn},
+        **{f"tables/{name}": paths.table.format(table=name) for name in names},
+    }
+    reads = {
+        "claims": sources.table(study, "claims"),
+        "efficiency": sources.table(study, "efficiency"),
+        "errors": sources.table(study, "noise_coefficients"),
+    }
+    protocol, method = shown.paper_pair(study)
+    settings = {
+        "labels": {each.name: each.label for each in figures.FIGURES},
+        "headline": {
+            "case": shown.first_case(study).name,
+            "protocol": shown.sensor_protocol(study).name,
+            "paper": [protocol.name, method.name],
+        },
+        "study": study.plain,
+    }
+    job = _reading(reads, settings)
+    return replace(job, inputs={**shows, **job.inputs})
 
 
 def _reading(reads: Sources, settings: Mapping, modules: tuple[str, ...] = ()) -> Job:

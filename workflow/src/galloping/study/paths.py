@@ -21,6 +21,7 @@ class Paths:
     reconstructions: str = f"reconstructions/{CELL}.npz"
     table: str = "tables/{table}.csv"
     figure: str = "figures/{figure}.{form}"
+    report: str = "report.html"
 
     @classmethod
     def below(cls, results: str) -> Paths:

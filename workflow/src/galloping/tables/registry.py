@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from galloping.configuration.settings import paper_cases_in
 from galloping.study import shown, sources
 from galloping.study.cells import Cell, Study
 from galloping.study.sources import Sources
@@ -23,7 +24,7 @@ class Table:
 
     function: `module:function`, imported only by the job that makes it; it takes what is read, by
     name, and `settings`, and returns a DataFrame. reads, settings: of a study, in plain values.
-    is_compared: with the reference.
+    is_compared: with the reference. is_shown: in the report.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Table:
     reads: Callable[[Study], Sources] = _nothing
     settings: Callable[[Study], Mapping] = _nothing
     is_compared: bool = True
+    is_shown: bool = True
 
 
 def _cases(study: Study) -> dict:
@@ -73,7 +75,7 @@ def _coefficients(study: Study) -> dict:
 
 def _claims(study: Study) -> dict:
     return {
-        "cases": [case.name for case in study.cases],
+        "cases": paper_cases_in(study.settings),
         "subset_level": study.settings.measurement.subsets.level,
         "pairs": [[p.name, m.name] for p in study.protocols for m in study.methods],
     }
@@ -122,6 +124,12 @@ TABLES = (
     ),
     Table("identifiability", "galloping.tables.bounds:identifiability", _bounds, _identifiability),
     Table("further_recordings", "galloping.tables.bounds:further_recordings", _rankings),
-    Table("scores", "galloping.tables.summary:all_scores", _scores_of_cells, is_compared=False),
+    Table(
+        "scores",
+        "galloping.tables.summary:all_scores",
+        _scores_of_cells,
+        is_compared=False,
+        is_shown=False,
+    ),
 )
 BY_NAME = {table.name: table for table in TABLES}

@@ -23,7 +23,9 @@ def judged(
     support: np.ndarray,
     penalty: float,
     *,
+    about: np.ndarray | None = None,
     objection: str = "",
+    doubt: str = "",
     initial_states: np.ndarray,
     sigma: np.ndarray,
     chi2: float,
@@ -31,21 +33,25 @@ def judged(
 ) -> IdentifiedModel:
     """The identified model and its status, the same for all methods.
 
-    information, right, support, penalty: as in `selection`. objection: why the fit must not be
-    trusted, '' where there is nothing to say. The rest as in `IdentifiedModel`.
+    information, right, support, penalty, about: as in `selection`, `about` zero outside the
+    support. objection: why the fit must not be trusted, doubt: why its terms are not settled, ''
+    where there is nothing to say. The rest as in `IdentifiedModel`.
 
     `ok` claims: the terms found are right, and every absent one is smaller than its stated limit.
     """
     if objection:
         return refused(problem, objection)
     free, covariance = solve_support(information, right, support)
+    if about is not None:
+        free = free + about
     status, reason = "not identifiable", "no term stands out of the noise"
     errors = added_deviation(information, support)
     if support.any():
-        whitened = whiten(information, right)
+        whitened = whiten(information, right, about)
         plausible = plausible_supports(whitened, support)
         errors = unconditional_errors(plausible, errors)
-        reason = open_questions(problem, whitened, plausible)
+        questions = open_questions(problem, whitened, plausible)
+        reason = "; ".join(filter(None, [doubt, questions]))
         status = "not identifiable" if reason else "ok"
     conditional = np.full(len(support), np.nan)
     conditional[support] = np.sqrt(np.diag(covariance))

@@ -30,15 +30,20 @@ def solve_support(
 
 
 def select(
-    information: np.ndarray, right: np.ndarray, starts: list[np.ndarray], penalty: float
+    information: np.ndarray,
+    right: np.ndarray,
+    starts: list[np.ndarray],
+    penalty: float,
+    about: np.ndarray | None = None,
 ) -> np.ndarray:
     """The best support found: least chi^2 plus `penalty` for each term.
 
     From each of `starts`, (n,) boolean: removes the term with the smallest Wald statistic while
     that is below the penalty; then, while it pays, adds a term or two, or exchanges one for one,
-    one for two or two for one. Shapes as in `solve_support`. Returns the (n,) boolean support.
+    one for two or two for one. Shapes as in `solve_support`; about: as in `whiten`. Returns the
+    (n,) boolean support.
     """
-    whitened = whiten(information, right)
+    whitened = whiten(information, right, about)
     settled: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
         value, support = _descend(whitened, start & whitened.usable, penalty, settled)
@@ -64,8 +69,12 @@ class Whitened:
         return self.unit > 0.0
 
 
-def whiten(information: np.ndarray, right: np.ndarray) -> Whitened:
-    """Information (n, n) and right-hand side (n,), factored with each term in its own unit."""
+def whiten(information: np.ndarray, right: np.ndarray, about: np.ndarray | None = None) -> Whitened:
+    """Information (n, n) and right-hand side (n,), factored with each term in its own unit.
+
+    about: (n,) coefficients of a good fit, from which `right`, half the fall of chi^2 with each,
+    is then measured: small, where the right-hand side at zero would lose its digits.
+    """
     diagonal = np.diag(information)
     usable = diagonal > 0.0
     unit = np.where(usable, 1.0 / np.sqrt(np.where(usable, diagonal, 1.0)), 0.0)
@@ -78,6 +87,8 @@ def whiten(information: np.ndarray, right: np.ndarray) -> Whitened:
         values, vectors = np.linalg.eigh(scaled)
         root = np.sqrt(np.maximum(values, RIDGE))
         columns, target = root[:, None] * vectors.T, (right * unit) @ vectors / root
+    if about is not None:
+        target = target + columns @ (about * np.sqrt(np.maximum(diagonal, 0.0)))
     return Whitened(columns, target, unit)
 
 
