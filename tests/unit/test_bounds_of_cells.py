@@ -100,7 +100,7 @@ def test_identifiability_tells_which_terms_can_be_known():
     line, found = cell("non_resonant", "state")
     columns = {"case": "a", "recordings": 1, "protocol": "state", "level": 0.05, "points": 30001}
     settings = {"degree": 3, "cells": {"a/state/noise": columns}}
-    bounds = {"a/state/noise": deviations(line, [found])}
+    bounds = {"a/state/noise": deviations(line, [found], len(line.terms))}
     rows = identifiability({"a": Derived(line, {}, {})}, bounds, settings).to_dict("records")
     assert len(rows) == 14
     verdicts = {row["term"]: row["verdict"] for row in rows if row["equation"] == "vertical"}

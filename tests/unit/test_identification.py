@@ -14,6 +14,8 @@ from galloping.identification.cell import identify
 from galloping.identification.model import BY_TERM, IdentifiedModel
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import reduction, selection, stlsq
+from galloping.identification.sparse.bagging import bagged_medians
+from galloping.identification.sparse.ensemble import seeded
 from galloping.identification.sparse.reduction import reduce, regression, stretches
 from galloping.identification.sparse.smoothing import smooth
 from galloping.importing import imported
@@ -393,6 +395,20 @@ def test_bootstraps_are_drawn_by_position(replicates):
     several = run("ensemble", [item] * 8, ensemble_models=2)
     assert not all(equal(several[0], one) for one in several[1:])
     assert equal(several[0], run("ensemble", [item], ensemble_models=2)[0])
+
+
+def test_bagging_is_that_of_pysindy(resonant):
+    (recording,) = recordings(resonant, "derivative")
+    problem = reduce([recording], TERMS)
+    library, targets = problem.library, problem.targets / 1e-3
+    optimizer = ps.EnsembleOptimizer(
+        ps.STLSQ(threshold=1, alpha=0, unbias=False), bagging=True, n_models=5
+    )
+    with seeded(np.random.default_rng(2)):
+        theirs = optimizer.fit(library, targets).coef_
+    ours = bagged_medians(library, targets, 5, np.random.default_rng(2))
+    assert np.array_equal(ours != 0, theirs != 0) and np.count_nonzero(ours) > 10
+    assert ours == pytest.approx(theirs, rel=1e-6)
 
 
 @pytest.mark.parametrize("method", ["ensemble", "weak"])

@@ -214,7 +214,7 @@ def test_orphans_of_a_study_are_ended_by_force_if_need_be():
     code = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True)"
     command = [sys.executable, "-c", f"{code}; time.sleep(60)"]
     orphan, other = (
-        subprocess.Popen(command, env=claim.environment(name), stdout=subprocess.PIPE)
+        subprocess.Popen(command, env=claim.marked_environment(name), stdout=subprocess.PIPE)
         for name in (RESULTS, "results/other")
     )
     for process in (orphan, other):

@@ -35,6 +35,9 @@ FAMILIES = {method.family for method in METHODS}
 CELL = re.compile(r"(noise|points|joint)_[\d.]+")
 
 
+REPORT = "write_report"  # shows all of them, and is made again when one is
+
+
 class Row(NamedTuple):
     edit: str
     rules: str
@@ -343,6 +346,7 @@ def edited(root, planned):
         return [
             Output(job["rule"], Path(path).relative_to("results/smoke"), runs(path))
             for path, job in maker.items()
+            if job["rule"] != REPORT
         ]
 
     return outputs
@@ -383,7 +387,7 @@ def test_every_job_counts_the_code_that_it_runs(root, planned):
         counted = {
             (job["rule"], job["settings"]["code"]["digest"]) for job in planned(Path(folder))
         }
-    assert len({rule for rule, _ in counted}) > 20
+    assert len({rule for rule, _ in counted}) > 7
 
 
 # only Snakemake knows what became of a file
@@ -419,6 +423,7 @@ def dry_run(study, folder, *edits):
     return {
         Output(rule, Path(name).relative_to("results/smoke"), plan == "update pending")
         for name, _, rule, *_, plan in lines[1:]
+        if rule != REPORT
     }
 
 

@@ -11,7 +11,7 @@ if isinstance(workflow.current_basedir, os.PathLike):  # a clone: its library is
     os.environ.update(PYTHONPATH=f"{LIBRARY}{os.pathsep}{inherited}" if inherited else LIBRARY)
 
 try:
-    from galloping.configuration.load import ConfigurationError, load, ordered, read
+    from galloping.configuration.load import ConfigurationError, load, merged, read
 except ModuleNotFoundError as error:  # a workflow that was read from a host
     sys.exit(f"{error}: install the library of this workflow with pip, or use a clone")
 from galloping.figures.registry import BY_NAME as FIGURES
@@ -23,7 +23,7 @@ from galloping.tables.registry import BY_NAME as TABLES
 
 try:
     files = [read(file) for file in workflow.configfiles]  # the Snakefile's own comes last
-    STUDY = Study(load(ordered(config, files[-1:] + files[:-1])))
+    STUDY = Study(load(merged(config, files[-1:] + files[:-1])))
 except ConfigurationError as error:
     sys.exit(str(error))
 

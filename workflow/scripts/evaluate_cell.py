@@ -2,11 +2,11 @@
 
 import pandas as pd
 
-from galloping.bounds.cell import cell_bounds, deviations, models_at
+from galloping.bounds.cell import cell_bounds, deviations, models_at, no_models
 from galloping.evaluation.cell import evaluate
 from galloping.evaluation.score import Truth
 from galloping.physics.equations import EQUATIONS
-from galloping.polynomial import library
+from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run
 from galloping.study.files import bounds, reconstructions, tables
 from galloping.study.kinds import BOUND
@@ -17,16 +17,23 @@ def main() -> None:
     settings, output, cell = snakemake.params.settings, snakemake.output, snakemake.wildcards
     read = load(settings["reads"], dict(snakemake.input.items()))
     line, motions = read["model"].model, read["trajectory"]
-    line = line.on_library(library(len(line.states), settings["degree"]))
+    terms = library(len(line.states), settings["degree"])
+    line = line.on_library(extended(terms, line))
     drawn = settings["measurement"], (cell.case, cell.protocol, cell.cell)
-    known = cell_bounds(line, tuple(EQUATIONS), motions, *drawn)
-    models = {BOUND: models_at(line, known, *drawn)}
+    status = next((m.status for m in motions[: drawn[0]["recordings"]] if m.status != "ok"), "ok")
+    if status == "ok":
+        known = cell_bounds(line, tuple(EQUATIONS), motions, *drawn)
+        at_bound = models_at(line, known, *drawn, lacking=line.term_names[len(terms) :])
+    else:
+        known, at_bound = [], no_models(line, drawn[0], "the line itself diverges")
+    models = {BOUND: at_bound}
     for family in read["identified"].values():
         models |= family
     first = motions[0]
-    truth = Truth(line, first.time, first.states, tuple(settings["steady_window"]))
-    rows, shown = evaluate(truth, models, deviations(line, known))
-    bounds.write(output.bounds, deviations(line, known))
+    truth = Truth(line, first.time, first.states, tuple(settings["steady_window"]), status)
+    least = deviations(line, known, len(terms))
+    rows, shown = evaluate(truth, models, least)
+    bounds.write(output.bounds, least)
     tables.write(output.scores, pd.DataFrame([{**settings["columns"], **row} for row in rows]))
     reconstructions.write(output.reconstructions, shown)
 

@@ -5,6 +5,8 @@ from galloping.reproducibility.job import run
 from galloping.storage import write_rows
 from galloping.study.files import models, trajectories
 
+COLUMNS = ("case", "release", "level", "weakest_t", "weakest_term", "identifiable")
+
 
 def main() -> None:
     settings = snakemake.params.settings
@@ -12,7 +14,7 @@ def main() -> None:
     first = trajectories.read(snakemake.input.trajectory)[0]
     ranked = ranked_releases(line, first, settings["level"], settings["heights"])
     rows = [{"case": snakemake.wildcards.case, **row} for row in ranked]
-    write_rows(snakemake.output.ranking, rows)
+    write_rows(snakemake.output.ranking, rows, COLUMNS)  # there may be none
 
 
 run(main, snakemake)

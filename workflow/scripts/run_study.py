@@ -17,8 +17,8 @@ from galloping.reproducibility.claim import (
     check_disk,
     claimed,
     end_orphans,
-    environment,
     killed,
+    marked_environment,
     sweep,
 )
 from galloping.reproducibility.inspection import inspect, make_command, remember
@@ -31,7 +31,7 @@ def main(*arguments: str) -> int:
     parser.add_argument("--repair", action="store_true")
     own, options = parser.parse_known_args(arguments)
     parser.add_argument("--configfile", nargs="+", default=[])
-    parser.add_argument("--cores")
+    parser.add_argument("--cores", nargs="?", const="")
     known, _ = parser.parse_known_args(options)
     check_cores(known.cores)
     files, repair = known.configfile, make_command(known.configfile, "repair")
@@ -124,7 +124,7 @@ def snakemake(results: str, *arguments: str) -> tuple[int, bool]:
     # Ctrl-C goes to Snakemake and its jobs as well: wait until they have ended.
     signal.signal(signal.SIGINT, lambda *_: interrupts.append(True))
     command = [sys.executable, "-m", "snakemake", *arguments]
-    status = subprocess.Popen(command, env=environment(results)).wait()
+    status = subprocess.Popen(command, env=marked_environment(results)).wait()
     if status < 0 and not interrupts:
         raise Killed
     return status, bool(interrupts)

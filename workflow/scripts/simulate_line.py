@@ -1,4 +1,7 @@
-"""Motions of one case on its sampling grid, one for each release."""
+"""Trajectories of one case on its sampling grid, one for each release.
+
+A line that diverges has no motion to measure: its states are all NaN, its status says why.
+"""
 
 import numpy as np
 
@@ -17,9 +20,10 @@ def main() -> None:
     for release in settings["releases"]:
         start = np.array([release[name] for name in line.states])
         trajectory = simulator(line, start, time)
+        states = trajectory.states
         if trajectory.status != "ok":
-            raise ValueError(f"{snakemake.wildcards.case}: the line itself {trajectory.status}")
-        motions.append(Motion(line.states, time, trajectory.states, line(trajectory.states)))
+            states = np.full_like(states, np.nan)
+        motions.append(Motion(line.states, time, states, line(states), trajectory.status))
     trajectories.write(snakemake.output.trajectory, motions)
 
 

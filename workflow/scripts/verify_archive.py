@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from galloping.configuration.load import ConfigurationError
+from galloping.configuration.load import ConfigurationError, configured, plain
 from galloping.publication.archive import UnsafeArchive, unpack
 from galloping.publication.restoration import (
     NotRestorable,
@@ -21,7 +21,6 @@ from galloping.publication.restoration import (
     settings,
     tables,
 )
-from galloping.reproducibility.plan import configured
 
 
 def main() -> None:
@@ -39,7 +38,7 @@ def main() -> None:
             print(f"{options.archive}: every file is as in its manifest; SHA-256 {digest}")
             if not options.sha256:
                 print("Compare it with the published SHA-256, or give that: SHA256=...")
-            verify(Path(folder), configured(options.configfile))
+            verify(Path(folder), plain(configured(["config/config.yaml", *options.configfile])))
     except (UnsafeArchive, NotRestorable, ConfigurationError, OSError) as error:
         sys.exit(f"{error}\n{options.archive}: not as it was published")
 

@@ -61,11 +61,17 @@ def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
     return std
 
 
-def at_the_bound(model: PolynomialModel, found: Bound, rng: np.random.Generator) -> IdentifiedModel:
+def at_the_bound(
+    model: PolynomialModel, found: Bound, rng: np.random.Generator, lacking: Sequence[str] = ()
+) -> IdentifiedModel:
     """What an efficient method that knows the terms would find: one draw at the bound.
 
-    Where the data leave a coefficient undetermined there is no such method, and no model.
+    lacking: names of the terms that the candidate library lacks. Where there are any, or the data
+    leave a coefficient undetermined, there is no such method, and no model.
     """
+    if lacking:
+        reason = f"bound: the library lacks {', '.join(lacking)}"
+        return IdentifiedModel.refused(model.states, model.terms, reason)
     if not np.all(np.isfinite(found.covariance)):
         reason = "bound: a term is undetermined"
         return IdentifiedModel.refused(model.states, model.terms, reason)
@@ -111,20 +117,39 @@ def models_at(
     bounds: Sequence[Bound],
     measurement: Mapping,
     name: Sequence[str],
+    lacking: Sequence[str] = (),
 ) -> list[IdentifiedModel]:
-    """What an efficient method would find from each replicate; without noise, the line itself."""
+    """What an efficient method would find from each replicate; without noise, the line itself.
+
+    lacking: names of the terms that the candidate library lacks.
+    """
     if not bounds:
         return [IdentifiedModel(model, "unjudged")]
     return [
         at_the_bound(
-            model, bounds[k % len(bounds)], generator(measurement["seed"], "bound", *name, k)
+            model,
+            bounds[k % len(bounds)],
+            generator(measurement["seed"], "bound", *name, k),
+            lacking,
         )
         for k in range(measurement["replicates"])
     ]
 
 
-def deviations(model: PolynomialModel, bounds: Sequence[Bound]) -> np.ndarray:
-    """(n_bounds, n_states, n_terms) standard deviations, NaN without noise."""
+def no_models(model: PolynomialModel, measurement: Mapping, reason: str) -> list[IdentifiedModel]:
+    """None from any replicate, for `reason`."""
+    refused = IdentifiedModel.refused(model.states, model.terms, f"bound: {reason}")
+    return [refused] * measurement["replicates"]
+
+
+def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int) -> np.ndarray:
+    """(n_bounds, n_states, n_terms) standard deviations, NaN without noise.
+
+    candidates: how many terms of the model, the first, the candidate library has. No method
+    estimates the others: they have no bound, NaN.
+    """
     if not bounds:
         return np.full((1, *model.coefficients.shape), np.nan)
-    return np.stack([on_library(model, each) for each in bounds])
+    std = np.stack([on_library(model, each) for each in bounds])
+    std[:, :, candidates:] = np.nan
+    return std

@@ -21,8 +21,11 @@ def ranked_releases(
     """One row a release from rest at one of the `heights` (m) in either direction, the best first.
 
     first: the recording that there is. level: of the noise on every state, in units of its
-    deviation. Releases from which the line's motion ends early are left out.
+    deviation. Releases from which the line's motion ends early are left out; where that of `first`
+    does, all are.
     """
+    if first.status != "ok":
+        return []
     simulator = Simulator(line.states, line.terms)
     names, options = [], []
     for state in ("q_v", "q_w"):

@@ -18,13 +18,11 @@ def evaluate(
     """One row of scores a model, and what the models of each method do.
 
     models: replicates by method. deviations: (1 or n_replicates, n_states, n_terms), the
-    Cramer-Rao bound. All methods together: importing and compiling the integrator costs more than
-    simulating the models of several methods.
+    Cramer-Rao bound.
     """
-    simulator = Simulator(truth.model.states, truth.model.terms)
     rows, reconstructions = [], {}
     for method, replicates in models.items():
-        motions = reconstruct(simulator, truth, replicates)
+        motions = reconstruct(truth, replicates)
         bounds = np.broadcast_to(deviations, (len(replicates), *deviations.shape[1:]))
         scores = list(map(score, [truth] * len(motions), replicates, motions, bounds))
         rows += [{"method": method, "replicate": k, **row} for k, row in enumerate(scores)]
@@ -34,15 +32,22 @@ def evaluate(
     return rows, reconstructions
 
 
-def reconstruct(
-    simulator: Simulator, truth: Truth, replicates: Sequence[IdentifiedModel]
-) -> list[Trajectory]:
-    """The motion of each model from the true initial state."""
+def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Trajectory]:
+    """The motion of each model from the true initial state.
+
+    One integrator with the terms that any of them has: it costs less than one for each model, and
+    runs three times as fast as one with the whole library.
+    """
+    support = np.any([np.nan_to_num(r.model.coefficients) != 0 for r in replicates], axis=0)
+    simulator = Simulator(truth.model.states, replicates[0].model.terms, support)
     motions = []
     for identified in replicates:
-        if identified.status == "refused":
+        refusal = identified.verdict if identified.status == "refused" else ""
+        if truth.status != "ok":
+            refusal = f"the line itself {truth.status}"
+        if refusal:
             nowhere = np.full_like(truth.states, np.nan)
-            motions.append(Trajectory(truth.time, nowhere, identified.verdict))
+            motions.append(Trajectory(truth.time, nowhere, refusal))
         else:
             motions.append(simulator(identified.model, truth.states[0], truth.time))
     return motions

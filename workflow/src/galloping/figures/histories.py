@@ -32,6 +32,9 @@ def draw_histories(
     true, columns, window = trajectory[0], settings["columns"], settings["window"]
     labels = list(columns[0]["cells"].values())
     figure = Figure(figsize=(DOUBLE, 0.8 + 0.95 * max(2, 2 * len(labels))), layout="constrained")
+    if true.status != "ok":
+        panels.nothing(figure.subplots(), f"nothing to show: the line itself {true.status}")
+        return figure
     if not labels:
         panels.nothing(figure.subplots(), "nothing to show: this study has no such recordings")
         return figure

@@ -23,6 +23,8 @@ def draw_load(trajectory: Sequence[Motion], settings: Mapping) -> Figure:
     """
     case, motion = settings["line"], trajectory[0]
     velocity = motion.states[:, motion.names.index("dq_v")]
+    if motion.status != "ok":
+        velocity = np.zeros(1)  # of a line that diverges no angle is shown
     figure = Figure(figsize=(DOUBLE, 2.75), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1))
     _vectors(left.subplots())

@@ -5,8 +5,8 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -75,34 +75,35 @@ def killed(repair: str) -> str:
     return f"A run in this folder was killed: `{repair}` takes it from there."
 
 
-def environment(results: str) -> dict[str, str]:
+def marked_environment(results: str) -> dict[str, str]:
     """The environment for all that a run starts, by which what is left of it is found."""
     return {**os.environ, OF_STUDY: str(Path(results).resolve())}
 
 
 def snakemakes(folder: Path) -> list[psutil.Process]:
-    """Snakemake's main processes in a folder."""
-    own = {os.getpid(), *(parent.pid for parent in psutil.Process().parents())}
-    return [
-        process
-        for process in psutil.process_iter()
-        if process.pid not in own and _runs_snakemake(process, folder.resolve())
-    ]
+    """Snakemake's main processes in a folder, but what started this one."""
+    own = {parent.pid for parent in psutil.Process().parents()}
+
+    def here(process: psutil.Process) -> bool:
+        named = any(Path(part).name == "snakemake" for part in process.cmdline()[:4])
+        return named and process.pid not in own and Path(process.cwd()) == folder.resolve()
+
+    return [process for process in psutil.process_iter() if _is(process, here)]
 
 
 def end_orphans(results: str, patience: float = 5.0) -> int:
     """End what a run that is gone left running, by force after `patience` seconds; how many."""
-    mark = environment(results)[OF_STUDY]
-    left = [p for p in psutil.process_iter() if p.pid != os.getpid() and _is_marked(p, mark)]
+    mark = marked_environment(results)[OF_STUDY]
+
+    def orphan(process: psutil.Process) -> bool:
+        return process.environ().get(OF_STUDY) == mark
+
+    left = [process for process in psutil.process_iter() if _is(process, orphan)]
     for end in (psutil.Process.terminate, psutil.Process.kill):
         for process in left:
-            try:
+            with suppress(psutil.NoSuchProcess):
                 end(process)
-            except psutil.NoSuchProcess:
-                continue
-        _, alive = psutil.wait_procs(left, timeout=patience)
-        if not alive:
-            break
+        psutil.wait_procs(left, timeout=patience)
     return len(left)
 
 
@@ -117,16 +118,9 @@ def _busy(process: object) -> str:
     return f"Process {process} is running a study in this folder: wait for it, or stop it."
 
 
-def _runs_snakemake(process: psutil.Process, folder: Path) -> bool:
+def _is(process: psutil.Process, wanted: Callable[[psutil.Process], bool]) -> bool:
+    """False of a process that has ended meanwhile, or is another user's."""
     try:
-        named = any(Path(part).name == "snakemake" for part in process.cmdline()[:4])
-        return named and Path(process.cwd()) == folder
-    except psutil.Error:
-        return False  # ended meanwhile, or another user's
-
-
-def _is_marked(process: psutil.Process, mark: str) -> bool:
-    try:
-        return process.environ().get(OF_STUDY) == mark
+        return process.pid != os.getpid() and wanted(process)
     except psutil.Error:
         return False

@@ -40,6 +40,8 @@ def code(*roots: str | Path) -> dict:
     for path in files:  # named as wherever the repository lies and a script is called
         name = path.relative_to(SOURCE).as_posix() if path.is_relative_to(SOURCE) else "script"
         texts.append(f"{name}\n{_parse(path).content}\n")
+        if path.is_relative_to(SOURCE):
+            texts += [template.read_text("utf-8") for template in path.parent.glob("*.jinja")]
     libraries = frozenset().union(*(_parse(path).libraries for path in files))
     return {
         "digest": hashlib.sha256("".join(sorted(texts)).encode()).hexdigest()[:16],

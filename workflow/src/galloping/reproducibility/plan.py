@@ -10,7 +10,7 @@ import ast
 import csv
 import io
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,12 +25,11 @@ from snakemake.settings.types import (
     OutputSettings,
     ResourceSettings,
 )
-from snakemake.utils import update_config
 from snakemake_interface_executor_plugins.executors.base import AbstractExecutor, SubmittedJobInfo
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from snakemake_interface_executor_plugins.settings import CommonSettings
 
-from galloping.configuration.load import load, plain, read
+from galloping.configuration.load import configured, plain
 from galloping.reproducibility.receipts import Receipt, as_written
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
@@ -77,14 +76,6 @@ class Plan:
         return {path: job for job in self.jobs for path in job.outputs}
 
 
-def configured(configfiles: Iterable[str] = ()) -> dict:
-    """The settings of a study, defaults included. Raises ConfigurationError."""
-    merged: dict = {}
-    for file in (CONFIGURATION, *configfiles):
-        update_config(merged, read(file))
-    return plain(load(merged))
-
-
 def planning(configfiles: Sequence[str] = ()) -> Plan:
     """The plan of the study in the working folder.
 
@@ -98,7 +89,8 @@ def planning(configfiles: Sequence[str] = ()) -> Plan:
         lambda dag: dag.execute_workflow("plan", execution_settings=NO_LOCK),
         force=True,
     )
-    return Plan(configured(configfiles), tuple(Executor.jobs), tuple(configfiles))
+    settings = plain(configured([CONFIGURATION, *configfiles]))
+    return Plan(settings, tuple(Executor.jobs), tuple(configfiles))
 
 
 def recorded(configfiles: Sequence[str] = ()) -> set[str]:

@@ -10,7 +10,7 @@ import pandas as pd
 from galloping.bounds.identifiable import IDENTIFIABLE
 from galloping.physics.derived import Derived
 from galloping.physics.equations import EQUATIONS
-from galloping.polynomial import PolynomialModel, library
+from galloping.polynomial import PolynomialModel, extended, library
 from galloping.tables.summary import failures
 
 CELL = ["case", "recordings", "protocol", "level", "points"]  # what names a cell
@@ -24,13 +24,14 @@ def identifiability(
     """One row a present term of each cell: bound, t = |c| / bound, whether it can be identified.
 
     models: by case. bounds: of each cell (n_samplings, n_states, n_terms), of which the root mean
-    square is taken. settings: degree of the library; cells, each with its case and the columns
-    that name it.
+    square is taken, NaN where undefined. settings: degree of the library; cells, each with its case
+    and the columns that name it.
     """
     rows = []
     for cell, columns in settings["cells"].items():
         model = models[columns["case"]].model
-        model = model.on_library(library(len(model.states), settings["degree"]))
+        terms = library(len(model.states), settings["degree"])
+        model = model.on_library(extended(terms, model))
         names = {key: columns[key] for key in CELL}
         rows += _terms(model, np.sqrt(np.mean(bounds[cell] ** 2, axis=0)), names)
     return pd.DataFrame(rows, columns=COLUMNS)
@@ -50,10 +51,16 @@ def _terms(model: PolynomialModel, typical: np.ndarray, names: Mapping[str, obje
                     "true": -true,
                     "bound": bound,
                     "t": t,
-                    "verdict": "identifiable" if t > IDENTIFIABLE else "not identifiable",
+                    "verdict": _verdict(t),
                 }
             )
     return rows
+
+
+def _verdict(t: float) -> str:
+    if np.isnan(t):  # the library lacks the term, or the line itself diverges
+        return "undefined"
+    return "identifiable" if t > IDENTIFIABLE else "not identifiable"
 
 
 def further_recordings(rankings: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
@@ -69,7 +76,7 @@ def efficiency(
     identifiability: that table, for the weakest t of each cell. Cells without noise have no bound
     and are left out.
     """
-    weakest = identifiability.groupby(CELL)["t"].min()
+    weakest = identifiability.groupby(CELL)["t"].min()  # of those that are defined
     rows = []
     noisy = scores[scores["level"] > 0]
     for names, cell in noisy.groupby(KEYS, sort=True):
@@ -80,7 +87,7 @@ def efficiency(
                 **dict(zip(KEYS, names, strict=True)),
                 "replicates": len(cell),
                 "exact_support": int(exact.sum()),
-                "efficiency": float(np.sqrt(np.mean(cell["efficiency"] ** 2))),
+                "efficiency": float(np.sqrt(np.mean(cell["efficiency"].to_numpy() ** 2))),
                 "r2_q_v": float(cell["r2_q_v"].median()),
                 "r2_q_w": float(cell["r2_q_w"].median()),
                 "amplitude_error_percent": float(amplitude.max(axis=1).median()),

@@ -3,7 +3,8 @@
 A claim gives either a value (of an error: smaller is better) or a bound (of R2, of exactness).
 Value: `better` if the whole interval over replicates is below the paper's value, `reproduced` if
 the interval holds it, `not reproduced` if the whole interval is above it. Bound: `reproduced` if
-the median keeps it, else `not reproduced`. A cell the study did not run is `not run`.
+the median keeps it, else `not reproduced`. A cell the study did not run is `not run`. Only the
+paper's own lines are judged: no other can reproduce it, or fail to.
 """
 
 from __future__ import annotations
@@ -106,13 +107,14 @@ COLUMNS = (
 
 
 def claims_table(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
-    """Every claim for every protocol and method of the study.
+    """Every claim about one of the cases for every protocol and method of the study.
 
-    settings: cases; pairs of protocol and method; subset_level, the noise level of the subsets.
+    settings: cases, those that are the paper's, with its parameters; pairs of protocol and method;
+    subset_level, the noise level of the subsets.
     """
     rows = []
     for claim in CLAIMS:
-        about = settings["cases"] if claim.case is None else [claim.case]
+        about = [case for case in settings["cases"] if claim.case in (None, case)]
         for case in about:
             for protocol, method in settings["pairs"]:
                 values = _values(scores, claim, case, protocol, method, settings["subset_level"])

@@ -10,7 +10,7 @@ import pandas as pd
 from galloping.identification.model import IdentifiedModel
 from galloping.physics.derived import Derived
 from galloping.physics.equations import EQUATIONS, STATES, symbol_of
-from galloping.polynomial import Exponents, PolynomialModel, library, term_name
+from galloping.polynomial import Exponents, PolynomialModel, extended, library, term_name
 from galloping.tables.summary import interval
 
 
@@ -19,12 +19,16 @@ def identified_terms(
 ) -> pd.DataFrame:
     """Each true term, and each other one that a replicate found, with median and interval.
 
-    model: of the line; results: replicates on the library `terms`.
+    model: of the line; results: replicates on the library `terms`, in which the line's terms that
+    it lacks are absent.
     Values are those of the left-hand side, as the paper prints them. Columns equation, symbol,
     term, true, identified, low, high, found (share of replicates).
     """
+    lacking = extended(terms, model)[len(terms) :]
+    terms = terms + lacking
     true = model.on_library(terms)
     found = np.stack([np.nan_to_num(result.model.coefficients) for result in results])
+    found = np.pad(found, ((0, 0), (0, 0), (0, len(lacking))))
     rows = []
     for row, equation in EQUATIONS.items():
         present = true.support[row] | np.any(found[:, row] != 0, axis=0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from galloping.configuration.settings import paper_cases_in
 from galloping.study import shown, sources
 from galloping.study.cells import Cell, Study
 from galloping.study.sources import Sources
@@ -74,7 +75,7 @@ def _coefficients(study: Study) -> dict:
 
 def _claims(study: Study) -> dict:
     return {
-        "cases": [case.name for case in study.cases],
+        "cases": paper_cases_in(study.settings),
         "subset_level": study.settings.measurement.subsets.level,
         "pairs": [[p.name, m.name] for p in study.protocols for m in study.methods],
     }

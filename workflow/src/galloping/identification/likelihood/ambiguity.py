@@ -15,6 +15,7 @@ from galloping.identification.likelihood.constants import (
     FALSE_DOUBT_RATE,
     FALSE_TERM_RATE,
     MISS_RATE,
+    TAIL,
 )
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import Tableau, Whitened, tableau
@@ -110,17 +111,23 @@ def _fit(whitened: Whitened, support: np.ndarray) -> tuple[float, np.ndarray, np
 
 
 def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndarray:
-    """(n,) root mean square distance of each coefficient from the selected one.
+    """(n,) standard error of each coefficient about the selected one, the support not trusted.
 
     Of a term found: over all plausible supports. Of an absent one: over those that have it, or,
-    where none has, its `deviation` (n,) were it alone added.
+    where none has, its `deviation` (n,) were it alone added. It is the root mean square distance,
+    or more where the distance has a heavy tail: four of it hold all but a share of TAIL.
     """
-    selected = plausible.coefficients[0]
-    squares = plausible.variances + (plausible.coefficients - selected) ** 2
-    weight = plausible.weight[:, None] * (plausible.supports | plausible.supports[0])
-    total = weight.sum(axis=0)
-    mean = np.sum(weight * squares, axis=0) / np.where(total > 0.0, total, 1.0)
-    return np.where(plausible.supports[0], np.sqrt(mean), np.fmax(np.sqrt(mean), deviation))
+    selected = plausible.supports[0]
+    distance = np.abs(plausible.coefficients - plausible.coefficients[0])
+    weight = plausible.weight[:, None] * (plausible.supports | selected)
+    weight = weight / np.maximum(weight.sum(axis=0), np.finfo(float).tiny)
+    mean = np.sqrt(np.sum(weight * (plausible.variances + distance**2), axis=0))
+    edge = distance + 2.0 * np.sqrt(plausible.variances)
+    order = np.argsort(edge, axis=0, kind="stable")
+    reached = np.cumsum(np.take_along_axis(weight, order, 0), axis=0) >= 1.0 - TAIL
+    tail = np.take_along_axis(edge, order, 0)[np.argmax(reached, axis=0), np.arange(len(selected))]
+    error = np.maximum(mean, tail / 4.0)
+    return np.where(selected, error, np.fmax(error, deviation))
 
 
 def detection_limits(errors: np.ndarray, support: np.ndarray, penalty: float) -> np.ndarray:

@@ -7,12 +7,14 @@ come from the information at the solution, so they are those of the Cramer-Rao b
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
+from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.instrument import FORCES, faults
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
@@ -28,7 +30,7 @@ from galloping.identification.likelihood.shooting import (
 )
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.verdict import MOST_COLOUR, Residue, residue
-from galloping.identification.likelihood.weak_gls import WeakFit, prepared, weak_fit
+from galloping.identification.likelihood.weak_gls import Start, WeakFit, begin
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
@@ -90,10 +92,11 @@ class Step:
 
 
 def maximum_likelihood(
-    recordings: list[Recording],
+    recordings: Recording | Sequence[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
+    begin: Callable[[Problem, list[Recording]], Start] = begin,
 ) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
 
@@ -101,29 +104,28 @@ def maximum_likelihood(
     the noise of each channel of each recording is unknown, white and Gaussian. Where they carry
     derivatives, the states are exact and the equations are fitted directly.
     terms: the library. known: model whose equations of `known_states` hold; the equation of a
-    state X is known to be dX/dt = dX where a state has that name.
+    state X is known to be dX/dt = dX where a state has that name. begin: makes the start.
     The status is `ok`, `not identifiable` (other terms could be there as well), or `refused`.
-    Raises ValueError where the recordings differ in their states.
+    Raises ValueError where the recordings differ in their states, and for other input.
     """
+    recordings = checked_recordings(recordings)
     states = recordings[0].states
-    if any(recording.states != states for recording in recordings):
-        raise ValueError("the recordings do not have the same states")
+    check_question(states, terms, known, known_states)
     problem = make_problem(states, terms, known, known_states)
     try:
         if all(recording.derivatives is not None for recording in recordings):
             return derivative_fit(problem, recordings)
-        return _from_states(problem, recordings)
+        return _from_states(problem, recordings, begin(problem, recordings))
     except (ValueError, FloatingPointError, np.linalg.LinAlgError) as error:
         return refused(problem, str(error))
 
 
-def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
+def _from_states(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
-    recordings, smoothed, period = prepared(recordings)
+    recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
     measured = [np.isfinite(recording.values) for recording in recordings]
     kept = sum(int(one.sum()) for one in measured)
-    penalty = 2.0 * np.log(kept)
-    start = weak_fit(problem, smoothed, penalty)
+    penalty, start = begun.penalty, begun.fit
     observed = np.flatnonzero(np.any([one.any(axis=0) for one in measured], axis=0))
     largest = _largest(problem, smoothed)
     condensed, segments, step = _followed(

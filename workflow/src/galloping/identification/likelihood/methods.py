@@ -5,33 +5,44 @@ Second-order systems name their velocities `dX`; that dX/dt is the state dX is t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from galloping.identification.likelihood import maximum_likelihood as likelihood
 from galloping.identification.likelihood import weak_gls as weak
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.weak_gls import Start
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import Exponents
 from galloping.recording import Recording
 
 
 @dataclass(frozen=True)
-class Start:
-    """What both methods work on: recordings of one system, and the library."""
+class Evidence:
+    """What both methods work on: recordings of one system, the library, and a shared start."""
 
     recordings: list[Recording]
     terms: tuple[Exponents, ...]
+    begin: Callable[[Problem, list[Recording]], Start]
 
 
-def start(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Start:
-    return Start(list(recordings), terms)
+def start(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evidence:
+    """Evidence whose start is made once, by the first method that needs it."""
+    made: list[Start] = []
+
+    def begin(problem: Problem, given: list[Recording]) -> Start:
+        if not made:
+            made.append(weak.begin(problem, given))
+        return made[0]
+
+    return Evidence(list(recordings), terms, begin)
 
 
-def weak_gls(start: Start) -> IdentifiedModel:
+def weak_gls(evidence: Evidence) -> IdentifiedModel:
     """`likelihood.weak_gls` on the polynomial library."""
-    return weak.weak_gls(start.recordings, start.terms)
+    return weak.weak_gls(evidence.recordings, evidence.terms, begin=evidence.begin)
 
 
-def maximum_likelihood(start: Start) -> IdentifiedModel:
+def maximum_likelihood(evidence: Evidence) -> IdentifiedModel:
     """`likelihood.maximum_likelihood` on the polynomial library."""
-    return likelihood.maximum_likelihood(start.recordings, start.terms)
+    return likelihood.maximum_likelihood(evidence.recordings, evidence.terms, begin=evidence.begin)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
 from galloping.identification.likelihood.result import judged, refused
@@ -69,31 +71,52 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     return WeakFit(free, support, information, right, covariance, max(misfit, 0.0))
 
 
+@dataclass(frozen=True)
+class Start:
+    """Where the methods begin: `prepared` recordings, worth of a term, and the weak fit."""
+
+    recordings: list[Recording]
+    smoothed: list[Smooth]
+    period: float
+    penalty: float
+    fit: WeakFit
+
+
+def begin(problem: Problem, recordings: list[Recording]) -> Start:
+    """The start from recordings. Raises what `prepared` and `weak_fit` raise."""
+    recordings, smoothed, period = prepared(recordings)
+    samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
+    penalty = 2.0 * np.log(samples)
+    fit = weak_fit(problem, smoothed, penalty)
+    return Start(recordings, smoothed, period, penalty, fit)
+
+
 def weak_gls(
-    recordings: list[Recording],
+    recordings: Recording | Sequence[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
+    begin: Callable[[Problem, list[Recording]], Start] = begin,
 ) -> IdentifiedModel:
     """Identify one model from noisy states by the weak form, in generalised least squares.
 
     recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
-    whose equations of `known_states` hold; dX/dt = `dX` is known by its name.
+    whose equations of `known_states` hold; dX/dt = `dX` is known by its name. begin: makes the
+    start.
     The intervals are those of the linearised weak form, inflated by the misfit where it is above
-    one. The status is as in `IdentifiedModel`.
+    one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
     """
+    recordings = checked_recordings(recordings)
+    check_question(recordings[0].states, terms, known, known_states)
     problem = make_problem(recordings[0].states, terms, known, known_states)
     try:
-        return _fitted(problem, recordings)
+        return _fitted(problem, begin(problem, recordings))
     except (ValueError, np.linalg.LinAlgError) as error:
         return refused(problem, str(error))
 
 
-def _fitted(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
-    recordings, smoothed, _ = prepared(recordings)
-    samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
-    penalty = 2.0 * np.log(samples)
-    fit = weak_fit(problem, smoothed, penalty)
+def _fitted(problem: Problem, start: Start) -> IdentifiedModel:
+    smoothed, penalty, fit = start.smoothed, start.penalty, start.fit
     inflation = max(fit.misfit, 1.0)
     objection = ""
     if fit.misfit >= MOST_MISFIT:

@@ -80,15 +80,20 @@ def _triangle(rows: np.ndarray) -> np.ndarray:
 def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regression:
     """The regression of recordings of one system on the candidate library `terms`.
 
-    Where no derivatives were measured they come from `smooth`, and so do the states.
+    Where no derivatives were measured they come from `smooth`, and so do the states. Recordings
+    without any sample, as of a line that diverges, give NaN, which no method can solve.
     Raises ValueError where a value is missing.
     """
+    states = recordings[0].states
+    if any(np.isnan(recording.values).all() for recording in recordings):
+        theta, targets = np.full((1, len(terms)), np.nan), np.full((1, len(states)), np.nan)
+        return Regression(theta, targets, np.zeros(len(states)), states, terms)
     parts = [_differentiated(recording) for recording in recordings]
     x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
     observations = sum(part[2] for part in parts)
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
-    return regression(blocks, observations, recordings[0].states, terms)
+    return regression(blocks, observations, states, terms)
 
 
 def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,0 +1,1 @@
+"""Independent trials of what the identification claims of its models."""
