@@ -26,6 +26,7 @@ from galloping.cycles.family import Family, VectorField
 
 FOLD, BRANCH_POINT = "fold of cycles", "branch point"
 PERIOD_DOUBLING, NEIMARK_SACKER = "period doubling", "Neimark-Sacker"
+ENDED_DOUBLED = "ended at a period doubling"
 
 INTERVALS, MOST_INTERVALS = 20, 400
 DEFECT = 1e-7  # of the trivial multiplier, beyond which the mesh is refined
@@ -156,7 +157,7 @@ class CycleProblem:
         if orbit.spread > self.ceiling:
             return f"grew beyond {self.ceiling:g}"
         if np.sum(_halves(orbit) * _halves(self.reference)) < 0:
-            return "ended at a period doubling"
+            return ENDED_DOUBLED
         return "ended at an equilibrium" if orbit.spread < VANISHED * self.largest else ""
 
     def signature(self, orbit: Orbit) -> np.ndarray:
