@@ -211,6 +211,8 @@ def write_report(study: Study) -> Job:
         "claims": sources.table(study, "claims"),
         "efficiency": sources.table(study, "efficiency"),
         "errors": sources.table(study, "noise_coefficients"),
+        "cycles": sources.table(study, "limit_cycles"),
+        "bifurcations": sources.table(study, "bifurcations"),
     }
     protocol, method = shown.paper_pair(study)
     settings = {
