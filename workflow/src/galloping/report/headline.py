@@ -75,8 +75,8 @@ def _least_data(efficiency: pd.DataFrame, case: str, protocol: str) -> str:
         return ""
     highest, fewest = noisy["level"].max(), noisy["points"].min()
     return (
-        f"It finds the true terms in at least 95 % of the recordings up to {100 * highest:g} % noise "
-        f"and down to {fewest:,} samples."
+        f"It finds the true terms in at least 95 % of the recordings up to {100 * highest:g} % "
+        f"noise and down to {fewest:,} samples."
     )
 
 
