@@ -14,7 +14,7 @@ from galloping.study.sources import Source, Sources
 from galloping.tables import registry as tables
 
 COMPARISONS = ["reference_summary", "reference_differences"]  # of compare_reference
-MOST_DRAWS = 5  # of each variant of a line, enough to tell most draws from some
+MOST_DRAWS = 3  # of each variant of a line, enough to tell most draws from some
 RELEASE_HEIGHTS = [1.0, 2.0, 3.0]  # m, of the further recordings that are compared
 
 
