@@ -38,6 +38,8 @@ CURIOUS = 2.5
 # least noise, and the projections' own estimate is never this far below the true one.
 ROUNDING = 0.25
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
+JITTER = "the sampling times jitter"
+GROWING = "the noise grows with the signal"
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,17 @@ class Fault:
 
     cause: str
     z: float
+
+
+def of_the_model(causes: list[Fault]) -> bool:
+    """Whether the model may be what is wrong: forces are missing, and no sensor is the clearest.
+
+    Residuals of a wrong model are larger where the motion is, like noise that grows with it.
+    """
+    if not causes:
+        return True
+    missing = any(fault.cause == FORCES for fault in causes)
+    return missing and causes[0].cause in (FORCES, JITTER, GROWING)
 
 
 def faults(
@@ -237,8 +250,8 @@ def _variances(
     weight = np.where(there[:, :, 0], condensed.functionals[:, :, 0, 0], 1.0)
     tested = []
     for cause, signal in (
-        ("the sampling times jitter", rates[:, :, 0]),
-        ("the noise grows with the signal", (condensed.targets - residual)[:, :, 0]),
+        (JITTER, rates[:, :, 0]),
+        (GROWING, (condensed.targets - residual)[:, :, 0]),
     ):
         total, channels = 0.0, 0
         for r in range(len(sigma)):
