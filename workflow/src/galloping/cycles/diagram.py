@@ -15,6 +15,7 @@ from galloping.cycles.limit_cycles import (
     PERIOD_DOUBLING,
     from_branching,
     from_hopf,
+    from_motion,
 )
 
 
@@ -40,12 +41,19 @@ class Diagram:
 
 
 def diagram(
-    family: Family, span: Range, n_states: int, depth: int = 1, ceiling: float = np.inf
+    family: Family,
+    span: Range,
+    n_states: int,
+    depth: int = 1,
+    ceiling: float = np.inf,
+    motion: tuple[float, np.ndarray, np.ndarray] | None = None,
 ) -> Diagram:
     """The diagram of the equilibrium near the origin, over the range `span`.
 
     depth: how many period doublings and branch points in a row are followed. ceiling: size (root
-    mean square, units of the states) beyond which orbits are not followed. Raises ValueError where
+    mean square, units of the states) beyond which orbits are not followed. motion: where no Hopf
+    bifurcation lies in the range, a settled motion to start from: the parameter's value, times
+    (n,) in s and states (n, n_states). Raises ValueError where
     there is no equilibrium near the origin.
     """
     equilibria = equilibrium_branch(family, np.zeros(n_states), span.low, span)
@@ -56,6 +64,15 @@ def diagram(
             queue.append((f"Hopf {k}", (from_hopf(family, hopf, span, ceiling=ceiling),), 0))
         except ValueError as failure:
             failures.append(f"Hopf {k}: {failure}")
+    if not queue and motion is not None:
+        value = motion[0]
+        try:
+            below, above = from_motion(family, *motion, span, ceiling=ceiling)
+        except ValueError as failure:
+            failures.append(f"from {value:g}: {failure}")
+        else:
+            queue.append((f"from {value:g} downwards", (below,), 0))
+            queue.append((f"from {value:g} upwards", (above,), 0))
     while queue:
         name, branches, level = queue.pop(0)
         for side, branch in enumerate(branches):

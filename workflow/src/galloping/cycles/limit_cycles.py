@@ -232,6 +232,7 @@ def from_motion(
     states: np.ndarray,
     span: Range,
     resolution: float = 0.0,
+    ceiling: float = np.inf,
 ) -> tuple[Branch, Branch]:
     """The limit cycles below and above the one that a motion has settled on.
 
@@ -240,6 +241,7 @@ def from_motion(
     """
     resolution = resolution or (span.high - span.low) / 50
     problem, start = settled(family, value, time, states, resolution)
+    problem = replace(problem, ceiling=ceiling)
     down = replace(start, tangent=start.tangent.scaled(-1.0))
     return follow(problem, down, span), follow(problem, start, span)
 

@@ -47,6 +47,7 @@ def draw_limit_cycles(
             )
             _panel(axes, *of_case, name)
             axes.set(xlabel=settings["label"], ylabel="half range, m")
+            axes.set_xlim(0, 1.03 * cycles["value"].max())
             if "highest" in settings:
                 axes.set_ylim(-0.02 * settings["highest"], settings["highest"])
     _legend(figure, bifurcations)

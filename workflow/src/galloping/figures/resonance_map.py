@@ -40,4 +40,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         lost = table[~np.isfinite(table[name])]
         axes.plot(lost["x"], lost["y"] / scale, ls="", marker="v", ms=4, mfc="white", mec=PAPER)
         axes.set(xlabel=settings["x_label"], ylabel=settings["y_label"])
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
