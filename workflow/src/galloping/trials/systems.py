@@ -204,7 +204,7 @@ def _weak_form(recordings: list[Recording], terms: tuple) -> IdentifiedModel:
     from galloping.identification.sparse.weak import weak
 
     bumps = {"domains": 200, "half_width": shortest_period(recordings) / 2.0, "order": 4}
-    return weak(recordings, degree=DEGREE, threshold=None, path_length=25, weak=bumps, seed=0)
+    return weak(recordings, degree=DEGREE, threshold=None, path_length=25, **bumps, seed=0)
 
 
 METHODS: dict[str, Callable[[list[Recording], tuple], IdentifiedModel]] = {
