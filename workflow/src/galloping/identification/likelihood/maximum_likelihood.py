@@ -136,10 +136,14 @@ def _from_states(problem: Problem, recordings: list[Recording], begun: Start) ->
     try:
         fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
     except FloatingPointError as error:
-        causes = []
-        if step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
-            causes = _causes(problem, condensed, segments, step.fit, penalty)
-            causes = causes or [f"followed in pieces, not as a whole: {FORCES}"]
+        rows = float(np.sum(condensed.rows))
+        followed = step.fit.cost < CLOSE * rows
+        # where nothing follows the data, a fault must explain most of what is left
+        causes = _causes(
+            problem, condensed, segments, step.fit, penalty, 0.0 if followed else rows / 2
+        )
+        if followed and not causes:
+            causes = [f"followed in pieces, not as a whole: {FORCES}"]
         raise FloatingPointError("; ".join([*causes, str(error)])) from error
     remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:
@@ -180,13 +184,18 @@ def _from_states(problem: Problem, recordings: list[Recording], begun: Start) ->
 
 
 def _causes(
-    problem: Problem, condensed: Condensed, segments: Segments, fit: Fit, penalty: float
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    fit: Fit,
+    penalty: float,
+    least: float = 0.0,
 ) -> list[str]:
-    """The clearest fault of the recording, or none."""
+    """The clearest fault of the recording that explains `least` of chi^2, or none."""
     shown = faults(
         problem, condensed, segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
     )
-    return [fault.cause for fault in shown[:1]]
+    return [fault.cause for fault in shown[:1] if fault.z**2 >= least]
 
 
 def _remaining(
