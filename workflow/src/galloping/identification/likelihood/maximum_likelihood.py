@@ -164,11 +164,14 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     try:
         fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
     except FloatingPointError as error:
-        causes = []
-        if step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
-            causes = _causes(problem, condensed, segments, step.fit, penalty)
+        rows = float(np.sum(condensed.rows))
+        followed = step.fit.cost < CLOSE * rows
+        # where nothing follows the data, a fault must explain most of what is left
+        causes = _causes(
+            problem, condensed, segments, step.fit, penalty, 0.0 if followed else rows / 2
+        )
         named = [fault.cause for fault in causes[:1]]
-        if not causes and step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
+        if followed and not causes:
             named = [f"followed in pieces, not as a whole: {FORCES}"]
         kind = FloatingPointError if of_the_model(causes) else ValueError
         raise kind("; ".join([*named, str(error)])) from error
@@ -213,12 +216,18 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
 
 
 def _causes(
-    problem: Problem, condensed: Condensed, segments: Segments, fit: Fit, penalty: float
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    fit: Fit,
+    penalty: float,
+    least: float = 0.0,
 ) -> list[Fault]:
-    """The faults of the recording, the clearest first."""
-    return faults(
+    """The faults of the recording that explain `least` of chi^2, the clearest first."""
+    shown = faults(
         problem, condensed, segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
     )
+    return [fault for fault in shown if fault.z**2 >= least]
 
 
 def _remaining(
