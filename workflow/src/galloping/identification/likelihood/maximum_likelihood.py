@@ -163,7 +163,9 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     try:
         fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
     except FloatingPointError as error:
-        causes = _causes(problem, condensed, segments, step.fit, penalty)
+        causes = []
+        if step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
+            causes = _causes(problem, condensed, segments, step.fit, penalty)
         named = [fault.cause for fault in causes[:1]]
         if not causes and step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
             named = [f"followed in pieces, not as a whole: {FORCES}"]
