@@ -45,14 +45,11 @@ class Fault:
 
 
 def of_the_model(causes: list[Fault]) -> bool:
-    """Whether the model may be what is wrong: forces are missing, and no sensor is the clearest.
+    """Whether the model may be what is wrong, for the clearest fault is not one of calibration.
 
     Residuals of a wrong model are larger where the motion is, like noise that grows with it.
     """
-    if not causes:
-        return True
-    missing = any(fault.cause == FORCES for fault in causes)
-    return missing and causes[0].cause in (FORCES, JITTER, GROWING)
+    return not causes or causes[0].cause in (FORCES, JITTER, GROWING)
 
 
 def faults(

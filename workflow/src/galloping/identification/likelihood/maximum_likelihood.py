@@ -147,8 +147,7 @@ def _observed(recordings: list[Recording]) -> np.ndarray:
 def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
     """The model that follows the data to the noise; refused where an instrument is at fault.
 
-    Raises FloatingPointError where no model of the library does, ValueError where that is because
-    an instrument is at fault.
+    Raises FloatingPointError where no model of the library does.
     """
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
@@ -173,8 +172,7 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
         named = [fault.cause for fault in causes[:1]]
         if followed and not causes:
             named = [f"followed in pieces, not as a whole: {FORCES}"]
-        kind = FloatingPointError if of_the_model(causes) else ValueError
-        raise kind("; ".join([*named, str(error)])) from error
+        raise FloatingPointError("; ".join([*named, str(error)])) from error
     remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
