@@ -13,6 +13,7 @@ from galloping.study.sources import Source, Sources
 from galloping.tables import registry as tables
 
 COMPARISONS = ["reference_summary", "reference_differences"]  # of compare_reference
+ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
 RELEASE_HEIGHTS = [1.0, 2.0, 3.0]  # m, of the further recordings that are compared
 
 
@@ -79,6 +80,23 @@ def evaluate_cell(study: Study, case: str, protocol: str, cell: str) -> Job:
         "columns": measured.columns,
         "measurement": measured.measurement,
         "degree": study.settings.identification.degree,
+        "steady_window": list(study.settings.simulation.steady_window),
+    }
+    return _reading(reads, settings)
+
+
+def find_oracle(study: Study, case: str, protocol: str, cell: str) -> Job:
+    measured = study.cell(case, protocol, cell)
+    reads = {
+        "model": sources.model(study, case),
+        "trajectory": sources.trajectory(study, case),
+    }
+    replicates = min(ORACLE_REPLICATES, measured.replicates)
+    settings = {
+        "columns": measured.columns,
+        "measurement": {**measured.measurement, "replicates": replicates},
+        "degree": study.settings.identification.degree,
+        "path_length": study.settings.identification.stlsq.path_length,
         "steady_window": list(study.settings.simulation.steady_window),
     }
     return _reading(reads, settings)

@@ -18,6 +18,7 @@ class Paths:
     identified: str = f"identified/{CELL}/{{family}}.npz"
     bounds: str = f"bounds/{CELL}.npz"
     scores: str = f"scores/{CELL}.csv"
+    oracle: str = f"oracles/{CELL}.csv"
     reconstructions: str = f"reconstructions/{CELL}.npz"
     table: str = "tables/{table}.csv"
     figure: str = "figures/{figure}.{form}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from galloping.identification.registry import Method
+from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
 from galloping.measurement.protocols import STATES, Protocol
 from galloping.study.cells import Case, Cell, Study
 from galloping.study.kinds import NOISE, OURS, SUBSET
@@ -66,6 +66,16 @@ def noise_cells(study: Study, pair: Pair, wanted: Iterable[float]) -> list[Cell]
 def amount_cells(study: Study, pair: Pair) -> list[Cell]:
     """Subsets of the first case that a pair can use, the smallest first."""
     return _cells(study, first_case(study), pair, SUBSET)
+
+
+def oracle_cells(study: Study) -> list[Cell]:
+    """Whole noisy records of all states that a method of pysindy is tuned on."""
+    return [
+        cell
+        for cell in study.cells
+        if cell.kind == NOISE and cell.level > 0 and cell.protocol.measures == STATES
+        and any(method.evidence in (REGRESSION, WEAK_FORM) for method in cell.methods)
+    ]  # fmt: skip
 
 
 def _cells(study: Study, case: Case, pair: Pair, kind: str) -> list[Cell]:
