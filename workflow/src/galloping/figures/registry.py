@@ -304,7 +304,7 @@ FIGURES = (
         "overview",
         "overview: error against noise, and the bound",
         "galloping.figures.overview:draw_overview",
-        _table("scores"),
+        lambda study: _table("scores")(study) | {"peers": sources.table(study, "peers")},
         _overview,
     ),
     Figure(

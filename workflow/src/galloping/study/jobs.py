@@ -15,6 +15,7 @@ from galloping.tables import registry as tables
 
 COMPARISONS = ["reference_summary", "reference_differences"]  # of compare_reference
 MOST_DRAWS = 3  # of each variant of a line, enough to tell most draws from some
+ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
 RELEASE_HEIGHTS = [1.0, 2.0, 3.0]  # m, of the further recordings that are compared
 
 
@@ -164,6 +165,23 @@ def animate_line(study: Study) -> Job:
     case = shown.first_case(study)
     wind = study.settings.assessment.design_wind
     return Job({}, {"case": case.released, "name": case.name, "wind": wind})
+
+
+def find_oracle(study: Study, case: str, protocol: str, cell: str) -> Job:
+    measured = study.cell(case, protocol, cell)
+    reads = {
+        "model": sources.model(study, case),
+        "trajectory": sources.trajectory(study, case),
+    }
+    replicates = min(ORACLE_REPLICATES, measured.replicates)
+    settings = {
+        "columns": measured.columns,
+        "measurement": {**measured.measurement, "replicates": replicates},
+        "degree": study.settings.identification.degree,
+        "path_length": study.settings.identification.stlsq.path_length,
+        "steady_window": list(study.settings.simulation.steady_window),
+    }
+    return _reading(reads, settings)
 
 
 def make_table(study: Study, table: str) -> Job:

@@ -18,6 +18,7 @@ class Paths:
     identified: str = f"identified/{CELL}/{{family}}.npz"
     bounds: str = f"bounds/{CELL}.npz"
     scores: str = f"scores/{CELL}.csv"
+    oracle: str = f"oracles/{CELL}.csv"
     reconstructions: str = f"reconstructions/{CELL}.npz"
     cycles: str = "sweeps/{case}/{sweep}/cycles.csv"
     bifurcations: str = "sweeps/{case}/{sweep}/bifurcations.csv"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from galloping.identification.registry import Method
+from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
 from galloping.measurement.protocols import DISPLACEMENTS, STATES, Protocol
 from galloping.study.cells import Case, Cell, Study
 from galloping.study.kinds import JOINT, NOISE, OURS, OURS_FAMILY, SUBSET
@@ -107,6 +107,16 @@ def families_of(cell: Cell) -> list[str]:
     """Of the methods that predict."""
     names = predicting_methods(cell)
     return list(dict.fromkeys(m.family for m in cell.methods if m.name in names))
+
+
+def oracle_cells(study: Study) -> list[Cell]:
+    """Whole noisy records of all states that a method of pysindy is tuned on."""
+    return [
+        cell
+        for cell in study.cells
+        if cell.kind == NOISE and cell.level > 0 and cell.protocol.measures == STATES
+        and any(method.evidence in (REGRESSION, WEAK_FORM) for method in cell.methods)
+    ]  # fmt: skip
 
 
 def _cells(study: Study, case: Case, pair: Pair, kind: str) -> list[Cell]:

@@ -46,6 +46,10 @@ def scores(study: Study, cell: Cell) -> Source:
     return Source(study.paths.scores.format(**cell.wildcards), f"{FILES}.tables:read")
 
 
+def oracle(study: Study, cell: Cell) -> Source:
+    return Source(study.paths.oracle.format(**cell.wildcards), f"{FILES}.tables:read")
+
+
 def reconstructions(study: Study, cell: Cell) -> Source:
     path = study.paths.reconstructions.format(**cell.wildcards)
     return Source(path, f"{FILES}.reconstructions:read")

@@ -49,6 +49,11 @@ def _scores_of_cells(study: Study) -> Sources:
     return {"cells": {cell.id: sources.scores(study, cell) for cell in study.cells}}
 
 
+def _peers(study: Study) -> Sources:
+    cells = shown.oracle_cells(study)
+    return _scores(study) | {"oracles": {cell.id: sources.oracle(study, cell) for cell in cells}}
+
+
 def _least_noise(study: Study) -> dict[str, Cell]:
     return {case.name: shown.least_noise(study, case) for case in study.cases}
 
@@ -183,6 +188,7 @@ TABLES = (
         "galloping.tables.bounds:efficiency",
         lambda study: _scores(study) | {"identifiability": sources.table(study, "identifiability")},
     ),
+    Table("peers", "galloping.tables.peers:peers", _peers),
     Table("identifiability", "galloping.tables.bounds:identifiability", _bounds, _identifiability),
     Table("further_recordings", "galloping.tables.bounds:further_recordings", _rankings),
     Table("limit_cycles", TOGETHER, _limit_cycles),
