@@ -7,7 +7,6 @@ import sys
 from dataclasses import asdict
 
 import pytest
-import yaml
 
 from galloping.reproducibility.receipts import Receipt, receipt_path
 from galloping.storage import write_json
@@ -54,22 +53,6 @@ def test_a_number_of_cores_that_is_none_is_one_line(root, cores):
     )
 
 
-def test_the_profiles_agree_and_that_for_slurm_names_every_rule(fresh):
-    run = fresh.snakemake("--list-rules", "--quiet", "all")
-    assert run.returncode == 0, run.stdout
-    default, slurm = (
-        yaml.safe_load((fresh.folder / f"workflow/profiles/{name}/config.yaml").read_text())
-        for name in ("default", "slurm")
-    )
-    rules = set(slurm["groups"])
-    assert rules == set(slurm["set-resources"])
-    assert rules | {"all"} == {line for line in run.stdout.splitlines() if line.isidentifier()}
-    shared = default.keys() & slurm.keys() - {"cores"}
-    assert len(shared) > 3 and {key: default[key] for key in shared} == {
-        k: slurm[k] for k in shared
-    }
-
-
 def test_pruning_shows_what_it_would_remove(fresh, tmp_path):
     folder = tmp_path / "study"
     shutil.copytree(fresh.folder, folder, ignore=shutil.ignore_patterns(".snakemake"))
@@ -77,6 +60,8 @@ def test_pruning_shows_what_it_would_remove(fresh, tmp_path):
     old = folder / path
     old.parent.mkdir(parents=True)
     old.write_text("1\n")
+    (folder / log).parent.mkdir()
+    (folder / log).touch()
     made = Receipt(path, "evaluate_cell", {}, log, {}, {}, "0" * 64, size=2, seconds=1.0)
     write_json(folder / receipt_path(path), asdict(made))
     options = ("--configfile", "config/smoke.yaml")
@@ -84,5 +69,5 @@ def test_pruning_shows_what_it_would_remove(fresh, tmp_path):
     assert status == 0 and said[0] == path and old.exists()
     assert said[1] == "results/smoke: 1 left over files, 0.0 MB, to be removed by DELETE=yes"
     status, said = script(folder, "prune_results", "--delete", *options)
-    assert status == 0 and said[0].split() == [path, str(receipt_path(path))]
+    assert status == 0 and said[0].split() == [path, str(receipt_path(path)), log]
     assert not old.exists()

@@ -59,6 +59,15 @@ def table(study: Study, name: str) -> Source:
     return Source(study.paths.table.format(table=name), f"{FILES}.tables:read")
 
 
+def swept(study: Study, pattern: str, **names: str) -> Source:
+    """A table of a sweep or an assessment. pattern: a field of `Paths`."""
+    return Source(getattr(study.paths, pattern).format(**names), f"{FILES}.tables:read")
+
+
+def orbits(study: Study, case: str) -> Source:
+    return Source(study.paths.orbits.format(case=case), f"{FILES}.orbits:read")
+
+
 def as_written(path: str) -> Source:
     """A table of text."""
     return Source(path, f"{FILES}.tables:read_as_written")

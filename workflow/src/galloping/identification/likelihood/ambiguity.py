@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import norm
 
@@ -66,8 +65,7 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
             known.setdefault(other.tobytes(), (value, other))
     ranked = sorted(known.values(), key=lambda entry: entry[0])
     supports = np.array([other for _, other in ranked[:CHANGES]])
-    fits = [_fit(whitened, other) for other in supports]
-    chi2, coefficients, variances = (np.array(column) for column in zip(*fits, strict=True))
+    chi2, coefficients, variances = _fits(whitened, supports)
     criterion = chi2 + cost * supports.sum(axis=1)
     weight = np.exp(-(criterion - criterion.min()) / 2.0)
     return Plausible(supports, chi2, weight / weight.sum(), coefficients, variances)
@@ -96,18 +94,23 @@ def _changes(here: Tableau, support: np.ndarray, cost: float) -> tuple[np.ndarra
     return here.chi2 + cost * len(kept) + rise[best], others[:, :-1]
 
 
-def _fit(whitened: Whitened, support: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """chi^2, and coefficients (n,) with variances (n,) in the original units."""
-    kept = np.flatnonzero(support)
-    q, r = np.linalg.qr(whitened.columns[:, kept])
-    inverse = solve_triangular(r, np.eye(len(kept)), check_finite=False)
-    along = q.T @ whitened.target
-    rest = whitened.target - q @ along
-    coefficients, variances = np.zeros((2, len(support)))
-    unit = whitened.unit[kept]
-    coefficients[kept] = inverse @ along * unit
-    variances[kept] = np.sum(inverse**2, axis=1) * unit**2
-    return float(rest @ rest), coefficients, variances
+def _fits(whitened: Whitened, supports: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """chi^2 (m,), and coefficients and variances (m, n) in the original units; supports: (m, n)."""
+    chi2 = np.full(len(supports), whitened.target @ whitened.target)
+    coefficients, variances = np.zeros((2, *supports.shape))
+    sizes = supports.sum(axis=1)
+    for size in np.unique(sizes[sizes > 0]):  # those of one size in one call
+        rows = np.flatnonzero(sizes == size)[:, None]
+        kept = np.nonzero(supports[rows[:, 0]])[1].reshape(-1, size)
+        q, r = np.linalg.qr(np.moveaxis(whitened.columns[:, kept], 1, 0))
+        inverse = np.linalg.inv(r)
+        along = np.einsum("mij,i->mj", q, whitened.target)
+        rest = whitened.target - np.einsum("mij,mj->mi", q, along)
+        chi2[rows[:, 0]] = np.sum(rest**2, axis=1)
+        unit = whitened.unit[kept]
+        coefficients[rows, kept] = np.einsum("mij,mj->mi", inverse, along) * unit
+        variances[rows, kept] = np.sum(inverse**2, axis=2) * unit**2
+    return chi2, coefficients, variances
 
 
 def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndarray:

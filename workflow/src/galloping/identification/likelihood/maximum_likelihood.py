@@ -15,7 +15,8 @@ import numpy as np
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
-from galloping.identification.likelihood.instrument import FORCES, faults
+from galloping.identification.likelihood.instrument import FORCES, Fault, faults, of_the_model
+from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
 from galloping.identification.likelihood.result import judged, refused
@@ -105,7 +106,8 @@ def maximum_likelihood(
     derivatives, the states are exact and the equations are fitted directly.
     terms: the library. known: model whose equations of `known_states` hold; the equation of a
     state X is known to be dX/dt = dX where a state has that name. begin: makes the start.
-    The status is `ok`, `not identifiable` (other terms could be there as well), or `refused`.
+    The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
+    model of the library follows the data to the noise; see `model_error`), or `refused`.
     Raises ValueError where the recordings differ in their states, and for other input.
     """
     recordings = checked_recordings(recordings)
@@ -121,12 +123,37 @@ def maximum_likelihood(
 
 
 def _from_states(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
+    try:
+        return _exact(problem, recordings, begun)
+    except FloatingPointError as objection:
+        observed = _observed(begun.recordings)
+        condensed, segments, fit = _prepare(
+            problem, begun.recordings, begun.smoothed, observed, begun.period, begun.fit,
+            PERIODS_PER_SEGMENT,
+        )  # fmt: skip
+        states, _ = _window_states(condensed, begun.recordings, begun.smoothed)
+        return approximation(
+            problem, condensed, segments, states, fit.free, fit.sigma, fit.floor, begun.penalty,
+            str(objection),
+        )  # fmt: skip
+
+
+def _observed(recordings: list[Recording]) -> np.ndarray:
+    """Indices of the states that are measured in some recording."""
+    measured = [np.isfinite(recording.values).any(axis=0) for recording in recordings]
+    return np.flatnonzero(np.any(measured, axis=0))
+
+
+def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
+    """The model that follows the data to the noise; refused where an instrument is at fault.
+
+    Raises FloatingPointError where no model of the library does.
+    """
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
-    measured = [np.isfinite(recording.values) for recording in recordings]
-    kept = sum(int(one.sum()) for one in measured)
+    kept = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     penalty, start = begun.penalty, begun.fit
-    observed = np.flatnonzero(np.any([one.any(axis=0) for one in measured], axis=0))
+    observed = _observed(recordings)
     largest = _largest(problem, smoothed)
     condensed, segments, step = _followed(
         problem, recordings, smoothed, observed, period, start, largest
@@ -136,10 +163,16 @@ def _from_states(problem: Problem, recordings: list[Recording], begun: Start) ->
     try:
         fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
     except FloatingPointError as error:
-        causes = _causes(problem, condensed, segments, step.fit, penalty)
-        if not causes and step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
-            causes = [f"followed in pieces, not as a whole: {FORCES}"]
-        raise FloatingPointError("; ".join([*causes, str(error)])) from error
+        rows = float(np.sum(condensed.rows))
+        followed = step.fit.cost < CLOSE * rows
+        # where nothing follows the data, a fault must explain most of what is left
+        causes = _causes(
+            problem, condensed, segments, step.fit, penalty, 0.0 if followed else rows / 2
+        )
+        named = [fault.cause for fault in causes[:1]]
+        if followed and not causes:
+            named = [f"followed in pieces, not as a whole: {FORCES}"]
+        raise FloatingPointError("; ".join([*named, str(error)])) from error
     remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
@@ -156,7 +189,9 @@ def _from_states(problem: Problem, recordings: list[Recording], begun: Start) ->
     objection, doubt = shown.objection([problem.states[k] for k in observed]), ""
     if step.settled:
         causes = _causes(problem, condensed, step.segments, fit, penalty)
-        objection = "; ".join(filter(None, [*causes, objection]))
+        objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
+        if objection and of_the_model(causes):
+            raise FloatingPointError(objection)
     else:  # what it leaves in the residuals is that it is not the best fit
         objection, doubt = "", "many models follow the data alike"
     return judged(
@@ -179,13 +214,18 @@ def _from_states(problem: Problem, recordings: list[Recording], begun: Start) ->
 
 
 def _causes(
-    problem: Problem, condensed: Condensed, segments: Segments, fit: Fit, penalty: float
-) -> list[str]:
-    """The clearest fault of the recording, or none."""
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    fit: Fit,
+    penalty: float,
+    least: float = 0.0,
+) -> list[Fault]:
+    """The faults of the recording that explain `least` of chi^2, the clearest first."""
     shown = faults(
         problem, condensed, segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
     )
-    return [fault.cause for fault in shown[:1]]
+    return [fault for fault in shown if fault.z**2 >= least]
 
 
 def _remaining(
