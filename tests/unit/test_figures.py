@@ -325,11 +325,12 @@ def test_claims_with_failures_and_cells_not_run(tmp_path):
         return {
             "claim": claim.name, "case": "line", "quantity": claim.quantity,
             "paper_value": claim.paper_value, "study_value": value, "low": value, "high": value,
+            "met_by": np.nan if verdict == "not run" else 0.5,
             "replicates": 0 if verdict == "not run" else 2, "protocol": "state", "method": "weak",
             "verdict": verdict,
         }  # fmt: skip
 
-    verdicts = [("better", 0.1), ("not run", np.nan), ("not reproduced", np.inf)]
+    verdicts = [("better", 0.1), ("in reach", 1.0), ("not run", np.nan), ("not reproduced", np.inf)]
     table = pd.DataFrame(
         [row(claim, *verdicts[k % len(verdicts)]) for k, claim in enumerate(CLAIMS)]
     )
