@@ -266,8 +266,10 @@ class Output(NamedTuple):
     @property
     def names(self) -> dict[str, str]:
         """The case, cell and method that the path names, as far as it does."""
-        if self.path.parts[0] in ("tables", "figures"):
+        if self.path.parts[0] in ("tables", "figures", "reproduction"):
             return {}
+        if self.path.parts[0] in ("sweeps", "assessment"):
+            return {"case": self.path.parts[1]}
         parts = self.path.with_suffix("").parts[1:]
         return dict(zip(("case", "protocol", "cell", "family"), parts, strict=False))
 

@@ -27,7 +27,7 @@ class Paths:
     measures: str = "assessment/{case}/measures.csv"
     orbits: str = "assessment/{case}/orbits.npz"
     prediction: str = "assessment/{case}/prediction_{protocol}.csv"
-    openness: str = "assessment/reproduction/{parameter}.csv"
+    openness: str = "reproduction/{parameter}.csv"
     animation: str = "figures/galloping.gif"
     table: str = "tables/{table}.csv"
     figure: str = "figures/{figure}.{form}"
