@@ -1,0 +1,1 @@
+"""Recordings from the field: from files of an instrument to recordings of states."""
