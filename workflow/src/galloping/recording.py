@@ -18,12 +18,19 @@ class Recording:
     values: (n, n_states), measured states, NaN where a sample or a whole channel is missing.
     derivatives: (n, n_states) measured state derivatives, or None where none was measured;
     when given, the values are exact and the derivatives carry the noise (protocol `derivative`).
+    rates: (n, n_states) what accelerometers and the like measure, the noisy rate of a state beside
+    noisy values; NaN where missing, None where nothing measures one. unknown_offsets: (n_states,)
+    whether a rate has an unknown constant offset that drifts slowly. unknown_scales: (n_states,)
+    whether a value is known up to a factor only. Both None where there is none.
     """
 
     time: np.ndarray
     states: tuple[str, ...]
     values: np.ndarray
     derivatives: np.ndarray | None = None
+    rates: np.ndarray | None = None
+    unknown_offsets: np.ndarray | None = None
+    unknown_scales: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         n = len(self.time)

@@ -78,7 +78,8 @@ def _together(time: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
 
 def _aligned(series: Series, mapping: Mapping) -> tuple[np.ndarray, list[np.ndarray]]:
     """The channels at their own times, on the union of these times."""
-    moved = [series.time - channel.delay for channel in mapping.channels]
+    tick = 1e-6 * np.median(np.diff(series.time))  # times that differ by rounding are the same
+    moved = [tick * np.round((series.time - c.delay) / tick) for c in mapping.channels]
     time = np.unique(np.concatenate(moved))
     columns = []
     for own, values in zip(moved, series.values.T, strict=True):

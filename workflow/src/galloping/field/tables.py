@@ -58,7 +58,7 @@ class Table:
                 raise FileError(self._at(text[0], name, values[text[0]], "is not a number"))
         huge = np.flatnonzero(np.abs(numbers) > 1e100)  # infinities, too
         if len(huge):
-            raise FileError(self._at(huge[0], name, numbers[huge[0]], "is no measurement"))
+            raise FileError(self._at(huge[0], name, float(numbers[huge[0]]), "is no measurement"))
         return numbers
 
     def _at(self, row: int, name: str, value: object, what: str) -> str:
