@@ -104,7 +104,8 @@ def test_what_is_safe_is_mended_and_said(tmp_path, frame):
 
 def bad_files(folder):
     """(name, what the message says) of files that cannot be used."""
-    header, rows = "t,v,w\n", "".join(f"{t},{v},1\n" for t, v in zip(TIME, V, strict=True))
+    header = "t,v,w\n"
+    rows = "".join(f"{t},{v},{w}\n" for t, v, w in zip(TIME, V, W, strict=True))
     texts = {
         "empty": ("", "empty"),
         "header": (header, "no rows"),
