@@ -102,6 +102,7 @@ def read_table(path: str | Path, decimal: str = ".") -> Table:
 
 
 def _read_text(path: Path, decimal: str) -> Table:
+    size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(65536)
     for magic, kind in BINARY.items():
@@ -110,9 +111,10 @@ def _read_text(path: Path, decimal: str) -> Table:
     if b"\0" in head:
         raise FileError(f"{path}: not a text table in UTF-8 (it holds zero bytes)")
     try:
-        lines = head.decode("utf-8-sig", errors="strict").splitlines()
+        lines = head.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
-        if error.start < len(head) - 4:  # else a character cut by the end of the head
+        whole = size <= len(head) or error.start < len(head) - 4
+        if whole:  # else a character that the end of the head cuts
             raise FileError(
                 f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8"
             ) from error

@@ -16,7 +16,6 @@ def _registry():
     from pint import UnitRegistry
 
     registry = UnitRegistry(autoconvert_offset_to_baseunit=True)
-    registry.define("@alias standard_gravity = g_n")
     return registry
 
 
