@@ -62,13 +62,15 @@ def test_models_at_the_bound_scatter_by_it():
     line, found = cell("internal_resonance", "state")
     models = [at_the_bound(line, found, np.random.default_rng(k)) for k in range(400)]
     pairs = tuple(free_terms(line, EQUATIONS).T)
-    errors = np.array([model.coefficients[pairs] - line.coefficients[pairs] for model in models])
+    errors = np.array(
+        [model.model.coefficients[pairs] - line.coefficients[pairs] for model in models]
+    )
     assert np.std(errors, axis=0) == pytest.approx(found.std, rel=0.2)
     assert np.abs(errors.mean(axis=0) / found.std).max() < 5 / np.sqrt(400)
     correlation = np.corrcoef(errors.T)
     expected = found.covariance / np.outer(found.std, found.std)
     assert np.abs(correlation - expected).max() < 0.25
-    assert np.array_equal(models[0].coefficients != 0, line.support)
+    assert np.array_equal(models[0].model.coefficients != 0, line.support)
 
 
 def test_no_model_at_a_bound_that_is_infinite():
@@ -77,7 +79,7 @@ def test_no_model_at_a_bound_that_is_infinite():
     covariance[3, 3] = np.inf
     blind = type(found)(found.free, found.std, found.t, covariance)
     model = at_the_bound(line, blind, np.random.default_rng(0))
-    assert model.status == "bound: a term is undetermined"
+    assert model.verdict == "refused: bound: a term is undetermined"
 
 
 def test_a_release_of_three_metres_makes_the_non_resonant_line_identifiable():

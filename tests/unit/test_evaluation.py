@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from galloping.physics.equations import model
 from galloping.evaluation.coefficients import (
     coverage,
     efficiency,
@@ -20,8 +19,9 @@ from galloping.evaluation.coefficients import (
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.reconstruction import summarise as summarise_motions
 from galloping.evaluation.score import Truth, reconstruct, score
+from galloping.identification.model import IdentifiedModel
+from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
-from galloping.identification.result import Identified
 from galloping.polynomial import PolynomialModel, library
 from galloping.simulation import Simulator, Trajectory
 from galloping.tables.claims import CLAIMS, Claim, claims_table, verdict
@@ -32,6 +32,13 @@ from galloping.tables.parameters import conductor, spacers
 from galloping.tables.summary import interval, read_scores
 
 INF = float("inf")
+
+
+def unjudged(true, coefficients, terms=None):
+    """What a method without a verdict returns."""
+    model = PolynomialModel(true.states, terms or true.terms, coefficients)
+    return IdentifiedModel(model, "unjudged")
+
 
 # --- motion ---
 
@@ -148,7 +155,7 @@ def truth(resonant):
 
 def test_the_true_model_scores_best(truth):
     simulator = Simulator(truth.model.states, truth.model.terms)
-    result = Identified.of(truth.model.coefficients)
+    result = unjudged(truth.model, truth.model.coefficients)
     row = score(truth, result, reconstruct(simulator, truth, result), NO_BOUND)
     assert row["status"] == "ok"
     assert (row["missing"], row["spurious"], row["true_positive_ratio"]) == (0, 0, 1)
@@ -166,7 +173,7 @@ def test_the_steady_window_is_where_amplitudes_are_read(truth):
     states[:20000, 1] = 0.0
     row = score(
         truth,
-        Identified.of(truth.model.coefficients),
+        unjudged(truth.model, truth.model.coefficients),
         Trajectory(truth.time, states, "ok"),
         NO_BOUND,
     )
@@ -178,16 +185,16 @@ def test_the_steady_window_is_where_amplitudes_are_read(truth):
 
 @pytest.mark.parametrize("failure", ["fit", "motion"])
 def test_failures_are_rows_of_worst_values(truth, failure):
-    result = Identified.of(truth.model.coefficients.copy())
+    result = unjudged(truth.model, truth.model.coefficients.copy())
     if failure == "fit":
-        result = Identified.failed(4, 35, "stlsq: no luck")
+        result = IdentifiedModel.refused(truth.model.states, truth.model.terms, "stlsq: no luck")
     else:
-        result.coefficients[2, 3] = 3.0  # strong negative damping
-        result.coefficients[2, 31:] = 0.0
+        result.model.coefficients[2, 3] = 3.0  # strong negative damping
+        result.model.coefficients[2, 31:] = 0.0
     simulator = Simulator(truth.model.states, truth.model.terms)
     bound = np.full((4, 35), 0.1)
     row = score(truth, result, reconstruct(simulator, truth, result), bound)
-    expected = "stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
+    expected = "refused: stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
     assert row["status"].startswith(expected)
     for state in ("q_v", "q_w"):
         assert row[f"r2_{state}"] == row[f"r2_steady_{state}"] == -INF
@@ -457,7 +464,7 @@ def test_table_3_shows_true_and_spurious_terms(cases):
     off[3, terms.index((0, 0, 0, 1))] = 0.0  # kappa_1 missed
     off[3, terms.index((1, 0, 0, 0))] = -0.5  # kappa_8 spurious
     off[2, terms.index((0, 0, 0, 3))] = 0.2  # spurious, without a symbol
-    table = identified_terms(true, [Identified.of(off)] * 3, terms)
+    table = identified_terms(true, [unjudged(model(true), off, terms)] * 3, terms)
     table = table3(table.assign(case="a", protocol="state", method="stlsq", level=0.0))
     by_symbol = table.set_index("symbol")
     assert list(table["equation"].unique()) == ["vertical", "horizontal"]

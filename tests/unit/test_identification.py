@@ -11,24 +11,27 @@ from hypothesis import strategies as st
 from lines import simulate
 
 from galloping.configuration.load import load, plain
-from galloping.identification import result
 from galloping.identification.cell import identify, imported
+from galloping.identification.model import BY_TERM, IdentifiedModel, read, write
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import reduction, selection, stlsq
 from galloping.identification.sparse.reduction import reduce, regression, stretches
 from galloping.identification.sparse.smoothing import smooth
 from galloping.measurement import measure
-from galloping.polynomial import design_matrix, library
+from galloping.physics.equations import STATES
+from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.recording import Recording
 
 TERMS = library(4, 3)
-SHAPE = (4, len(TERMS))
 SETTINGS = plain(load({}))["identification"]
 FROM_SUBSETS = [m.name for m in METHODS if not m.needs_uniform and "derivative" in m.protocols]
 COMBINATIONS = [
     (m.name, protocol) for m in METHODS for protocol in m.protocols if m.name != "weak_gls"
 ]
 NAME = ("a_case", "state", "a_cell")
+OSCILLATOR = PolynomialModel(
+    ("x", "dx"), library(2, 1), np.array([[0.0, 0.0, 1.0], [0.3, -2.0, 0.0]])
+)
 
 
 def recordings(simulated, protocol, level=0.05, points=None, replicates=1):
@@ -63,14 +66,19 @@ def run(method, items, **options):
         options=settings["options"] | options,
         seed=settings["seed"],
         name=(*NAME, method),
-        shape=SHAPE,
+        states=STATES,
+        terms=TERMS,
     )
 
 
 def equal(a, b):
-    return (a.status, a.verdict) == (b.status, b.verdict) and all(
-        np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
-        for name in ("coefficients", "thresholds", "standard_errors")
+    return (
+        a.verdict == b.verdict
+        and all(
+            np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
+            for name in (*BY_TERM, "thresholds", "chi2", "known")
+        )
+        and np.array_equal(a.model.coefficients, b.model.coefficients, equal_nan=True)
     )
 
 
@@ -81,9 +89,9 @@ def equal(a, b):
 def test_exact_without_noise(simulated, method, protocol):
     true = simulated[0].on_library(TERMS)
     (found,) = run(method, evidence(method, recordings(simulated, protocol, level=0)))
-    assert found.status == "ok"
-    assert np.array_equal(found.coefficients != 0, true.support)
-    ratio = found.coefficients[true.support] / true.coefficients[true.support]
+    assert found.status != "refused"
+    assert np.array_equal(found.model.coefficients != 0, true.support)
+    ratio = found.model.coefficients[true.support] / true.coefficients[true.support]
     assert np.abs(ratio - 1).max() < 1e-6
 
 
@@ -92,10 +100,10 @@ def test_weak_gls_without_noise(simulated, protocol):
     # its smoothing and quadrature are made for noise: near, and it says so where terms are open
     true = simulated[0].on_library(TERMS)
     (found,) = run("weak_gls", evidence("weak_gls", recordings(simulated, protocol, level=0)))
-    missing = true.support & (found.coefficients == 0)
+    missing = true.support & (found.model.coefficients == 0)
     assert not missing.any()
-    if np.array_equal(found.coefficients != 0, true.support):
-        ratio = found.coefficients[true.support] / true.coefficients[true.support]
+    if np.array_equal(found.model.coefficients != 0, true.support):
+        ratio = found.model.coefficients[true.support] / true.coefficients[true.support]
         assert np.abs(ratio - 1).max() < 0.05
     else:
         assert found.verdict.startswith("not identifiable: ")
@@ -106,8 +114,8 @@ def test_exact_from_few_points_without_noise(simulated, method):
     true = simulated[0].on_library(TERMS)
     items = evidence(method, recordings(simulated, "derivative", level=0, points=1000))
     (found,) = run(method, items)
-    assert np.array_equal(found.coefficients != 0, true.support)
-    assert found.coefficients == pytest.approx(true.coefficients, rel=1e-6)
+    assert np.array_equal(found.model.coefficients != 0, true.support)
+    assert found.model.coefficients == pytest.approx(true.coefficients, rel=1e-6)
 
 
 @pytest.mark.parametrize("points", [100, 105, 389])
@@ -116,8 +124,8 @@ def test_recordings_shorter_than_their_factor(resonant, method, points):
     true = resonant[0].on_library(TERMS)
     items = evidence(method, recordings(resonant, "derivative", level=1e-6, points=points))
     (found,) = run(method, items)
-    assert found.status == "ok"
-    assert found.coefficients[true.support] == pytest.approx(
+    assert found.status != "refused"
+    assert found.model.coefficients[true.support] == pytest.approx(
         true.coefficients[true.support], rel=0.05
     )
 
@@ -140,8 +148,8 @@ def test_reduced_regression_equals_pysindy_on_all_samples(resonant, threshold):
     ours = stlsq.raw(reduce([recording], TERMS), threshold=threshold, path_length=30)
     theirs = whole.coefficients()
     assert np.count_nonzero(theirs) > 10
-    assert np.array_equal(ours.coefficients != 0, theirs != 0)
-    assert ours.coefficients == pytest.approx(theirs, rel=1e-8)
+    assert np.array_equal(ours.model.coefficients != 0, theirs != 0)
+    assert ours.model.coefficients == pytest.approx(theirs, rel=1e-8)
 
 
 @pytest.mark.parametrize("method", ["stlsq", "stlsq_raw"])
@@ -156,7 +164,7 @@ def test_chosen_thresholds_give_pysindy_s_model_on_all_samples(resonant, method)
         optimizer = ps.STLSQ(threshold=ours.thresholds[row], alpha=0)
         optimizer.fit(theta / lengths, targets[:, [row]] / scale[row])
         expected = optimizer.coef_[0] * scale[row] / lengths
-        assert ours.coefficients[row] == pytest.approx(expected, rel=1e-8)
+        assert ours.model.coefficients[row] == pytest.approx(expected, rel=1e-8)
 
 
 @given(
@@ -168,7 +176,7 @@ def test_reduction_keeps_inner_products(n, columns, seed):
     rng = np.random.default_rng(seed)
     theta, dx = rng.standard_normal((n, columns)), rng.standard_normal((n, 2))
     blocks = [(theta[rows], dx[rows]) for rows in stretches(n)]
-    reduced = regression(blocks, np.array([n, n]))
+    reduced = regression(blocks, np.array([n, n]), ("x", "y"), ((1, 0),) * columns)
     small = np.hstack([reduced.library, reduced.targets])
     whole = np.hstack([theta, dx])
     assert small.T @ small == pytest.approx(whole.T @ whole, rel=1e-10, abs=1e-10)
@@ -196,7 +204,7 @@ def test_thresholded_supports_are_those_of_pysindy(simulated, protocol):
 def test_thresholds_beyond_every_term_leave_nothing(resonant):
     (recording,) = recordings(resonant, "derivative")
     found = stlsq.normalised(reduce([recording], TERMS), threshold=1e3, path_length=30)
-    assert not found.coefficients.any()
+    assert not found.model.coefficients.any()
 
 
 def test_joint_recordings_are_one_regression(resonant):
@@ -245,7 +253,7 @@ def test_choice_does_not_depend_on_the_truth_or_the_scale(resonant, method):
     (found,) = run(method, evidence(method, [recording]))
     scaled = replace(recording, derivatives=4 * recording.derivatives)
     (again,) = run(method, evidence(method, [scaled]))
-    assert again.coefficients == pytest.approx(4 * found.coefficients, rel=1e-9)
+    assert again.model.coefficients == pytest.approx(4 * found.model.coefficients, rel=1e-9)
 
 
 @pytest.mark.parametrize("method", ["stlsq", "stlsq_raw", "lasso", "ensemble"])
@@ -254,7 +262,7 @@ def test_a_configured_threshold_is_used(resonant, method):
     (loose,) = run(method, items, threshold=1e-3)
     (tight,) = run(method, items, threshold=0.1)
     assert np.all(loose.thresholds == 1e-3) and np.all(tight.thresholds == 0.1)
-    assert np.count_nonzero(tight.coefficients) < np.count_nonzero(loose.coefficients)
+    assert np.count_nonzero(tight.model.coefficients) < np.count_nonzero(loose.model.coefficients)
 
 
 # --- derivatives from samples ---
@@ -338,10 +346,10 @@ def test_weak_form_refuses_what_it_cannot_use(resonant):
     values = good.values.copy()
     values[3, 0] = np.nan
     results = run("weak", [[subset], [replace(good, values=values)], [good]])
-    assert [found.status for found in results] == [
-        "weak: weak: needs a regularly sampled recording",
-        "weak: weak: needs every state at every sample",
-        "ok",
+    assert [found.verdict for found in results] == [
+        "refused: weak: weak: needs a regularly sampled recording",
+        "refused: weak: weak: needs every state at every sample",
+        "unjudged",
     ]
 
 
@@ -352,9 +360,10 @@ def test_a_motionless_recording_is_a_row_with_a_reason(resonant, method):
     values[:, 1] = values[:, 3] = derivatives[:, 1] = derivatives[:, 3] = 0
     still = replace(recording, values=values, derivatives=derivatives)
     failed, good = run(method, evidence(method, [still, recording]))
-    assert failed.status == (f"{method}: a state or a derivative is zero throughout the recording")
-    assert failed.coefficients.shape == SHAPE and np.isnan(failed.coefficients).all()
-    assert good.status == "ok"
+    assert failed.reason == f"{method}: a state or a derivative is zero throughout the recording"
+    assert failed.model.coefficients.shape == (4, len(TERMS))
+    assert np.isnan(failed.model.coefficients).all()
+    assert good.status == "unjudged"
 
 
 def test_errors_of_our_own_making_are_not_kept_as_rows():
@@ -427,13 +436,47 @@ def test_a_method_is_told_its_own_settings_alone():
 
 
 def test_results_come_back_from_files(tmp_path):
-    found = result.Identified.of(np.array([[1.0, 0.0], [0.0, -2.0]]), np.array([0.1, 0.2]))
-    found = replace(found, verdict="not identifiable: one term")
-    failed = result.Identified.failed(2, 2, "stlsq: no luck")
+    model = OSCILLATOR
+    errors = np.array([[np.nan] * 3, [0.01, np.nan, 2e-4]])
+    sure = IdentifiedModel(
+        model, "not identifiable", "one term", errors, detection_limits=np.full((2, 3), np.inf),
+        covariance=np.eye(2), sigma=np.ones((1, 2)), initial_states=np.zeros((1, 2)), chi2=1.5,
+        known=(0,), diagnostics={"removed_share": 0.25},
+    )  # fmt: skip
+    failed = IdentifiedModel.refused(model.states, model.terms, "stlsq: no luck")
+    unjudged = IdentifiedModel(model, "unjudged", thresholds=np.array([0.1, 0.2]))
     for name in ("a.npz", "b.npz"):
-        result.write(tmp_path / name, [found, failed])
-    assert all(map(equal, result.read(tmp_path / "a.npz"), [found, failed]))
+        write(tmp_path / name, [sure, failed, unjudged])
+    assert all(map(equal, read(tmp_path / "a.npz"), [sure, failed, unjudged]))
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    for result in (sure, failed, unjudged):
+        result.save(tmp_path / "one.json")
+        again = IdentifiedModel.load(tmp_path / "one.json")
+        assert equal(again, result) and again.diagnostics == result.diagnostics
+        for name in ("covariance", "sigma", "initial_states"):
+            assert np.array_equal(getattr(again, name), getattr(result, name), equal_nan=True)
+    (tmp_path / "one.json").write_text('{"states": ["x"]}')
+    with pytest.raises(ValueError, match=r"one\.json: not an identified model"):
+        IdentifiedModel.load(tmp_path / "one.json")
+
+
+def test_a_model_prints_and_moves(resonant):
+    line, trajectory = resonant
+    model = OSCILLATOR
+    errors = np.array([[np.nan] * 3, [0.01, 2e-4, np.nan]])
+    result = IdentifiedModel(model, "ok", standard_errors=errors, known=(0,))
+    assert str(result).splitlines() == [
+        "d(x)/dt = 1 dx",
+        "d(dx)/dt = (0.300 ± 0.010) + (-2.00000 ± 0.00020) x",
+        "ok",
+    ]
+    assert result.support.tolist() == [[False] * 3, [True, True, False]]
+    moved = IdentifiedModel(line, "unjudged").simulate(trajectory.states[0], trajectory.time)
+    assert np.array_equal(moved.states[:100], trajectory.states[:100])
+    with pytest.raises(ValueError, match="no model to simulate: no luck"):
+        IdentifiedModel.refused(line.states, line.terms, "no luck").simulate([0.0] * 4, [0.0, 1.0])
+    with pytest.raises(ValueError, match="'sure' must be one of ok"):
+        IdentifiedModel(line, "sure")
 
 
 def test_reductions_come_back_from_files(resonant, tmp_path):

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from galloping.physics.equations import EQUATIONS, model
 from galloping.bounds.cell import Noise, at_the_bound, bound, on_library
-from galloping.identification import result
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel, write
+from galloping.physics.equations import EQUATIONS, model
 from galloping.polynomial import library
 from galloping.recording import read_replicates
 from galloping.reproducibility.job import run
@@ -22,7 +21,7 @@ def main() -> None:
     replicates = read_replicates(snakemake.input.recordings)
     if settings["level"] == 0:
         write_arrays(snakemake.output.bounds, std=np.full((1, *line.coefficients.shape), np.nan))
-        result.write(snakemake.output.models, [Identified.of(line.coefficients)])
+        write(snakemake.output.models, [IdentifiedModel(line, "unjudged")])
         return
     noises = [Noise.of(cell.protocol, settings["level"], x, settings["relative"]) for x in motions]
 
@@ -43,7 +42,7 @@ def main() -> None:
         for k in range(len(replicates))
     ]
     write_arrays(snakemake.output.bounds, std=np.stack([on_library(line, one) for one in found]))
-    result.write(snakemake.output.models, models)
+    write(snakemake.output.models, models)
 
 
 run(main, snakemake)

@@ -1,9 +1,9 @@
 """Figure 5: coefficients under noise."""
 
-from galloping.physics.equations import STATES
 from galloping.figures.coefficients import draw_coefficients
 from galloping.figures.write import write_figure
-from galloping.identification import result
+from galloping.identification.model import read
+from galloping.physics.equations import STATES
 from galloping.polynomial import library
 from galloping.reproducibility.job import run
 from galloping.storage import read_json
@@ -14,9 +14,7 @@ def main() -> None:
     settings, output = snakemake.params.settings, snakemake.output
     true = read_json(snakemake.input.model)["coefficients"]
     terms = library(len(STATES), settings["degree"])
-    tables = [
-        identified_terms(true, result.read(path), terms) for path in snakemake.input.identified
-    ]
+    tables = [identified_terms(true, read(path), terms) for path in snakemake.input.identified]
     write_figure(
         output.svg, output.png, lambda: draw_coefficients(tables, settings), **settings["look"]
     )

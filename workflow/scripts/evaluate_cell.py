@@ -6,10 +6,10 @@ simulating the models of several methods.
 
 import numpy as np
 
-from galloping.physics.equations import model
 from galloping.evaluation.reconstruction import summarise
 from galloping.evaluation.score import Truth, reconstruct, score
-from galloping.identification import result
+from galloping.identification.model import read
+from galloping.physics.equations import model
 from galloping.polynomial import library
 from galloping.reproducibility.job import run
 from galloping.simulation import Simulator
@@ -28,7 +28,7 @@ def main() -> None:
     simulator = Simulator(line.states, line.terms)
     rows, arrays = [], {}
     for method, path in zip(settings["methods"], snakemake.input.identified, strict=True):
-        results = result.read(path)
+        results = read(path)
         motions = [reconstruct(simulator, truth, found) for found in results]
         bounds = np.broadcast_to(std, (len(results), *line.coefficients.shape))
         scores = list(map(score, [truth] * len(results), results, motions, bounds))

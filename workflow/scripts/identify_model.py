@@ -1,8 +1,8 @@
 """Models identified by one method from every replicate of one cell."""
 
-from galloping.physics.equations import STATES
-from galloping.identification import result
 from galloping.identification.cell import identify, imported
+from galloping.identification.model import write
+from galloping.physics.equations import STATES
 from galloping.polynomial import library
 from galloping.reproducibility.job import run
 
@@ -15,9 +15,10 @@ def main() -> None:
         options=settings["options"],
         seed=settings["seed"],
         name=(cell.case, cell.protocol, cell.cell, cell.method),
-        shape=(len(STATES), len(library(len(STATES), settings["degree"]))),
+        states=STATES,
+        terms=library(len(STATES), settings["degree"]),
     )
-    result.write(snakemake.output.models, results)
+    write(snakemake.output.models, results)
 
 
 run(main, snakemake)

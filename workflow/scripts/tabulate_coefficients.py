@@ -2,8 +2,8 @@
 
 import pandas as pd
 
+from galloping.identification.model import read
 from galloping.physics.equations import STATES
-from galloping.identification import result
 from galloping.polynomial import library
 from galloping.reproducibility.job import run
 from galloping.storage import read_json, write_rows
@@ -15,7 +15,7 @@ def main() -> None:
     terms = library(len(STATES), settings["degree"])
     names = {key: settings[key] for key in ("protocol", "method", "level")}
     tables = [
-        identified_terms(read_json(model)["coefficients"], result.read(identified), terms).assign(
+        identified_terms(read_json(model)["coefficients"], read(identified), terms).assign(
             case=case, **names
         )
         for case, model, identified in zip(

@@ -47,9 +47,9 @@ def test_the_line_is_found_at_the_bound(level: float) -> None:
 
 def test_covariance_follows_the_order_of_the_support() -> None:
     found = maximum_likelihood([noisy(LINE, X, TIME, 0.05, 0)], LINE.terms)
-    assert np.sqrt(np.diag(found.covariance)) == pytest.approx(found.deviation[found.support])
+    assert np.sqrt(np.diag(found.covariance)) == pytest.approx(found.standard_errors[found.support])
     assert found.covariance.shape == (14, 14)
-    assert np.isnan(found.deviation[:2]).all()
+    assert np.isnan(found.standard_errors[:2]).all()
 
 
 def test_without_noise_the_line_is_exact() -> None:

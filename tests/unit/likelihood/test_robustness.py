@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import library
 from galloping.recording import Recording
 
@@ -17,7 +17,7 @@ SUPPORT = unknown_support(LINE)
 LEVEL = 0.05
 
 
-def identify(values: np.ndarray, time: np.ndarray = TIME) -> Identified:
+def identify(values: np.ndarray, time: np.ndarray = TIME) -> IdentifiedModel:
     return maximum_likelihood([Recording(time, LINE_STATES, values)], LINE.terms)
 
 
@@ -25,10 +25,10 @@ def measured(seed: int = 0) -> np.ndarray:
     return noisy(LINE, X, TIME, LEVEL, seed).values.copy()
 
 
-def assert_good(found: Identified) -> None:
+def assert_good(found: IdentifiedModel) -> None:
     assert found.status == "ok", found.reason
     assert np.array_equal(found.support, SUPPORT)
-    z = (found.model.coefficients - LINE.coefficients)[SUPPORT] / found.deviation[SUPPORT]
+    z = (found.model.coefficients - LINE.coefficients)[SUPPORT] / found.standard_errors[SUPPORT]
     assert np.sqrt(np.mean(z**2)) < 1.8
 
 
@@ -42,7 +42,7 @@ def test_noise_correlated_over_a_few_samples_widens_the_intervals() -> None:
     white, found = identify(measured()), identify(coloured(0.5))
     assert_good(found)
     assert found.chi2 > 2.0
-    assert np.all(found.deviation[SUPPORT] > 1.3 * white.deviation[SUPPORT])
+    assert np.all(found.standard_errors[SUPPORT] > 1.3 * white.standard_errors[SUPPORT])
 
 
 @pytest.mark.parametrize("correlation", [0.98, 0.999])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from galloping.bounds.information import (
     ranked_experiments,
     state_bound,
 )
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
@@ -77,19 +77,20 @@ def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
     return std
 
 
-def at_the_bound(model: PolynomialModel, found: Bound, rng: np.random.Generator) -> Identified:
+def at_the_bound(model: PolynomialModel, found: Bound, rng: np.random.Generator) -> IdentifiedModel:
     """What an efficient method that knows the terms would find: one draw at the bound.
 
     Where the data leave a coefficient undetermined there is no such method, and no model.
     """
     if not np.all(np.isfinite(found.covariance)):
-        return Identified.failed(*model.coefficients.shape, "bound: a term is undetermined")
+        reason = "bound: a term is undetermined"
+        return IdentifiedModel.refused(model.states, model.terms, reason)
     values, vectors = np.linalg.eigh(found.covariance)
     draw = vectors @ (np.sqrt(np.maximum(values, 0)) * rng.standard_normal(len(values)))
     coefficients = model.coefficients.copy()
     coefficients[tuple(found.free.T)] += draw
-    nothing = np.full(len(coefficients), np.nan)
-    return Identified(coefficients, nothing, on_library(model, found))
+    drawn = replace(model, coefficients=coefficients)
+    return IdentifiedModel(drawn, "unjudged", standard_errors=on_library(model, found))
 
 
 def rank_releases(

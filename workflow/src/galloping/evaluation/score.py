@@ -14,7 +14,7 @@ from galloping.evaluation.coefficients import (
     support_scores,
 )
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 from galloping.simulation import Simulator, Trajectory
 
@@ -40,29 +40,29 @@ class Truth:
         return slice(int(first), int(last))
 
 
-def reconstruct(simulator: Simulator, truth: Truth, result: Identified) -> Trajectory:
+def reconstruct(simulator: Simulator, truth: Truth, result: IdentifiedModel) -> Trajectory:
     """The identified model's motion from the true initial state."""
-    if result.status != "ok":
-        return Trajectory(truth.time, np.full_like(truth.states, np.nan), result.status)
-    model = PolynomialModel(truth.model.states, truth.model.terms, result.coefficients)
-    return simulator(model, truth.states[0], truth.time)
+    if result.status == "refused":
+        return Trajectory(truth.time, np.full_like(truth.states, np.nan), result.verdict)
+    return simulator(result.model, truth.states[0], truth.time)
 
 
 def score(
-    truth: Truth, result: Identified, motion: Trajectory, bound: np.ndarray
+    truth: Truth, result: IdentifiedModel, motion: Trajectory, bound: np.ndarray
 ) -> dict[str, float | str]:
     """All metrics of one replicate; failures score inf (errors) or -inf (R2), never nothing.
 
     bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise.
     """
+    coefficients = result.model.coefficients
     rows, step = truth.steady_rows, float(truth.time[1] - truth.time[0])
     row: dict[str, float | str] = {"status": motion.status, "verdict": result.verdict}
-    for order, error in mean_error_by_order(truth.model, result.coefficients, EQUATIONS).items():
+    for order, error in mean_error_by_order(truth.model, coefficients, EQUATIONS).items():
         row[f"mean_error_{order}_percent"] = 100 * error
-    row["e2"] = relative_norm_error(truth.model, result.coefficients)
-    row |= support_scores(truth.model, result.coefficients)
-    row["efficiency"] = efficiency(truth.model, result.coefficients, bound, EQUATIONS)
-    row |= coverage(truth.model, result.coefficients, result.standard_errors, EQUATIONS)
+    row["e2"] = relative_norm_error(truth.model, coefficients)
+    row |= support_scores(truth.model, coefficients)
+    row["efficiency"] = efficiency(truth.model, coefficients, bound, EQUATIONS)
+    row |= coverage(truth.model, coefficients, result.standard_errors, EQUATIONS)
     whole = r_squared(truth.states, motion.states)
     steady = r_squared(truth.states[rows], motion.states[rows])
     amplitude = _relative(steady_amplitude, truth.states[rows], motion.states[rows])

@@ -7,7 +7,8 @@ from importlib import import_module
 
 import numpy as np
 
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
+from galloping.polynomial import Exponents
 from galloping.seeds import generator
 
 
@@ -18,19 +19,20 @@ def imported(path: str) -> Callable:
 
 
 def identify(
-    fit: Callable[..., Identified],
+    fit: Callable[..., IdentifiedModel],
     evidence: Sequence,
     *,
     options: Mapping,
     seed: int | None,
     name: Sequence[str],
-    shape: tuple[int, int],
-) -> list[Identified]:
+    states: tuple[str, ...],
+    terms: tuple[Exponents, ...],
+) -> list[IdentifiedModel]:
     """Identify a model from each replicate.
 
     evidence: what `fit` takes, one item a replicate. options: further keywords of `fit`. seed: of
     its random numbers, the keyword `rng`, or None if it draws none. name: of what is identified,
-    the method last. shape: (n_states, n_terms).
+    the method last. states, terms: of the models.
     """
     results = []
     for replicate, item in enumerate(evidence):
@@ -40,5 +42,6 @@ def identify(
         try:
             results.append(fit(item, **options, **rng))
         except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-            results.append(Identified.failed(*shape, f"{name[-1]}: {str(error).splitlines()[0]}"))
+            reason = f"{name[-1]}: {str(error).splitlines()[0]}"
+            results.append(IdentifiedModel.refused(states, terms, reason))
     return results

@@ -19,7 +19,7 @@ class Method:
     """One way from a recording to a sparse model.
 
     function: `module:function`, imported only by the job that runs it. It takes one piece of
-    evidence and the keywords `options`, and returns an `Identified`.
+    evidence and the keywords `options`, and returns an `IdentifiedModel`.
     evidence: `reduced` (a Regression) or `recordings` (those of one replicate, which share one
     model).
     options: keys of the `identification` settings, `threshold` (its own, or

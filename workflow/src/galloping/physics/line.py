@@ -91,6 +91,11 @@ def positions(span: float) -> np.ndarray:
     return span * (_NODES + 1) / 2
 
 
+def weights(span: float) -> np.ndarray:
+    """Weights of the quadrature at `positions`, m."""
+    return _WEIGHTS * span / 2
+
+
 def integrate(values: np.ndarray, span: float) -> float:
     """<f>, the integral over the span of values at `positions`."""
     return float(values @ _WEIGHTS) * span / 2

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from galloping.identification.model import IdentifiedModel
 from galloping.physics.equations import EQUATIONS, STATES, model, symbol_of
-from galloping.identification.result import Identified
 from galloping.polynomial import Exponents, term_name
 from galloping.tables.summary import interval
 
 
 def identified_terms(
-    coefficients: dict[str, float], results: list[Identified], terms: tuple[Exponents, ...]
+    coefficients: dict[str, float], results: list[IdentifiedModel], terms: tuple[Exponents, ...]
 ) -> pd.DataFrame:
     """Each true term, and each other one that a replicate found, with median and interval.
 
@@ -21,7 +21,7 @@ def identified_terms(
     term, true, identified, low, high, found (share of replicates).
     """
     true = model(coefficients).on_library(terms)
-    found = np.stack([np.nan_to_num(result.coefficients) for result in results])
+    found = np.stack([np.nan_to_num(result.model.coefficients) for result in results])
     rows = []
     for row, equation in EQUATIONS.items():
         present = true.support[row] | np.any(found[:, row] != 0, axis=0)

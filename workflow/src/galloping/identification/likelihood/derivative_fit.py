@@ -6,15 +6,16 @@ import numpy as np
 
 from galloping.identification.likelihood.ambiguity import open_questions
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.result import Identified, assembled
+from galloping.identification.likelihood.result import assembled, verdict
 from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording
 
 SMALLEST_NOISE = 1e-7
 
 
-def derivative_fit(problem: Problem, recordings: list[Recording]) -> Identified:
+def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
     """Support and coefficients of the unknown equations from measured derivatives.
 
     The noise of each recording's derivatives is estimated from the residuals of the whole
@@ -50,18 +51,19 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> Identified:
     free, covariance = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
     x = np.concatenate([recording.values for recording in recordings])
-    reason = "no term stands out of the noise"
+    questions = ""
     if support.any():
         complete = x[np.all(np.isfinite(x), axis=1)]
-        reason = open_questions(
+        questions = open_questions(
             problem, information, right, support, free, penalty, misfit, complete
         )
+    status, reason = verdict(support, "", questions)
     return assembled(
-        problem, free, support, information, covariance,
+        problem, free, support, information, covariance, penalty,
         initial_states=np.array([recording.values[0] for recording in recordings]),
         sigma=sigma,
         chi2=misfit / max(count - int(support.sum()), 1),
-        status="not identifiable" if reason else "ok",
+        status=status,
         reason=reason,
         diagnostics={},
     )  # fmt: skip

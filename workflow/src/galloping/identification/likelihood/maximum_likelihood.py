@@ -16,12 +16,19 @@ from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
-from galloping.identification.likelihood.result import Identified, assembled, refused
+from galloping.identification.likelihood.result import assembled, refused, verdict
 from galloping.identification.likelihood.selection import select, solve_support
-from galloping.identification.likelihood.shooting import Segments, cut, eliminate, linearise, residuals
+from galloping.identification.likelihood.shooting import (
+    Segments,
+    cut,
+    eliminate,
+    linearise,
+    residuals,
+)
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.verdict import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.weak_gls import WeakFit, prepared, weak_fit
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
@@ -77,7 +84,7 @@ def maximum_likelihood(
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
-) -> Identified:
+) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
 
     recordings: sharing their states; any sampling, NaN where samples or channels are missing;
@@ -97,10 +104,10 @@ def maximum_likelihood(
             return derivative_fit(problem, recordings)
         return _from_states(problem, recordings)
     except (ValueError, FloatingPointError, np.linalg.LinAlgError) as error:
-        return refused(problem, len(recordings), str(error))
+        return refused(problem, str(error))
 
 
-def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
+def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     recordings, smoothed, period = prepared(recordings)
     measured = [np.isfinite(recording.values) for recording in recordings]
@@ -122,17 +129,15 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> Identified:
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
-    status, reason = "refused", shown.objection([problem.states[k] for k in observed])
-    if not fit.support.any():
-        reason = "no term stands out of the noise"
-    elif not reason:
+    objection, questions = shown.objection([problem.states[k] for k in observed]), ""
+    if fit.support.any() and not objection:
         x = np.concatenate([one.states[one.valid] for one in smoothed])
-        reason = open_questions(
+        questions = open_questions(
             problem, step.information, step.right, fit.support, fit.free, penalty, step.misfit, x
         )
-        status = "not identifiable" if reason else "ok"
+    status, reason = verdict(fit.support, objection, questions)
     return assembled(
-        problem, fit.free, fit.support, step.information, step.covariance,
+        problem, fit.free, fit.support, step.information, step.covariance, penalty,
         initial_states=fit.starts[_first_segments(segments)],
         sigma=sigma,
         chi2=shown.chi2,

@@ -5,38 +5,22 @@ Second-order systems name their velocities `dX`; that dX/dt is the state dX is t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
-import numpy as np
+from collections.abc import Sequence
 
 from galloping.identification.likelihood import maximum_likelihood as likelihood
 from galloping.identification.likelihood import weak_gls as weak
-from galloping.identification.likelihood.result import Identified as Estimate
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import library
 from galloping.recording import Recording
 
 
-def weak_gls(recordings: Sequence[Recording], *, degree: int) -> Identified:
+def weak_gls(recordings: Sequence[Recording], *, degree: int) -> IdentifiedModel:
     """`likelihood.weak_gls` on the polynomial library up to `degree`."""
-    return _identified(weak.weak_gls, recordings, degree)
+    return weak.weak_gls(list(recordings), library(len(recordings[0].states), degree))
 
 
-def maximum_likelihood(recordings: Sequence[Recording], *, degree: int) -> Identified:
+def maximum_likelihood(recordings: Sequence[Recording], *, degree: int) -> IdentifiedModel:
     """`likelihood.maximum_likelihood` on the polynomial library up to `degree`."""
-    return _identified(likelihood.maximum_likelihood, recordings, degree)
-
-
-def _identified(
-    method: Callable[..., Estimate], recordings: Sequence[Recording], degree: int
-) -> Identified:
-    terms = library(len(recordings[0].states), degree)
-    estimate = method(list(recordings), terms)
-    if estimate.status == "refused":
-        return Identified.failed(*estimate.support.shape, f"refused: {estimate.reason}")
-    return Identified(
-        coefficients=estimate.model.coefficients,
-        thresholds=np.full(len(estimate.support), np.nan),
-        standard_errors=np.where(estimate.support, estimate.deviation, np.nan),
-        verdict=f"{estimate.status}: {estimate.reason}" if estimate.reason else estimate.status,
+    return likelihood.maximum_likelihood(
+        list(recordings), library(len(recordings[0].states), degree)
     )

@@ -41,6 +41,16 @@ class Problem:
     def tables(self) -> Tables:
         return tables(self.terms)
 
+    @property
+    def known_equations(self) -> tuple[int, ...]:
+        return tuple(i for i in range(len(self.states)) if i not in self.unknown)
+
+    def on_library(self, values: np.ndarray) -> np.ndarray:
+        """Values (n_candidates,) as (n_states, n_terms), NaN in the known equations."""
+        full = np.full(self.known.shape, np.nan)
+        full[self.candidates[:, 0], self.candidates[:, 1]] = values
+        return full
+
     def coefficients(self, free: np.ndarray) -> np.ndarray:
         """All of C, (n_states, n_terms), from the candidates' coefficients `free`."""
         full = self.known.copy()

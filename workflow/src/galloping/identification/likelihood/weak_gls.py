@@ -9,11 +9,12 @@ import numpy as np
 from galloping.identification.likelihood.ambiguity import open_questions
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
-from galloping.identification.likelihood.result import Identified, assembled, refused
+from galloping.identification.likelihood.result import assembled, refused, verdict
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.smoothing import Smooth, shortest_period
 from galloping.identification.likelihood.weak_form import whitened_weak_form
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
@@ -74,22 +75,22 @@ def weak_gls(
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
-) -> Identified:
+) -> IdentifiedModel:
     """Identify one model from noisy states by the weak form, in generalised least squares.
 
     recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
     whose equations of `known_states` hold; dX/dt = `dX` is known by its name.
     The intervals are those of the linearised weak form, inflated by the misfit where it is above
-    one. The status is as in `Identified`.
+    one. The status is as in `IdentifiedModel`.
     """
     problem = make_problem(recordings[0].states, terms, known, known_states)
     try:
         return _fitted(problem, recordings)
     except (ValueError, np.linalg.LinAlgError) as error:
-        return refused(problem, len(recordings), str(error))
+        return refused(problem, str(error))
 
 
-def _fitted(problem: Problem, recordings: list[Recording]) -> Identified:
+def _fitted(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
     recordings, smoothed, _ = prepared(recordings)
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     penalty = 2.0 * np.log(samples)
@@ -97,16 +98,16 @@ def _fitted(problem: Problem, recordings: list[Recording]) -> Identified:
     inflation = max(fit.misfit, 1.0)
     information, right = fit.information / inflation, fit.right / inflation
     x = np.concatenate([one.states[one.valid] for one in smoothed])
-    status, reason = "refused", f"model inadequate or noise correlated: misfit {fit.misfit:.2f}"
-    if not fit.support.any():
-        reason = "no term stands out of the noise"
-    elif fit.misfit < MOST_MISFIT:
-        reason = open_questions(
+    objection = questions = ""
+    if fit.misfit >= MOST_MISFIT:
+        objection = f"model inadequate or noise correlated: misfit {fit.misfit:.2f}"
+    elif fit.support.any():
+        questions = open_questions(
             problem, information, right, fit.support, fit.free, penalty, np.inf, x
         )
-        status = "not identifiable" if reason else "ok"
+    status, reason = verdict(fit.support, objection, questions)
     return assembled(
-        problem, fit.free, fit.support, information, fit.covariance * inflation,
+        problem, fit.free, fit.support, information, fit.covariance * inflation, penalty,
         initial_states=np.array([one.states[0] for one in smoothed]),
         sigma=np.array([one.noise for one in smoothed]),
         chi2=fit.misfit,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pysindy as ps
 from scipy.fft import dct
 from sklearn import config_context
 
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.reduction import BLOCKS, Regression
 from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit
 from galloping.identification.sparse.stlsq import normalised
@@ -23,7 +24,7 @@ def ensemble(
     path_length: int,
     ensemble_models: int,
     rng: np.random.Generator,
-) -> Identified:
+) -> IdentifiedModel:
     """Bagging on the rows of the reduced regression, a term stays if most models have it.
 
     threshold: share, or None to take what STLSQ chooses for each equation. The rows of a
@@ -32,7 +33,7 @@ def ensemble(
     compact(problem)  # refuses what cannot be scaled
     scale = np.linalg.norm(problem.targets, axis=0)
     lengths = np.linalg.norm(problem.library, axis=0)
-    unit = Regression(problem.library / lengths, problem.targets / scale, problem.observations)
+    unit = replace(problem, library=problem.library / lengths, targets=problem.targets / scale)
     thresholds = normalised(unit, threshold=threshold, path_length=path_length).thresholds
     library, targets = _mixed(unit.library), _mixed(unit.targets)
     optimizer = ps.EnsembleOptimizer(
@@ -43,7 +44,7 @@ def ensemble(
         medians = optimizer.fit(library, targets / thresholds).coef_ * thresholds[:, np.newaxis]
     support = (np.abs(medians) >= NEGLIGIBLE)[:, np.newaxis]
     coefficients = refit(unit.library, unit.targets, support)[:, 0]
-    return Identified.of(coefficients * scale[:, np.newaxis] / lengths, thresholds)
+    return problem.model(coefficients * scale[:, np.newaxis] / lengths, thresholds)
 
 
 def _mixed(rows: np.ndarray) -> np.ndarray:

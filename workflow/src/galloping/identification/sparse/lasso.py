@@ -6,12 +6,12 @@ import numpy as np
 from pysindy.optimizers import WrappedOptimizer
 from sklearn.linear_model import LassoLars, lars_path
 
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.reduction import Regression
 from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit, scores
 
 
-def lasso(problem: Regression, *, threshold: float | None) -> Identified:
+def lasso(problem: Regression, *, threshold: float | None) -> IdentifiedModel:
     """The l1 penalty of each equation is a kink of its path: the one that EBIC prefers.
 
     threshold: penalty alpha on unit columns and targets, or None to choose it. Terms whose
@@ -34,7 +34,7 @@ def lasso(problem: Regression, *, threshold: float | None) -> Identified:
         support = _prune(library, target, support[np.newaxis])
         rows.append(refit(library, target, support)[0, 0])
         chosen.append(alpha)
-    return Identified.of(np.stack(rows) * scale[:, np.newaxis] / lengths, np.array(chosen))
+    return problem.model(np.stack(rows) * scale[:, np.newaxis] / lengths, np.array(chosen))
 
 
 def _prune(library: np.ndarray, target: np.ndarray, supports: np.ndarray) -> np.ndarray:

@@ -13,8 +13,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.smoothing import smooth
-from galloping.polynomial import Exponents, design_matrix
+from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
 from galloping.storage import write_arrays
 
@@ -28,11 +29,19 @@ class Regression:
 
     library: (rows, n_terms), targets: (rows, n_states), rows of the stacked block factors.
     observations: (n_states,) effective number of independent observations of each target.
+    states, terms: names of the targets' states, and the candidate library.
     """
 
     library: np.ndarray
     targets: np.ndarray
     observations: np.ndarray
+    states: tuple[str, ...]
+    terms: tuple[Exponents, ...]
+
+    def model(self, coefficients: np.ndarray, thresholds: np.ndarray) -> IdentifiedModel:
+        """What a method makes of it: (n_states, n_terms) coefficients, without a verdict."""
+        model = PolynomialModel(self.states, self.terms, coefficients)
+        return IdentifiedModel(model, "unjudged", thresholds=thresholds)
 
 
 def stretches(n: int) -> list[slice]:
@@ -42,7 +51,10 @@ def stretches(n: int) -> list[slice]:
 
 
 def regression(
-    blocks: Iterable[tuple[np.ndarray, np.ndarray]], observations: np.ndarray
+    blocks: Iterable[tuple[np.ndarray, np.ndarray]],
+    observations: np.ndarray,
+    states: tuple[str, ...],
+    terms: tuple[Exponents, ...],
 ) -> Regression:
     """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
     libraries, targets = [], []
@@ -51,7 +63,8 @@ def regression(
         factor = _triangle(np.column_stack([library, target]))
         libraries.append(factor[:, :p])
         targets.append(factor[:, p:])
-    return Regression(np.concatenate(libraries), np.concatenate(targets), np.asarray(observations))
+    library, target = np.concatenate(libraries), np.concatenate(targets)
+    return Regression(library, target, np.asarray(observations), states, terms)
 
 
 def _triangle(rows: np.ndarray) -> np.ndarray:
@@ -77,7 +90,7 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
     observations = sum(part[2] for part in parts)
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
-    return regression(blocks, observations)
+    return regression(blocks, observations, recordings[0].states, terms)
 
 
 def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -99,10 +112,14 @@ def write(path: str | os.PathLike, regressions: list[Regression]) -> None:
         library=np.stack([r.library for r in regressions]),
         targets=np.stack([r.targets for r in regressions]),
         observations=np.stack([r.observations for r in regressions]),
+        states=np.array(regressions[0].states),
+        terms=np.array(regressions[0].terms),
     )
 
 
 def read(path: str | os.PathLike) -> list[Regression]:
     with np.load(path) as file:
         arrays = (file["library"], file["targets"], file["observations"])
-    return [Regression(*parts) for parts in zip(*arrays, strict=True)]
+        states = tuple(file["states"].tolist())
+        terms = tuple(map(tuple, file["terms"].tolist()))
+    return [Regression(*parts, states, terms) for parts in zip(*arrays, strict=True)]

@@ -6,7 +6,7 @@ import numpy as np
 import pysindy as ps
 from sklearn import config_context
 
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.reduction import Regression
 from galloping.identification.sparse.selection import (
     NEGLIGIBLE,
@@ -17,7 +17,9 @@ from galloping.identification.sparse.selection import (
 )
 
 
-def normalised(problem: Regression, *, threshold: float | None, path_length: int) -> Identified:
+def normalised(
+    problem: Regression, *, threshold: float | None, path_length: int
+) -> IdentifiedModel:
     """Thresholds act on each term's share of the state derivative.
 
     threshold: share in (0, 1), or None to choose one for each equation by EBIC out of
@@ -33,10 +35,10 @@ def normalised(problem: Regression, *, threshold: float | None, path_length: int
     else:
         chosen = np.full(targets.shape[1], threshold)
     coefficients = fit(unit_library, unit_targets, chosen)
-    return Identified.of(coefficients * scale[:, np.newaxis] / lengths, chosen)
+    return problem.model(coefficients * scale[:, np.newaxis] / lengths, chosen)
 
 
-def raw(problem: Regression, *, threshold: float | None, path_length: int) -> Identified:
+def raw(problem: Regression, *, threshold: float | None, path_length: int) -> IdentifiedModel:
     """Thresholds act on the coefficients as they are, in SI units, as the paper most likely did.
 
     threshold: in the coefficients' units, or None to choose one for each equation by EBIC out
@@ -49,7 +51,7 @@ def raw(problem: Regression, *, threshold: float | None, path_length: int) -> Id
         chosen = _scan(library, targets, candidates, problem.observations)
     else:
         chosen = np.full(targets.shape[1], threshold)
-    return Identified.of(fit(library, targets, chosen), chosen)
+    return problem.model(fit(library, targets, chosen), chosen)
 
 
 def _scan(

@@ -8,10 +8,11 @@ from functools import lru_cache
 import numpy as np
 import pysindy as ps
 
-from galloping.identification.result import Identified
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.ensemble import seeded
 from galloping.identification.sparse.reduction import regression, stretches
 from galloping.identification.sparse.stlsq import normalised
+from galloping.polynomial import library as polynomial_library
 from galloping.recording import Recording
 
 
@@ -23,7 +24,7 @@ def weak(
     path_length: int,
     weak: Mapping[str, float],
     seed: int,
-) -> Identified:
+) -> IdentifiedModel:
     """Integrates against polynomial bumps instead of differentiating, then STLSQ.
 
     weak: `domains` bumps at random times, of `half_width` s and polynomial `order`; the same
@@ -42,7 +43,9 @@ def weak(
         integrals = np.asarray(library.convert_u_dot_integral(recording.values))
         blocks += [(theta[rows], integrals[rows]) for rows in stretches(len(theta))]
     rows = sum(len(theta) for theta, _ in blocks)
-    problem = regression(blocks, np.full(len(recordings[0].states), rows))
+    states = recordings[0].states
+    terms = polynomial_library(len(states), degree)
+    problem = regression(blocks, np.full(len(states), rows), states, terms)
     return normalised(problem, threshold=threshold, path_length=path_length)
 
 

@@ -1,0 +1,139 @@
+"""The continuous line against independent numbers, a second integrator and conservation laws."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from galloping.physics import galerkin
+from galloping.physics.continuous import (
+    continuous_line,
+    eigenvalues,
+    equilibrium,
+    natural_modes,
+    release,
+    shapes_at,
+    simulate,
+    span,
+)
+from galloping.physics.line import Line
+from galloping.physics.sensors import QUARTERS, first_modes, readings
+
+TIME = np.arange(30001) / 100
+BARE = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}
+
+
+@pytest.fixture
+def case(cases):
+    return cases["internal_resonance"]
+
+
+def mid_span(line, states):
+    return readings(line, states, [line.line.span / 2], "displacement")[:, 0]
+
+
+@pytest.mark.parametrize(
+    ("modes", "aerodynamic", "frequency", "v", "w"),
+    [
+        (1, "small_angle", 2.7140, 1.054, 2.132),
+        (3, "small_angle", 2.6492, 1.177, 1.957),
+        (5, "small_angle", 2.6441, 1.110, 1.940),
+        (9, "small_angle", 2.6423, 1.110, 1.911),
+        (13, "small_angle", 2.6420, 1.110, 1.908),
+        (9, "relative", 2.6423, 1.159, 1.861),
+    ],
+)
+def test_line_on_more_and_more_modes(case, modes, aerodynamic, frequency, v, w):
+    line = continuous_line(case, modes, aerodynamic=aerodynamic)
+    assert natural_modes(line, 0)[0][0] == pytest.approx(frequency, abs=6e-5)
+    motion = mid_span(line, simulate(line, release(line, (0.1, 0.1)), TIME))
+    assert np.ptp(motion[20000:], axis=0) / 2 == pytest.approx([v, w], abs=6e-4)
+
+
+def test_one_pair_of_shapes_is_the_model_of_the_paper(case):
+    phi, psi = galerkin.modes(case, Line.from_case(case))
+    line = span(case, [phi], [psi])
+    end = simulate(line, np.array([0.1, 0.1, 0.0, 0.0]), TIME)[-1]
+    # the numbers of physics.md; the fixed step is good to a millionth after 300 s
+    expected = [0.35202677, 1.81831793, -1.84807987, -0.88856756]
+    assert end == pytest.approx(expected, abs=2e-6)
+
+
+def test_second_integrator_confirms(case):
+    line = continuous_line(case, 9, aerodynamic="relative", drag=0.05)
+    start = release(line, (0.5, 0.5), antisymmetric=0.1)
+    time = TIME[:6001]
+
+    def wind(t):
+        return line.speed * (1 + 0.1 * np.sin(0.3 * t))
+
+    other = solve_ivp(
+        lambda t, x: line.rates(x, wind(t)), time[[0, -1]], start,
+        method="DOP853", rtol=1e-9, atol=1e-10, t_eval=time[[-1]],
+    )  # fmt: skip
+    states = simulate(line, start, time, wind(time))
+    assert np.abs(states[-1] - other.y[:, -1]).max() < 1e-4 * np.abs(states).max()
+
+
+def test_eigenvalues_at_rest_in_the_wind(case):
+    values = eigenvalues(continuous_line(case, 9))[0]
+    assert values[:3].real == pytest.approx([-0.00672, 0.01696, 0.01673], abs=6e-6)
+    assert values[:3].imag == pytest.approx([1.3448, 2.6423, 2.6895], abs=6e-5)
+
+
+def test_energy_is_kept_without_wind_and_damping(case):
+    case = case | {"damping": {"vertical": 0.0, "horizontal": 0.0}}
+    case["ice"] = BARE
+    line = continuous_line(case, 5)
+    states = simulate(line, release(line, (1.0, 2.0), antisymmetric=0.5), TIME[:3001])
+    q, p, dq, dp = states.reshape(len(states), 4, -1).transpose(1, 0, 2)
+    k = np.pi * np.arange(1, 6) / line.line.span
+    length, tension, bending = line.line.span, line.line.tension, line.line.bending_stiffness
+    own = length / 2 * (tension * k**2 + bending * k**4)
+    sag = -line.line.static_curvature() * (1 - np.cos(k * length)) / k / length
+    strain = q @ sag + (q**2 + p**2) @ (k**2 / 4)
+    energy = (q**2 + p**2) @ own / 2 + line.line.axial_stiffness * length * strain**2 / 2
+    energy += sum(((x @ m) * x).sum(axis=1) for x, m in zip((dq, dp), line.masses, strict=True)) / 2
+    assert np.ptp(energy) < 1e-6 * energy[0]
+
+
+def test_antisymmetric_mode_gallops_once_disturbed(case):
+    line = continuous_line(case, 9)
+    quiet = simulate(line, release(line, (0.1, 0.1)), TIME)
+    disturbed = simulate(line, release(line, (0.1, 0.1), antisymmetric=0.01), TIME)
+    assert np.abs(quiet[:, 1]).max() < 1e-6
+    assert np.ptp(disturbed[25000:, 1]) > 10 * np.ptp(disturbed[:2500, 1])
+
+
+def test_static_drag_displaces_and_damps(case):
+    line = continuous_line(case, 3, aerodynamic="relative", drag=1.0)
+    rest = equilibrium(line)
+    assert np.abs(line.rates(rest, line.speed)).max() < 1e-9
+    assert 0.9 < shapes_at(line, [150.0])[1] @ rest[3:6] < 1.3
+    case = case | {"ice": BARE}
+    light = continuous_line(case, 1, aerodynamic="relative", drag=1e-3)
+    growth = [eigenvalues(one)[0][0].real for one in (light, continuous_line(case, 1))]
+    expected = light.pressure * light.speed * 1e-3 * 150 / light.masses[1, 0, 0]
+    assert growth[1] - growth[0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_sensors_read_the_line_and_tell_the_first_modes_apart(case):
+    line = continuous_line(case, 3)
+    states = simulate(line, release(line, (0.5, 0.5), antisymmetric=0.2), TIME[:2001])
+    where = [share * line.line.span for share in QUARTERS]
+    for quantity, half in (("displacement", 0), ("velocity", 2)):
+        modal = first_modes(readings(line, states, where, quantity), where, line.line.span)
+        coordinates = states.reshape(-1, 4, 3)[:, half : half + 2].transpose(0, 2, 1)
+        assert modal == pytest.approx(coordinates, abs=1e-10)
+    velocity, acceleration = (
+        readings(line, states, where, q) for q in ("velocity", "acceleration")
+    )
+    slope = np.gradient(velocity, TIME[1], axis=0)[1:-1]
+    assert acceleration[1:-1] == pytest.approx(slope, abs=1e-3 * np.abs(slope).max())
+
+
+def test_unknown_names_are_refused(case):
+    with pytest.raises(ValueError, match="aerodynamics: steady is none of small_angle, relative"):
+        continuous_line(case, 1, aerodynamic="steady")
+    line = continuous_line(case, 1)
+    with pytest.raises(ValueError, match="quantity: strain is none of"):
+        readings(line, np.zeros((2, 4)), [10.0], "strain")

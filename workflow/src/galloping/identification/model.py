@@ -1,0 +1,222 @@
+"""What every identification method returns: a model, how sure it is, and why."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from math import floor, log10
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from galloping.polynomial import Exponents, PolynomialModel
+from galloping.storage import read_json, write_arrays, write_json
+
+if TYPE_CHECKING:
+    from galloping.simulation import Trajectory
+
+STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
+BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
+
+
+@dataclass(frozen=True)
+class IdentifiedModel:
+    """A model identified from recordings, with its uncertainty and a verdict.
+
+    model: on the candidate library, zero where a term is absent, NaN where there is no model;
+    known equations included.
+    status: `ok`; `not identifiable` where the data leave open which terms there are, the model
+    being one of those possible; `approximate` where no model of the library is right, and this
+    one is near; `refused` where there is no model; `unjudged` where the method states no verdict.
+    reason: of the status, one line, or ''.
+    standard_errors: (n_states, n_terms) of the present terms were they known to be the terms.
+    unconditional_errors: the same without that trust, of present and absent terms.
+    detection_limits: (n_states, n_terms), the size from which an absent term would have shown.
+    All three are NaN where a term has none or the method states none.
+    covariance: (n_support, n_support) behind `standard_errors`, in the order of
+    np.argwhere(support); (0, 0) where the method states none.
+    initial_states: (n_recordings, n_states), at the first sample of each recording.
+    sigma: (n_recordings, n_states) noise of a sample of each channel, NaN where not measured; for
+    recordings with derivatives, noise of the derivatives.
+    thresholds: (n_states,) of each equation, in the method's unit, NaN where it has none.
+    chi2: misfit per degree of freedom against the noise measured, NaN where unknown.
+    known: indices of the equations that were known and not identified.
+    diagnostics: figures behind the verdict, by name.
+    Raises ValueError for a status that is none of these.
+    """
+
+    model: PolynomialModel
+    status: str
+    reason: str = ""
+    standard_errors: np.ndarray | None = None
+    unconditional_errors: np.ndarray | None = None
+    detection_limits: np.ndarray | None = None
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    initial_states: np.ndarray | None = None
+    sigma: np.ndarray | None = None
+    thresholds: np.ndarray | None = None
+    chi2: float = np.nan
+    known: tuple[int, ...] = ()
+    diagnostics: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.status not in STATUSES:
+            raise ValueError(f"status: {self.status!r} must be one of {', '.join(STATUSES)}")
+        shape = self.model.coefficients.shape
+        shapes = dict.fromkeys(BY_TERM, shape) | {"thresholds": shape[:1]}
+        shapes |= dict.fromkeys(("initial_states", "sigma"), (0, shape[0]))
+        for name, unstated in shapes.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.full(unstated, np.nan))
+
+    @classmethod
+    def refused(
+        cls, states: tuple[str, ...], terms: tuple[Exponents, ...], reason: str
+    ) -> IdentifiedModel:
+        """No model, for `reason`."""
+        nothing = np.full((len(states), len(terms)), np.nan)
+        return cls(PolynomialModel(states, terms, nothing), "refused", reason)
+
+    @property
+    def support(self) -> np.ndarray:
+        """(n_states, n_terms) boolean: the terms found in the equations that were identified."""
+        present = np.nan_to_num(self.model.coefficients) != 0
+        present[list(self.known)] = False
+        return present
+
+    @property
+    def verdict(self) -> str:
+        """Status and reason in one line."""
+        return f"{self.status}: {self.reason}" if self.reason else self.status
+
+    def equations(self) -> tuple[str, ...]:
+        """The equation of each state, coefficients with their standard errors where stated."""
+        lines = []
+        for i, state in enumerate(self.model.states):
+            row = self.model.coefficients[i]
+            names = self.model.term_names
+            parts = [
+                f"{_number(row[j], self.standard_errors[i, j])} {names[j]}".removesuffix(" 1")
+                for j in np.flatnonzero(row)
+            ]
+            lines.append(f"d({state})/dt = {' + '.join(parts) or '0'}")
+        return tuple(lines)
+
+    def __str__(self) -> str:
+        if self.status == "refused":
+            return self.verdict
+        return "\n".join([*self.equations(), self.verdict])
+
+    def simulate(self, initial_state: np.ndarray, time: np.ndarray) -> Trajectory:
+        """Motion of the model from `initial_state` (n_states,) at time[0], on `time` (n,), s.
+
+        Raises ValueError where there is no model.
+        """
+        from galloping.simulation import Simulator  # compiles; few callers need it
+
+        if self.status == "refused":
+            raise ValueError(f"there is no model to simulate: {self.reason}")
+        simulator = Simulator(self.model.states, self.model.terms)
+        return simulator(self.model, np.asarray(initial_state, float), np.asarray(time, float))
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Everything as JSON; numbers that are not finite are text."""
+        arrays = (*BY_TERM, "covariance", "initial_states", "sigma", "thresholds", "chi2")
+        content = {
+            "states": self.model.states,
+            "terms": self.model.terms,
+            "coefficients": _plain(self.model.coefficients),
+            "status": self.status,
+            "reason": self.reason,
+            **{name: _plain(getattr(self, name)) for name in arrays},
+            "known": [int(i) for i in self.known],
+            "diagnostics": {name: _plain(value) for name, value in self.diagnostics.items()},
+        }
+        write_json(path, content)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> IdentifiedModel:
+        """What `save` wrote. Raises ValueError where the file holds something else."""
+        try:
+            content = read_json(path)
+            states = tuple(content.pop("states"))
+            terms = tuple(map(tuple, content.pop("terms")))
+            model = PolynomialModel(states, terms, _array(content.pop("coefficients")))
+            arrays = {name: _array(content.pop(name)) for name in (*BY_TERM, "thresholds")}
+            for name in ("initial_states", "sigma"):
+                arrays[name] = _array(content.pop(name)).reshape(-1, len(states))
+            covariance = _array(content.pop("covariance"))
+            arrays["covariance"] = covariance.reshape(len(covariance), len(covariance))
+            numbers = {name: float(v) for name, v in content.pop("diagnostics").items()}
+            return cls(
+                model=model,
+                status=content.pop("status"),
+                reason=content.pop("reason"),
+                chi2=float(content.pop("chi2")),
+                known=tuple(content.pop("known")),
+                diagnostics=numbers,
+                **arrays,
+            )
+        except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{path}: not an identified model: {error}") from None
+
+
+def _number(value: float, error: float) -> str:
+    """A coefficient with its standard error to two digits, where it has one."""
+    if not (np.isfinite(error) and error > 0.0):
+        return f"{value:.6g}"
+    decimals = 1 - floor(log10(error))
+    if not 0 <= decimals <= 9:
+        return f"({value:.6g} ± {error:.2g})"
+    return f"({value:.{decimals}f} ± {error:.{decimals}f})"
+
+
+def _plain(values: np.ndarray | float) -> object:
+    """Nested lists of numbers, those that are not finite as text."""
+    if np.ndim(values):
+        return [_plain(value) for value in values]
+    return float(values) if np.isfinite(values) else str(float(values))
+
+
+def _array(lists: object) -> np.ndarray:
+    return np.array(lists, dtype=float)
+
+
+def write(path: str | os.PathLike, results: Sequence[IdentifiedModel]) -> None:
+    """Replicates of one cell as one .npz; what belongs to single recordings is left out."""
+    model = results[0].model
+    write_arrays(
+        path,
+        states=np.array(model.states),
+        terms=np.array(model.terms),
+        coefficients=np.stack([r.model.coefficients for r in results]),
+        **{k: np.stack([getattr(r, k) for r in results]) for k in (*BY_TERM, "thresholds")},
+        chi2=np.array([r.chi2 for r in results]),
+        known=np.stack([np.isin(np.arange(len(model.states)), r.known) for r in results]),
+        status=np.array([r.status for r in results]),
+        reason=np.array([r.reason for r in results]),
+    )
+
+
+def read(path: str | os.PathLike) -> list[IdentifiedModel]:
+    """What `write` wrote."""
+    with np.load(path) as file:
+        columns = {name: file[name] for name in file.files}
+    states = tuple(columns.pop("states").tolist())
+    terms = tuple(map(tuple, columns.pop("terms").tolist()))
+    return [_replicate(states, terms, columns, k) for k in range(len(columns["status"]))]
+
+
+def _replicate(
+    states: tuple[str, ...], terms: Iterable, columns: dict[str, np.ndarray], k: int
+) -> IdentifiedModel:
+    return IdentifiedModel(
+        model=PolynomialModel(states, terms, columns["coefficients"][k]),
+        status=str(columns["status"][k]),
+        reason=str(columns["reason"][k]),
+        chi2=float(columns["chi2"][k]),
+        known=tuple(np.flatnonzero(columns["known"][k]).tolist()),
+        **{name: columns[name][k] for name in (*BY_TERM, "thresholds")},
+    )

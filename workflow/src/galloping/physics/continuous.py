@@ -1,0 +1,344 @@
+"""The continuous line: one span on any number of modes, in the wind, integrated in time.
+
+The partial differential equations behind `galerkin`, with the strain of the whole motion, the
+load integrated over the span at every instant and nothing truncated to a polynomial of two
+coordinates, so that no candidate library contains the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.polynomial.legendre import legvander
+from scipy.optimize import root
+
+from galloping.physics import aerodynamics
+from galloping.physics.line import Line, Mode, positions, weights
+
+AERODYNAMICS = ("small_angle", "relative")
+STEP = 0.005  # s, of the integrator: an eightieth of the shortest period of 13 modes
+
+
+@dataclass(frozen=True)
+class Span:
+    """A line on n in-plane and n out-of-plane shapes, per unit of modal mass.
+
+    line: what it is made of. vertical, horizontal: the shapes. speed: mean wind, m/s.
+    masses: (2, n, n) kg. stiffness, damping: (2, n, n), 1/s2 and 1/s, M^-1 K and M^-1 C without
+    the strain. strain: (n,) 1/m, of the in-plane coordinates. quadratic: (2, n, n) 1/m2, strain
+    by their squares. pull: (n,) and stretch: (2, n, n), M^-1 EA l times the derivatives of both.
+    shapes: (2, n_nodes, n), at the nodes of the span. loading: (2, n, n_nodes), M^-1 times shape
+    times quadrature weight. coefficients: (2, 4) of 1, alpha .. alpha^3. pressure: rho D/2.
+    relative: whether the load is that of the full relative wind.
+    """
+
+    line: Line
+    vertical: tuple[Mode, ...]
+    horizontal: tuple[Mode, ...]
+    speed: float
+    masses: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    strain: np.ndarray
+    quadratic: np.ndarray
+    pull: np.ndarray
+    stretch: np.ndarray
+    shapes: np.ndarray
+    loading: np.ndarray
+    coefficients: np.ndarray
+    pressure: float
+    relative: bool
+
+    @property
+    def modes(self) -> int:
+        """How many shapes each direction has."""
+        return len(self.vertical)
+
+    def rates(self, state: np.ndarray, speed: float) -> np.ndarray:
+        """d(q, p, dq, dp)/dt, (4 n,), in a wind of `speed` m/s."""
+        rate = np.empty_like(state)
+        _rates(state, speed, *self._arrays, rate, np.empty((2, self.shapes.shape[1])))
+        return rate
+
+    @property
+    def _arrays(self) -> tuple:
+        return (
+            self.stiffness, self.damping, self.strain, self.quadratic, self.pull, self.stretch,
+            self.shapes, self.loading, self.coefficients, self.pressure, self.relative,
+        )  # fmt: skip
+
+
+def sine_modes(line: Line, count: int) -> tuple[Mode, ...]:
+    """sin(k pi s / l), k = 1 .. count."""
+    s, spacers = positions(line.span), np.asarray(line.spacer_positions, dtype=float)
+    waves = np.pi * np.arange(1, count + 1) / line.span
+    return tuple(
+        Mode(np.sin(k * s), k * np.cos(k * s), -(k**2) * np.sin(k * s), np.sin(k * spacers))
+        for k in waves
+    )
+
+
+def span(
+    case: Mapping,
+    vertical: Sequence[Mode],
+    horizontal: Sequence[Mode],
+    *,
+    aerodynamic: str = "small_angle",
+    drag: float = 0.0,
+) -> Span:
+    """The line of a `cases` section on the given shapes, as many vertical as horizontal.
+
+    aerodynamic: `small_angle`, the paper's alpha = v_t/U and F = rho D U^2 C(alpha)/2, or
+    `relative`, alpha = arctan(v_t/(U - w_t)) and the square of the relative speed. drag: static
+    horizontal coefficient; with small angles its load is linear in w_t, which damps w.
+    Spacers couple the modes; every mode of the linearised line has the case's damping ratio.
+    Raises ValueError for an unknown aerodynamic model.
+    """
+    if aerodynamic not in AERODYNAMICS:
+        raise ValueError(f"aerodynamics: {aerodynamic} is none of {', '.join(AERODYNAMICS)}")
+    line = Line.from_case(case)
+    weight = weights(line.span)
+    directions = (tuple(vertical), tuple(horizontal))
+    shapes = np.array([np.column_stack([mode.shape for mode in modes]) for modes in directions])
+    strain = -line.static_curvature() * (weight @ shapes[0]) / line.span
+    stretch = line.axial_stiffness * line.span
+    sag = stretch * np.outer(strain, strain)
+    ratios = (case["damping"]["vertical"], case["damping"]["horizontal"])
+    masses, stiffness, damping, quadratic, inverses = [], [], [], [], []
+    for modes, shape, ratio, extra in zip(directions, shapes, ratios, (sag, 0.0), strict=True):
+        slope = np.column_stack([mode.slope for mode in modes])
+        curvature = np.column_stack([mode.curvature for mode in modes])
+        spacers = np.column_stack([mode.at_spacers for mode in modes])
+        mass = line.mass * (shape.T * weight) @ shape + line.spacer_mass * spacers.T @ spacers
+        tension = (slope.T * weight) @ slope
+        own = line.tension * tension + line.bending_stiffness * (curvature.T * weight) @ curvature
+        omega, normal = _modes(mass, own + extra)
+        inverse = np.linalg.inv(mass)
+        masses.append(mass)
+        inverses.append(inverse)
+        stiffness.append(inverse @ own)
+        damping.append(normal @ np.diag(2.0 * ratio * omega) @ normal.T @ mass)
+        quadratic.append(tension / (2.0 * line.span))
+    static = np.array([[0.0], [drag]])
+    return Span(
+        line, *directions, float(case["wind"]["speed"]), np.array(masses),
+        np.array(stiffness), np.array(damping), strain, np.array(quadratic),
+        inverses[0] @ strain * stretch,
+        np.array([2.0 * stretch * a @ b for a, b in zip(inverses, quadratic, strict=True)]),
+        np.ascontiguousarray(shapes),
+        np.array([a @ (s.T * weight) for a, s in zip(inverses, shapes, strict=True)]),
+        np.hstack([static, aerodynamics.coefficients(case["ice"])]),
+        0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"],
+        aerodynamic == "relative",
+    )  # fmt: skip
+
+
+def continuous_line(case: Mapping, modes: int = 9, **load) -> Span:
+    """The line of a case on that many sine modes in each direction; `load` as in `span`."""
+    sines = sine_modes(Line.from_case(case), modes)
+    return span(case, sines, sines, **load)
+
+
+def _modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies, rad/s, increasing, and mode shapes normalised by mass, in columns."""
+    root_mass = np.linalg.cholesky(mass)
+    inverse = np.linalg.inv(root_mass)
+    squares, vectors = np.linalg.eigh(inverse @ stiffness @ inverse.T)
+    return np.sqrt(squares), inverse.T @ vectors
+
+
+def shapes_at(line: Span, where: Sequence[float]) -> np.ndarray:
+    """(2, n_positions, n): the shapes of both directions at the positions `where`, m."""
+    nodes = 2.0 * positions(line.line.span) / line.line.span - 1.0
+    points = 2.0 * np.asarray(where, dtype=float) / line.line.span - 1.0
+    # exact to rounding: the quadrature nodes are those of a polynomial of high degree
+    basis = np.linalg.solve(legvander(nodes, len(nodes) - 1).T, legvander(points, len(nodes) - 1).T)
+    return basis.T @ line.shapes
+
+
+def natural_modes(line: Span, direction: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (n,), rad/s, and coordinates (n, n) of the modes of the line without wind.
+
+    direction: 0 in plane, 1 out of plane. The modes are in columns, by frequency, scaled to one
+    at mid-span or, where that is their node, at a quarter of the span.
+    """
+    stiffness = line.masses[direction] @ line.stiffness[direction]
+    if direction == 0:
+        stiffness = stiffness + line.masses[0] @ np.outer(line.pull, line.strain)
+    omega, coordinates = _modes(line.masses[direction], stiffness)
+    middle, quarter = shapes_at(line, [line.line.span / 2, line.line.span / 4])[direction]
+    scale = np.where(
+        symmetric(line, coordinates, direction), middle @ coordinates, quarter @ coordinates
+    )
+    return omega, coordinates / scale
+
+
+def symmetric(line: Span, coordinates: np.ndarray, direction: int) -> np.ndarray:
+    """Whether each shape, of coordinates (n, n_shapes), is symmetric about mid-span."""
+    shape = line.shapes[direction] @ coordinates
+    return np.sum(shape * shape[::-1], axis=0) > 0.0
+
+
+def equilibrium(line: Span) -> np.ndarray:
+    """(4 n,) state at rest in the mean wind; not zero where there is a static drag.
+
+    Raises ValueError where none is close to the line without wind.
+    """
+    n = 2 * line.modes
+    state = np.zeros(2 * n)
+    if not line.coefficients[:, 0].any():
+        return state
+
+    def forces(displaced: np.ndarray) -> np.ndarray:
+        return line.rates(np.concatenate([displaced, np.zeros(n)]), line.speed)[n:]
+
+    solution = root(forces, state[:n])
+    if not solution.success:
+        raise ValueError("the line finds no equilibrium in the mean wind")
+    state[:n] = solution.x
+    return state
+
+
+def eigenvalues(line: Span) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues, 1/s, with positive frequency, by frequency, and eigenvectors in columns.
+
+    Of the line linearised about its equilibrium in the mean wind: real part growth, imaginary
+    part frequency in rad/s.
+    """
+    rest = equilibrium(line)
+    n = len(rest)
+    jacobian = np.empty((n, n))
+    for k in range(n):
+        change = np.zeros(n)
+        change[k] = 1e-5
+        above, below = line.rates(rest + change, line.speed), line.rates(rest - change, line.speed)
+        jacobian[:, k] = (above - below) / 2e-5
+    values, vectors = np.linalg.eig(jacobian)
+    kept = np.flatnonzero(values.imag > 0)
+    kept = kept[np.argsort(values[kept].imag)]
+    return values[kept], vectors[:, kept]
+
+
+def release(
+    line: Span,
+    displacement: Sequence[float],
+    velocity: Sequence[float] = (0.0, 0.0),
+    *,
+    antisymmetric: float = 0.0,
+) -> np.ndarray:
+    """(4 n,) state released from the equilibrium in the mean wind.
+
+    displacement, velocity: m and m/s at mid-span, vertical and horizontal, in the first symmetric
+    mode of each direction. antisymmetric: m at a quarter of the span, in the first antisymmetric
+    in-plane mode.
+    """
+    state = equilibrium(line).reshape(4, -1)
+    for direction in (0, 1):
+        _, coordinates = natural_modes(line, direction)
+        even = symmetric(line, coordinates, direction)
+        first = coordinates[:, np.argmax(even)]
+        state[direction] += displacement[direction] * first
+        state[2 + direction] += velocity[direction] * first
+        if antisymmetric and direction == 0:
+            state[0] += antisymmetric * coordinates[:, np.argmin(even)]
+    return state.ravel()
+
+
+def simulate(
+    line: Span, start: np.ndarray, time: np.ndarray, speed: np.ndarray | None = None
+) -> np.ndarray:
+    """(n, 4 n_modes) coordinates and velocities (q, p, dq, dp) at `time`.
+
+    start: the state at time[0]. time: (n,) s, equally spaced. speed: (n,) wind at those times,
+    linear between them; the mean wind where not given. Runge-Kutta of order 4 at a fixed step.
+    """
+    interval = (time[-1] - time[0]) / (len(time) - 1)
+    substeps = max(1, int(np.ceil(interval / STEP - 1e-9)))
+    if speed is None:
+        speed = np.full(len(time), line.speed)
+    return _runge_kutta(
+        np.ascontiguousarray(start, float), interval / substeps, substeps,
+        np.ascontiguousarray(speed, float), *line._arrays,
+    )  # fmt: skip
+
+
+@njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
+def _rates(
+    state, speed, stiffness, damping, strain, quadratic, pull, stretch, shapes, loading,
+    coefficients, pressure, relative, rate, load,
+):  # fmt: skip
+    """Fill `rate` (4 n,) for `state` in a wind of `speed`; load: (2, n_nodes), room to work in."""
+    n = len(strain)
+    nodes = shapes.shape[1]
+    tension = 0.0
+    for j in range(n):
+        tension += strain[j] * state[j]
+        for d in range(2):
+            for k in range(n):
+                tension += quadratic[d, j, k] * state[d * n + j] * state[d * n + k]
+    for i in range(nodes):
+        up, along = 0.0, 0.0
+        for k in range(n):
+            up += shapes[0, i, k] * state[2 * n + k]
+            along += shapes[1, i, k] * state[3 * n + k]
+        if relative:
+            against = speed - along
+            square = against * against + up * up
+            angle = np.arctan2(up, against)
+            drag = square * coefficients[1, 0]
+        else:
+            square = speed * speed
+            angle = up / speed
+            drag = (square - 2.0 * speed * along) * coefficients[1, 0]
+        for d in range(2):
+            cubic = coefficients[d, 2] + angle * coefficients[d, 3]
+            cubic = angle * (coefficients[d, 1] + angle * cubic)
+            load[d, i] = pressure * square * cubic
+        load[1, i] += pressure * drag
+    for d in range(2):
+        for j in range(n):
+            total = 0.0 if d else -tension * pull[j]
+            for i in range(nodes):
+                total += loading[d, j, i] * load[d, i]
+            for k in range(n):
+                total -= (stiffness[d, j, k] + tension * stretch[d, j, k]) * state[d * n + k]
+                total -= damping[d, j, k] * state[(2 + d) * n + k]
+            rate[d * n + j] = state[(2 + d) * n + j]
+            rate[(2 + d) * n + j] = total
+
+
+@njit(cache=True, error_model="numpy")
+def _runge_kutta(
+    start, step, substeps, wind, stiffness, damping, strain, quadratic, pull, stretch, shapes,
+    loading, coefficients, pressure, relative,
+):  # fmt: skip
+    """`simulate`, with the arrays of a `Span`."""
+    states = np.empty((len(wind), len(start)))
+    states[0] = start
+    x = start.copy()
+    rate, total, moved = np.empty_like(x), np.empty_like(x), np.empty_like(x)
+    load = np.empty((2, shapes.shape[1]))
+    for i in range(1, len(wind)):
+        for s in range(substeps):
+            total[:] = 0.0
+            rate[:] = 0.0
+            for stage in range(4):
+                ahead = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+                share = (s + ahead) / substeps
+                for j in range(len(x)):
+                    moved[j] = x[j] + ahead * step * rate[j]
+                speed = wind[i - 1] + share * (wind[i] - wind[i - 1])
+                _rates(
+                    moved, speed, stiffness, damping, strain, quadratic, pull, stretch, shapes,
+                    loading, coefficients, pressure, relative, rate, load,
+                )  # fmt: skip
+                weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
+                for j in range(len(x)):
+                    total[j] += weight * rate[j]
+            for j in range(len(x)):
+                x[j] += total[j]
+        states[i] = x
+    return states
