@@ -6,9 +6,9 @@
 # make publish    the finished study as a folder and an archive, in results/publication
 # make verify ARCHIVE=file    check such an archive, and compare its numbers with this study's
 # make restore ARCHIVE=file   put the results of such an archive in place
-# make prune      list and remove results that the settings no longer ask for
-# make test-faults  the small version killed, interrupted, damaged, out of disk: is it whole again?
-# make test-slurm the small version on a SLURM cluster of this machine, through faults; Debian, root
+# make prune      list results that the settings no longer ask for; DELETE=yes removes them
+# make test-faults  the small version killed, interrupted, out of disk: is it whole again?
+# make test-slurm the small version on a SLURM cluster of this machine, a job cancelled; Debian, root
 # make lint       style checks alone
 # make bench      measured speed, in results/benchmarks.csv
 # make reference  take the numbers of the study and of its small version as results/reference
@@ -17,7 +17,9 @@
 #
 # CONFIG=file     settings merged over config/config.yaml, for all that works on a study
 # ALLOW=list      publish although dirty, incomplete, outdated
+# SHA256=digest   of an archive, as it was published: for verify and restore
 # REPLACE=yes     restore over other results, which are set aside
+# DELETE=yes      prune what was listed
 # CORES=n         how many cores to use; all
 # PROFILE=slurm   run the jobs on a cluster: config/README.md, "On a cluster"
 PYTHON ?= python3
@@ -26,51 +28,49 @@ VENV := .venv
 BIN := $(VENV)/bin
 SCRIPT := PYTHONPATH=workflow/src $(BIN)/python workflow/scripts
 OPTIONS := $(if $(CONFIG),--configfile $(CONFIG))
-WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores $(CORES))
+WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores '$(CORES)')
+RICH = $(shell [ -t 1 ] && echo --logger rich)
+DIGEST := $(if $(SHA256),--sha256 '$(SHA256)')
 
-.PHONY: all study smoke test repair verify publish restore prune test-faults test-slurm reliability lint bench reference docs lock help
+.PHONY: all study smoke test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs lock help
 all: study
 
 study: $(VENV)/made
-	@$(SCRIPT)/run_study.py $(WHERE) $(shell [ -t 1 ] && echo --logger rich) $(OPTIONS)
-	@$(SCRIPT)/make_report.py $(OPTIONS)
+	@$(SCRIPT)/run_study.py $(WHERE) $(RICH) $(OPTIONS)
 
 smoke:
 	@$(MAKE) --no-print-directory study CONFIG=config/smoke.yaml
 
 repair: $(VENV)/made
-	@$(SCRIPT)/repair.py $(OPTIONS)
-	@$(MAKE) --no-print-directory study
+	@$(SCRIPT)/run_study.py --repair $(WHERE) $(RICH) $(OPTIONS)
 
 verify: $(VENV)/made
-	@$(SCRIPT)/$(if $(ARCHIVE),verify_archive.py '$(ARCHIVE)',verify_results.py) $(OPTIONS)
+	@$(SCRIPT)/$(if $(ARCHIVE),verify_archive.py '$(ARCHIVE)' $(DIGEST),verify_results.py) $(OPTIONS)
 
 publish: $(VENV)/made
 	@$(SCRIPT)/publish.py --allow '$(ALLOW)' $(OPTIONS)
 
 restore: $(VENV)/made
 	@[ -n '$(ARCHIVE)' ] || { echo "Say what to restore: make restore ARCHIVE=file"; exit 1; }
-	@$(SCRIPT)/restore.py '$(ARCHIVE)' $(if $(filter yes,$(REPLACE)),--replace) $(OPTIONS)
+	@$(SCRIPT)/restore.py '$(ARCHIVE)' $(if $(filter yes,$(REPLACE)),--replace) $(DIGEST) $(OPTIONS)
 
 prune: $(VENV)/made
-	@$(SCRIPT)/prune_results.py $(OPTIONS)
+	@$(SCRIPT)/prune_results.py $(if $(filter yes,$(DELETE)),--delete) $(OPTIONS)
 
-test: study
+test: study browser
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
+# For the checks of the report: Debian's Chromium, where no browser is and one may be installed.
+browser:
+	@command -v chromedriver >/dev/null || command -v geckodriver >/dev/null || \
+	  { [ "$$(id -u)" = 0 ] && command -v apt-get && apt-get update && \
+	    apt-get install -y --no-install-recommends chromium chromium-driver; } >/dev/null 2>&1 || true
+
 test-faults: $(VENV)/made
-	$(BIN)/python -m pytest -m '' tests/faults --faults-csv results/reliability/faults.csv
-	@$(MAKE) --no-print-directory reliability
+	$(BIN)/python -m pytest -m '' tests/faults
 
 test-slurm: $(VENV)/made
-	timeout --foreground --signal INT --kill-after 60 40m \
-	  $(BIN)/python -m pytest -m slurm tests/cluster --slurm-csv results/reliability/slurm.csv
-	@$(MAKE) --no-print-directory reliability
-
-# Of both, of the time to plan, and of the runs of the study: results/reliability.csv.
-reliability: $(VENV)/made
-	@$(SCRIPT)/measure_planning.py results/reliability/planning.csv
-	@$(SCRIPT)/reliability.py results/reliability.csv
+	timeout --foreground --signal INT --kill-after 60 40m $(BIN)/python -m pytest -m slurm tests/cluster
 
 lint: $(VENV)/made
 	$(BIN)/ruff check
@@ -96,6 +96,8 @@ docs: $(VENV)/made
 
 # The environment, byte-compiled once; only when the lock changes.
 $(VENV)/made: requirements.lock
+	@[ ! -L $(VENV) ] || { echo "$(VENV) is a link, and the environment would be made in the" \
+	  "folder that it points to: remove the link, and run again"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Python 3.11 or newer is needed: make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv --clear $(VENV)

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from galloping.configuration.load import load, plain
 
-pytest_plugins = ["studies"]
+pytest_plugins = ["browser", "studies"]
 ROOT = Path(__file__).parents[1]
 os.environ["PYTHONPATH"] = str(ROOT / "workflow" / "src")  # for the processes that tests start
 hypothesis.settings.register_profile("study", deadline=None, derandomize=True)

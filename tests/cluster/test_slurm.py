@@ -1,213 +1,165 @@
-"""The smoke study on a SLURM cluster, through faults, beside the same study without one."""
+"""A cell of the smoke study on a SLURM cluster of this machine, a job cancelled, beside a local run.
 
-import re
+The cluster is two nodes on loopback, without systemd, in a folder of its own.
+"""
+
+import os
+import secrets
+import shutil
+import socket
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 
+import psutil
 import pytest
-from slurm import NODES, Cluster
 from studies import copy_repository
-
-from galloping.reproducibility.processes import orphans
-from galloping.reproducibility.receipts import receipt_path
 
 pytestmark = pytest.mark.slurm
 
-PATIENCE = 900.0  # seconds; a run takes about 150 on two free cores
-SMOKE = ("--configfile", "config/smoke.yaml")
+DAEMONS = ("munged", "slurmctld", "slurmd")
+NODES = ("n1", "n2")
+PATIENCE = 900.0  # seconds
+CELL = "scores/non_resonant/state/noise_0.05.csv"
 OPTIONS = (
-    *SMOKE,
-    *("--workflow-profile", "workflow/profiles/slurm"),
-    # As in the profile, but with more than two jobs of cells, and asked after at once.
-    *("--group-components", "case=20", "cell=2", "show=50"),
+    *("--workflow-profile", "workflow/profiles/slurm", "--configfile", "config/smoke.yaml"),
     *("--slurm-init-seconds-before-status-checks", "2"),
 )
-FINISHED = re.compile(r"^Finished jobid: \d+ \(Rule: (?!all\))", re.MULTILINE)
+CONFIGURATION = """ClusterName=test
+SlurmctldHost={host}(127.0.0.1)
+SlurmctldPort={ports[0]}
+SlurmUser={user}
+SlurmdUser={user}
+AuthType=auth/munge
+AuthInfo=socket={folder}/munge.socket,cred_expire=10
+CommunicationParameters=NoInAddrAny,NoCtldInAddrAny
+StateSaveLocation={folder}/state
+SlurmdSpoolDir={folder}/%n.spool
+SlurmctldPidFile={folder}/slurmctld.pid
+SlurmdPidFile={folder}/%n.pid
+ProctrackType=proctrack/pgid
+KillWait=5
+TaskPlugin=task/none
+MpiDefault=none
+SwitchType=switch/none
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core
+SlurmdParameters=config_overrides
+SchedulerParameters=batch_sched_delay=1,sched_interval=2,bf_interval=2
+SlurmdTimeout=10
+ReturnToService=2
+NodeName=n1 NodeHostname={host} NodeAddr=127.0.0.1 Port={ports[1]} CPUs=1 RealMemory=1000000
+NodeName=n2 NodeHostname={host} NodeAddr=127.0.0.1 Port={ports[2]} CPUs=1 RealMemory=1000000
+PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
+"""
 
 
-class Run:
-    """The smoke study of a folder on the cluster. log: what Snakemake says."""
-
-    def __init__(self, folder: Path, cluster: Cluster, log: Path):
-        self.log, self.began = log, time.monotonic()
-        with log.open("w") as file:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", "snakemake", *OPTIONS],
-                cwd=folder,
-                env=cluster.environment,
-                stdin=subprocess.DEVNULL,
-                stdout=file,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
-
-    def said(self) -> str:
-        return self.log.read_text(encoding="utf-8", errors="replace")
-
-    def until(self, done: Callable[[], bool], what: str) -> None:
-        end = time.monotonic() + PATIENCE
-        while not done():
-            assert self.process.poll() is None, f"the study ended before {what}: {self.log}"
-            assert time.monotonic() < end, f"waited in vain until {what}: {self.log}"
-            time.sleep(0.5)
-
-    def kill(self) -> None:
-        """SIGKILL to the main process alone, which has no children but SLURM's commands."""
-        self.process.kill()
-        self.process.wait()
+def until(done, what, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < end, f"waited in vain for {what}"
+        time.sleep(0.2)
 
 
-@dataclass(frozen=True)
-class Disturbed:
-    """A study that ended after faults.
-
-    seconds: of its last run. cancelled, later: memory in MB and time in seconds that the cancelled
-    job had asked for, and that jobs asked for that were submitted after it.
-    """
-
-    status: int
-    said: str
-    seconds: float
-    cancelled: tuple[int, int]
-    later: list[tuple[int, int]]
+def daemon(name):
+    system = "/usr/local/sbin:/usr/sbin:/sbin"
+    return shutil.which(name, path=f"{os.environ.get('PATH', '')}:{system}")
 
 
-@pytest.fixture(scope="module")
-def folder(root, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("slurm")
-    copy_repository(root, folder)
-    return folder
+def install():
+    """Debian's SLURM and munge, where they are missing."""
+    if not all(map(daemon, DAEMONS)):
+        if not shutil.which("apt-get") or os.geteuid() != 0:
+            pytest.exit("SLURM is missing: install slurm-wlm and munge as root", returncode=1)
+        for command in (["update"], ["install", "--no-install-recommends", "slurm-wlm", "munge"]):
+            environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+            subprocess.run(["apt-get", "-qy", *command], env=environment, check=True, timeout=600)
 
 
 @pytest.fixture(scope="module")
-def start(folder, cluster):
-    """Begin a run; it ends with the tests if not before."""
-    runs = []
+def cluster():
+    """The environment in which SLURM's commands reach two idle nodes."""
+    install()
+    folder = Path(tempfile.mkdtemp(prefix="slurm-", dir="/tmp"))  # munge wants a short path
+    (folder / "bin").mkdir()
+    srun = folder / "bin" / "srun"  # the executor's jobs call it without SLURM_CONF
+    srun.write_text(f'#!/bin/sh\nSLURM_CONF={folder}/slurm.conf exec {shutil.which("srun")} "$@"\n')
+    srun.chmod(0o755)
+    folder.chmod(0o711)  # munged insists
+    (folder / "munge.key").touch(mode=0o600)
+    (folder / "munge.key").write_bytes(secrets.token_bytes(128))
+    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(3)]
+    ports = [bound.getsockname()[1] for bound in sockets]
+    for bound in sockets:
+        bound.close()
+    host, user = socket.gethostname().split(".")[0], psutil.Process().username()
+    text = CONFIGURATION.format(folder=folder, host=host, user=user, ports=ports)
+    (folder / "slurm.conf").write_text(text)
+    mine = {name: value for name, value in os.environ.items() if not name.startswith("SLURM_")}
+    mine |= {"SLURM_CONF": f"{folder}/slurm.conf", "SLURMTEST": str(folder)}
+    mine["PATH"] = f"{folder / 'bin'}:{os.environ['PATH']}"
+    log = (folder / "daemons.log").open("ab")
 
-    def begin() -> Run:
-        runs.append(Run(folder, cluster, cluster.folder / f"run{len(runs) + 1}.log"))
-        return runs[-1]
+    def launch(name, *options):
+        command = ["setpriv", "--pdeathsig", "KILL", daemon(name), *options]
+        subprocess.Popen(command, env=mine, stdout=log, stderr=log, start_new_session=True)
 
-    yield begin
-    for run in runs:
-        run.kill()
-
-
-def computing(cluster: Cluster, folder: Path) -> Callable[[], bool]:
-    """Whether both nodes work on cells, and a model has been identified since this call."""
-    before = identified(folder)
-    return lambda: (
-        all(cluster.jobs("RUNNING", node=node) for node in NODES)
-        and bool(identified(folder) - before)
-    )
-
-
-def identified(folder: Path) -> set[tuple[Path, int]]:
-    found = (folder / "results/smoke/identified").rglob("*.npz")
-    return {(path, path.stat().st_mtime_ns) for path in found if not path.name.startswith(".")}
-
-
-@pytest.fixture(scope="module")
-def repaired(folder, cluster, start):
-    """(jobs that a killed run had left on the cluster, what repair said)."""
-    run = start()
-    run.until(computing(cluster, folder), "both nodes worked")
-    run.kill()
-    left = cluster.jobs("RUNNING", "PENDING")
-    repair = subprocess.run(
-        [sys.executable, "workflow/scripts/repair.py", *SMOKE],
-        cwd=folder,
-        env={**cluster.environment, "PYTHONPATH": str(folder / "workflow/src")},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert repair.returncode == 0, repair.stdout
-    return left, repair.stdout
+    keys = [f"--{kind}-file={folder}/munge.{kind}" for kind in ("key", "pid", "log", "seed")]
+    try:
+        launch("munged", "--foreground", f"--socket={folder}/munge.socket", *keys)
+        until((folder / "munge.socket").exists, f"munged: see {folder}")
+        launch("slurmctld", "-D")
+        for node in NODES:
+            launch("slurmd", "-D", "-N", node)
+        ready = ("sinfo", "--noheader", "--states=idle", "--format=%D")
+        until(lambda: ask(mine, *ready) == "2", f"idle nodes: see {folder}")
+        yield mine
+    finally:
+        log.close()
+        while left := [p for p in psutil.process_iter() if marked(p, str(folder))]:
+            for process in left:
+                process.kill()
+            psutil.wait_procs(left, timeout=5)
 
 
-@pytest.fixture(scope="module")
-def disturbed(folder, cluster, start, repaired):
-    """The study, run to its end while a job is cancelled and a node goes and comes back."""
-    run = start()
-    run.until(computing(cluster, folder), "both nodes worked")
-    here, away = NODES
-    (cancelled,) = cluster.jobs("RUNNING", node=here)
-    asked = cluster.asked(cancelled)
-    earlier = set(cluster.jobs("all"))
-    cluster.query("scancel", cancelled)
-    cluster.take_away(away)
-    cluster.give_back(away)
-    status = run.process.wait(PATIENCE)
-    seconds = time.monotonic() - run.began
-    later = [cluster.asked(job) for job in cluster.jobs("all") if job not in earlier]
-    return Disturbed(status, run.said(), seconds, asked, later)
+def marked(process, folder):
+    """Whether a process is of this cluster: daemons, jobs and what submits them."""
+    try:
+        # read here because psutil stops where SLURM's steps have written their title over it
+        lines = Path(f"/proc/{process.pid}/environ").read_bytes().split(b"\0")
+    except OSError:
+        return False
+    return f"SLURMTEST={folder}".encode() in lines
 
 
-def outputs(folder: Path) -> dict[str, str]:
-    """Digests of the results, without what tells of times and places."""
-    results = folder / "results/smoke"
-    return {
-        str(path.relative_to(results)): sha256(path.read_bytes()).hexdigest()
-        for path in results.rglob("*")
-        if path.is_file()
-        and path.suffix != ".receipt"
-        and path.relative_to(results).parts[0] not in ("logs", "benchmarks")
-    }
+def ask(environment, *command):
+    """Output of a SLURM command; empty while the controller does not answer."""
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    return run.stdout.strip()
 
 
-def test_repair_cancels_what_a_killed_run_left_on_the_cluster(repaired, folder, cluster):
-    left, said = repaired
-    assert len(left) >= 2
-    assert f"cancelled {len(left)} SLURM jobs" in said
-    assert "removed the lock" in said
-    assert orphans(folder) == []
-
-
-def test_study_ends_well_when_a_job_is_cancelled_and_a_node_lost(disturbed):
-    assert disturbed.status == 0, disturbed.said
-
-
-def test_cancelled_job_is_given_more(disturbed):
-    memory, seconds = disturbed.cancelled
-    assert (2 * memory, 2 * seconds) in disturbed.later
-
-
-def test_results_have_the_bytes_of_a_local_run(disturbed, folder, study):
+def test_a_cell_on_a_cluster_has_the_bytes_of_a_local_run(root, study, cluster, tmp_path):
     assert study.first.returncode == 0, study.first.stdout
-    local = outputs(study.folder)
-    assert len(local) > 100
-    assert outputs(folder) == local
-
-
-def test_every_result_has_a_receipt(disturbed, folder):
-    results = folder / "results/smoke"
-    without = [name for name in outputs(folder) if not receipt_path(results / name).exists()]
-    assert without == []
-
-
-def test_jobs_a_minute(disturbed, study, rows):
-    on_cluster = 60 * len(FINISHED.findall(disturbed.said)) / disturbed.seconds
-    here = 60 * len(FINISHED.findall(study.first.stdout)) / study.seconds
-    measured = {
-        "jobs a minute on SLURM, a node lost and a job cancelled": on_cluster,
-        "jobs a minute without SLURM, two cores": here,
-    }
-    rows += [
-        {"quantity": quantity, "value": value, "unit": "1/min"}
-        for quantity, value in measured.items()
+    copy_repository(root, tmp_path)
+    target = f"results/smoke/{CELL}"
+    command = [sys.executable, "-m", "snakemake", target, *OPTIONS]
+    said = (tmp_path / "said.log").open("w")
+    run = subprocess.Popen(command, cwd=tmp_path, env=cluster, stdout=said, stderr=said)
+    running = ("squeue", "--noheader", "--format=%A", "--states=RUNNING")
+    until(lambda: ask(cluster, *running), "a job", PATIENCE)
+    ask(cluster, "scancel", ask(cluster, *running).split()[0])
+    assert run.wait(PATIENCE) == 0, (tmp_path / "said.log").read_text()
+    made = [
+        p for p in (tmp_path / "results/smoke").rglob("[!.]*.*") if p.suffix in (".csv", ".npz")
     ]
-    assert all(measured.values())
-
-
-def test_second_run_has_nothing_to_do(disturbed, start):
-    again = start()
-    assert again.process.wait(PATIENCE) == 0
-    assert "Nothing to be done" in again.said()
+    assert len(made) > 5
+    for path in made:
+        here = study.results / path.relative_to(tmp_path / "results/smoke")
+        assert path.read_bytes() == here.read_bytes(), path
+        assert path.with_name(f".{path.name}.receipt").exists()
+    again = subprocess.run(
+        [*command, "-n"], cwd=tmp_path, env=cluster, capture_output=True, text=True
+    )
+    assert "Nothing to be done" in again.stdout + again.stderr

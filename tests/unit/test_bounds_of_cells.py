@@ -5,19 +5,15 @@ import pandas as pd
 import pytest
 from lines import simulate
 
-from galloping.bounds.cell import (
-    IDENTIFIABLE,
-    Noise,
-    at_the_bound,
-    bound,
-    free_terms,
-    on_library,
-    rank_releases,
-)
+from galloping.bounds.cell import at_the_bound, bound, deviations, free_terms
+from galloping.bounds.identifiable import IDENTIFIABLE
+from galloping.bounds.releases import ranked_releases
+from galloping.measurement.motion import Motion
+from galloping.measurement.protocols import BY_NAME, Noise, channel_scale
+from galloping.physics.derived import Derived
 from galloping.polynomial import library
 from galloping.recording import Recording
-from galloping.simulation import Simulator
-from galloping.tables.bounds import efficiency, identifiability, weakest
+from galloping.tables.bounds import efficiency, identifiability
 
 EQUATIONS = (2, 3)
 
@@ -26,10 +22,10 @@ def cell(name, protocol, level=0.05, rows=slice(None)):
     """(model, bound) of a record of a default case."""
     line, trajectory = simulate(name)
     line = line.on_library(library(4, 3))
-    noise = Noise.of(protocol, level, trajectory.states, relative=True)
+    noise = BY_NAME[protocol].noise(level, channel_scale(trajectory.states, relative=True))
     recording = Recording(trajectory.time[rows], line.states, trajectory.states[rows])
     starts = [trajectory.states[rows][0]]
-    return line, bound(line, EQUATIONS, protocol, [recording], starts, [noise])
+    return line, bound(line, EQUATIONS, [recording], starts, [noise])
 
 
 @pytest.mark.parametrize(
@@ -82,29 +78,35 @@ def test_no_model_at_a_bound_that_is_infinite():
     assert model.verdict == "refused: bound: a term is undetermined"
 
 
+def test_noise_on_states_and_their_derivatives_has_no_bound_yet():
+    line, trajectory = simulate("internal_resonance")
+    noise = Noise(np.ones(4), np.ones(4))
+    recording = Recording(trajectory.time, line.states, trajectory.states)
+    with pytest.raises(ValueError, match="need exact states"):
+        bound(line, EQUATIONS, [recording], [trajectory.states[0]], [noise])
+
+
 def test_a_release_of_three_metres_makes_the_non_resonant_line_identifiable():
     line, trajectory = simulate("non_resonant")
-    start = np.array([0.1, 3.0, 0.0, 0.0])
-    wide = Simulator(line.states, line.terms)(line, start, trajectory.time)
-    done = [(trajectory.states[0], trajectory.states)]
-    options = [*done, (start, wide.states)]
-    ranked = rank_releases(line, EQUATIONS, trajectory.time, 0.05, done, options)
-    (best, after), (other, same) = ranked
-    assert (best, other) == (1, 0)
-    assert after.t.min() == pytest.approx(82, rel=0.02)
-    assert same.t.min() == pytest.approx(2.07 * np.sqrt(2), rel=0.02)
+    first = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
+    best, *others = ranked_releases(line, first, 0.05, [0.1, 3.0])
+    assert (best["release"], best["identifiable"]) == ("q_w(0) = 3 m", True)
+    assert best["weakest_t"] == pytest.approx(82, rel=0.02)
+    same = next(row for row in others if row["release"] == "q_v(0) = 0.1 m")
+    assert same["weakest_t"] == pytest.approx(2.07 * np.sqrt(2), rel=0.02)
 
 
 def test_identifiability_tells_which_terms_can_be_known():
     line, found = cell("non_resonant", "state")
-    names = {"case": "a", "recordings": 1, "protocol": "state", "level": 0.05, "points": 30001}
-    rows = identifiability(line, on_library(line, found)[np.newaxis], names)
+    columns = {"case": "a", "recordings": 1, "protocol": "state", "level": 0.05, "points": 30001}
+    settings = {"degree": 3, "cells": {"a/state/noise": columns}}
+    bounds = {"a/state/noise": deviations(line, [found], len(line.terms))}
+    rows = identifiability({"a": Derived(line, {}, {})}, bounds, settings).to_dict("records")
     assert len(rows) == 14
     verdicts = {row["term"]: row["verdict"] for row in rows if row["equation"] == "vertical"}
     assert verdicts["q_v q_w^2"] == "not identifiable"
     assert verdicts["q_v"] == "identifiable"
     assert all((row["t"] > IDENTIFIABLE) == (row["verdict"] == "identifiable") for row in rows)
-    assert weakest(rows) == {("a", 1, "state", 0.05, 30001): min(row["t"] for row in rows)}
 
 
 def test_efficiency_table_counts_everything():
@@ -127,7 +129,11 @@ def test_efficiency_table_counts_everything():
             {**base, **failed},
         ]
     )
-    rows = efficiency(scores, {("a", 1, "state", 0.05, 9): 5.0, ("a", 1, "state", 0.1, 9): 2.5})
+    cells = {"case": "a", "recordings": 1, "protocol": "state", "points": 9}
+    known = pd.DataFrame(
+        {**cells, "level": level, "t": t} for level, t in ((0.05, 5.0), (0.1, 2.5), (0.1, 7.0))
+    )
+    rows = efficiency(scores, known, {})
     first, second = rows.to_dict("records")
     assert (first["replicates"], first["exact_support"], first["failures"]) == (2, 1, 0)
     assert first["efficiency"] == pytest.approx(np.sqrt(12.5))

@@ -2,7 +2,6 @@
 
 import io
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -84,13 +83,6 @@ def test_rows_that_cannot_be_told_apart_are_an_error():
         compare_tables(table(), table(TABLE.replace("lasso", "stlsq", 1)))
     with pytest.raises(ValueError, match="no column says what a row is about: x"):
         compare_tables(pd.DataFrame({"x": [1]}), pd.DataFrame({"x": [1]}))
-
-
-def test_keys_can_be_given():
-    one, other = pd.DataFrame({"x": [1, 2], "y": [3.0, 4.0]}), pd.DataFrame({"x": [2], "y": [5.0]})
-    found = compare_tables(one, other, keys=["x"])
-    assert found["row"].tolist() == ["x=1", "x=2"]
-    assert found["difference"].tolist()[1] == 1.0 and np.isnan(found["difference"].tolist()[0])
 
 
 def test_a_difference_in_words():

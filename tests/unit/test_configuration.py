@@ -2,8 +2,10 @@
 
 import json
 import math
+import re
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import hypothesis
@@ -13,17 +15,32 @@ from hypothesis import strategies as st
 from snakemake.utils import update_config
 
 from galloping.configuration import reference
-from galloping.configuration.load import ConfigurationError, load, ordered, plain, read
+from galloping.configuration.load import (
+    ENDLESS,
+    ConfigurationError,
+    load,
+    merged,
+    ordered,
+    plain,
+    read,
+    results_folder,
+)
 from galloping.configuration.parameters import conductor_parameters, spacer_parameters
 from galloping.configuration.schema import leaves, schema
-from galloping.configuration.settings import Settings
+from galloping.configuration.settings import Settings, paper_cases_in
 from galloping.identification.registry import METHODS
+from galloping.physics.galerkin import derive
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
 ROOT = Path(__file__).parents[2]
 THRESHOLDED = "stlsq, stlsq_raw, lasso, ensemble, weak"
 METHOD_NAMES = f"{THRESHOLDED}, weak_gls, maximum_likelihood"
-NAME_RULE = "lower-case letters, digits and '_', a letter first"
+NAME_RULE = "at most 40 lower-case letters, digits and '_', a letter first"
+TENSION_RULE = "must be 10..10000000 N, with a sag of at most a quarter of the span"
+FOLDER_RULE = (
+    "must be a relative path of at most 100 letters, digits, '_', '-' and '.', no part starting "
+    "with '.', outside the project's own folders and `reference`"
+)
 
 
 def case(**sections):
@@ -100,7 +117,7 @@ def test_a_line_without_spacers():
 
 
 @unhurried
-@given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from("eE"))
+@given(st.floats(-100, 100), st.sampled_from("eE"))
 def test_scientific_notation_is_a_number(value, letter):
     text = f"{value:.17e}".replace("e", letter)
     settings = load(case(initial_state={"q_v": text}))
@@ -124,18 +141,18 @@ def test_whole_numbers_may_be_scientific_too(mantissa, exponent):
 
 
 @unhurried
-@given(st.text().filter(lambda text: "e" not in text.lower()) | st.integers().map(str))
+@given(st.text().filter(lambda text: not re.fullmatch(r"[-+]?[0-9.]+([eE].*)?", text)))
 def test_other_text_is_not_a_number(value):
     line = complaint(case(wind={"speed": value}))
     assert line.startswith("cases.a.wind.speed: ")
-    assert line.endswith("; must be > 0 m/s")
+    assert line.endswith("; must be 0.1..120 m/s")
     assert len(line.splitlines()) == 1
 
 
 @unhurried
-@given(st.one_of(st.integers(1, 10**15), st.floats(1e-300, 1e300)))
-def test_numbers_are_numbers(value):
-    speed = load(case(wind={"speed": value})).cases["a"].wind.speed
+@given(st.one_of(st.integers(1, 120), st.floats(0.1, 120)), st.sampled_from((float, str)))
+def test_numbers_are_numbers(value, kind):
+    speed = load(case(wind={"speed": kind(value)})).cases["a"].wind.speed
     assert speed == value
     assert isinstance(speed, float)
 
@@ -158,15 +175,18 @@ REFUSED = [
     ({"figures": {3: 1}}, "figures.3: unknown key; allowed: dpi, font_size"),
     ({"figures": {"a\nb": 1}}, r"figures.'a\nb': unknown key; allowed: dpi, font_size"),
     # wrong types
-    (case(line={"span": "12"}), "cases.a.line.span: '12' is text, not a number; must be > 0 m"),
-    (case(line={"span": True}), "cases.a.line.span: true is not a number; must be > 0 m"),
-    (case(line={"span": None}), "cases.a.line.span: null is not a number; must be > 0 m"),
-    (case(line={"span": [1]}), "cases.a.line.span: [1] is not a number; must be > 0 m"),
-    (case(line={"span": math.inf}), "cases.a.line.span: inf is not finite; must be > 0 m"),
-    (case(line={"span": "1e400"}), "cases.a.line.span: '1e400' is not finite; must be > 0 m"),
+    (
+        case(line={"span": "12 m"}),
+        "cases.a.line.span: '12 m' is text, not a number; must be 1..10000 m",
+    ),
+    (case(line={"span": True}), "cases.a.line.span: true is not a number; must be 1..10000 m"),
+    (case(line={"span": None}), "cases.a.line.span: null is not a number; must be 1..10000 m"),
+    (case(line={"span": [1]}), "cases.a.line.span: [1] is not a number; must be 1..10000 m"),
+    (case(line={"span": math.inf}), "cases.a.line.span: inf is not finite; must be 1..10000 m"),
+    (case(line={"span": "1e400"}), "cases.a.line.span: '1e400' is not finite; must be 1..10000 m"),
     (
         case(initial_state={"dq_v": "x"}),
-        "cases.a.initial_state.dq_v: 'x' is text, not a number; must be a number in m/s",
+        "cases.a.initial_state.dq_v: 'x' is text, not a number; must be -100..100 m/s",
     ),
     (
         {"measurement": {"replicates": 2.5}},
@@ -181,7 +201,11 @@ REFUSED = [
         "measurement.protocols: 'state' is not a list; "
         "must be a list of one or more of derivative, state, displacement",
     ),
-    ({"figures": None}, "figures: null is not a section; must be a mapping of dpi, font_size"),
+    (
+        {"figures": None},
+        "figures: null is not a section (write {} for its defaults); "
+        "must be a mapping of dpi, font_size",
+    ),
     (
         [],
         "configuration: [] is not a section; must be a mapping of results, reference, cases, "
@@ -191,8 +215,7 @@ REFUSED = [
     *(
         (
             {"results": folder},
-            f"results: {folder!r} is not allowed; must be a relative path of letters, digits, "
-            "'_', '-' and '.', no part starting with '.'",
+            f"results: {folder!r} is not allowed; {FOLDER_RULE}",
         )
         for folder in ("", "/tmp/x", "../x", "a/../b", "a//b", "a b", ".git", "a\n", "{x}", "~/x")
     ),
@@ -204,6 +227,21 @@ REFUSED = [
         )
         for folder in ("", "a//b", "a b", "a/", "a\n", "{x}", "~/x", "<x>")
     ),
+    *(
+        ({"results": folder}, f"results: {folder!r} is the project's own; must be another folder")
+        for folder in (
+            "config",
+            "Workflow/x",
+            "tests/unit",
+            "results/reference",
+            "results/reference/a",
+        )
+    ),
+    ({"results": "a" * 101}, f"results: '{'a' * 56}... is not allowed; {FOLDER_RULE}"),
+    (
+        {"results": "mine/here", "reference": "mine"},
+        "results: 'mine/here' is in the folder of the reference, 'mine'; must be outside it",
+    ),
     # cases
     (
         {"cases": {}},
@@ -214,12 +252,12 @@ REFUSED = [
             {"cases": {name: {}}},
             f"cases.{name}: {name!r} is not allowed as a name; must be {NAME_RULE}",
         )
-        for name in ("North", "3rd", "a-b", "_x", 3)
+        for name in ("North", "3rd", "a-b", "_x", 3, "a" * 41)
     ),
     # the line
-    (case(line={"span": -3}), "cases.a.line.span: -3 is not allowed; must be > 0 m"),
-    (case(line={"span": 0}), "cases.a.line.span: 0 is not allowed; must be > 0 m"),
-    (case(line={"span": "-1e-3"}), "cases.a.line.span: '-1e-3' is not allowed; must be > 0 m"),
+    (case(line={"span": -3}), "cases.a.line.span: -3 is not allowed; must be 1..10000 m"),
+    (case(line={"span": 0}), "cases.a.line.span: 0 is not allowed; must be 1..10000 m"),
+    (case(line={"span": "-1e-3"}), "cases.a.line.span: '-1e-3' is not allowed; must be 1..10000 m"),
     (
         case(spacers={"positions": [75, 400]}),
         "cases.a.spacers.positions: 400 is beyond the span (300 m); must be > 0 and < 300 m",
@@ -235,6 +273,23 @@ REFUSED = [
     (
         case(spacers={"positions": [75, 75]}),
         "cases.a.spacers.positions: 75 comes after 75; must be strictly increasing",
+    ),
+    (
+        case(line={"tension": 100}),
+        "cases.a.line.tension: 100 gives a sag of 1655 m in a span of 300 m, "
+        "which is no shallow cable; must be >= 2207 N",
+    ),
+    *(
+        (
+            case(**{section: {key: value}}),
+            f"cases.a.{section}.{key}: {shown} is not allowed; {must}",
+        )
+        for section, key, value, shown, must in (
+            ("wind", "speed", 1e300, "1e+300", "must be 0.1..120 m/s"),
+            ("line", "tension", 1e308, "1e+308", TENSION_RULE),
+            ("conductor", "mass", 1e-300, "1e-300", "must be 0.01..100 kg/m"),
+            ("bundle", "subconductors", 1e24, "1e+24", "must be a whole number 1..24"),
+        )
     ),
     (
         case(line={"mode_shape": "irvin"}),
@@ -265,8 +320,9 @@ REFUSED = [
     (
         case(ice={"reading": "custom", "vertical": [1], "horizontal": [1, "x", 3]}),
         "cases.a.ice.vertical: [1] is not allowed; "
-        "must be null or a list of 3 numbers, given exactly when the reading is custom\n"
-        "cases.a.ice.horizontal: 'x' is text, not a number; each must be a number",
+        "must be null or a list of 3 numbers -10000..10000, "
+        "given exactly when the reading is custom\n"
+        "cases.a.ice.horizontal: 'x' is text, not a number; each must be -10000..10000",
     ),
     # the record
     (
@@ -280,9 +336,14 @@ REFUSED = [
         "must be a whole number",
     ),
     (
-        {"simulation": {"duration": 1e308, "sampling_rate": 1e308}},
-        "simulation.sampling_rate: 1e+308 gives inf sampling intervals in 1e+308 s; "
+        {"simulation": {"duration": 1e7, "sampling_rate": 1e6}},
+        "simulation.sampling_rate: 1000000 gives 1e+13 sampling intervals in 10000000 s; "
         "must be 100..10000000",
+    ),
+    (
+        {"simulation": {"steady_window": [299.95, 300]}},
+        "simulation.steady_window: [299.95, 300] holds less than 10 sampling intervals; "
+        "must hold 10 or more",
     ),
     (
         {"simulation": {"steady_window": [200, 200]}},
@@ -300,6 +361,10 @@ REFUSED = [
         "measurement.levels: -0.1 is not allowed; each must be >= 0 and < 10",
     ),
     ({"measurement": {"levels": []}}, "measurement.levels: [] is empty; must hold at least one"),
+    (
+        {"measurement": {"levels": [0.1, 0.10000000000001]}},
+        "measurement.levels: 0.10000000000001 and 0.1 agree to twelve digits; must be distinct",
+    ),
     (
         {"measurement": {"levels": [0.1, "1e-1"]}},
         "measurement.levels: 0.1 is given twice; must be distinct",
@@ -360,11 +425,96 @@ def test_every_problem_is_reported_at_once():
         case(line={"span": -3}, wnd=1) | {"figures": {"dpi": 20}, "measurement": {"seed": -1}}
     ).splitlines()
     assert lines == [
-        "cases.a.line.span: -3 is not allowed; must be > 0 m",
+        "cases.a.line.span: -3 is not allowed; must be 1..10000 m",
         "cases.a.wnd: unknown key; did you mean 'wind'?",
         "measurement.seed: -1 is not allowed; must be a whole number >= 0",
         "figures.dpi: 20 is not allowed; must be a whole number 50..1200 px/inch",
     ]
+
+
+def test_a_file_in_place_of_the_results_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("Makefile").touch()
+    for folder in ("Makefile", "Makefile/results"):
+        line = "results: 'Makefile' is a file; must be a folder, or not there"
+        assert complaint({"results": folder}) == line
+
+
+def test_many_problems_are_a_few_lines():
+    lines = complaint({"measurement": {"levels": ["x"] * 3000, "seed": -1}}).splitlines()
+    assert len(lines) <= 21
+    many = complaint({f"key_{i}": 1 for i in range(3000)}).splitlines()
+    assert len(many) == 21
+    assert many[-1] == "configuration: and 2980 more problems"
+
+
+def test_sections_without_end_are_one_line():
+    endless = {}
+    endless["cases"] = {"a": endless}
+    assert complaint(endless) == ENDLESS
+
+
+def test_numbers_of_the_command_line_are_text_in_braces():
+    settings = load({"figures": {"dpi": "100"}, "measurement": {"levels": ["0", ".05"]}})
+    assert (settings.figures.dpi, settings.measurement.levels) == (100, (0, 0.05))
+
+
+EXTREMES = (
+    1e300,
+    -1e300,
+    1e308,
+    1e-300,
+    5e-324,
+    10**400,
+    1e24,
+    0,
+    -1,
+    math.nan,
+    -math.inf,
+    "1e999",
+)
+
+
+@pytest.mark.parametrize("value", EXTREMES, ids=repr)
+def test_an_absurd_number_anywhere_is_refused_or_can_be_derived_from(value):
+    for path, node in leaves():
+        *sections, key = ("a" if part == "<name>" else part for part in path.split("."))
+        mapping = {key: [value] * node.get("minItems", 1) if node.get("type") == "array" else value}
+        for section in reversed(sections):
+            mapping = {section: mapping}
+        try:
+            settings = load(mapping)
+        except ConfigurationError as error:
+            assert all(line.startswith(path.split(".")[0]) for line in str(error).split("\n"))
+        else:
+            for one in settings.cases.values():
+                derived = derive(plain(one))
+                assert all(map(math.isfinite, derived.coefficients.values()))
+                assert all(map(math.isfinite, derived.quantities.values()))
+
+
+LIMITS = {
+    path.removeprefix("cases.<name>."): (node["minimum"], node["maximum"])
+    for path, node in leaves()
+    if path.startswith("cases.") and "maximum" in node and "releases" not in path
+}
+
+
+@unhurried
+@given(st.fixed_dictionaries({key: st.sampled_from(ends) for key, ends in LIMITS.items()}))
+def test_a_line_at_the_limits_can_be_derived(values):
+    mapping = {"spacers": {"positions": []}}
+    for key, value in values.items():
+        *section, name = key.split(".")
+        (mapping.setdefault(section[0], {}) if section else mapping)[name] = value
+    try:
+        settings = load(case(**mapping))
+    except ConfigurationError as error:
+        assert "no shallow cable" in str(error)
+    else:
+        derived = derive(plain(settings.cases["a"]))
+        numbers = [*derived.coefficients.values(), *derived.quantities.values()]
+        assert all(map(math.isfinite, numbers))
 
 
 KEYS = st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text())
@@ -411,7 +561,18 @@ FILES = [
     ("a:\n\tb: 1\n", "{path}:2: found character '\\t' that cannot start any token"),
     ("a: 1\n--- \nb: 1\n", "{path}:2: but found another document"),
     ("? [1]\n: 2\n", "{path}:1: found unhashable key"),
-    ("a: 2026-13-01\n", "{path}: month must be in 1..12"),
+    ("a: 2026-13-01\n", "{path}:1: '2026-13-01' is no timestamp"),
+    ("a: !!timestamp abc\n", "{path}:1: 'abc' is no timestamp"),
+    ("a: !!int x\n", "{path}:1: 'x' is no int"),
+    ("a: &a [*a]\n", "{path}: " + ENDLESS),
+    ("a: &a {b: *a}\n", "{path}: " + ENDLESS),
+    ("a: " + "[" * 2000 + "]" * 2000, "{path}: " + ENDLESS),
+    ("a: " + "[" * 30 + "]" * 30, "{path}: " + ENDLESS),
+    (
+        "a: &a [x, x, x, x, x, x, x, x]\n"
+        + "".join(f"{b}: &{b} [{f'*{a}, ' * 8}]\n" for a, b in pairwise("abcdefgh")),
+        "{path}: " + ENDLESS,
+    ),
     (
         "a: !!python/name:os.system\n",
         "{path}:1: could not determine a constructor for the tag "
@@ -456,6 +617,51 @@ def test_an_overriding_file_does_not_reorder_cases():
     assert list(found["cases"]) == ["first", "second", "third"]
     assert list(found["cases"]["second"]["releases"]) == ["one", "two", "three"]
     assert ordered(merged, []) == merged
+
+
+def test_a_case_set_to_null_is_removed():
+    own = {"cases": {"first": {}, "second": {}}}
+    over = {"cases": {"first": None, "third": {"gravity": 9}}}
+    whole = {}
+    for part in (over, own, over):  # as Snakemake does
+        update_config(whole, part)
+    assert list(merged(whole, [own, over])["cases"]) == ["second", "third"]
+    for none_left in ({"cases": {"first": None, "second": None}},):
+        with pytest.raises(ConfigurationError, match=r"^cases: every case is set to null; "):
+            merged(none_left, [own, none_left])
+    # a case that nobody describes is a slip: all its keys may be left out, but not the braces
+    with pytest.raises(ConfigurationError, match=r"^cases.forth: null is not a section \(write {}"):
+        load(merged({"cases": {"first": {}, "forth": None}}, [own, {"cases": {"forth": None}}]))
+
+
+def test_a_line_of_ones_own_is_studied_alone():
+    whole = {}
+    files = [read(ROOT / f"config/{name}.yaml") for name in ("config", "own_line")]
+    for part in files:
+        update_config(whole, part)
+    settings = load(merged(whole, files))
+    assert list(settings.cases) == ["my_line"]
+    assert paper_cases_in(settings) == []
+
+
+def test_which_cases_are_the_papers():
+    assert paper_cases_in(load({})) == ["internal_resonance", "non_resonant"]
+    cases = {"internal_resonance": {"releases": {"high": {"q_v": 2}}}, "non_resonant": {}, "b": {}}
+    assert paper_cases_in(load({"cases": cases})) == ["internal_resonance"]
+    assert paper_cases_in(load({"cases": {"internal_resonance": {"wind": {"speed": 30}}}})) == []
+
+
+def test_files_are_judged_together_before_anything_is_written(tmp_path):
+    config, first, second = ROOT / "config/config.yaml", tmp_path / "a.yaml", tmp_path / "b.yaml"
+    first.write_text("reference: kept\ncases: {non_resonant: null}\n")
+    second.write_text("results: mine\ncases: {internal_resonance: {wind: {speed: 14}}}\n")
+    assert results_folder([config, first, second]) == "mine"
+    second.write_text("results: kept/new\n")
+    with pytest.raises(ConfigurationError, match="in the folder of the reference, 'kept'"):
+        results_folder([config, first, second])
+    second.write_text("cases: {internal_resonance: {wind: {speed: 1e300}}}\n")
+    with pytest.raises(ConfigurationError, match=r"^cases.internal_resonance.wind.speed: .1e300"):
+        results_folder([config, first, second])
 
 
 def test_plain_holds_only_plain_types():
@@ -551,7 +757,7 @@ def test_a_stale_reference_is_found_and_mended(tmp_path, capsys):
     text = readme.read_text()
     assert text.startswith("before\n")
     assert text.endswith("\nafter\n")
-    assert "| `cases.<name>.line.span` | `300` | m | > 0 | seed | span length |" in text
+    assert "| `measurement.seed` | `20260130` | 1 | a whole number >= 0 |" in text
 
 
 def test_a_reference_without_markers_is_refused(tmp_path, capsys):
@@ -569,7 +775,7 @@ def test_every_section_documents_itself():
 def test_configuration_stays_light():
     code = (
         "import sys, galloping.configuration.parameters; "
-        "print(sorted({'numpy', 'pandas', 'pysindy', 'heyoka'} & set(sys.modules)))"
+        "print(sorted({'pandas', 'pysindy', 'heyoka', 'scipy'} & set(sys.modules)))"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"

@@ -1,7 +1,6 @@
 """The code digest changes with the code that a script runs, and with nothing else."""
 
 import ast
-import re
 
 import pytest
 
@@ -76,7 +75,6 @@ def forget():
         ("stage.py", "return 2 * LIMIT", "return (\n        2 * LIMIT\n    )"),
         ("part/deep.py", "LIMIT = base.ONE", "# one\nLIMIT = base.ONE"),
         ("base.py", "ONE = 1", '"""Base."""\n\nONE = 1'),
-        ("script.py", '"""A script."""', '"""The script."""'),
         ("script.py", '    """Works."""\n', "    # works\n"),
     ],
 )
@@ -135,6 +133,12 @@ def test_code_changes_the_digest_however_deep(package, name, old, new):
     assert package(name, text.replace(old, new)) != before
 
 
+def test_a_template_beside_a_module_counts(package):
+    package("part/page.jinja", "one")
+    before = package()
+    assert package("part/page.jinja", "two") != before
+
+
 def test_relative_imports_count(package):
     before = package(modules=["package.relative"])
     assert package("relative/two.py", "TWO = 3\n", modules=["package.relative"]) != before
@@ -146,6 +150,16 @@ def test_modules_that_a_script_does_not_use_do_not_count(package):
     before = package()
     assert package("other.py", "OTHER = 2\n") == before
     assert package("new.py", "NEW = 1\n") == before
+
+
+def test_what_runs_a_script_and_computes_nothing_does_not_count(package, monkeypatch):
+    monkeypatch.setattr(digest, "UNCOUNTED", ("package.guard",))
+    script = SCRIPT.replace("import sys\n", "import sys\nfrom package.guard import run\n")
+    package("guard.py", "from package import other\n\nrun = 'no space left'\n")
+    before = package("script.py", script)
+    assert package("guard.py", "from package import other\n\nrun = 'the disk is full'\n") == before
+    assert package("other.py", "OTHER = 2\n") == before
+    assert package("base.py", "ONE = 2\n") != before
 
 
 def test_modules_imported_by_name_count_when_named(package):
@@ -188,41 +202,21 @@ def test_scripts_of_the_study_see_their_stages(root):
     derive = used(scripts / "derive_model.py")
     assert {"galerkin", "line", "aerodynamics", "storage"} <= derive
     assert not {"measurement", "simulation", "stlsq"} & derive
-    modules = {m.function.partition(":")[0].rpartition(".")[2] for m in METHODS}
-    identify = used(scripts / "identify_model.py")
-    assert not {"registry", "reduction", *modules} & identify
+    identify = used(scripts / "identify_models.py")
     for method in METHODS:
-        its_own = used(scripts / "identify_model.py", method.reader, method.function)
-        assert method.function.partition(":")[0].rpartition(".")[2] in its_own
-        assert ("reduction" in its_own) or method.evidence == "recordings"
+        module = method.function.partition(":")[0].rpartition(".")[2]
+        assert module not in identify
+        assert module in used(scripts / "identify_models.py", *method.modules)
 
 
-RULE = re.compile(r"^rule (\w+):\n((?:(?: .*)?\n)*)", re.MULTILINE)
-NOT_INLINE = {"identify_model": "identify_model.py"}  # whose settings are a function's
-
-
-@pytest.fixture
-def rules(root):
-    """Text of each rule that runs a script, by name."""
-    files = (root / "workflow" / "rules").glob("*.smk")
-    found = dict(match.groups() for file in files for match in RULE.finditer(file.read_text()))
-    assert len(found) > 20
-    return found
-
-
-def test_every_rule_counts_the_script_that_it_runs(rules):
-    for name, text in rules.items():
-        (run,) = re.findall(r'script:\n +"../scripts/(\w+\.py)"', text)
-        counted = re.findall(r'script_code\("(\w+\.py)"\)', text)
-        assert (counted or [NOT_INLINE[name]]) == [run]
-
-
-def test_jobs_read_nothing_of_the_package_that_the_digest_leaves_out(root, rules):
+def test_scripts_read_nothing_of_the_package_that_the_digest_leaves_out(root):
     package = digest.SOURCE / digest.PACKAGE
     files = [path for path in package.rglob("*") if path.is_file()]
-    assert {path.suffix for path in files if path.parent.name != "__pycache__"} == {".py"}
-    scripts = re.findall(r'"../(scripts/\w+\.py)"', "".join(rules.values()))
-    for path in digest._closure(tuple(root / "workflow" / script for script in scripts)):
+    assert {path.suffix for path in files if path.parent.name != "__pycache__"} == {".py", ".jinja"}
+    scripts = (root / "workflow" / "scripts").glob("*.py")
+    jobs = tuple(path for path in scripts if "run(main, snakemake)" in path.read_text())
+    assert len(jobs) > 5
+    for path in digest._closure(jobs):
         assert "__doc__" not in path.read_text()
 
 

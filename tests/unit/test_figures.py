@@ -1,5 +1,6 @@
 """Figures: the same bytes for the same data, one look per method, and nothing that stops them."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -7,6 +8,7 @@ import pandas as pd
 import pytest
 
 from galloping.configuration.load import load, plain
+from galloping.evaluation.reconstruction import Reconstruction
 from galloping.figures.amount import draw_data_amount
 from galloping.figures.claims import draw_claims
 from galloping.figures.coefficients import draw_coefficients
@@ -22,12 +24,20 @@ from galloping.figures.panels import shifts
 from galloping.figures.recovery import draw_recovery
 from galloping.figures.style import KNOWN, method_style
 from galloping.figures.write import write_figure
+from galloping.identification.model import IdentifiedModel
+from galloping.measurement.motion import Motion
 from galloping.physics.galerkin import derive
+from galloping.polynomial import library
 from galloping.tables.claims import CLAIMS
 
+LINE = derive(plain(load({}))["cases"]["internal_resonance"])
 NAMES = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "new_method"]}
 CELL = {"case": "line", "protocol": "state", "method": "weak"}
-CELLS = {"case": "line", "columns": [CELL, {**CELL, "method": "maximum_likelihood"}]}
+
+
+def histories(cells):
+    columns = [{**CELL, "method": m, "cells": cells} for m in ("weak", "maximum_likelihood")]
+    return {"case": "line", "columns": columns, "window": (50, 100)}
 
 
 def drawn(tmp_path, draw):
@@ -63,13 +73,14 @@ def noise_motion(median):
 
 def motion(states):
     time = np.linspace(0, 100, len(states))
-    return {"time": time, "representative": states, "low": states - 1, "high": states + 1}
+    return Reconstruction(time, states, states - 1, states + 1)
 
 
 @pytest.fixture
 def swing():
     t = np.linspace(0, 100, 2001)
-    return {"time": t, "states": np.column_stack([np.sin(t), np.cos(t), np.cos(t), -np.sin(t)])}
+    states = np.column_stack([np.sin(t), np.cos(t), np.cos(t), -np.sin(t)])
+    return Motion(("q_v", "q_w", "dq_v", "dq_w"), t, states, np.gradient(states, t, axis=0))
 
 
 def test_same_data_same_bytes_without_a_date(tmp_path):
@@ -151,7 +162,7 @@ def test_identifiability_of_any_size(tmp_path, t):
 
 def scored(methods, error=5.0, levels=(0, 0.01, 0.05)):
     return pd.DataFrame(
-        {"case": "line", "protocol": "state", "cell": f"noise_{level}", "level": level,
+        {"case": "line", "protocol": "state", "kind": "noise", "level": level,
          "method": method, "mean_error_linear_percent": error * (k + 1) * level,
          "mean_error_cubic_percent": error * level}
         for k, method in enumerate(methods)
@@ -215,18 +226,17 @@ def test_amplitude_errors_of_any_size(tmp_path, error):
 
 @pytest.mark.parametrize("bad", [0.0, np.nan])
 def test_motions_that_ended_early(tmp_path, swing, bad):
-    settings = {**CELLS, "labels": ["noise level 0.1"], "window": (50, 100)}
-    motions = [motion(swing["states"] + bad)]
-    drawn(tmp_path, lambda: draw_histories(swing, 2 * motions, settings))
+    of_cell = dict.fromkeys(("weak", "maximum_likelihood"), motion(swing.states + bad))
+    settings = histories({"line/state/noise_0.1": "noise level 0.1"})
+    drawn(tmp_path, lambda: draw_histories([swing], {"line/state/noise_0.1": of_cell}, settings))
     settings = {"cases": ["line"], "protocol": "state", "method": "weak", "level": 0}
-    drawn(tmp_path, lambda: draw_recovery([swing], motions, settings))
+    drawn(tmp_path, lambda: draw_recovery({"line": [swing]}, {"line": of_cell}, settings))
 
 
 def test_figures_without_cells_say_so(tmp_path, swing):
-    empty = {**CELLS, **CELL, "labels": [], "levels": [], "window": (50, 100)}
     for draw in (
-        lambda: draw_histories(swing, [], empty),
-        lambda: draw_coefficients([], empty),
+        lambda: draw_histories([swing], {}, histories({})),
+        lambda: draw_coefficients(LINE, {}, {**CELL, "levels": {}, "degree": 3}),
         lambda: draw_claims(
             pd.DataFrame(columns=["claim", "case", "protocol", "method"]), {"combinations": []}
         ),
@@ -235,15 +245,14 @@ def test_figures_without_cells_say_so(tmp_path, swing):
 
 
 def test_coefficients_with_missing_and_spurious_terms(tmp_path):
-    table = pd.DataFrame(
-        [
-            ("vertical", "gamma_1", -0.03, 0.0, -0.04, 0.0, 0.4),
-            ("vertical", "q_v q_w", 0.0, 0.0, 0.0, 9.0, 0.1),
-            ("horizontal", "kappa_1", 0.01, 5.0, 4.0, np.inf, 1.0),
-        ],
-        columns=["equation", "symbol", "true", "identified", "low", "high", "found"],
-    )
-    drawn(tmp_path, lambda: draw_coefficients([table], {**CELL, "levels": [0.05]}))
+    values = LINE.model.on_library(library(4, 3)).coefficients
+    off = values.copy()
+    off[2, 0], off[3, 4] = 9.0, 0.0
+    line = LINE.model.on_library(library(4, 3))
+    replicates = [IdentifiedModel(replace(line, coefficients=c), "unjudged") for c in (values, off)]
+    models = {"cell": {"weak": replicates}}
+    settings = {**CELL, "levels": {"cell": 0.05}, "degree": 3}
+    drawn(tmp_path, lambda: draw_coefficients(LINE, models, settings))
 
 
 def test_claims_with_failures_and_cells_not_run(tmp_path):
@@ -262,14 +271,14 @@ def test_claims_with_failures_and_cells_not_run(tmp_path):
     drawn(tmp_path, lambda: draw_claims(table, {"combinations": [["state", "weak"]]}))
 
 
-def test_drawings_of_the_configured_line(tmp_path):
+def test_drawings_of_the_configured_line(tmp_path, swing):
     study = plain(load({"cases": {"pair": {"bundle": {"subconductors": 2}}}}))
     case = study["cases"]["pair"]
     settings = {"degree": 3, "protocols": ["state"], "methods": ["weak"], "levels": [0],
                 "points": [1000], "replicates": 1}  # fmt: skip
     for draw in (
-        lambda: draw_line(case, derive(case), "pair"),
-        lambda: draw_load(case, np.array([-1.0, 2.0])),
+        lambda: draw_line(derive(case), {"case": "pair", "line": case}),
+        lambda: draw_load([swing], {"line": case}),
         lambda: draw_flow(settings),
     ):
         drawn(tmp_path, draw)

@@ -9,10 +9,10 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from galloping.physics import aerodynamics
 from galloping.configuration.load import load, plain
-from galloping.physics.equations import STATES, TERMS, model, symbol_of
 from galloping.evaluation.motion import steady_amplitude
+from galloping.physics import aerodynamics
+from galloping.physics.equations import STATES, TERMS, model, symbol_of
 from galloping.physics.galerkin import coefficients, derive
 from galloping.physics.line import Line
 from galloping.simulation import Simulator, time_grid

@@ -1,6 +1,5 @@
 """Identification: exact without noise, equal to pysindy's own, and failures kept as rows."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,16 +10,20 @@ from hypothesis import strategies as st
 from lines import simulate
 
 from galloping.configuration.load import load, plain
-from galloping.identification.cell import identify, imported
-from galloping.identification.model import BY_TERM, IdentifiedModel, read, write
+from galloping.identification.cell import identify
+from galloping.identification.model import BY_TERM, IdentifiedModel
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import reduction, selection, stlsq
+from galloping.identification.sparse.bagging import bagged_medians
+from galloping.identification.sparse.ensemble import seeded
 from galloping.identification.sparse.reduction import reduce, regression, stretches
 from galloping.identification.sparse.smoothing import smooth
-from galloping.measurement import measure
-from galloping.physics.equations import STATES
+from galloping.importing import imported
+from galloping.measurement.measuring import measure
+from galloping.measurement.motion import Motion
 from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.recording import Recording
+from galloping.study.files import identified
 
 TERMS = library(4, 3)
 SETTINGS = plain(load({}))["identification"]
@@ -36,39 +39,27 @@ OSCILLATOR = PolynomialModel(
 
 def recordings(simulated, protocol, level=0.05, points=None, replicates=1):
     line, trajectory = simulated
+    motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
     measured = measure(
-        line,
-        trajectory.time,
-        trajectory.states[np.newaxis],
+        [motion],
         protocol=protocol,
         level=level,
-        points=points,
         relative=True,
+        samples=points or len(motion.time),
+        recordings=1,
+        replicates=replicates,
         seed=3,
         name=("a_case", protocol, "a_cell"),
-        replicates=replicates,
     )
-    return [recording for (recording,) in measured.replicates]
+    return [recording for (recording,) in measured]
 
 
-def evidence(method, replicates):
-    """What a method takes of replicates of one recording each."""
-    if BY_NAME[method].evidence == "recordings":
-        return [[recording] for recording in replicates]
-    return [reduce([recording], TERMS) for recording in replicates]
-
-
-def run(method, items, **options):
+def run(method, replicates, **options):
+    """What a method makes of replicates of one recording each."""
     settings = BY_NAME[method].settings(SETTINGS, 3)
-    return identify(
-        imported(settings["function"]),
-        items,
-        options=settings["options"] | options,
-        seed=settings["seed"],
-        name=(*NAME, method),
-        states=STATES,
-        terms=TERMS,
-    )
+    settings["options"] |= options
+    items = [[recording] for recording in replicates]
+    return identify({method: settings}, items, TERMS, NAME)[method]
 
 
 def equal(a, b):
@@ -88,7 +79,7 @@ def equal(a, b):
 @pytest.mark.parametrize(("method", "protocol"), COMBINATIONS)
 def test_exact_without_noise(simulated, method, protocol):
     true = simulated[0].on_library(TERMS)
-    (found,) = run(method, evidence(method, recordings(simulated, protocol, level=0)))
+    (found,) = run(method, recordings(simulated, protocol, level=0))
     assert found.status != "refused"
     assert np.array_equal(found.model.coefficients != 0, true.support)
     ratio = found.model.coefficients[true.support] / true.coefficients[true.support]
@@ -99,7 +90,7 @@ def test_exact_without_noise(simulated, method, protocol):
 def test_weak_gls_without_noise(simulated, protocol):
     # its smoothing and quadrature are made for noise: near, and it says so where terms are open
     true = simulated[0].on_library(TERMS)
-    (found,) = run("weak_gls", evidence("weak_gls", recordings(simulated, protocol, level=0)))
+    (found,) = run("weak_gls", recordings(simulated, protocol, level=0))
     missing = true.support & (found.model.coefficients == 0)
     assert not missing.any()
     if np.array_equal(found.model.coefficients != 0, true.support):
@@ -112,7 +103,7 @@ def test_weak_gls_without_noise(simulated, protocol):
 @pytest.mark.parametrize("method", FROM_SUBSETS)
 def test_exact_from_few_points_without_noise(simulated, method):
     true = simulated[0].on_library(TERMS)
-    items = evidence(method, recordings(simulated, "derivative", level=0, points=1000))
+    items = recordings(simulated, "derivative", level=0, points=1000)
     (found,) = run(method, items)
     assert np.array_equal(found.model.coefficients != 0, true.support)
     assert found.model.coefficients == pytest.approx(true.coefficients, rel=1e-6)
@@ -122,7 +113,7 @@ def test_exact_from_few_points_without_noise(simulated, method):
 @pytest.mark.parametrize("method", FROM_SUBSETS)
 def test_recordings_shorter_than_their_factor(resonant, method, points):
     true = resonant[0].on_library(TERMS)
-    items = evidence(method, recordings(resonant, "derivative", level=1e-6, points=points))
+    items = recordings(resonant, "derivative", level=1e-6, points=points)
     (found,) = run(method, items)
     assert found.status != "refused"
     assert found.model.coefficients[true.support] == pytest.approx(
@@ -155,7 +146,7 @@ def test_reduced_regression_equals_pysindy_on_all_samples(resonant, threshold):
 @pytest.mark.parametrize("method", ["stlsq", "stlsq_raw"])
 def test_chosen_thresholds_give_pysindy_s_model_on_all_samples(resonant, method):
     (recording,) = recordings(resonant, "derivative")
-    (ours,) = run(method, evidence(method, [recording]))
+    (ours,) = run(method, [recording])
     theta, targets = design_matrix(recording.values, TERMS), recording.derivatives
     lengths, scale = np.ones(len(TERMS)), np.ones(4)
     if method == "stlsq":
@@ -250,15 +241,15 @@ def test_best_threshold_is_the_middle_of_its_range():
 def test_choice_does_not_depend_on_the_truth_or_the_scale(resonant, method):
     # in other units of time, the same structure and scaled coefficients
     (recording,) = recordings(resonant, "derivative", level=0.01)
-    (found,) = run(method, evidence(method, [recording]))
+    (found,) = run(method, [recording])
     scaled = replace(recording, derivatives=4 * recording.derivatives)
-    (again,) = run(method, evidence(method, [scaled]))
+    (again,) = run(method, [scaled])
     assert again.model.coefficients == pytest.approx(4 * found.model.coefficients, rel=1e-9)
 
 
 @pytest.mark.parametrize("method", ["stlsq", "stlsq_raw", "lasso", "ensemble"])
 def test_a_configured_threshold_is_used(resonant, method):
-    items = evidence(method, recordings(resonant, "derivative"))
+    items = recordings(resonant, "derivative")
     (loose,) = run(method, items, threshold=1e-3)
     (tight,) = run(method, items, threshold=0.1)
     assert np.all(loose.thresholds == 1e-3) and np.all(tight.thresholds == 0.1)
@@ -345,7 +336,7 @@ def test_weak_form_refuses_what_it_cannot_use(resonant):
     (subset,) = recordings(resonant, "state", points=1000)
     values = good.values.copy()
     values[3, 0] = np.nan
-    results = run("weak", [[subset], [replace(good, values=values)], [good]])
+    results = run("weak", [subset, replace(good, values=values), good])
     assert [found.verdict for found in results] == [
         "refused: weak: weak: needs a regularly sampled recording",
         "refused: weak: weak: needs every state at every sample",
@@ -359,7 +350,7 @@ def test_a_motionless_recording_is_a_row_with_a_reason(resonant, method):
     values, derivatives = recording.values.copy(), recording.derivatives.copy()
     values[:, 1] = values[:, 3] = derivatives[:, 1] = derivatives[:, 3] = 0
     still = replace(recording, values=values, derivatives=derivatives)
-    failed, good = run(method, evidence(method, [still, recording]))
+    failed, good = run(method, [still, recording])
     assert failed.reason == f"{method}: a state or a derivative is zero throughout the recording"
     assert failed.model.coefficients.shape == (4, len(TERMS))
     assert np.isnan(failed.model.coefficients).all()
@@ -368,7 +359,7 @@ def test_a_motionless_recording_is_a_row_with_a_reason(resonant, method):
 
 def test_errors_of_our_own_making_are_not_kept_as_rows():
     with pytest.raises(AttributeError):
-        run("stlsq", ["no regression"])
+        run("stlsq", ["no recording"])
 
 
 # --- replicates ---
@@ -379,7 +370,7 @@ def replicates():
     """Five replicates of what each method takes, of a short record."""
     noisy = recordings(simulate("internal_resonance"), "state", replicates=5)
     short = [Recording(r.time[:6000], r.states, r.values[:6000]) for r in noisy]
-    return {method.name: evidence(method.name, short) for method in METHODS}
+    return {method.name: short for method in METHODS}
 
 
 @pytest.mark.parametrize("method", BY_NAME)
@@ -406,6 +397,20 @@ def test_bootstraps_are_drawn_by_position(replicates):
     assert equal(several[0], run("ensemble", [item], ensemble_models=2)[0])
 
 
+def test_bagging_is_that_of_pysindy(resonant):
+    (recording,) = recordings(resonant, "derivative")
+    problem = reduce([recording], TERMS)
+    library, targets = problem.library, problem.targets / 1e-3
+    optimizer = ps.EnsembleOptimizer(
+        ps.STLSQ(threshold=1, alpha=0, unbias=False), bagging=True, n_models=5
+    )
+    with seeded(np.random.default_rng(2)):
+        theirs = optimizer.fit(library, targets).coef_
+    ours = bagged_medians(library, targets, 5, np.random.default_rng(2))
+    assert np.array_equal(ours != 0, theirs != 0) and np.count_nonzero(ours) > 10
+    assert ours == pytest.approx(theirs, rel=1e-6)
+
+
 @pytest.mark.parametrize("method", ["ensemble", "weak"])
 def test_global_random_state_is_left_alone(replicates, method):
     np.random.seed(12)
@@ -421,9 +426,9 @@ def test_global_random_state_is_left_alone(replicates, method):
 def test_every_method_says_what_it_takes():
     available = {*SETTINGS, "threshold", "rng", "seed"}
     for method in METHODS:
-        assert re.fullmatch(r"galloping(\.\w+)+:\w+", method.function)
+        assert all(callable(imported(name)) for name in method.modules)
         assert set(method.options) <= available
-        assert callable(imported(method.reader))
+        assert method.protocols
 
 
 def test_a_method_is_told_its_own_settings_alone():
@@ -446,8 +451,10 @@ def test_results_come_back_from_files(tmp_path):
     failed = IdentifiedModel.refused(model.states, model.terms, "stlsq: no luck")
     unjudged = IdentifiedModel(model, "unjudged", thresholds=np.array([0.1, 0.2]))
     for name in ("a.npz", "b.npz"):
-        write(tmp_path / name, [sure, failed, unjudged])
-    assert all(map(equal, read(tmp_path / "a.npz"), [sure, failed, unjudged]))
+        identified.write(tmp_path / name, {"a": [sure, failed], "b": [unjudged]})
+    read = identified.read(tmp_path / "a.npz")
+    assert list(read) == ["a", "b"]
+    assert all(map(equal, read["a"] + read["b"], [sure, failed, unjudged]))
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
     for result in (sure, failed, unjudged):
         result.save(tmp_path / "one.json")
@@ -479,10 +486,11 @@ def test_a_model_prints_and_moves(resonant):
         IdentifiedModel(line, "sure")
 
 
-def test_reductions_come_back_from_files(resonant, tmp_path):
-    written = [reduce([r], TERMS) for r in recordings(resonant, "derivative", replicates=2)]
-    reduction.write(tmp_path / "a.npz", written)
-    for a, b in zip(reduction.read(tmp_path / "a.npz"), written, strict=True):
-        assert np.array_equal(a.library, b.library)
-        assert np.array_equal(a.targets, b.targets)
-        assert np.array_equal(a.observations, b.observations)
+def test_methods_of_a_family_share_their_evidence(resonant, monkeypatch):
+    made = []
+    monkeypatch.setattr(reduction, "reduce", lambda *given: made.append(reduce(*given)) or made[-1])
+    settings = {name: BY_NAME[name].settings(SETTINGS, 3) for name in ("stlsq", "lasso")}
+    (recording,) = recordings(resonant, "derivative")
+    together = identify(settings, [[recording]] * 2, TERMS, NAME)
+    assert len(made) == 2  # one for each replicate
+    assert equal(together["lasso"][0], run("lasso", [recording])[0])

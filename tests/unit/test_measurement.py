@@ -5,34 +5,41 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from galloping.measurement import measure
-from galloping.recording import Recording, Recordings
+from galloping.measurement.measuring import measure
+from galloping.measurement.motion import Motion
+from galloping.measurement.protocols import BY_NAME, Noise, Protocol
+from galloping.recording import Recording
 from galloping.seeds import generator
+from galloping.study.files import recordings
 
 NAME = ("internal_resonance", "state", "noise_0.05")
 
 
-def record(simulated, **settings):
-    line, trajectory = simulated
+def moved(line, trajectory, factor=1.0):
+    states = factor * trajectory.states
+    return Motion(line.states, trajectory.time, states, line(states))
+
+
+def record(simulated, motions=None, **settings):
+    """The first recording of each replicate."""
     defaults = {
         "protocol": "state",
         "level": 0.05,
-        "points": None,
         "relative": True,
+        "samples": 30001,
+        "recordings": 1,
+        "replicates": 2,
         "seed": 1,
         "name": NAME,
-        "replicates": 2,
     }
-    measured = measure(
-        line, trajectory.time, trajectory.states[np.newaxis], **(defaults | settings)
-    )
-    return tuple(recording for (recording,) in measured.replicates)
+    measured = measure(motions or [moved(*simulated)], **(defaults | settings))
+    return [each[0] for each in measured]
 
 
 def as_file(replicates, path):
     """Through a file and back."""
-    Recordings(tuple((recording,) for recording in replicates)).write(path)
-    return [recording for (recording,) in Recordings.read(path).replicates]
+    recordings.write(path, [(recording,) for recording in replicates])
+    return [recording for (recording,) in recordings.read(path)]
 
 
 def same(a, b):
@@ -72,7 +79,7 @@ def check_noise(noise, sigma):
 @pytest.mark.parametrize("protocol", ["derivative", "state"])
 def test_without_noise_one_recording_is_the_trajectory(simulated, protocol):
     line, trajectory = simulated
-    (recording,) = record(simulated, protocol=protocol, level=0, replicates=20)
+    (recording,) = record(simulated, protocol=protocol, level=0, replicates=1)
     assert np.array_equal(recording.values, trajectory.states)
     assert np.array_equal(recording.time, trajectory.time)
     if protocol == "derivative":
@@ -83,7 +90,7 @@ def test_subsets_are_drawn_without_replacement_and_sorted(resonant):
     _, trajectory = resonant
     rows = [
         np.searchsorted(trajectory.time, recording.time)
-        for recording in record(resonant, points=5000, replicates=3)
+        for recording in record(resonant, samples=5000, replicates=3)
     ]
     for drawn in rows:
         assert len(drawn) == 5000
@@ -95,7 +102,7 @@ def test_subsets_are_drawn_without_replacement_and_sorted(resonant):
 
 def test_a_subset_measures_the_trajectory_at_its_times(resonant):
     line, trajectory = resonant
-    (recording,) = record(resonant, protocol="derivative", points=1000, replicates=1)
+    (recording,) = record(resonant, protocol="derivative", samples=1000, replicates=1)
     rows = np.searchsorted(trajectory.time, recording.time)
     assert np.array_equal(recording.time, trajectory.time[rows])
     assert np.array_equal(recording.values, trajectory.states[rows])
@@ -104,7 +111,7 @@ def test_a_subset_measures_the_trajectory_at_its_times(resonant):
 
 def test_a_subset_of_all_points_is_the_record(resonant):
     _, trajectory = resonant
-    (recording,) = record(resonant, points=30001, replicates=1)
+    (recording,) = record(resonant, samples=30001, replicates=1)
     assert np.array_equal(recording.time, trajectory.time)
 
 
@@ -125,9 +132,9 @@ def test_cells_are_independent(resonant):
     assert abs(np.corrcoef(a[:, 0], b[:, 0])[0, 1]) < 5 / np.sqrt(len(a))
 
 
-@pytest.mark.parametrize("points", [None, 1000])
-def test_more_replicates_change_none_of_the_first(resonant, points):
-    few, many = (record(resonant, points=points, replicates=n) for n in (2, 5))
+@pytest.mark.parametrize("samples", [30001, 1000])
+def test_more_replicates_change_none_of_the_first(resonant, samples):
+    few, many = (record(resonant, samples=samples, replicates=n) for n in (2, 5))
     assert all(same(a, b) for a, b in zip(few, many, strict=False))
 
 
@@ -150,7 +157,7 @@ def test_names_do_not_run_together():
 
 def test_measuring_leaves_the_global_random_state_alone(resonant):
     before = np.random.get_state()
-    record(resonant, points=1000)
+    record(resonant, samples=1000)
     after = np.random.get_state()
     assert np.array_equal(before[1], after[1]) and before[2:] == after[2:]
 
@@ -159,9 +166,9 @@ def test_measuring_leaves_the_global_random_state_alone(resonant):
 
 
 @pytest.mark.parametrize("protocol", ["derivative", "state"])
-@pytest.mark.parametrize("points", [None, 1000])
-def test_recordings_come_back_from_files(resonant, tmp_path, protocol, points):
-    written = record(resonant, protocol=protocol, points=points, replicates=3)
+@pytest.mark.parametrize("samples", [30001, 1000])
+def test_recordings_come_back_from_files(resonant, tmp_path, protocol, samples):
+    written = record(resonant, protocol=protocol, samples=samples, replicates=3)
     read = as_file(written, tmp_path / "a.npz")
     assert len(read) == 3
     assert all(same(a, b) for a, b in zip(read, written, strict=True))
@@ -191,22 +198,15 @@ def test_equal_replicates_stay_as_many(tmp_path):
 
 
 def test_several_releases_in_one_replicate(resonant, tmp_path):
-    line, trajectory = resonant
-    motions = np.stack([trajectory.states, 2 * trajectory.states])
-    both, first = (
-        measure(
-            line, trajectory.time, states, protocol="state", level=0.05, points=None,
-            relative=True, seed=1, name=NAME, replicates=2,
-        )
-        for states in (motions, motions[:1])
-    )  # fmt: skip
-    both.write(tmp_path / "a.npz")
-    for pair, (alone,), again in zip(
-        both.replicates, first.replicates, Recordings.read(tmp_path / "a.npz").replicates,
-        strict=True,
-    ):  # fmt: skip
+    motions = [moved(*resonant), moved(*resonant, factor=2)]
+    drawn = {"protocol": "state", "level": 0.05, "relative": True, "samples": 30001,
+             "replicates": 2, "seed": 1, "name": NAME}  # fmt: skip
+    both, first = (measure(motions, recordings=count, **drawn) for count in (2, 1))
+    recordings.write(tmp_path / "a.npz", both)
+    for pair, (alone,), again in zip(both, first, recordings.read(tmp_path / "a.npz"), strict=True):
         assert same(pair[0], alone)  # a further release changes nothing of the first
-        check_noise(pair[1].values - motions[1], 0.05 * motions[1].std(axis=0))
+        twice = motions[1].states
+        check_noise(pair[1].values - twice, 0.05 * twice.std(axis=0))
         assert all(map(same, pair, again))
 
 
@@ -225,8 +225,8 @@ def test_displacements_without_velocities(resonant):
         ([0.0, 1.0, 1.0], np.ones((3, 1)), None, "strictly increasing"),
         ([0.0], np.ones((1, 1)), None, "two samples or more"),
         ([0.0, np.nan, 2.0], np.ones((3, 1)), None, "strictly increasing"),
-        ([0.0, 1.0], np.ones((3, 1)), None, r"shape \(3, 1\), expected \(2, 1\)"),
-        ([0.0, 1.0], np.ones((2, 1)), np.ones((2, 2)), "same shape"),
+        ([0.0, 1.0], np.ones((3, 1)), None, r"must have shape \(2, 1\)"),
+        ([0.0, 1.0], np.ones((2, 1)), np.ones((2, 2)), "derivatives: has shape"),
     ],
 )
 def test_recordings_that_cannot_be(time, values, derivatives, reason):
@@ -236,4 +236,29 @@ def test_recordings_that_cannot_be(time, values, derivatives, reason):
 
 def test_uniform_sampling(resonant):
     assert record(resonant)[0].is_uniform
-    assert not record(resonant, points=29000)[0].is_uniform
+    assert not record(resonant, samples=29000)[0].is_uniform
+
+
+def test_a_protocol_is_its_noise(resonant, monkeypatch):
+    """What it measures, and whether it scales, follow from the noise alone."""
+    measures = {name: (p.measures, p.is_scaled) for name, p in BY_NAME.items()}
+    assert measures == {
+        "derivative": ("rates", False), "state": ("states", True),
+        "displacement": ("displacements", True),
+    }  # fmt: skip
+
+    def vertical_only(level, scale):
+        return Noise(
+            np.where(np.arange(len(scale)) == 0, level, np.inf), np.full(len(scale), np.inf)
+        )
+
+    new = Protocol("vertical", vertical_only, "", "vertical", "k", "o")
+    monkeypatch.setitem(BY_NAME, "vertical", new)
+    (recording,) = record(resonant, protocol="vertical", replicates=1)
+    assert np.isnan(recording.values[:, 1:]).all() and recording.derivatives is None
+    check_noise((recording.values - resonant[1].states)[:, :1], np.array([0.05]))
+
+
+def test_an_unknown_protocol_measures_nothing(resonant):
+    with pytest.raises(KeyError, match="psychic"):
+        record(resonant, protocol="psychic")

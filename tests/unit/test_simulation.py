@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from galloping.configuration.load import load, plain
-from galloping.physics.equations import model
 from galloping.evaluation.motion import steady_amplitude
+from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients, frequencies, modes
 from galloping.physics.line import Line, integrate
 from galloping.polynomial import library

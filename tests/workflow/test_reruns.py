@@ -1,6 +1,11 @@
-"""The table of `config/reruns.md`: what each edit runs again, by dry runs of a finished study."""
+"""The table of `config/reruns.md`: what each edit runs again.
+
+By the plans of the study before and after the edit: a job runs again if its settings or code, or
+its inputs, are others, or if a job before it does. That Snakemake runs these is tried once.
+"""
 
 import ast
+import json
 import os
 import re
 import shutil
@@ -9,22 +14,28 @@ import sys
 import tempfile
 from collections.abc import Callable
 from fnmatch import fnmatch
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from subprocess import PIPE
 from typing import NamedTuple
 
+import plans
 import pytest
-import summaries
 import yaml
+from studies import copy_repository
 
-from galloping.identification.registry import BY_NAME
+from galloping.identification.registry import METHODS
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 
 PAGE = Path(__file__).parents[2] / "config" / "reruns.md"
 HEADER = ["| Edit | Rules that run again | Of which cells |", "| --- | --- | --- |"]
+FAMILIES = {method.family for method in METHODS}
 CELL = re.compile(r"(noise|points|joint)_[\d.]+")
+
+
+REPORT = "write_report"  # shows all of them, and is made again when one is
 
 
 class Row(NamedTuple):
@@ -138,7 +149,7 @@ def upgraded(name: str) -> Edit:
     """The record of a newer version, found before the installed one."""
 
     def edit(folder):
-        record = folder / summaries.NEWER / f"{name}-99.0.dist-info"
+        record = folder / plans.NEWER / f"{name}-99.0.dist-info"
         record.mkdir(parents=True)
         text = metadata.distribution(name).read_text("METADATA")
         newer, count = re.subn(r"(?m)^Version: .*$", "Version: 99.0", text, count=1)
@@ -159,10 +170,11 @@ def touched(*names: str) -> Edit:
 NEW_METHOD = """METHODS = (
     Method(
         name="ridge",
+        family="sparse",
+        evidence=REGRESSION,
         function="galloping.identification.sparse.ridge:ridge",
-        evidence="reduced",
         options=("threshold",),
-        protocols=ALL_STATES,
+        takes=(RATES, STATES),
         needs_uniform=False,
         summary="a new one",
     ),
@@ -219,8 +231,8 @@ EDITS = {
         "tables/coefficients.py", "identified_terms"
     ),
     "a function body in `storage.py`": statement_added("storage.py", "write_text"),
-    "a script's own code: `draw_load.py`": replaced(
-        "workflow/scripts/draw_load.py", "def main() -> None:\n", "def main() -> None:\n    pass\n"
+    "a script's own code: `rank_releases.py`": replaced(
+        "workflow/scripts/rank_releases.py", "def main() -> None:\n", "def main() -> None:\n    pass\n"
     ),
     "a method written and registered, not yet asked for": all_of(
         appended(module("identification/sparse/ridge.py"), "def ridge(item, threshold): ...\n"),
@@ -234,10 +246,13 @@ EDITS = {
         replaced(module("physics/galerkin.py"), " * omega_v + ", " * (\n omega_v  # words\n) + "),
     ),
     "a function moved within its module": moved_to_the_end("physics/galerkin.py", "modes"),
+    "an error message where no number is computed: `reproducibility/job.py`": replaced(
+        module("reproducibility/job.py"), "The disk is full: ", "No space is left: "
+    ),
     "a rule's message or a comment in a rule": replaced(
         "workflow/rules/derive.smk", '        "Deriving', '        # words\n        "Now deriving'
     ),
-    "a caption": appended("workflow/report/figure05.rst", "Words.\n"),
+    "a caption": appended("workflow/report/figures/figure05.rst", "Words.\n"),
     "another version of matplotlib": upgraded("matplotlib"),
     "another version of pysindy": upgraded("pysindy"),
     "a comment in `requirements.lock`": appended("requirements.lock", "# words\n"),
@@ -251,7 +266,7 @@ EDITS = {
         module("physics/galerkin.py"),
         "workflow/rules/derive.smk",
         "results/smoke/models/non_resonant.json",
-        "results/smoke/recordings/non_resonant/state/joint_0.05.npz",
+        "results/smoke/identified/non_resonant/state/joint_0.05/sparse.npz",
     ),
 }  # fmt: skip
 
@@ -272,52 +287,68 @@ class Output(NamedTuple):
         if self.path.parts[0] in ("tables", "figures"):
             return {}
         parts = self.path.with_suffix("").parts[1:]
-        return dict(zip(("case", "protocol", "cell", "method"), parts, strict=False))
+        return dict(zip(("case", "protocol", "cell", "family"), parts, strict=False))
+
+    @property
+    def job(self) -> str:
+        """Its rule, of tables and figures with the name."""
+        shown = self.rule in ("make_table", "draw_figure")
+        return f"{self.rule}:{self.path.stem}" if shown else self.rule
 
 
 def kind(name: str) -> str:
     if CELL.fullmatch(name):
         return "cell"
-    return "method" if name in BY_NAME else "case"
+    return "family" if name in FAMILIES else "case"
 
 
 @pytest.fixture(scope="module")
-def summary():
-    """Snakemake's own summary of the smoke study in a folder."""
+def planned():
+    """The plan of the smoke study in a folder, as a list of dicts."""
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     with subprocess.Popen(
-        [sys.executable, summaries.__file__], env=environment, stdin=PIPE, stdout=PIPE, text=True
+        [sys.executable, plans.__file__], env=environment, stdin=PIPE, stdout=PIPE, text=True
     ) as server:
 
         def ask(folder):
             print(folder, file=server.stdin, flush=True)
             status = server.stdout.readline().strip()
-            text = (folder / summaries.SUMMARY).read_text(encoding="utf-8")
-            assert status == "0", text
-            return text
+            assert status == "0", (folder / f"{plans.PLAN}.log").read_text(encoding="utf-8")
+            return json.loads((folder / plans.PLAN).read_text(encoding="utf-8"))
 
         yield ask
 
 
-@pytest.fixture
-def edited(study, summary):
-    """Makes edits in a copy of the finished study; returns all outputs it asks for then."""
+@pytest.fixture(scope="module")
+def edited(root, planned):
+    """Makes edits in a copy of the repository; returns all outputs that it asks for then."""
 
-    def outputs(*edits):
+    def copied(*edits):
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place) / "study"
-            shutil.copytree(study.folder, folder, symlinks=True)
+            copy_repository(root, folder)
+            (folder / "results" / "smoke").mkdir(parents=True, exist_ok=True)
             for edit in edits:
                 edit(folder)
-            text = summary(folder)
-        lines = [line.split("\t") for line in text.splitlines() if line.count("\t") == 5]
-        assert lines[0] == ["output_file", "date", "rule", "log-file(s)", "status", "plan"]
+            return planned(folder)
+
+    before = copied()
+
+    def outputs(*edits):
+        after = copied(*edits)
+        maker = {path: job for job in after for path in job["outputs"]}
+
+        @cache
+        def runs(path):
+            job = maker[path]
+            return job not in before or any(runs(p) for p in job["inputs"] if p in maker)
+
         return [
-            Output(rule, Path(name).relative_to("results/smoke"), plan == "update pending")
-            for name, _, rule, *_, plan in lines[1:]
+            Output(job["rule"], Path(path).relative_to("results/smoke"), runs(path))
+            for path, job in maker.items()
+            if job["rule"] != REPORT
         ]
 
-    assert study.first.returncode == 0, "the smoke study failed: see test_smoke.py"
     return outputs
 
 
@@ -334,12 +365,12 @@ def matching(text: str, rules: set[str]) -> set[str]:
 
 def said(row: Row, outputs: list[Output]) -> set[Output]:
     """The outputs that a row of the table names."""
-    rules = {output.rule for output in outputs}
+    rules = {output.job for output in outputs}
     some, _, others = row.rules.partition(" except ")
     assert quoted(some) or some in ("all", "nothing")
     wanted = rules if some == "all" else matching(some, rules)
-    chosen = {o for o in outputs if o.rule in wanted - matching(others, rules)}
-    for which in ("case", "cell", "method"):
+    chosen = {o for o in outputs if o.job in wanted - matching(others, rules)}
+    for which in ("case", "cell", "family"):
         if names := {name for name in quoted(row.cells) if kind(name) == which}:
             chosen = {o for o in chosen if which not in o.names or o.names[which] in names}
     return chosen
@@ -350,8 +381,26 @@ def test_every_edit_has_a_row_and_every_row_an_edit():
     assert sorted(named) == sorted(EDITS)
 
 
+def test_every_job_counts_the_code_that_it_runs(root, planned):
+    with tempfile.TemporaryDirectory() as folder:
+        copy_repository(root, Path(folder))
+        counted = {
+            (job["rule"], job["settings"]["code"]["digest"]) for job in planned(Path(folder))
+        }
+    assert len({rule for rule, _ in counted}) > 7
+
+
+# only Snakemake knows what became of a file
+OF_FILES = ("a number in `results/reference`", "a script, module, rule file or result touched")
+
+
 @pytest.mark.parametrize(
-    "row", [pytest.param(row, id=row.edit) for row in rows() if row.rules != "nothing"]
+    "row",
+    [
+        pytest.param(row, id=row.edit)
+        for row in rows()
+        if row.rules != "nothing" and row.edit not in OF_FILES
+    ],
 )
 def test_an_edit_runs_exactly_what_the_table_says(edited, row):
     outputs = edited(EDITS[row.edit])
@@ -360,9 +409,39 @@ def test_an_edit_runs_exactly_what_the_table_says(edited, row):
     assert bool(row.cells) == any("case" in output.names for output in pending)
 
 
-def test_what_runs_nothing_runs_nothing(edited):
+def dry_run(study, folder, *edits):
+    """What Snakemake would run of a finished study after edits: outputs as `edited` gives them."""
+    assert study.first.returncode == 0, "the smoke study failed: see test_smoke.py"
+    copy = type(study)(folder / "study")
+    shutil.copytree(study.folder, copy.folder, symlinks=True)
+    for edit in edits:
+        edit(copy.folder)
+    run = copy.snakemake("--summary")
+    assert run.returncode == 0, run.stdout
+    lines = [line.split("\t") for line in run.stdout.splitlines() if line.count("\t") == 5]
+    assert lines[0] == ["output_file", "date", "rule", "log-file(s)", "status", "plan"]
+    return {
+        Output(rule, Path(name).relative_to("results/smoke"), plan == "update pending")
+        for name, _, rule, *_, plan in lines[1:]
+        if rule != REPORT
+    }
+
+
+def test_snakemake_runs_what_the_plans_say(study, edited, tmp_path):
+    edits = [EDITS[name] for name in ("a threshold of `stlsq`", "the wind speed of another case")]
+    assert dry_run(study, tmp_path, *edits) == set(edited(*edits))
+
+
+def test_another_reference_runs_the_comparison(study, tmp_path):
+    (row,) = (row for row in rows() if row.edit == OF_FILES[0])
+    outputs = dry_run(study, tmp_path, EDITS[row.edit])
+    pending = {output for output in outputs if output.pending}
+    assert pending == {output._replace(pending=True) for output in said(row, list(outputs))}
+
+
+def test_what_runs_nothing_runs_nothing(study, tmp_path):
     # together: none of them can take back what another does
     edits = [EDITS[row.edit] for row in rows() if row.rules == "nothing"]
-    outputs = edited(*edits)
-    assert len(outputs) > 100 and len(edits) > 5
+    outputs = dry_run(study, tmp_path, *edits)
+    assert len(outputs) > 70 and len(edits) > 5
     assert [output for output in outputs if output.pending] == []

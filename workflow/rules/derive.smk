@@ -3,7 +3,7 @@
 
 rule derive_model:
     output:
-        model=out("models/{case}.json"),
+        model=PATHS.model,
     log:
         log_of("derive_model/{case}"),
     benchmark:
@@ -11,10 +11,7 @@ rule derive_model:
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=lambda wildcards: {
-            "case": line_settings(wildcards.case),
-            "code": script_code("derive_model.py"),
-        },
+        settings=settings("derive_model"),
     message:
         "Deriving the galloping equations of {wildcards.case}"
     script:

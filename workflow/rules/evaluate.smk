@@ -1,33 +1,21 @@
-# identified models -> scores
+# identified models, and the Cramer-Rao bound -> scores
 
 
 rule evaluate_cell:
     input:
-        model=out("models/{case}.json"),
-        trajectory=out("trajectories/{case}.npz"),
-        bounds=out("bounds/{case}/{protocol}/{cell}.npz"),
-        identified=lambda wildcards: expand(
-            out("identified/{case}/{protocol}/{cell}/{method}.npz"),
-            method=methods_of(wildcards.protocol, wildcards.cell),
-            **wildcards,
-        ),
+        unpack(inputs("evaluate_cell")),
     output:
-        scores=out("scores/{case}/{protocol}/{cell}.csv"),
-        motions=out("reconstructions/{case}/{protocol}/{cell}.npz"),
+        bounds=PATHS.bounds,
+        scores=PATHS.scores,
+        reconstructions=PATHS.reconstructions,
     log:
-        log_of("evaluate_cell/{case}/{protocol}/{cell}"),
+        log_of(f"evaluate_cell/{CELL}"),
     benchmark:
-        benchmark_of("evaluate_cell/{case}/{protocol}/{cell}")
+        benchmark_of(f"evaluate_cell/{CELL}")
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=lambda wildcards: {
-            **cell_settings(wildcards.case, wildcards.cell),
-            "methods": methods_of(wildcards.protocol, wildcards.cell),
-            "degree": STUDY["identification"]["degree"],
-            "steady_window": STUDY["simulation"]["steady_window"],
-            "code": script_code("evaluate_cell.py"),
-        },
+        settings=settings("evaluate_cell"),
     message:
         "Evaluating {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
     script:

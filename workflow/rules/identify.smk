@@ -1,44 +1,20 @@
-# recordings -> identified models
+# trajectory -> recordings -> identified models, by all methods of a family
 
 
-rule reduce_recordings:
+rule identify_models:
     input:
-        recordings=out("recordings/{case}/{protocol}/{cell}.npz"),
+        unpack(inputs("identify_models")),
     output:
-        reduced=out("reduced/{case}/{protocol}/{cell}.npz"),
+        models=PATHS.identified,
     log:
-        log_of("reduce_recordings/{case}/{protocol}/{cell}"),
+        log_of(f"identify_models/{CELL}/{{family}}"),
     benchmark:
-        benchmark_of("reduce_recordings/{case}/{protocol}/{cell}")
+        benchmark_of(f"identify_models/{CELL}/{{family}}")
     conda:
         "../envs/galloping.yaml"
     params:
-        settings={
-            "degree": STUDY["identification"]["degree"],
-            "code": script_code("reduce_recordings.py"),
-        },
+        settings=settings("identify_models"),
     message:
-        "Reducing the recordings of {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
+        "Identifying {wildcards.case} from {wildcards.protocol}, {wildcards.cell}: {wildcards.family}"
     script:
-        "../scripts/reduce_recordings.py"
-
-
-rule identify_model:
-    input:
-        evidence=lambda wildcards: out(
-            f"{BY_NAME[wildcards.method].evidence}/{{case}}/{{protocol}}/{{cell}}.npz"
-        ),
-    output:
-        models=out("identified/{case}/{protocol}/{cell}/{method}.npz"),
-    log:
-        log_of("identify_model/{case}/{protocol}/{cell}/{method}"),
-    benchmark:
-        benchmark_of("identify_model/{case}/{protocol}/{cell}/{method}")
-    conda:
-        "../envs/galloping.yaml"
-    params:
-        settings=method_settings,
-    message:
-        "Identifying {wildcards.case} by {wildcards.method} from {wildcards.protocol}, {wildcards.cell}"
-    script:
-        "../scripts/identify_model.py"
+        "../scripts/identify_models.py"

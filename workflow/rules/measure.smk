@@ -1,23 +1,19 @@
-# trajectory -> recordings
+# trajectory -> recordings, where they are asked for: identification draws the same by itself
 
 
 rule measure_motion:
     input:
-        model=out("models/{case}.json"),
-        trajectory=out("trajectories/{case}.npz"),
+        unpack(inputs("measure_motion")),
     output:
-        recordings=out("recordings/{case}/{protocol}/{cell}.npz"),
+        recordings=PATHS.recordings,
     log:
-        log_of("measure_motion/{case}/{protocol}/{cell}"),
+        log_of(f"measure_motion/{CELL}"),
     benchmark:
-        benchmark_of("measure_motion/{case}/{protocol}/{cell}")
+        benchmark_of(f"measure_motion/{CELL}")
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=lambda wildcards: {
-            **noise_settings(wildcards),
-            "code": script_code("measure_motion.py"),
-        },
+        settings=settings("measure_motion"),
     message:
         "Measuring {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
     script:

@@ -1,11 +1,11 @@
-# model -> trajectory
+# model -> trajectory, and which further release would tell most
 
 
 rule simulate_line:
     input:
-        model=out("models/{case}.json"),
+        unpack(inputs("simulate_line")),
     output:
-        trajectory=out("trajectories/{case}.npz"),
+        trajectory=PATHS.trajectory,
     log:
         log_of("simulate_line/{case}"),
     benchmark:
@@ -13,13 +13,27 @@ rule simulate_line:
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=lambda wildcards: {
-            "releases": releases(wildcards.case),
-            "duration": STUDY["simulation"]["duration"],
-            "sampling_rate": STUDY["simulation"]["sampling_rate"],
-            "code": script_code("simulate_line.py"),
-        },
+        settings=settings("simulate_line"),
     message:
         "Simulating {wildcards.case}"
     script:
         "../scripts/simulate_line.py"
+
+
+rule rank_releases:
+    input:
+        unpack(inputs("rank_releases")),
+    output:
+        ranking=PATHS.ranking,
+    log:
+        log_of("rank_releases/{case}"),
+    benchmark:
+        benchmark_of("rank_releases/{case}")
+    conda:
+        "../envs/galloping.yaml"
+    params:
+        settings=settings("rank_releases"),
+    message:
+        "Which further recording of {wildcards.case} would help most"
+    script:
+        "../scripts/rank_releases.py"

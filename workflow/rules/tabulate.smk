@@ -1,115 +1,40 @@
-# scores -> tables
+# scores, bounds -> tables, and their differences from the reference
 
 
-rule tabulate_parameters:
-    output:
-        conductor=table("table1_conductor"),
-        spacers=table("table2_spacers"),
-    log:
-        log_of("tabulate_parameters"),
-    benchmark:
-        benchmark_of("tabulate_parameters")
-    conda:
-        "../envs/galloping.yaml"
-    params:
-        settings={"cases": STUDY["cases"], "code": script_code("tabulate_parameters.py")},
-    message:
-        "Tables 1 and 2: parameters"
-    script:
-        "../scripts/tabulate_parameters.py"
-
-
-rule tabulate_coefficients:
+rule make_table:
     input:
-        models=expand(out("models/{case}.json"), case=CASES),
-        identified=expand(
-            out("identified/{case}/{protocol}/{cell}/{method}.npz"),
-            case=CASES,
-            cell=min(LEVELS, key=LEVELS.get),
-            **PAPER_CELL,
-        ),
+        unpack(inputs("make_table")),
     output:
-        table=table("table3_coefficients"),
+        table=PATHS.table,
     log:
-        log_of("tabulate_coefficients"),
+        log_of("make_table/{table}"),
     benchmark:
-        benchmark_of("tabulate_coefficients")
+        benchmark_of("make_table/{table}")
     conda:
         "../envs/galloping.yaml"
     params:
-        settings={
-            "cases": CASES,
-            **PAPER_CELL,
-            "level": min(LEVELS.values()),
-            "degree": STUDY["identification"]["degree"],
-            "code": script_code("tabulate_coefficients.py"),
-        },
+        settings=settings("make_table"),
     message:
-        "Table 3: coefficients"
+        "Table {wildcards.table}"
     script:
-        "../scripts/tabulate_coefficients.py"
+        "../scripts/make_table.py"
 
 
-rule tabulate_scores:
+rule compare_reference:
     input:
-        scores=[out("scores/{}/{}/{}.csv".format(*cell)) for cell in cells()],
+        unpack(inputs("compare_reference")),
     output:
-        scores=out("tables/scores.csv"),
-        noise_coefficients=table("noise_coefficients"),
-        noise_r2=table("noise_r2"),
-        data_amount=table("data_amount"),
-        claims=table("claims"),
+        summary=PATHS.table.format(table="reference_summary"),
+        differences=PATHS.table.format(table="reference_differences"),
     log:
-        log_of("tabulate_scores"),
+        log_of("compare_reference"),
     benchmark:
-        benchmark_of("tabulate_scores")
+        benchmark_of("compare_reference")
     conda:
         "../envs/galloping.yaml"
     params:
-        settings={
-            "cases": CASES,
-            "protocols": PROTOCOLS,
-            "methods": METHODS,
-            "subset_level": STUDY["measurement"]["subsets"]["level"],
-            "code": script_code("tabulate_scores.py"),
-        },
+        settings=settings("compare_reference"),
     message:
-        "Tables of noise, data amount and claims"
+        "Tables beside the reference"
     script:
-        "../scripts/tabulate_scores.py"
-
-
-rule tabulate_bounds:
-    input:
-        scores=rules.tabulate_scores.output.scores,
-        models=expand(out("models/{case}.json"), case=CASES),
-        bounds=[out("bounds/{}/{}/{}.npz".format(*cell)) for cell in noisy_cells()],
-        rankings=expand(out("bounds/{case}/further_recordings.csv"), case=CASES),
-    output:
-        efficiency=table("efficiency"),
-        identifiability=table("identifiability"),
-        further_recordings=table("further_recordings"),
-    log:
-        log_of("tabulate_bounds"),
-    benchmark:
-        benchmark_of("tabulate_bounds")
-    conda:
-        "../envs/galloping.yaml"
-    params:
-        settings={
-            "cases": CASES,
-            "degree": STUDY["identification"]["degree"],
-            "samples": round(
-                STUDY["simulation"]["duration"] * STUDY["simulation"]["sampling_rate"]
-            )
-            + 1,
-            "cells": [
-                {"case": case, "protocol": protocol, **cell_settings(case, cell)}
-                for case, protocol, cell in noisy_cells()
-            ],
-            "code": script_code("tabulate_bounds.py"),
-        },
-    message:
-        "Tables of identifiability and efficiency"
-    script:
-        "../scripts/tabulate_bounds.py"
+        "../scripts/compare_reference.py"

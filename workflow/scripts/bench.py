@@ -18,11 +18,11 @@ import numpy as np
 import pysindy as ps
 from scipy.integrate import solve_ivp
 
-from galloping.physics.equations import model
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.reduction import reduce
 from galloping.identification.sparse.stlsq import normalised
+from galloping.physics.equations import model
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording, Recordings
 from galloping.simulation import Simulator, time_grid
@@ -184,20 +184,18 @@ def whole_runs() -> list[dict]:
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, target)
 
-        def study(results: str, *options: str) -> float:
+        def study(*options: str) -> float:
             snakemake = [sys.executable, "-m", "snakemake", "--quiet", "all", "--cores", "2"]
-            report = [sys.executable, "workflow/scripts/make_report.py", results]
             start = time.perf_counter()
             subprocess.run([*snakemake, *options], cwd=folder, check=True)
-            subprocess.run([*report, *options], cwd=folder, check=True)
             return time.perf_counter() - start
 
         smoke = ("--configfile", "config/smoke.yaml")
         return [
-            row("smoke study and report, two cores", study("results/smoke", *smoke), "s",
+            row("smoke study and report, two cores", study(*smoke), "s",
                 bar="<= 60"),
-            row("default study and report, two cores", study("results"), "s", bar="<= 480"),
-            row("repetition with nothing to do", study("results"), "s", bar="<= 5"),
+            row("default study and report, two cores", study(), "s", bar="<= 480"),
+            row("repetition with nothing to do", study(), "s", bar="<= 5"),
         ]  # fmt: skip
 
 

@@ -1,37 +1,21 @@
 """The study's tables beside the reference."""
 
-from pathlib import Path
-
-import pandas as pd
-
 from galloping.reproducibility.job import run
 from galloping.reproducibility.processor import processor
-from galloping.reproducibility.reference import (
-    DIFFERENCE_COLUMNS,
-    Origin,
-    compare_study,
-    read_origin,
-)
+from galloping.reproducibility.reference import DIFFERENCE_COLUMNS, Origin, compare_study
 from galloping.storage import write_rows
+from galloping.study.loading import load
 
 
 def main() -> None:
-    given, output = snakemake.input, snakemake.output
-    reference = {Path(path).stem: path for path in given.reference}
-    origin = reference.pop("origin", None)
+    settings, output = snakemake.params.settings, snakemake.output
+    read = load(settings["reads"], dict(snakemake.input.items()))
+    present = Origin(settings=settings["study"], processor=processor())
     summary, differences = compare_study(
-        {name: _table(path) for name, path in reference.items()},
-        read_origin(origin) if origin else None,
-        {Path(path).stem: _table(path) for path in given.tables},
-        Origin(settings=snakemake.params.settings["study"], processor=processor()),
+        read["reference"], read.get("origin"), read["tables"], present
     )
     write_rows(output.summary, summary)
     write_rows(output.differences, differences, DIFFERENCE_COLUMNS)
-
-
-def _table(path: str) -> pd.DataFrame:
-    """A table as it is written: empty cells and the word "nan" are not the same."""
-    return pd.read_csv(path, dtype=str, keep_default_na=False)
 
 
 run(main, snakemake)

@@ -1,12 +1,12 @@
-"""Coefficients of the galloping equations of one case."""
+"""Equations of the galloping of one case."""
 
 from galloping.physics.galerkin import derive
 from galloping.reproducibility.job import run
-from galloping.storage import write_json
+from galloping.study.files import models
 
 
 def main() -> None:
-    write_json(snakemake.output.model, derive(snakemake.params.settings["case"]))
+    models.write(snakemake.output.model, derive(snakemake.params.settings["line"]))
 
 
 run(main, snakemake)

@@ -1,52 +1,41 @@
-"""Scores of the models of one cell, and their motions for the figures.
+"""The Cramer-Rao bound of one cell, and scores of its models and of models at the bound."""
 
-All methods of a cell in one job: importing and compiling the integrator costs more than
-simulating the models of several methods.
-"""
+import pandas as pd
 
-import numpy as np
-
-from galloping.evaluation.reconstruction import summarise
-from galloping.evaluation.score import Truth, reconstruct, score
-from galloping.identification.model import read
-from galloping.physics.equations import model
-from galloping.polynomial import library
+from galloping.bounds.cell import cell_bounds, deviations, models_at, no_models
+from galloping.evaluation.cell import evaluate
+from galloping.evaluation.score import Truth
+from galloping.physics.equations import EQUATIONS
+from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run
-from galloping.simulation import Simulator
-from galloping.storage import read_json, write_arrays, write_rows
+from galloping.study.files import bounds, reconstructions, tables
+from galloping.study.kinds import BOUND
+from galloping.study.loading import load
 
 
 def main() -> None:
-    settings, cell = snakemake.params.settings, snakemake.wildcards
-    with np.load(snakemake.input.trajectory) as file:
-        time, states = file["time"], file["states"][0]
-    with np.load(snakemake.input.bounds) as file:
-        std = file["std"]
-    line = model(read_json(snakemake.input.model)["coefficients"])
-    line = line.on_library(library(len(line.states), settings["degree"]))
-    truth = Truth(line, time, states, tuple(settings["steady_window"]))
-    simulator = Simulator(line.states, line.terms)
-    rows, arrays = [], {}
-    for method, path in zip(settings["methods"], snakemake.input.identified, strict=True):
-        results = read(path)
-        motions = [reconstruct(simulator, truth, found) for found in results]
-        bounds = np.broadcast_to(std, (len(results), *line.coefficients.shape))
-        scores = list(map(score, [truth] * len(results), results, motions, bounds))
-        names = {
-            "case": cell.case,
-            "protocol": cell.protocol,
-            "cell": cell.cell,
-            "level": settings["level"],
-            "points": settings["points"] or len(time),
-            "recordings": settings["releases"],
-            "method": method,
-        }
-        rows += [{**names, "replicate": i, **row} for i, row in enumerate(scores)]
-        summary = summarise(motions, scores)
-        arrays["time"] = summary.pop("time")
-        arrays |= {f"{method}/{name}": values for name, values in summary.items()}
-    write_rows(snakemake.output.scores, rows)
-    write_arrays(snakemake.output.motions, **arrays)
+    settings, output, cell = snakemake.params.settings, snakemake.output, snakemake.wildcards
+    read = load(settings["reads"], dict(snakemake.input.items()))
+    line, motions = read["model"].model, read["trajectory"]
+    terms = library(len(line.states), settings["degree"])
+    line = line.on_library(extended(terms, line))
+    drawn = settings["measurement"], (cell.case, cell.protocol, cell.cell)
+    status = next((m.status for m in motions[: drawn[0]["recordings"]] if m.status != "ok"), "ok")
+    if status == "ok":
+        known = cell_bounds(line, tuple(EQUATIONS), motions, *drawn)
+        at_bound = models_at(line, known, *drawn, lacking=line.term_names[len(terms) :])
+    else:
+        known, at_bound = [], no_models(line, drawn[0], "the line itself diverges")
+    models = {BOUND: at_bound}
+    for family in read["identified"].values():
+        models |= family
+    first = motions[0]
+    truth = Truth(line, first.time, first.states, tuple(settings["steady_window"]), status)
+    least = deviations(line, known, len(terms))
+    rows, shown = evaluate(truth, models, least)
+    bounds.write(output.bounds, least)
+    tables.write(output.scores, pd.DataFrame([{**settings["columns"], **row} for row in rows]))
+    reconstructions.write(output.reconstructions, shown)
 
 
 run(main, snakemake)

@@ -1,24 +1,33 @@
-"""Lists and removes results that the settings no longer ask for. Other files are left alone.
+"""Lists results that the settings no longer ask for, and removes them. Other files are left alone.
 
-Usage: prune_results.py [--configfile FILE ...]
+Usage: prune_results.py [--delete] [--configfile FILE ...]
 """
 
 import argparse
+import sys
 
 from galloping.reproducibility.audit import audit, remove
+from galloping.reproducibility.claim import Obstacle, claimed
+from galloping.reproducibility.inspection import make_command
 from galloping.reproducibility.plan import planning
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--delete", action="store_true")
     parser.add_argument("--configfile", nargs="+", default=[])
-    with planning(parser.parse_args().configfile) as plan:
-        left_over = audit(plan).left_over
-        results = plan.settings["results"]
-    for receipt in left_over:
-        print("removed", *remove(receipt))
-    size = sum(receipt.size for receipt in left_over)
-    print(f"{results}: {len(left_over)} left over files removed, {size / 1e6:.1f} MB")
+    options = parser.parse_args()
+    plan = planning(options.configfile)
+    try:
+        with claimed(plan.results, make_command(options.configfile, "repair")):
+            left_over = audit(plan).left_over
+            for receipt in left_over:
+                print(*(remove(receipt) if options.delete else [receipt.path]))
+    except Obstacle as error:
+        sys.exit(str(error))
+    size = sum(receipt.size for receipt in left_over) / 1e6
+    done = "removed" if options.delete or not left_over else "to be removed by DELETE=yes"
+    print(f"{plan.results}: {len(left_over)} left over files, {size:.1f} MB, {done}")
 
 
 if __name__ == "__main__":

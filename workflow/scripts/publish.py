@@ -7,7 +7,8 @@ import argparse
 import sys
 
 from galloping.publication.publishing import ALLOWABLE, NotPublishable, publish
-from galloping.reproducibility.inspection import locked
+from galloping.reproducibility.claim import Obstacle, claimed
+from galloping.reproducibility.inspection import make_command
 from galloping.reproducibility.plan import planning
 from galloping.reproducibility.receipts import digest
 
@@ -20,17 +21,19 @@ def main() -> None:
     allowed = options.allow.split(",") if options.allow else []
     if unknown := [kind for kind in allowed if kind not in ALLOWABLE]:
         sys.exit(f"ALLOW: {unknown[0]!r} is not allowed; must be of {', '.join(ALLOWABLE)}")
-    if locked():
-        sys.exit("A run is working in this folder, or was killed in it: see `make repair`.")
+    plan = planning(options.configfile)
     try:
-        with planning(options.configfile) as plan:
+        with claimed(plan.results, make_command(options.configfile, "repair")):
             archive = publish(plan, allowed)
+    except Obstacle as error:
+        sys.exit(str(error))
     except NotPublishable as error:
         sys.exit(
             f"{error}\nNot published. `make` completes a study, `make repair` mends it; "
             f"ALLOW=dirty,incomplete,outdated publishes all the same and records it."
         )
     print(f"{archive}: {archive.stat().st_size / 1e6:.1f} MB, SHA-256 {digest(archive)}")
+    print("Publish this SHA-256 elsewhere than the archive: by it alone others know its numbers.")
 
 
 if __name__ == "__main__":

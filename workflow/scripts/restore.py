@@ -1,6 +1,6 @@
 """Puts the results of a publication archive in place, without computing them again.
 
-Usage: restore.py ARCHIVE [--replace] [--configfile FILE ...]
+Usage: restore.py ARCHIVE [--replace] [--sha256 DIGEST] [--configfile FILE ...]
 """
 
 import argparse
@@ -8,25 +8,30 @@ import sys
 from pathlib import Path
 
 from galloping.publication.archive import UnsafeArchive
-from galloping.publication.restoration import NotRestorable, restore
-from galloping.publication.unpacked import NotAPublication
-from galloping.reproducibility.inspection import locked
+from galloping.publication.restoration import NotRestorable, check_digest, restore
+from galloping.reproducibility.claim import Obstacle, claimed
+from galloping.reproducibility.inspection import inspect, make_command, remember
 from galloping.reproducibility.plan import planning
+from galloping.reproducibility.receipts import receipts
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("archive", type=Path)
     parser.add_argument("--replace", action="store_true")
+    parser.add_argument("--sha256", default="")
     parser.add_argument("--configfile", nargs="+", default=[])
     options = parser.parse_args()
-    if locked():
-        sys.exit("A run is working in this folder, or was killed in it: see `make repair`.")
+    plan = planning(options.configfile)
     try:
-        with planning(options.configfile) as plan:
+        with claimed(plan.results, make_command(options.configfile, "repair")):
+            check_digest(options.archive, options.sha256)
             for line in restore(options.archive, plan, replacing=options.replace):
                 print(line)
-    except (UnsafeArchive, NotAPublication, NotRestorable) as error:
+            remember(plan.results, inspect(plan.results, receipts(plan.results)))
+    except Obstacle as error:
+        sys.exit(str(error))
+    except (UnsafeArchive, NotRestorable) as error:
         sys.exit(f"{error}\nNothing was restored.")
     except OSError as error:
         sys.exit(f"{error}: when this is mended, restore again")

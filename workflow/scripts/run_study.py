@@ -1,69 +1,133 @@
 """The study; one line says why when it cannot run or stops.
 
-Usage: run_study.py [options for snakemake]
+Usage: run_study.py [--repair] [options for snakemake]
+--repair: first make it fit to go on after a kill, a crash, an edit by hand or a lost .snakemake.
 """
 
 import argparse
-import os
 import signal
 import subprocess
 import sys
-import time
-from contextlib import suppress
-from datetime import UTC, datetime
+from pathlib import Path
 
 from galloping.configuration.load import ConfigurationError, results_folder
-from galloping.reproducibility.inspection import make_command
-from galloping.reproducibility.obstacles import obstacle
-from galloping.reproducibility.runs import note_run
+from galloping.reproducibility.claim import (
+    Killed,
+    Obstacle,
+    check_disk,
+    claimed,
+    end_orphans,
+    killed,
+    marked_environment,
+    sweep,
+)
+from galloping.reproducibility.inspection import inspect, make_command, remember
+from galloping.reproducibility.job import failures
+from galloping.reproducibility.receipts import receipts
 
 
-def main(*options: str) -> int:
+def main(*arguments: str) -> int:
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--repair", action="store_true")
+    own, options = parser.parse_known_args(arguments)
     parser.add_argument("--configfile", nargs="+", default=[])
-    parser.add_argument("--cores")
+    parser.add_argument("--cores", nargs="?", const="")
     known, _ = parser.parse_known_args(options)
-    repair = make_command(known.configfile, "repair")
+    check_cores(known.cores)
+    files, repair = known.configfile, make_command(known.configfile, "repair")
     try:
-        results = results_folder(["config/config.yaml", *known.configfile])
-    except ConfigurationError as error:
+        results = results_folder(["config/config.yaml", *files])
+        with claimed(results, repair, repairing=own.repair) as began:
+            targets = mend(results, files) if own.repair else check(results, files, repair)
+            status, interrupted = snakemake(results, *targets, *options)
+            for line in sweep(results):
+                print(line, file=sys.stderr)
+            remember(results, inspect(results, receipts(results)))
+            if status and interrupted:
+                sys.exit("Interrupted. Finished jobs are kept; run it again to go on.")
+            if status:
+                check_disk(results)
+            if status and (reasons := "; ".join(failures(results, began))):
+                told = f"The study stopped: {reasons}. Finished jobs are kept"
+                print(f"{told}; run it again to go on.", file=sys.stderr)
+            return status
+    except (ConfigurationError, Obstacle) as error:
         sys.exit(str(error))
-    if line := obstacle(results, repair):
-        sys.exit(line)
-    began, start = datetime.now(UTC), time.perf_counter()
-    status, interrupted = snakemake(*options)
-    seconds = time.perf_counter() - start
-    if line := last_word(status, interrupted, results, repair):
-        print(line, file=sys.stderr)
-    if known.cores:  # else it is a cluster's run
-        outcome = "stopped" if status else "finished"
-        with suppress(OSError):  # a full disk has been told
-            note_run(results, began, seconds, cores(known.cores), outcome)
-    return status
+    except Killed:
+        sys.exit(killed(repair))
 
 
-def snakemake(*options: str) -> tuple[int, bool]:
-    """Run Snakemake; its exit code, negative if a signal killed it, and whether Ctrl-C came."""
+def check_cores(text: str | None) -> None:
+    """A line for what Snakemake would not take for a number of cores."""
+    if text not in (None, "all") and not (text.isdecimal() and int(text) > 0):
+        sys.exit(f"CORES: {text!r} is not a number of cores; must be all or a whole number >= 1")
+
+
+def check(results: str, configfiles: list[str], repair: str) -> list[str]:
+    """Targets for Snakemake where its own do not do: what was made and is gone.
+
+    Raises Obstacle if results must not be used as they are.
+    """
+    findings = inspect(results, receipts(results))
+    for fault, paths in {
+        "edited or damaged since its job wrote it": findings.damaged,
+        "no receipt says how it was made": findings.unknown,
+    }.items():
+        if paths:
+            more = f" and {len(paths) - 1} more" if paths[1:] else ""
+            cure = f"`{repair}` sets it aside and makes it again"
+            raise Obstacle(f"{paths[0]}{more}: {fault}; {cure}")
+    targets = []
+    if findings.new or findings.missing:
+        from galloping.reproducibility.plan import planning, recorded  # Snakemake: seldom needed
+
+        if unrecorded := set(findings.new) - recorded(configfiles):
+            raise Obstacle(
+                f"{results}: Snakemake's records of {len(unrecorded)} files (.snakemake) are gone, "
+                f"with them what was edited since; `{repair}` compares the receipts instead"
+            )
+        if findings.missing:
+            planned = planning(configfiles).maker
+            targets = ["all", *(path for path in findings.missing if path in planned)]
+    remember(results, findings)
+    return targets
+
+
+def mend(results: str, configfiles: list[str]) -> list[str]:
+    """Make a study fit to go on, and say how; targets for Snakemake as of `check`."""
+    from galloping.reproducibility.plan import planning, recorded, unlock
+    from galloping.reproducibility.recovery import adopt, set_aside
+
+    if ended := end_orphans(results):
+        print(f"ended {ended} jobs that a killed run had left running")
+    unlock(configfiles)
+    for line in sweep(results):
+        print(line)
+    known = receipts(results)
+    findings, plan = inspect(results, known, thorough=True), planning(configfiles)
+    for path in findings.damaged:
+        print(f"{path} was edited or damaged: set aside as {set_aside(results, path)}")
+    unknown = [path for path in plan.maker if path not in known and Path(path).exists()]
+    for path in unknown:
+        print(f"{path} has no receipt that can be read: set aside as {set_aside(results, path)}")
+    if set(findings.new) - recorded(configfiles):
+        print(*adopt(plan), sep="\n", flush=True)
+        known = receipts(results)
+    findings = inspect(results, known)
+    remember(results, findings)
+    return ["all", *unknown, *(path for path in findings.missing if path in plan.maker)]
+
+
+def snakemake(results: str, *arguments: str) -> tuple[int, bool]:
+    """Run Snakemake; its exit code, and whether Ctrl-C came. Raises Killed if a signal ended it."""
     interrupts = []
     # Ctrl-C goes to Snakemake and its jobs as well: wait until they have ended.
     signal.signal(signal.SIGINT, lambda *_: interrupts.append(True))
-    study = subprocess.Popen([sys.executable, "-m", "snakemake", *options])
-    return study.wait(), bool(interrupts)
-
-
-def last_word(status: int, interrupted: bool, results: str, repair: str) -> str | None:
-    """Why Snakemake ended, where it may not have said so in a line."""
-    if not status:
-        return None
-    if interrupted:
-        return "Interrupted. Finished jobs are kept; run it again to go on."
-    killed = "Snakemake was killed: run it again." if status < 0 else None
-    return obstacle(results, repair) or killed
-
-
-def cores(text: str) -> int:
-    """The number of cores that Snakemake takes."""
-    return os.cpu_count() if text == "all" else int(text)
+    command = [sys.executable, "-m", "snakemake", *arguments]
+    status = subprocess.Popen(command, env=marked_environment(results)).wait()
+    if status < 0 and not interrupts:
+        raise Killed
+    return status, bool(interrupts)
 
 
 if __name__ == "__main__":

@@ -1,26 +1,30 @@
-"""Trajectories of one case on its sampling grid, one for each release."""
+"""Trajectories of one case on its sampling grid, one for each release.
+
+A line that diverges has no motion to measure: its states are all NaN, its status says why.
+"""
 
 import numpy as np
 
-from galloping.physics.equations import STATES, model
+from galloping.measurement.motion import Motion
 from galloping.reproducibility.job import run
 from galloping.simulation import Simulator, time_grid
-from galloping.storage import read_json, write_arrays
+from galloping.study.files import models, trajectories
 
 
 def main() -> None:
     settings = snakemake.params.settings
-    line = model(read_json(snakemake.input.model)["coefficients"])
+    line = models.read(snakemake.input.model).model
     time = time_grid(settings["duration"], settings["sampling_rate"])
     simulator = Simulator(line.states, line.terms)
-    states = []
+    motions = []
     for release in settings["releases"]:
-        start = np.array([release[name] for name in STATES])
+        start = np.array([release[name] for name in line.states])
         trajectory = simulator(line, start, time)
+        states = trajectory.states
         if trajectory.status != "ok":
-            raise ValueError(f"{snakemake.wildcards.case}: the line itself {trajectory.status}")
-        states.append(trajectory.states)
-    write_arrays(snakemake.output.trajectory, time=time, states=np.stack(states))
+            states = np.full_like(states, np.nan)
+        motions.append(Motion(line.states, time, states, line(states), trajectory.status))
+    trajectories.write(snakemake.output.trajectory, motions)
 
 
 run(main, snakemake)

@@ -20,10 +20,10 @@ from galloping.storage import replacing, write_json
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--configfile", nargs="+", default=[])
-    with planning(parser.parse_args().configfile) as plan:
-        results, reference = plan.settings["results"], Path(plan.settings["reference"])
-        faults = {path for job in plan.jobs for path in job.outputs} - set(audit(plan).sound)
-        comparison = next(job for job in plan.jobs if job.rule == "compare_reference")
+    plan = planning(parser.parse_args().configfile)
+    results, reference = plan.results, Path(plan.settings["reference"])
+    faults = plan.maker.keys() - set(audit(plan).sound)
+    comparison = next(job for job in plan.jobs if job.rule == "compare_reference")
     if faults:
         sys.exit(
             f"{results}: {len(faults)} files are not finished as configured, such as "

@@ -26,18 +26,17 @@ def main() -> None:
     parser.add_argument("--configfile", nargs="+", default=[])
     files = parser.parse_args().configfile
     run, repair = make_command(files), make_command(files, "repair")
-    with planning(files) as plan:
-        found = audit(plan)
-        results = plan.settings["results"]
+    plan = planning(files)
+    checked, faults = audit(plan), 0
     for state, meaning in FAULTS.items():
-        for path in getattr(found, state):
+        for path in getattr(checked, state):
             print(f"{path}: {meaning.format(run=run, repair=repair)}")
-    faults = sum(len(getattr(found, state)) for state in FAULTS)
-    print(f"{results}: {len(found.sound)} files verified, {faults} at fault")
-    if found.elsewhere:
-        print(f"{len(found.elsewhere)} files are not here: the archive restored from has none")
-    if found.left_over:
-        print(f"{len(found.left_over)} files are no longer asked for (`make prune` removes them)")
+            faults += 1
+    print(f"{plan.results}: {len(checked.sound)} files verified, {faults} at fault")
+    if checked.elsewhere:
+        print(f"{len(checked.elsewhere)} files are not here: the archive restored from has none")
+    if checked.left_over:
+        print(f"{len(checked.left_over)} files are no longer asked for: see `make prune`")
     sys.exit(faults > 0)
 
 

@@ -57,7 +57,8 @@ def test_exchangeable_terms_are_reported() -> None:
     information, right = columns.T @ columns / 0.25, columns.T @ observed / 0.25
     support = select(information, right, [np.ones(2, bool)], 12.0)
     assert support.sum() == 1
-    exchanges = alternatives(information, right, support, 6.0)
+    free, _ = solve_support(information, right, support)
+    exchanges = alternatives(information, right - information @ free, support, 6.0, free)
     assert [(int(np.flatnonzero(support)[0]), int(np.flatnonzero(~support)[0]))] == [
         (found, other) for found, other, _ in exchanges
     ]

@@ -1,1 +1,83 @@
-"""Galloping of iced overhead lines: derive, simulate, measure, identify, evaluate."""
+"""Galloping of iced overhead lines: derive, simulate, measure, identify, evaluate.
+
+The equations of a line, keys left out at the defaults of config/README.md:
+
+>>> import numpy as np
+>>> import galloping
+>>> line = galloping.derive(wind={"speed": 14}, line={"tension": 26000})
+>>> line.states
+('q_v', 'q_w', 'dq_v', 'dq_w')
+
+Its motion, and what a sensor with 5 % noise records of it:
+
+>>> time = np.arange(6001) / 50
+>>> motion = galloping.simulate(line, [0.1, 0.1, 0, 0], time)
+>>> motion.status
+'ok'
+>>> recording = galloping.measure(line, motion, protocol="state", level=0.05, seed=7)
+
+A model from a recording, or from several of one line; it never sees the equations:
+
+>>> terms = galloping.polynomial_library(4, degree=3)
+>>> found = galloping.maximum_likelihood(recording, terms)
+>>> print(found.equations()[0])
+d(q_v)/dt = 1 dq_v
+
+It is printed, saved, loaded and simulated in a line each:
+
+>>> found.save("found.json")
+>>> print(galloping.IdentifiedModel.load("found.json").status == found.status)
+True
+>>> found.simulate([0.1, 0.1, 0, 0], time).states.shape
+(6001, 4)
+
+How well any method could know each term from such a recording:
+
+>>> sigma = 0.05 * motion.states.std(axis=0)
+>>> bound = galloping.cramer_rao_bound(line, motion.states[0], time, sigma)
+>>> bool(np.nanmin(bound) > 0)
+True
+
+Your own data are arrays, lists or a pandas DataFrame; NaN is what is missing:
+
+>>> own = galloping.Recording(time=[0, 0.1, 0.2], states=["q", "dq"], values=[[0, 1]] * 3)
+>>> own = galloping.Recording.from_frame({"t": [0, 0.1, 0.2], "q": [0, 0.1, 0.2]}, time="t")
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+__version__ = "0.1.0"
+
+# name -> module and name there: imported at first use, since some compile
+_PUBLIC = {
+    "ConfigurationError": ("galloping.configuration.load", "ConfigurationError"),
+    "IdentifiedModel": ("galloping.identification.model", "IdentifiedModel"),
+    "PolynomialModel": ("galloping.polynomial", "PolynomialModel"),
+    "Recording": ("galloping.recording", "Recording"),
+    "Simulator": ("galloping.simulation", "Simulator"),
+    "Trajectory": ("galloping.simulation", "Trajectory"),
+    "cramer_rao_bound": ("galloping.stages", "cramer_rao_bound"),
+    "derive": ("galloping.stages", "derive"),
+    "maximum_likelihood": (
+        "galloping.identification.likelihood.maximum_likelihood",
+        "maximum_likelihood",
+    ),
+    "measure": ("galloping.stages", "measure"),
+    "polynomial_library": ("galloping.polynomial", "library"),
+    "simulate": ("galloping.stages", "simulate"),
+    "weak_gls": ("galloping.identification.likelihood.weak_gls", "weak_gls"),
+}
+__all__ = ["__version__", *_PUBLIC]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'galloping' has no attribute {name!r}")
+    module, attribute = _PUBLIC[name]
+    return getattr(import_module(module), attribute)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PUBLIC})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import chain, combinations_with_replacement
+from numbers import Integral
 
 import numpy as np
 
@@ -11,11 +12,23 @@ Exponents = tuple[int, ...]
 
 
 def library(n_states: int, degree: int) -> tuple[Exponents, ...]:
-    """Exponents of all monomials up to `degree`, in the order of pysindy's PolynomialLibrary."""
+    """Exponents of all monomials up to `degree`, in the order of pysindy's PolynomialLibrary.
+
+    Raises ValueError where `n_states` is no whole number >= 1 or `degree` none >= 0.
+    """
+    for name, value, least in (("n_states", n_states, 1), ("degree", degree, 0)):
+        if not isinstance(value, Integral) or value < least:
+            raise ValueError(f"{name}: {value!r:.60}; must be a whole number >= {least}")
     indices = chain.from_iterable(
         combinations_with_replacement(range(n_states), d) for d in range(degree + 1)
     )
     return tuple(tuple(index.count(k) for k in range(n_states)) for index in indices)
+
+
+def extended(terms: tuple[Exponents, ...], model: PolynomialModel) -> tuple[Exponents, ...]:
+    """The library `terms`, followed by the terms present in `model` that it lacks."""
+    present = (t for t, used in zip(model.terms, model.support.any(axis=0), strict=True) if used)
+    return tuple(dict.fromkeys([*terms, *present]))
 
 
 def term_name(exponents: Exponents, states: tuple[str, ...]) -> str:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.storage import write_arrays
+from galloping.arrays import floats, increasing
 
 
 @dataclass(frozen=True)
 class Recording:
     """One measured time series.
 
-    time: (n,) in s, strictly increasing. states: names of the n_states states.
+    Lists become arrays. time: (n,) in s, strictly increasing. states: names of the n_states states.
     values: (n, n_states), measured states, NaN where a sample or a whole channel is missing.
     derivatives: (n, n_states) measured state derivatives, or None where none was measured;
     when given, the values are exact and the derivatives carry the noise (protocol `derivative`).
@@ -22,6 +22,7 @@ class Recording:
     noisy values; NaN where missing, None where nothing measures one. unknown_offsets: (n_states,)
     whether a rate has an unknown constant offset that drifts slowly. unknown_scales: (n_states,)
     whether a value is known up to a factor only. Both None where there is none.
+    Raises ValueError for anything else, in one line.
     """
 
     time: np.ndarray
@@ -33,74 +34,44 @@ class Recording:
     unknown_scales: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        n = len(self.time)
-        if n < 2 or not np.all(np.diff(self.time) > 0):
-            raise ValueError(
-                "recording: time must be strictly increasing, with two samples or more"
-            )
-        if self.values.shape != (n, len(self.states)):
-            raise ValueError(
-                f"recording: values have shape {self.values.shape}, "
-                f"expected ({n}, {len(self.states)})"
-            )
-        if self.derivatives is not None and self.derivatives.shape != self.values.shape:
-            raise ValueError("recording: derivatives and values must have the same shape")
+        states = self.states
+        if isinstance(states, str) or not all(isinstance(name, str) for name in states):
+            raise ValueError(f"recording: states: {states!r:.60}; must be a list of names")
+        if not states or len(set(states)) < len(states):
+            raise ValueError(f"recording: states: {states!r:.60}; must be distinct, one or more")
+        time = increasing("recording: time", self.time)
+        shape = len(time), len(states)
+        checked = {"time": time, "states": tuple(states)}
+        for name in ("values", "derivatives", "rates"):
+            if (given := getattr(self, name)) is not None:
+                array = checked[name] = floats(f"recording: {name}", given, shape)
+                if np.isinf(array).any():
+                    row, column = np.argwhere(np.isinf(array))[0]
+                    raise ValueError(
+                        f"recording: {name}: {array[row, column]:g} in row {row} of "
+                        f"{checked['states'][column]}; must be finite, or NaN where missing"
+                    )
+        for name, array in checked.items():
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def from_frame(cls, frame: Mapping[str, object], time: str = "t") -> Recording:
+        """A recording from a pandas DataFrame, or a mapping of columns.
+
+        time: name of the column of times, s; every other column is a state.
+        Raises ValueError where that column is missing or a column does not hold numbers.
+        """
+        names = list(frame)
+        if time not in names:
+            raise ValueError(f"recording: no column {time!r}; must be one of {names!r:.60}")
+        states = [name for name in names if name != time]
+        columns = [floats(f"recording: column {name!r}", frame[name], (None,)) for name in states]
+        if len({len(frame[time]), *map(len, columns)}) > 1:
+            raise ValueError("recording: columns differ in length")
+        return cls(frame[time], states, np.array(columns).T.reshape(-1, len(states)))
 
     @property
     def is_uniform(self) -> bool:
         """Whether the samples are equally spaced (to a thousandth of the spacing)."""
         steps = np.diff(self.time)
         return bool(np.ptp(steps) < 1e-3 * steps.mean())
-
-
-@dataclass(frozen=True)
-class Recordings:
-    """Replicates of one cell, each one or several recordings that share one model."""
-
-    replicates: tuple[tuple[Recording, ...], ...]
-
-    def write(self, path: str | os.PathLike) -> None:
-        """One .npz; what all replicates share (times, exact states) is stored once."""
-        arrays: dict[str, np.ndarray] = {
-            "states": np.array(self.replicates[0][0].states),
-            "replicates": np.array(len(self.replicates)),
-        }
-        for i, copies in enumerate(zip(*self.replicates, strict=True)):
-            for field in FIELDS:
-                if getattr(copies[0], field) is not None:
-                    stacked = [getattr(copy, field) for copy in copies]
-                    arrays[f"{field}_{i}"] = _stack(stacked)
-        write_arrays(path, **arrays)
-
-    @classmethod
-    def read(cls, path: str | os.PathLike) -> Recordings:
-        """Recordings as `write` left them."""
-        with np.load(path) as file:
-            arrays = {key: file[key] for key in file.files}
-        states = tuple(map(str, arrays.pop("states")))
-        count = int(arrays.pop("replicates"))
-        releases = sum(key.startswith("time_") for key in arrays)
-
-        def one(replicate: int, i: int) -> Recording:
-            parts = {
-                field: arrays[key][replicate % len(arrays[key])]
-                for field in FIELDS
-                if (key := f"{field}_{i}") in arrays
-            }
-            return Recording(states=states, **parts)
-
-        return cls(tuple(tuple(one(r, i) for i in range(releases)) for r in range(count)))
-
-
-def read_replicates(path: str | os.PathLike) -> tuple[tuple[Recording, ...], ...]:
-    """The recordings of each replicate in a file."""
-    return Recordings.read(path).replicates
-
-
-FIELDS = ("time", "values", "derivatives")
-
-
-def _stack(arrays: list[np.ndarray]) -> np.ndarray:
-    """All replicates, or one in place of all that are equal."""
-    shared = all(np.array_equal(arrays[0], a, equal_nan=True) for a in arrays[1:])
-    return arrays[0][np.newaxis] if shared else np.stack(arrays)

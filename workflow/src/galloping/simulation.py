@@ -35,12 +35,22 @@ class Trajectory:
 class Simulator:
     """Simulates every model written in one candidate library.
 
-    states: names. terms: exponents of the monomials that models may use. Compilation takes about
-    0.1 s, a run of 300 s of galloping about 10 ms, at the accuracy of double precision.
+    states: names. terms: exponents of the monomials that models may use. support: (n_states,
+    n_terms) boolean, in which equations they may; everywhere by default. Compilation takes some
+    0.02 s. A run of 300 s of galloping takes 14 ms with 35 terms in four equations, in proportion
+    less with fewer, at the accuracy of double precision.
     """
 
-    def __init__(self, states: tuple[str, ...], terms: tuple[Exponents, ...]) -> None:
+    def __init__(
+        self,
+        states: tuple[str, ...],
+        terms: tuple[Exponents, ...],
+        support: np.ndarray | None = None,
+    ) -> None:
         self.states, self.terms = states, terms
+        whole = np.ones((len(states), len(terms)), bool)
+        self._support = whole if support is None else support
+        places = {tuple(place): k for k, place in enumerate(np.argwhere(self._support))}
         x = hy.make_vars(*states)
         # products, not powers: the Taylor recurrence of a power divides by the state
         monomials = [
@@ -51,22 +61,33 @@ class Simulator:
             for term in terms
         ]
         system = [
-            (v, hy.sum([hy.par[row * len(terms) + j] * m for j, m in enumerate(monomials)]))
+            (
+                v,
+                hy.sum(
+                    [hy.par[k] * monomials[j] for (i, j), k in places.items() if i == row]
+                    or [hy.expression(0.0)]
+                ),
+            )
             for row, v in enumerate(x)
         ]
         size = hy.sum([v * v for v in x]) - DIVERGENCE_LIMIT**2
         self._integrator = hy.taylor_adaptive(
             system,
             [0.0] * len(states),
-            pars=[0.0] * (len(states) * len(terms)),
+            pars=[0.0] * len(places),
             t_events=[hy.t_event(size)],
             compact_mode=True,
         )
 
     def __call__(self, model: PolynomialModel, x0: np.ndarray, time: np.ndarray) -> Trajectory:
-        """Trajectory of `model` from x0 (n_states,) at time[0], on the increasing grid `time`."""
-        ta = self._integrator
-        ta.pars[:] = model.on_library(self.terms).coefficients.ravel()
+        """Trajectory of `model` from x0 (n_states,) at time[0], on the increasing grid `time`.
+
+        Raises ValueError for a model with a term that the simulator does not have.
+        """
+        ta, coefficients = self._integrator, model.on_library(self.terms).coefficients
+        if np.any(coefficients[~self._support]):
+            raise ValueError("the model has a term outside the simulator's support")
+        ta.pars[:] = coefficients[self._support]
         ta.time, ta.state[:] = time[0], x0
         ta.reset_cooldowns()
         steps = 1 + int(MAX_STEPS_PER_SECOND * (time[-1] - time[0]))

@@ -1,9 +1,9 @@
-"""The Cramer-Rao bound of a cell, and which further recording would help most."""
+"""The Cramer-Rao bound of a cell, and models drawn at it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,33 +11,15 @@ from galloping.bounds.information import (
     Bound,
     Experiment,
     derivative_bound,
-    ranked_experiments,
     state_bound,
 )
 from galloping.identification.model import IdentifiedModel
+from galloping.measurement.measuring import measure, noises_of
+from galloping.measurement.motion import Motion
+from galloping.measurement.protocols import Noise
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
-
-# |c| / bound from which a selection with penalty 2 ln N can be trusted.
-IDENTIFIABLE = 7.6
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Noise of one recording: sigma (n_states,), infinite for a state that is not measured."""
-
-    sigma: np.ndarray
-
-    @classmethod
-    def of(cls, protocol: str, level: float, states: np.ndarray, relative: bool) -> Noise:
-        """What a protocol adds at a level to the motion `states` (n, n_states)."""
-        count = states.shape[1]
-        if protocol == "derivative":
-            return cls(np.full(count, level))
-        sigma = level * (states.std(axis=0) if relative else np.ones(count))
-        if protocol == "displacement":
-            sigma[count // 2 :] = np.inf
-        return cls(sigma)
+from galloping.seeds import generator
 
 
 def free_terms(model: PolynomialModel, equations: Sequence[int]) -> np.ndarray:
@@ -49,22 +31,24 @@ def free_terms(model: PolynomialModel, equations: Sequence[int]) -> np.ndarray:
 def bound(
     model: PolynomialModel,
     equations: Sequence[int],
-    protocol: str,
     recordings: Sequence[Recording],
     starts: Sequence[np.ndarray],
     noises: Sequence[Noise],
 ) -> Bound:
     """The bound on the present terms from recordings of one system, one noise for each.
 
-    starts: (n_states,) true state at the first sample of each recording.
+    starts: (n_states,) true state at the first sample of each recording. Raises ValueError for
+    noise that is on states and on their derivatives.
     """
     free = free_terms(model, equations)
-    if protocol == "derivative":
+    if any(np.any(np.isfinite(noise.rates)) for noise in noises):
+        if any(np.any(noise.states) or np.any(noise.rates != noises[0].rates) for noise in noises):
+            raise ValueError("bound: measured derivatives need exact states, and the same noise")
         # one system, one noise: the rows of all recordings in one regression
         x = np.concatenate([recording.values for recording in recordings])
-        return derivative_bound(model, free, x, noises[0].sigma)
+        return derivative_bound(model, free, x, noises[0].rates)
     experiments = [
-        Experiment(start, recording.time, noise.sigma)
+        Experiment(start, recording.time, noise.states)
         for recording, start, noise in zip(recordings, starts, noises, strict=True)
     ]
     return state_bound(model, free, experiments)
@@ -77,11 +61,17 @@ def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
     return std
 
 
-def at_the_bound(model: PolynomialModel, found: Bound, rng: np.random.Generator) -> IdentifiedModel:
+def at_the_bound(
+    model: PolynomialModel, found: Bound, rng: np.random.Generator, lacking: Sequence[str] = ()
+) -> IdentifiedModel:
     """What an efficient method that knows the terms would find: one draw at the bound.
 
-    Where the data leave a coefficient undetermined there is no such method, and no model.
+    lacking: names of the terms that the candidate library lacks. Where there are any, or the data
+    leave a coefficient undetermined, there is no such method, and no model.
     """
+    if lacking:
+        reason = f"bound: the library lacks {', '.join(lacking)}"
+        return IdentifiedModel.refused(model.states, model.terms, reason)
     if not np.all(np.isfinite(found.covariance)):
         reason = "bound: a term is undetermined"
         return IdentifiedModel.refused(model.states, model.terms, reason)
@@ -93,26 +83,73 @@ def at_the_bound(model: PolynomialModel, found: Bound, rng: np.random.Generator)
     return IdentifiedModel(drawn, "unjudged", standard_errors=on_library(model, found))
 
 
-def rank_releases(
+def cell_bounds(
     model: PolynomialModel,
     equations: Sequence[int],
-    time: np.ndarray,
-    level: float,
-    done: Sequence[tuple[np.ndarray, np.ndarray]],
-    options: Sequence[tuple[np.ndarray, np.ndarray]],
-) -> list[tuple[int, Bound]]:
-    """Which further release would help most: `ranked_experiments`, protocol `state`.
+    motions: Sequence[Motion],
+    measurement: Mapping,
+    name: Sequence[str],
+) -> list[Bound]:
+    """The bounds of a cell: one for all replicates, or each its own where their times differ.
 
-    done, options: pairs of an initial state (n_states,) and the motion from it (n, n_states).
+    motions, measurement, name: what its recordings are drawn from, see `measure`. None without
+    noise.
     """
+    if measurement["level"] == 0:
+        return []
+    motions = motions[: measurement["recordings"]]
+    protocol, level, relative = (measurement[k] for k in ("protocol", "level", "relative"))
+    noises = noises_of(motions, protocol, level, relative)
+    times_differ = measurement["samples"] < len(motions[0].time)
+    replicates = measurement["replicates"] if times_differ else 1
+    bounds = []
+    for recordings in measure(motions, name=name, **{**measurement, "replicates": replicates}):
+        starts = [
+            motion.states[np.searchsorted(motion.time, recording.time[0])]
+            for motion, recording in zip(motions, recordings, strict=True)
+        ]
+        bounds.append(bound(model, equations, recordings, starts, noises))
+    return bounds
 
-    def experiment(release: tuple[np.ndarray, np.ndarray]) -> Experiment:
-        start, states = release
-        return Experiment(start, time, Noise.of("state", level, states, True).sigma)
 
-    return ranked_experiments(
-        model,
-        free_terms(model, equations),
-        list(map(experiment, done)),
-        list(map(experiment, options)),
-    )
+def models_at(
+    model: PolynomialModel,
+    bounds: Sequence[Bound],
+    measurement: Mapping,
+    name: Sequence[str],
+    lacking: Sequence[str] = (),
+) -> list[IdentifiedModel]:
+    """What an efficient method would find from each replicate; without noise, the line itself.
+
+    lacking: names of the terms that the candidate library lacks.
+    """
+    if not bounds:
+        return [IdentifiedModel(model, "unjudged")]
+    return [
+        at_the_bound(
+            model,
+            bounds[k % len(bounds)],
+            generator(measurement["seed"], "bound", *name, k),
+            lacking,
+        )
+        for k in range(measurement["replicates"])
+    ]
+
+
+def no_models(model: PolynomialModel, measurement: Mapping, reason: str) -> list[IdentifiedModel]:
+    """None from any replicate, for `reason`."""
+    refused = IdentifiedModel.refused(model.states, model.terms, f"bound: {reason}")
+    return [refused] * measurement["replicates"]
+
+
+def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int) -> np.ndarray:
+    """(n_bounds, n_states, n_terms) standard deviations, NaN without noise.
+
+    candidates: how many terms of the model, the first, the candidate library has. No method
+    estimates the others: they have no bound, NaN.
+    """
+    if not bounds:
+        return np.full((1, *model.coefficients.shape), np.nan)
+    std = np.stack([on_library(model, each) for each in bounds])
+    std[:, :, candidates:] = np.nan
+    return std

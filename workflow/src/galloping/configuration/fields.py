@@ -11,7 +11,10 @@ from pydantic_core import PydanticCustomError
 
 Provenance = Literal["seed", "derived", "assumed"]
 
-SCIENTIFIC = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+")
+DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+
+
+DIGITS = re.compile(r"[-+]?[0-9]{1,300}")  # written out: a float would round them
 
 
 class Section(BaseModel):
@@ -40,13 +43,16 @@ def problem(text: str, *below: str) -> PydanticCustomError:
 
 
 def _number(value: Any) -> Any:
-    # YAML 1.1 wants a point and a signed exponent, so `1e-3` arrives as text.
-    if isinstance(value, str) and SCIENTIFIC.fullmatch(value):
+    # YAML 1.1 wants a point and a signed exponent, so `1e-3` arrives as text; so does every number
+    # inside the braces of `--config 'figures={"dpi": 100}'`.
+    if isinstance(value, str) and DECIMAL.fullmatch(value):
         return float(value)
     return value
 
 
 def _whole(value: Any) -> Any:
+    if isinstance(value, str) and DIGITS.fullmatch(value):
+        return int(value)
     value = _number(value)
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
@@ -54,9 +60,18 @@ def _whole(value: Any) -> Any:
 def _distinct(values: tuple) -> tuple:
     if not values:
         raise problem("[] is empty; must hold at least one")
-    for i, value in enumerate(values):
-        if value in values[:i]:
-            raise problem(f"{show(value)} is given twice; must be distinct")
+    written: dict[str, object] = {}
+    for value in values:
+        text = f"{value:.12g}" if isinstance(value, float) else str(value)  # as cells are named
+        if text in written:
+            other = written[text]
+            again = (
+                f"{show(value)} is given twice"
+                if value == other
+                else f"{value!r} and {other!r} agree to twelve digits"
+            )
+            raise problem(f"{again}; must be distinct")
+        written[text] = value
     return values
 
 
@@ -106,14 +121,16 @@ def parameter(
     provenance: Provenance,
     note: str = "",
     rule: str = "",
+    why: str = "",
 ) -> Any:
     """A physical parameter: a key that also has a symbol and a source.
 
     provenance: `seed` is printed in the paper, `derived` follows from it, `assumed` is ours.
-    symbol: with `{}` for the number of the item where the value is a list.
+    symbol: with `{}` for the number of the item where the value is a list. why: the reason for
+    the range, which is that of lines that are built.
     """
     extra = {"unit": unit, "symbol": symbol, "provenance": provenance}
-    extra |= {key: text for key, text in {"note": note, "rule": rule}.items() if text}
+    extra |= {key: text for key, text in {"note": note, "rule": rule, "why": why}.items() if text}
     return Field(default, description=description, json_schema_extra=extra)
 
 

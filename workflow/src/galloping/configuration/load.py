@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
+from functools import reduce
 from pathlib import Path
 
 import yaml
 from pydantic import ValidationError
-from yaml.nodes import MappingNode
+from yaml.nodes import MappingNode, Node
 
 from galloping.configuration.fields import Section, show
 from galloping.configuration.schema import allowed, child, item, leaves, names, schema
@@ -26,6 +27,11 @@ FAULTS = {
 }
 
 
+MOST_LINES = 20
+MOST_LEVELS, MOST_VALUES = 20, 100_000
+ENDLESS = f"lists or sections are nested without end; must be at most {MOST_LEVELS} levels deep"
+
+
 class ConfigurationError(ValueError):
     """Settings that cannot be used; its text is one line per problem."""
 
@@ -36,6 +42,7 @@ def load(mapping: dict) -> Settings:
     Raises ConfigurationError with one line per problem: the key as the user writes it, the
     value, what is allowed and the nearest valid name.
     """
+    _refuse_endless(mapping)
     try:
         return Settings.model_validate(mapping)
     except ValidationError as error:
@@ -48,7 +55,10 @@ def load(mapping: dict) -> Settings:
         if location[-1:] == ("[key]",)
         or not any(location[: len(name)] == name for name in bad_names)
     )
-    raise ConfigurationError("\n".join(lines))
+    shown = list(lines)[:MOST_LINES]
+    if more := len(lines) - len(shown):
+        shown.append(f"configuration: and {more} more problems")
+    raise ConfigurationError("\n".join(shown))
 
 
 def plain(settings: Section) -> dict:
@@ -56,10 +66,51 @@ def plain(settings: Section) -> dict:
     return settings.model_dump(mode="json")
 
 
+def configured(configfiles: Iterable[str | Path]) -> Settings:
+    """The settings of the study of these files; a later file overrides the earlier.
+
+    Raises ConfigurationError for a mistake anywhere in them.
+    """
+    files = [read(file) for file in configfiles]
+    return load(merged(reduce(_overridden, files), files))
+
+
 def results_folder(configfiles: Iterable[str | Path]) -> str:
-    """The folder that a study writes; of its configuration files a later one overrides."""
-    named = [part["results"] for file in configfiles if "results" in (part := read(file))]
-    return load({"results": named[-1]} if named else {}).results
+    """The folder that the study of these files writes. Raises as `configured`."""
+    return configured(configfiles).results
+
+
+def _overridden(mapping: dict, over: dict) -> dict:
+    """Sections merged and all else replaced, as Snakemake does."""
+    both = {
+        key: _overridden(section, value)
+        for key, value in over.items()
+        if isinstance(section := mapping.get(key), dict) and isinstance(value, dict)
+    }
+    return mapping | over | both
+
+
+def merged(mapping: dict, files: Sequence[dict]) -> dict:
+    """The mapping that Snakemake merged from files, as the study takes it.
+
+    Its keys stand in the order in which the files name them, see `ordered`, and a case that one
+    file describes and another sets to null is removed.
+    """
+    mapping = ordered(mapping, files)
+    cases = mapping.get("cases")
+    if isinstance(cases, dict):
+        described = {
+            name
+            for file in files
+            if isinstance(sections := file.get("cases"), dict)
+            for name, case in sections.items()
+            if case is not None
+        }
+        kept = {k: v for k, v in cases.items() if v is not None or k not in described}
+        if cases and not kept:
+            raise ConfigurationError("cases: every case is set to null; must leave at least one")
+        mapping = mapping | {"cases": kept}
+    return mapping
 
 
 def ordered(mapping: dict, files: Sequence[dict]) -> dict:
@@ -93,15 +144,52 @@ def read(path: str | Path) -> dict:
         raise ConfigurationError(f"{path}:{line}: {error.problem}") from None
     except (yaml.YAMLError, ValueError) as error:
         raise ConfigurationError(f"{path}: {' '.join(str(error).split())}") from None
+    except RecursionError:
+        raise ConfigurationError(f"{path}: {ENDLESS}") from None
     if content is None:
         raise ConfigurationError(f"{path}: is empty; must be a mapping of keys")
+    try:
+        _refuse_endless(content)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from None
     if not isinstance(content, dict):
         raise ConfigurationError(f"{path}: {show(content)} is not a mapping of keys")
     return content
 
 
+def _refuse_endless(content: object) -> None:
+    """Raise ConfigurationError where lists and sections are nested without end, or almost.
+
+    YAML's anchors let a short file hold itself, or a list of 10^9 items.
+    """
+    level, values, depth = [content], 0, 0
+    while level:
+        depth, values = depth + 1, values + len(level)
+        if depth > MOST_LEVELS or values > MOST_VALUES:
+            raise ConfigurationError(ENDLESS)
+        inner = []
+        for value in level:
+            if isinstance(value, dict):
+                inner += value.values()
+            elif isinstance(value, list | tuple | set):
+                inner += value
+        level = inner
+
+
 class _Loader(yaml.SafeLoader):
     """YAML in which a key given twice is an error, where PyYAML would keep the last one."""
+
+    def construct_object(self, node: Node, deep: bool = False) -> object:
+        try:
+            return super().construct_object(node, deep)
+        except yaml.YAMLError:
+            raise
+        except (ValueError, LookupError, AttributeError, TypeError):
+            # PyYAML's own constructors stumble over what a tag does not fit
+            kind = node.tag.rpartition(":")[2]
+            raise yaml.MarkedYAMLError(
+                problem=f"{show(node.value)} is no {kind}", problem_mark=node.start_mark
+            ) from None
 
     def compose_mapping_node(self, anchor: str | None) -> MappingNode:
         node = super().compose_mapping_node(anchor)
@@ -144,6 +232,8 @@ def _line(mapping: dict, fault: dict) -> str:
     what = FAULTS.get(kind, "is not allowed")
     if isinstance(fault["input"], str) and kind in ("float_type", "int_type"):
         what = "is text, not a number"
+    if value is None and what == FAULTS["dict_type"]:
+        what += " (write {} for its defaults)"
     must = "each must be" if is_item else "must be"
     return f"{_dotted(path) or 'configuration'}: {show(value)} {what}; {must} {allowed(limits)}"
 

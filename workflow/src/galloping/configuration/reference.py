@@ -48,11 +48,12 @@ def _cells(path: str, node: dict) -> list[str]:
     provenance = node.get("provenance", "")
     if note := node.get("note"):
         provenance += f" ({note})"
+    why = f" ({node['why']})" if "why" in node else ""
     return [
         f"`{path}`",
         f"`{default}`",
         node["unit"],
-        allowed(node, with_unit=False),
+        allowed(node, with_unit=False) + why,
         provenance,
         node["description"],
     ]

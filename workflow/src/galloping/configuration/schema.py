@@ -102,6 +102,6 @@ def _items(node: dict) -> str:
 
 def _bounds(node: dict) -> str:
     if "minimum" in node and "maximum" in node:
-        return f"{node['minimum']:g}..{node['maximum']:g}"
+        return f"{node['minimum']:.12g}..{node['maximum']:.12g}"
     signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
-    return " and ".join(f"{sign} {node[key]:g}" for key, sign in signs.items() if key in node)
+    return " and ".join(f"{sign} {node[key]:.12g}" for key, sign in signs.items() if key in node)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import inf
+from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from galloping.configuration.fields import (
     Section,
@@ -23,66 +25,94 @@ from galloping.configuration.fields import (
 )
 from galloping.identification.registry import METHODS, PROTOCOLS
 
-Real = real()
 Positive = real(gt=0)
 NonNegative = real(ge=0)
+Aerodynamic = real(ge=-1e4, le=1e4)  # an airfoil has 6 a radian; cubic terms reach some hundreds
+Motion = real(ge=-100, le=100)  # m, m/s: a tenth of where a motion counts as diverged
 DampingRatio = real(ge=0, lt=1)
 NoiseLevel = real(ge=0, lt=10)
 Protocol = one_of(PROTOCOLS)
 MethodName = one_of(tuple(method.name for method in METHODS))
 ThresholdName = one_of(tuple(m.name for m in METHODS if "threshold" in m.options))
-CaseName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-NAME_RULE = "lower-case letters, digits and '_', a letter first"
+CaseName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+NAME_RULE = "at most 40 lower-case letters, digits and '_', a letter first"
 FolderName = Annotated[
-    str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*$")
+    str,
+    Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*$", max_length=100),
 ]
-FolderPath = Annotated[str, Field(pattern=r"^/?[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$")]
+FolderPath = Annotated[
+    str, Field(pattern=r"^/?[A-Za-z0-9_.-]{1,255}(/[A-Za-z0-9_.-]{1,255})*$", max_length=1000)
+]
+# What a clone of the project holds beside its results.
+OWN_FOLDERS = ("config", "tests", "workflow", "results/reference")
 
+LARGEST_SAG = 0.25  # of the span: beyond, the parabola is off by more than a tenth of the tension
+WINDOW_SAMPLES = 10  # fewer show no amplitude
 MAX_INTERVALS = 10_000_000  # a slip in a power of ten should not fill the memory
 
 
 class Conductor(Section):
     """One sub-conductor."""
 
-    mass: Positive = parameter(1.5, "mass per length of one sub-conductor", "kg/m", "m", "seed")
-    bending_stiffness: NonNegative = parameter(
-        50, "bending stiffness of one sub-conductor", "N m2", "EI", "seed"
+    mass: real(ge=0.01, le=100) = parameter(
+        1.5,
+        "mass per length of one sub-conductor",
+        "kg/m",
+        "m",
+        "seed",
+        why="a copper wire of 1.3 mm to the heaviest conductor under 30 cm of ice",
     )
-    tensile_stiffness: Positive = parameter(
+    bending_stiffness: real(ge=0, le=1e6) = parameter(
+        50,
+        "bending stiffness of one sub-conductor",
+        "N m2",
+        "EI",
+        "seed",
+        why="a solid steel bar of 10 cm",
+    )
+    tensile_stiffness: real(ge=1e4, le=2e9) = parameter(
         3.0e7,
         "tensile stiffness of one sub-conductor",
         "N",
         "EA",
         "seed",
         note="printed 3.0e4, read in kN",
+        why="a plastic wire of 2 mm to a solid steel bar of 10 cm",
     )
 
 
 class Bundle(Section):
     """How many sub-conductors there are, and the size the wind sees."""
 
-    subconductors: whole(ge=1) = parameter(4, "number of sub-conductors", "1", "n", "seed")
-    dimension: Positive = parameter(
+    subconductors: whole(ge=1, le=24) = parameter(
+        4, "number of sub-conductors", "1", "n", "seed", why="twice the largest bundle in service"
+    )
+    dimension: real(ge=1e-3, le=10) = parameter(
         0.1104,
         "characteristic dimension of the bundle in the aerodynamic load",
         "m",
         "D",
         "assumed",
         note="4 conductors of 0.0276 m",
+        why="a thin wire to a bundle as wide as a house",
     )
 
 
 class Line(Section):
     """The span and how it hangs."""
 
-    span: Positive = parameter(300, "span length", "m", "l", "seed")
-    tension: Positive = parameter(
+    span: real(ge=1, le=10000) = parameter(
+        300, "span length", "m", "l", "seed", why="the longest span of a power line is 5.4 km"
+    )
+    tension: real(ge=10, le=1e7) = parameter(
         25000,
         "horizontal tension of one sub-conductor",
         "N",
         "H",
         "seed",
         note="printed 25 kN, read per sub-conductor",
+        rule="with a sag of at most a quarter of the span",
+        why="above, what breaks a solid steel bar of 10 cm",
     )
     mode_shape: Literal["irvine", "sine"] = parameter(
         "irvine",
@@ -97,7 +127,9 @@ class Line(Section):
 class Spacers(Section):
     """Point masses along the span."""
 
-    mass: NonNegative = parameter(4.8, "mass of one spacer", "kg", "m_s", "seed")
+    mass: real(ge=0, le=1e4) = parameter(
+        4.8, "mass of one spacer", "kg", "m_s", "seed", why="a hundred of the heaviest dampers"
+    )
     positions: listing(Positive) = parameter(
         (75, 150, 225),
         "distances of the spacers from the left end",
@@ -130,7 +162,7 @@ class Ice(Section):
         "assumed",
         note="the digits are the paper's, the reading is ours",
     )
-    vertical: triple(Real) | None = parameter(
+    vertical: triple(Aerodynamic) | None = parameter(
         None,
         "beta_1, beta_2, beta_3 of the vertical force",
         "1",
@@ -138,7 +170,7 @@ class Ice(Section):
         "assumed",
         rule="given exactly when the reading is custom",
     )
-    horizontal: triple(Real) | None = parameter(
+    horizontal: triple(Aerodynamic) | None = parameter(
         None,
         "eta_1, eta_2, eta_3 of the horizontal force",
         "1",
@@ -164,8 +196,17 @@ class Ice(Section):
 class Wind(Section):
     """The steady wind across the line."""
 
-    speed: Positive = parameter(12, "horizontal wind speed", "m/s", "U", "assumed")
-    air_density: NonNegative = parameter(1.25, "air density", "kg/m3", "rho", "assumed")
+    speed: real(ge=0.1, le=120) = parameter(
+        12,
+        "horizontal wind speed",
+        "m/s",
+        "U",
+        "assumed",
+        why="below, the quasi-static angle is no longer small; no gust above 113 m/s was measured",
+    )
+    air_density: real(ge=0, le=2) = parameter(
+        1.25, "air density", "kg/m3", "rho", "assumed", why="2 at -100 °C; 0 is a line in a vacuum"
+    )
 
 
 class Damping(Section):
@@ -182,10 +223,10 @@ class Damping(Section):
 class InitialState(Section):
     """Where the trajectory starts."""
 
-    q_v: Real = parameter(0.1, "vertical modal displacement", "m", "q_v(0)", "assumed")
-    q_w: Real = parameter(0.1, "horizontal modal displacement", "m", "q_w(0)", "assumed")
-    dq_v: Real = parameter(0, "vertical modal velocity", "m/s", "dq_v(0)", "assumed")
-    dq_w: Real = parameter(0, "horizontal modal velocity", "m/s", "dq_w(0)", "assumed")
+    q_v: Motion = parameter(0.1, "vertical modal displacement", "m", "q_v(0)", "assumed")
+    q_w: Motion = parameter(0.1, "horizontal modal displacement", "m", "q_w(0)", "assumed")
+    dq_v: Motion = parameter(0, "vertical modal velocity", "m/s", "dq_v(0)", "assumed")
+    dq_w: Motion = parameter(0, "horizontal modal velocity", "m/s", "dq_w(0)", "assumed")
 
 
 class Case(Section):
@@ -204,7 +245,9 @@ class Case(Section):
         "further recordings of the same line, each released from a state of its own",
         rule=NAME_RULE,
     )
-    gravity: Positive = parameter(9.81, "gravitational acceleration", "m/s2", "g", "assumed")
+    gravity: real(ge=0.1, le=100) = parameter(
+        9.81, "gravitational acceleration", "m/s2", "g", "assumed", why="an asteroid to Jupiter"
+    )
 
     @field_validator("spacers")
     @classmethod
@@ -219,12 +262,26 @@ class Case(Section):
                     )
         return spacers
 
+    @model_validator(mode="after")
+    def _hangs_as_a_shallow_cable(self) -> Case:
+        weight = self.conductor.mass * self.gravity
+        sag = weight * self.line.span**2 / (8 * self.line.tension)
+        if sag > LARGEST_SAG * self.line.span:
+            least = weight * self.line.span / (8 * LARGEST_SAG)
+            raise problem(
+                f"{show(self.line.tension)} gives a sag of {sag:.4g} m in a span of "
+                f"{show(self.line.span)} m, which is no shallow cable; must be >= {least:.4g} N",
+                "line",
+                "tension",
+            )
+        return self
+
 
 class Simulation(Section):
     """The record that is simulated for each case."""
 
-    duration: Positive = setting(300, "length of the record", "s")
-    sampling_rate: Positive = setting(
+    duration: real(ge=1e-3, le=1e7) = setting(300, "length of the record", "s")
+    sampling_rate: real(ge=1e-4, le=1e6) = setting(
         100,
         "samples per second",
         "Hz",
@@ -234,7 +291,7 @@ class Simulation(Section):
         (200, 300),
         "start and end of the steady state, where amplitudes are read",
         "s",
-        rule="increasing, inside the record",
+        rule=f"increasing, inside the record, {WINDOW_SAMPLES} sampling intervals or more",
     )
 
     @property
@@ -263,6 +320,11 @@ class Simulation(Section):
             raise problem(
                 f"{show(window)} is not a window of the record; "
                 f"must be increasing, 0..{show(duration)} s"
+            )
+        if (end - start) * info.data.get("sampling_rate", inf) < WINDOW_SAMPLES:
+            raise problem(
+                f"{show(window)} holds less than {WINDOW_SAMPLES} sampling intervals; "
+                f"must hold {WINDOW_SAMPLES} or more"
             )
         return window
 
@@ -346,13 +408,27 @@ def paper_cases() -> dict[str, Case]:
     return {"internal_resonance": Case(), "non_resonant": non_resonant}
 
 
+def paper_cases_in(settings: Settings) -> list[str]:
+    """Names of the cases that are those of the paper, with the parameters of their line.
+
+    Further releases are further recordings of the same line, and do not count.
+    """
+    paper = {name: case.model_copy(update={"releases": {}}) for name, case in paper_cases().items()}
+    return [
+        name
+        for name, case in settings.cases.items()
+        if case.model_copy(update={"releases": {}}) == paper.get(name)
+    ]
+
+
 class Settings(Section):
     """A study."""
 
     results: FolderName = setting(
         "results",
         "folder that a run writes",
-        rule="a relative path of letters, digits, '_', '-' and '.', no part starting with '.'",
+        rule="a relative path of at most 100 letters, digits, '_', '-' and '.', no part starting "
+        "with '.', outside the project's own folders and `reference`",
     )
     reference: FolderPath = setting(
         "results/reference",
@@ -368,6 +444,17 @@ class Settings(Section):
     measurement: Measurement = section(Measurement)
     identification: Identification = section(Identification)
     figures: Figures = section(Figures)
+
+    @field_validator("results")
+    @classmethod
+    def _a_folder_of_its_own(cls, results: str) -> str:
+        path = Path(results)
+        for part in (path, *path.parents):
+            if part.as_posix().lower() in OWN_FOLDERS:
+                raise problem(f"{show(results)} is the project's own; must be another folder")
+            if part.exists() and not part.is_dir():
+                raise problem(f"{show(part.as_posix())} is a file; must be a folder, or not there")
+        return results
 
     @field_validator("measurement")
     @classmethod
@@ -413,3 +500,13 @@ class Settings(Section):
                     "methods",
                 )
         return identification
+
+    @model_validator(mode="after")
+    def _results_apart_from_the_reference(self) -> Settings:
+        if Path(self.results).resolve().is_relative_to(Path(self.reference).resolve()):
+            raise problem(
+                f"{show(self.results)} is in the folder of the reference, {show(self.reference)}; "
+                "must be outside it",
+                "results",
+            )
+        return self

@@ -56,13 +56,15 @@ def efficiency(
 ) -> float:
     """Root mean square of error / Cramer-Rao standard deviation over the true terms.
 
-    1 is what an efficient method reaches on average; NaN without noise, inf for no model.
+    1 is what an efficient method reaches on average; inf for no model. NaN where the bound of
+    any of the terms is infinite or undefined, as it is without noise: there is no best to compare
+    with then, and the other terms alone would flatter a method that missed this one.
     """
     chosen = list(equations)
     terms = true.support[chosen]
-    ratios = ((coefficients - true.coefficients) / bound)[chosen][terms]
-    if np.all(np.isnan(bound[chosen][terms])):
+    if not np.all(np.isfinite(bound[chosen][terms])):
         return np.nan
+    ratios = ((coefficients - true.coefficients) / bound)[chosen][terms]
     value = np.sqrt(np.mean(ratios**2))
     return float(value) if np.isfinite(value) else np.inf
 

@@ -4,6 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from galloping.polynomial import PolynomialModel
+
+
+def gallops(model: PolynomialModel) -> bool:
+    """Whether the line at rest is unstable in its wind, so that its motion has an amplitude.
+
+    Some eigenvalue of the linearised equations has a positive real part (Den Hartog 1932, with
+    damping). Where none has, motion decays, and what is left of it depends on when one looks.
+    """
+    linear = [j for j, term in enumerate(model.terms) if sum(term) == 1]
+    jacobian = model.coefficients[:, linear] @ np.array([model.terms[j] for j in linear])
+    return bool(np.linalg.eigvals(jacobian).real.max() > 0)
+
 
 def steady_amplitude(states: np.ndarray) -> np.ndarray:
     """Half peak to peak of each state: (n, n_states) -> (n_states,)."""

@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-
-from galloping.simulation import Trajectory
 
 PLOT_RATE = 20.0  # Hz, an order of magnitude above the fastest harmonic that matters
 BAND = (0.05, 0.95)
 
 
-def summarise(
-    motions: Sequence[Trajectory], scores: Sequence[Mapping[str, float]]
-) -> dict[str, np.ndarray]:
+@dataclass(frozen=True)
+class Reconstruction:
     """Motion of the replicate with the median R2, and the band that 90 % of replicates stay in.
 
-    Returns time (n,) s, representative, low, high (n, n_states); NaN where motions ended early.
+    time: (n,) s. representative, low, high: (n, n_states), NaN where motions ended early.
     """
-    time = motions[0].time
+
+    time: np.ndarray
+    representative: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def summarise(time: np.ndarray, states: np.ndarray, quality: np.ndarray) -> Reconstruction:
+    """The motions of all replicates.
+
+    time: (n,) s. states: (n_replicates, n, n_states). quality: (n_replicates,), higher is better.
+    """
     stride = max(1, round(1 / (PLOT_RATE * (time[1] - time[0]))))
-    quality = np.array([row["r2_q_v"] + row["r2_q_w"] for row in scores])
     middle = np.argsort(quality, kind="stable")[len(quality) // 2]
-    states = np.stack([motion.states[::stride] for motion in motions])
-    low, high = np.quantile(states, BAND, axis=0)
-    return {
-        "time": time[::stride],
-        "representative": states[middle],
-        "low": low,
-        "high": high,
-    }
+    thinned = states[:, ::stride]
+    low, high = np.quantile(thinned, BAND, axis=0)
+    return Reconstruction(time[::stride], thinned[middle], low, high)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,38 +14,60 @@ from galloping.evaluation.coefficients import (
     relative_norm_error,
     support_scores,
 )
-from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
+from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
 from galloping.identification.model import IdentifiedModel
+from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import PolynomialModel
-from galloping.simulation import Simulator, Trajectory
+from galloping.simulation import Trajectory
 
 DISPLACEMENTS = {"q_v": 0, "q_w": 1}
-EQUATIONS = (2, 3)  # the kinematic rows carry no parameter of the line
+UNKNOWN = tuple(EQUATIONS)  # the kinematic rows carry no parameter of the line
 
 
 @dataclass(frozen=True)
 class Truth:
     """What identified models are compared with.
 
-    model on the candidate library; time: (n,) s; states: (n, n_states); steady: window in s.
+    model: on the candidate library and the terms that it lacks (`polynomial.extended`). time:
+    (n,) s. states: (n, n_states). steady: window in s. status: `ok`, or why the line itself has
+    no motion to compare with, as in `Trajectory`.
     """
 
     model: PolynomialModel
     time: np.ndarray
     states: np.ndarray
     steady: tuple[float, float]
+    status: str = "ok"
 
     @property
     def steady_rows(self) -> slice:
         first, last = np.searchsorted(self.time, np.add(self.steady, (-1e-9, 1e-9)))
         return slice(int(first), int(last))
 
+    @property
+    def step(self) -> float:
+        """Of the time grid, s."""
+        return float(self.time[1] - self.time[0])
 
-def reconstruct(simulator: Simulator, truth: Truth, result: IdentifiedModel) -> Trajectory:
-    """The identified model's motion from the true initial state."""
-    if result.status == "refused":
-        return Trajectory(truth.time, np.full_like(truth.states, np.nan), result.verdict)
-    return simulator(result.model, truth.states[0], truth.time)
+    @cached_property
+    def amplitude(self) -> np.ndarray:
+        """Steady amplitude of each displacement, m; NaN where the line does not gallop."""
+        return np.where(gallops(self.model), steady_amplitude(self._steady), np.nan)
+
+    @cached_property
+    def frequency(self) -> np.ndarray:
+        """Steady frequency of each displacement, Hz."""
+        return steady_frequency(self._steady, self.step)
+
+    @property
+    def _steady(self) -> np.ndarray:
+        return self.states[self.steady_rows][:, list(DISPLACEMENTS.values())]
+
+
+def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
+    """(n_states, n_terms) of the truth, from values on the candidate library, which comes first."""
+    lacking = len(truth.model.terms) - values.shape[1]
+    return np.pad(values, ((0, 0), (0, lacking)), constant_values=absent)
 
 
 def score(
@@ -52,34 +75,44 @@ def score(
 ) -> dict[str, float | str]:
     """All metrics of one replicate; failures score inf (errors) or -inf (R2), never nothing.
 
-    bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise.
+    bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise. What the
+    candidate library lacks is missing from the model. NaN is what is undefined: every number
+    where the line itself diverges, the amplitude's error where it does not gallop.
     """
-    coefficients = result.model.coefficients
-    rows, step = truth.steady_rows, float(truth.time[1] - truth.time[0])
     row: dict[str, float | str] = {"status": motion.status, "verdict": result.verdict}
-    for order, error in mean_error_by_order(truth.model, coefficients, EQUATIONS).items():
+    coefficients = _on_terms_of(truth, result.model.coefficients, absent=0.0)
+    standard_errors = _on_terms_of(truth, result.standard_errors, absent=np.nan)
+    if result.status == "refused":
+        coefficients = np.full_like(coefficients, np.nan)
+    for order, error in mean_error_by_order(truth.model, coefficients, UNKNOWN).items():
         row[f"mean_error_{order}_percent"] = 100 * error
     row["e2"] = relative_norm_error(truth.model, coefficients)
     row |= support_scores(truth.model, coefficients)
-    row["efficiency"] = efficiency(truth.model, coefficients, bound, EQUATIONS)
-    row |= coverage(truth.model, coefficients, result.standard_errors, EQUATIONS)
-    whole = r_squared(truth.states, motion.states)
-    steady = r_squared(truth.states[rows], motion.states[rows])
-    amplitude = _relative(steady_amplitude, truth.states[rows], motion.states[rows])
-    frequency = _relative(
-        lambda states: steady_frequency(states, step), truth.states[rows], motion.states[rows]
+    row["efficiency"] = efficiency(truth.model, coefficients, bound, UNKNOWN)
+    row |= coverage(truth.model, coefficients, standard_errors, UNKNOWN)
+    columns = list(DISPLACEMENTS.values())
+    true, moved, steady_moved = (
+        states[:, columns]
+        for states in (truth.states, motion.states, motion.states[truth.steady_rows])
     )
-    for name, k in DISPLACEMENTS.items():
+    whole = r_squared(true, moved)
+    steady = r_squared(true[truth.steady_rows], steady_moved)
+    amplitude = _relative(steady_amplitude, truth.amplitude, steady_moved)
+    frequency = _relative(
+        lambda states: steady_frequency(states, truth.step), truth.frequency, steady_moved
+    )
+    for k, name in enumerate(DISPLACEMENTS):
         row[f"r2_{name}"] = whole[k]
         row[f"r2_steady_{name}"] = steady[k]
         row[f"amplitude_error_{name}_percent"] = 100 * amplitude[k]
         row[f"frequency_error_{name}_percent"] = 100 * frequency[k]
+    if truth.status != "ok":
+        row |= {name: np.nan for name in row if name not in ("status", "verdict")}
     return row
 
 
-def _relative(measure, true: np.ndarray, model: np.ndarray) -> np.ndarray:
+def _relative(measure, expected: np.ndarray, model: np.ndarray) -> np.ndarray:
     """Relative error of a steady quantity, inf where the motion ended early."""
     if not np.all(np.isfinite(model)):
-        return np.full(true.shape[1], np.inf)
-    expected = measure(true)
+        return np.where(np.isnan(expected), np.nan, np.inf)
     return np.abs(measure(model) - expected) / np.abs(expected)

@@ -12,17 +12,32 @@ from matplotlib.lines import Line2D
 
 from galloping.figures import panels
 from galloping.figures.style import DOUBLE, method_style, spoken
+from galloping.identification.model import IdentifiedModel
+from galloping.physics.derived import Derived
+from galloping.physics.equations import STATES
+from galloping.polynomial import library
+from galloping.tables.coefficients import identified_terms
 
 LOOKS = (("#11115a", "o"), ("#1f78b4", "s"), ("#e69f00", "D"), ("#2fa86a", "P"), ("#8a1c3b", "X"))
 WIDEST = (-0.5, 2.5)  # of identified / true
 
 
-def draw_coefficients(tables: Sequence[pd.DataFrame], settings: Mapping) -> Figure:
-    """Identified over true coefficient of each equation, and how often each term was found.
+def draw_coefficients(
+    model: Derived,
+    identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
+    settings: Mapping,
+) -> Figure:
+    """IdentifiedModel over true coefficient of each equation, and how often each term was found.
 
-    tables: `identified_terms` of each level. settings: case, protocol, method, levels.
+    model: of the line. identified: replicates by cell and method. settings: case, protocol, method;
+    levels by cell; degree of the library.
     """
-    levels = settings["levels"]
+    levels = list(settings["levels"].values())
+    terms = library(len(STATES), settings["degree"])
+    tables = [
+        identified_terms(model.model, identified[cell][settings["method"]], terms)
+        for cell in settings["levels"]
+    ]
     figure = Figure(figsize=(DOUBLE, 3.9), layout="constrained")
     if not levels:
         panels.nothing(figure.subplots(), "this study has no noise level above zero")

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import panels
-from galloping.figures.style import BOUND, DOUBLE
+from galloping.figures.style import DOUBLE
+from galloping.study.kinds import BOUND
 
 LOWEST, HIGHEST = 0.5, 1e4  # of rms error / bound
 SPREAD = 0.09  # decades, within which methods are moved apart
@@ -85,7 +86,7 @@ def _panel(
     for method in methods:
         line = table[table["method"] == method].sort_values(["recordings", "level"])
         cells = zip(line["recordings"], line["level"], strict=True)
-        values = line["efficiency"].fillna(np.inf)  # no model at all is no better than a failure
+        values = line["efficiency"]  # undefined, and not drawn, where the bound is
         panels.series(
             axes,
             [places[cell] * 10 ** shift[method] for cell in cells],

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from galloping.physics.equations import STATES
 from galloping.figures.sketch import INK, arrow
 from galloping.figures.style import DOUBLE, PAPER, method_style
+from galloping.physics.equations import STATES
 
 # the drawing's unit is the inch
 HEIGHT = 3.0

@@ -10,39 +10,44 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from galloping.evaluation.reconstruction import Reconstruction
 from galloping.figures import panels
 from galloping.figures.style import BAND, DOUBLE, MODEL, STATES, TRUE, method_style, spoken
+from galloping.measurement.motion import Motion
 
 HEADROOM = 1.5  # of the true motion: what goes beyond is cut
 
 
 def draw_histories(
-    true: Mapping[str, np.ndarray],
-    motions: Sequence[Mapping[str, np.ndarray]],
+    trajectory: Sequence[Motion],
+    reconstructions: Mapping[str, Mapping[str, Reconstruction]],
     settings: Mapping,
 ) -> Figure:
     """Two rows, q_v and q_w, for each cell of the study; a column for each protocol and method.
 
-    true: time (n,) s and states (n, n_states). motions: for each cell of each column in turn,
-    time (m,), representative, low and high (m, n_states), NaN where a motion ended early.
-    settings: case; columns, each with protocol and method; labels of the cells; window in s, of
-    which as many columns as there are show only the last part.
+    trajectory: the true motions, of which the first counts. reconstructions: by cell and method.
+    settings: case; columns, each with protocol, method and the labels of its cells; window in s,
+    of which as many columns as there are show only the last part.
     """
-    labels, columns, window = settings["labels"], settings["columns"], settings["window"]
+    true, columns, window = trajectory[0], settings["columns"], settings["window"]
+    labels = list(columns[0]["cells"].values())
     figure = Figure(figsize=(DOUBLE, 0.8 + 0.95 * max(2, 2 * len(labels))), layout="constrained")
+    if true.status != "ok":
+        panels.nothing(figure.subplots(), f"nothing to show: the line itself {true.status}")
+        return figure
     if not labels:
         panels.nothing(figure.subplots(), "nothing to show: this study has no such recordings")
         return figure
     window = (window[1] - (window[1] - window[0]) / len(columns), window[1])
     grid = figure.subplots(2 * len(labels), len(columns), sharex=True, sharey="row", squeeze=False)
-    cells = [(column, k) for column in range(len(columns)) for k in range(len(labels))]
-    for (column, k), motion in zip(cells, motions, strict=True):
-        for j, state in enumerate(STATES):
-            _history(grid[2 * k + j, column], true, motion, j, window)
-            grid[2 * k + j, 0].set_ylabel(f"{STATES[state]}, m")
-        cell = columns[column]
-        text = f"{labels[k]}, {cell['protocol']}, {method_style(cell['method']).label}"
-        panels.letter(grid[2 * k, column], k * len(columns) + column, text)
+    for column, shown in enumerate(columns):
+        for k, (cell, label) in enumerate(shown["cells"].items()):
+            motion = reconstructions[cell][shown["method"]]
+            for j, state in enumerate(STATES):
+                _history(grid[2 * k + j, column], true, motion, j, window)
+                grid[2 * k + j, 0].set_ylabel(f"{STATES[state]}, m")
+            text = f"{label}, {shown['protocol']}, {method_style(shown['method']).label}"
+            panels.letter(grid[2 * k, column], k * len(columns) + column, text)
     for axes in grid[-1]:
         axes.set_xlabel("time, s")
     figure.align_ylabels(grid[:, 0])
@@ -61,18 +66,18 @@ def draw_histories(
 
 def _history(
     axes: Axes,
-    true: Mapping[str, np.ndarray],
-    motion: Mapping[str, np.ndarray],
+    true: Motion,
+    motion: Reconstruction,
     column: int,
     window: Sequence[float],
 ) -> None:
-    inside = (true["time"] >= window[0]) & (true["time"] <= window[1])
-    states = true["states"][inside, column]
-    shown = (motion["time"] >= window[0]) & (motion["time"] <= window[1])
-    time, middle = motion["time"][shown], motion["representative"][shown, column]
-    low, high = motion["low"][shown, column], motion["high"][shown, column]
+    inside = (true.time >= window[0]) & (true.time <= window[1])
+    states = true.states[inside, column]
+    shown = (motion.time >= window[0]) & (motion.time <= window[1])
+    time, middle = motion.time[shown], motion.representative[shown, column]
+    low, high = motion.low[shown, column], motion.high[shown, column]
     axes.fill_between(time, low, high, color=BAND, lw=0)
-    axes.plot(true["time"][inside], states, color=TRUE, lw=1.8)
+    axes.plot(true.time[inside], states, color=TRUE, lw=1.8)
     axes.plot(time, middle, color=MODEL, lw=0.8, ls="--")
     centre, half = (states.max() + states.min()) / 2, np.ptp(states) / 2
     axes.set(xlim=window, ylim=(centre - HEADROOM * half, centre + HEADROOM * half))

@@ -11,13 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from galloping.physics.equations import EQUATIONS, STATES, TERMS
-from galloping.bounds.cell import IDENTIFIABLE
+from galloping.bounds.identifiable import IDENTIFIABLE
 from galloping.figures import panels
 from galloping.figures.style import DOUBLE, spoken
+from galloping.measurement.protocols import BY_NAME as PROTOCOLS
+from galloping.measurement.protocols import Protocol
+from galloping.physics.equations import EQUATIONS, STATES, TERMS
 from galloping.polynomial import term_name
 
-LOOKS = (("#11115a", "o"), ("#e69f00", "D"), ("#2fa86a", "s"))  # of the protocols, in order
 LEAST = 1e3  # times below the limit: what is less stands at the edge
 SYMBOLS = {  # of the paper, by equation and term
     (EQUATIONS[row], term_name(exponents, STATES)): symbol
@@ -51,7 +52,7 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
         for j, protocol in enumerate(settings["protocols"]):
             dodge = 0.26 * (j - (len(settings["protocols"]) - 1) / 2)
             chosen = of_case[of_case["protocol"] == protocol]
-            _terms(axes, chosen, terms, settings["level"], LOOKS[j % len(LOOKS)], dodge)
+            _terms(axes, chosen, terms, settings["level"], PROTOCOLS[protocol], dodge)
     figure.legend(
         handles=_handles(settings["protocols"], whole, settings["level"], joint),
         loc="outside upper center",
@@ -84,9 +85,9 @@ def _typeset(equation: str, term: str) -> str:
 
 def _terms(
     axes: Axes, table: pd.DataFrame, terms: list[tuple[str, str]], level: float,
-    look: tuple[str, str], dodge: float,
+    protocol: Protocol, dodge: float,
 ) -> None:  # fmt: skip
-    color, marker = look
+    color, marker = protocol.color, protocol.marker
     for (equation, term, recordings), cells in table.groupby(["equation", "term", "recordings"]):
         y = terms.index((equation, term)) + dodge
         left = axes.get_xlim()[0]
@@ -104,8 +105,15 @@ def _handles(protocols: list[str], table: pd.DataFrame, level: float, joint: boo
     levels = np.array(sorted(set(table["level"])))
     nearest = levels[np.argmin(np.abs(levels - level))]
     handles = [
-        Line2D([], [], ls="", color=color, marker=marker, label=f"{protocol}, noise {nearest:g}")
-        for protocol, (color, marker) in zip(protocols, LOOKS, strict=False)
+        Line2D(
+            [],
+            [],
+            ls="",
+            color=protocol.color,
+            marker=protocol.marker,
+            label=f"{protocol.label}, noise {nearest:g}",
+        )
+        for protocol in map(PROTOCOLS.get, protocols)
     ]
     if joint:
         handles.append(

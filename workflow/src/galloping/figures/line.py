@@ -12,6 +12,7 @@ from matplotlib.patches import Circle
 from galloping.figures import panels
 from galloping.figures.sketch import INK, arrow, bare, iced_conductor
 from galloping.figures.style import DOUBLE, MODEL, spoken
+from galloping.physics.derived import Derived
 from galloping.physics.line import MODES, Line, positions
 
 HEIGHT = 2.9
@@ -19,11 +20,12 @@ ELEVATION = (0.075, 0.15, 0.63, 0.76)  # of the figure: left, bottom, width, hei
 SECTION = (0.735, 0.1, 0.26, 0.82)
 
 
-def draw_line(case: Mapping, derived: Mapping, name: str) -> Figure:
+def draw_line(model: Derived, settings: Mapping) -> Figure:
     """Elevation with a stated exaggeration, and the bundle's cross-section (not to scale).
 
-    case: a `cases` section. derived: what follows from it (models/{case}.json). name: of the case.
+    model: what follows from the line. settings: case, its name; line, its parameters.
     """
+    case, derived, name = settings["line"], model.quantities, settings["case"]
     figure = Figure(figsize=(DOUBLE, HEIGHT))
     elevation = figure.add_axes(ELEVATION)
     section = figure.add_axes(SECTION)

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
-from galloping.physics import aerodynamics
 from galloping.figures import panels
 from galloping.figures.sketch import INK, arrow, bare, iced_conductor
 from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER
+from galloping.measurement.motion import Motion
+from galloping.physics import aerodynamics
 
 
-def draw_load(case: Mapping, velocity: np.ndarray) -> Figure:
+def draw_load(trajectory: Sequence[Motion], settings: Mapping) -> Figure:
     """Wind and forces on the section, and the force coefficients without their static parts.
 
-    case: a `cases` section. velocity: (n,) vertical modal velocity of the line's motion, m/s.
+    trajectory: the line's motions, of which the first counts. settings: line, its parameters.
     """
+    case, motion = settings["line"], trajectory[0]
+    velocity = motion.states[:, motion.names.index("dq_v")]
+    if motion.status != "ok":
+        velocity = np.zeros(1)  # of a line that diverges no angle is shown
     figure = Figure(figsize=(DOUBLE, 2.75), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1))
     _vectors(left.subplots())

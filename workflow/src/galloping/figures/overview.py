@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import panels, paper
-from galloping.figures.style import BOUND, OURS, PAPER, SINGLE, method_style
+from galloping.figures.style import PAPER, SINGLE, method_style
+from galloping.study.kinds import BOUND, NOISE, OURS
 from galloping.tables.summary import interval, of_kind
 
 PAPERS_METHOD = "stlsq_raw"
@@ -18,31 +19,31 @@ PYSINDY = ("stlsq", "stlsq_raw", "lasso", "ensemble", "weak")
 ORDERS = ("linear", "quadratic", "cubic")
 
 
-def draw_overview(scores: pd.DataFrame, settings: Mapping) -> Figure:
+def draw_overview(table: pd.DataFrame, settings: Mapping) -> Figure:
     """Mean coefficient error over the orders against noise: the paper's method, the best of
     pysindy, ours, and the bound; those that the study has.
 
-    scores: scores.csv. settings: case and protocol to show.
+    table: scores.csv. settings: case and protocol to show.
     """
     case, protocol = settings["case"], settings["protocol"]
     figure = Figure(figsize=(SINGLE, 3.3), layout="constrained")
     axes = figure.subplots()
-    table = _errors(scores, case, protocol)
-    if table.empty:
+    errors = _errors(table, case, protocol)
+    if errors.empty:
         panels.nothing(axes, "this study has no noisy recordings to show")
         return figure
-    places = panels.LogAxis.of(table["level"])
+    places = panels.LogAxis.of(errors["level"])
     places.prepare(axes, "noise level")
     axes.set_yscale("log")
-    shown = _shown(table)
+    shown = _shown(errors)
     claims = _claims(case, places)
-    limits = _limits(table[table["method"].isin(shown)], [c.paper_value for c in claims.values()])
+    limits = _limits(errors[errors["method"].isin(shown)], [c.paper_value for c in claims.values()])
     axes.yaxis.set_major_formatter("{x:g}")
     axes.set(ylim=limits, ylabel="mean error of the coefficients, %")
-    _beyond(axes, table, places, limits)
+    _beyond(axes, errors, places, limits)
     shift = panels.shifts(list(shown), 0.03)
     for method in shown:
-        line = table[table["method"] == method]
+        line = errors[errors["method"] == method]
         x = [places.position(level, shift[method]) for level in line["level"]]
         panels.series(axes, x, line["median"], line["low"], line["high"], method, limits)
     for order, claim in claims.items():
@@ -71,7 +72,7 @@ def best_of_pysindy(table: pd.DataFrame) -> str | None:
 
 def _errors(scores: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
     """method, level, median, low, high over replicates, at the levels above zero."""
-    cells = of_kind(scores, "noise")
+    cells = of_kind(scores, NOISE)
     cells = cells[(cells["case"] == case) & (cells["protocol"] == protocol) & (cells["level"] > 0)]
     columns = [name for order in ORDERS if (name := f"mean_error_{order}_percent") in cells]
     return pd.DataFrame(

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from galloping.evaluation.reconstruction import Reconstruction
 from galloping.figures import panels
 from galloping.figures.style import (
     DIRECTIONS,
@@ -19,30 +20,31 @@ from galloping.figures.style import (
     scientific,
     spoken,
 )
+from galloping.measurement.motion import Motion
 
 LAST = 30.0  # s at the end of the record, where single periods can be seen
 
 
 def draw_recovery(
-    true: Sequence[Mapping[str, np.ndarray]],
-    motions: Sequence[Mapping[str, np.ndarray]],
+    trajectories: Mapping[str, Sequence[Motion]],
+    reconstructions: Mapping[str, Mapping[str, Reconstruction]],
     settings: Mapping,
 ) -> Figure:
     """Whole record, its last seconds, and their phase portrait; two rows for each case.
 
-    true: for each case time (n,) s and states (n, 4). motions: for each case time (m,) and
-    representative (m, 4) of the cell at the lowest level. settings: cases, protocol, method
-    and level.
+    trajectories: motions by case, of which the first counts. reconstructions: by case and method,
+    of the cell at the lowest level. settings: cases, protocol, method and level.
     """
     cases = settings["cases"]
     figure = Figure(figsize=(DOUBLE, 0.6 + 2.9 * len(cases)), layout="constrained")
     grid = figure.subplots(2 * len(cases), 3, squeeze=False, width_ratios=(2, 2, 1.25))
     for k, case in enumerate(cases):
+        true, motion = trajectories[case][0], reconstructions[case][settings["method"]]
         for j, state in enumerate(STATES):
             row = grid[2 * k + j]
-            _row(row, true[k], motions[k], j)
+            _row(row, true, motion, j)
             panels.letter(row[0], 3 * (2 * k + j), f"{spoken(case)}, {DIRECTIONS[state]}")
-            panels.letter(row[1], 3 * (2 * k + j) + 1, _distance(true[k], motions[k], j))
+            panels.letter(row[1], 3 * (2 * k + j) + 1, _distance(true, motion, j))
             panels.letter(row[2], 3 * (2 * k + j) + 2, "phase portrait")
             row[0].set_ylabel(f"{STATES[state]}, m")
             row[2].set(xlabel=f"{STATES[state]}, m", ylabel=rf"$\dot{{q}}_{state[-1]}$, m/s")
@@ -63,15 +65,15 @@ def draw_recovery(
     return figure
 
 
-def _row(row, true: Mapping, motion: Mapping, column: int) -> None:
-    end = true["time"][-1]
-    last = (max(true["time"][0], end - LAST), end)
-    spans = ((true["time"][0], end), last, last)
+def _row(row, true: Motion, motion: Reconstruction, column: int) -> None:
+    end = true.time[-1]
+    last = (max(true.time[0], end - LAST), end)
+    spans = ((true.time[0], end), last, last)
     for axes, span in zip(row, spans, strict=True):
         whole = axes is row[0]
         for time, states, look in (
-            (true["time"], true["states"], {"color": TRUE, "lw": 1.2 if whole else 2.0}),
-            (motion["time"], motion["representative"],
+            (true.time, true.states, {"color": TRUE, "lw": 1.2 if whole else 2.0}),
+            (motion.time, motion.representative,
              {"color": MODEL, "lw": 0.4 if whole else 0.8, "ls": "-" if whole else "--"}),
         ):  # fmt: skip
             inside = (time >= span[0]) & (time <= span[1])
@@ -82,10 +84,10 @@ def _row(row, true: Mapping, motion: Mapping, column: int) -> None:
             axes.set_xlim(*span)
 
 
-def _distance(true: Mapping, motion: Mapping, column: int) -> str:
+def _distance(true: Motion, motion: Reconstruction, column: int) -> str:
     """How far apart the two motions are at most, at the times of the thinned one."""
-    expected = np.interp(motion["time"], true["time"], true["states"][:, column])
-    largest = np.max(np.abs(motion["representative"][:, column] - expected))
+    expected = np.interp(motion.time, true.time, true.states[:, column])
+    largest = np.max(np.abs(motion.representative[:, column] - expected))
     if not np.isfinite(largest):
         return "motion ended early"
     return f"largest difference {scientific(largest)} m"

@@ -9,6 +9,8 @@ from hashlib import sha256
 
 import matplotlib.style
 
+from galloping.study.kinds import BOUND
+
 SINGLE, DOUBLE = 3.5, 7.2  # inches: one and two columns of a paper
 
 TRUE = "#9a9a9a"  # the true motion: a broad grey line under the reconstructed one
@@ -42,9 +44,8 @@ KNOWN = {
     "weak": MethodStyle("weak form", "#8a1c3b", "X", (0, (5, 1, 1, 1, 1, 1))),
     "weak_gls": MethodStyle("weak form, GLS", "#7b3fbf", "d", (0, (7, 2)), 1.3),
     "maximum_likelihood": MethodStyle("maximum likelihood", "#e6007e", "p", "-", 1.5),
-    "bound": MethodStyle("Cramér-Rao bound", "#000000", "", (0, (3, 1.5)), 1.1),
+    BOUND: MethodStyle("Cramér-Rao bound", "#000000", "", (0, (3, 1.5)), 1.1),
 }
-OURS, BOUND = "maximum_likelihood", "bound"
 # For methods without a place of their own above: picked by the name alone. No triangles and no
 # star, which stand for values beyond the axis and for the paper.
 _COLORS = ("#5f5f5f", "#a6611a", "#17a2a8")

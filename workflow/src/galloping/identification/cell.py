@@ -1,47 +1,50 @@
-"""All replicates of one cell through one method; a fit that fails is a row with its reason."""
+"""A cell's replicates through a family of methods; a fit that fails is a row with its reason."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from importlib import import_module
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache, partial
 
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel
+from galloping.importing import imported
 from galloping.polynomial import Exponents
+from galloping.recording import Recording
 from galloping.seeds import generator
 
 
-def imported(path: str) -> Callable:
-    """The function `module:function`, imported only now: see `registry`."""
-    module, _, function = path.partition(":")
-    return getattr(import_module(module), function)
-
-
 def identify(
-    fit: Callable[..., IdentifiedModel],
-    evidence: Sequence,
-    *,
-    options: Mapping,
-    seed: int | None,
-    name: Sequence[str],
-    states: tuple[str, ...],
+    methods: Mapping[str, Mapping],
+    replicates: Iterable[Sequence[Recording]],
     terms: tuple[Exponents, ...],
-) -> list[IdentifiedModel]:
-    """Identify a model from each replicate.
+    name: Sequence[str],
+) -> dict[str, list[IdentifiedModel]]:
+    """Identify models from each replicate, by method.
 
-    evidence: what `fit` takes, one item a replicate. options: further keywords of `fit`. seed: of
-    its random numbers, the keyword `rng`, or None if it draws none. name: of what is identified,
-    the method last. states, terms: of the models.
+    methods: `Method.settings` by name. replicates: the recordings of each, which share one model.
+    terms: of the candidate library. name: of the cell, for random numbers. Methods that work on
+    the same evidence share it.
     """
-    results = []
-    for replicate, item in enumerate(evidence):
-        rng = {}
-        if seed is not None:
-            rng["rng"] = generator(seed, "identification", *name, replicate)
-        try:
-            results.append(fit(item, **options, **rng))
-        except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-            reason = f"{name[-1]}: {str(error).splitlines()[0]}"
-            results.append(IdentifiedModel.refused(states, terms, reason))
-    return results
+    models: dict[str, list[IdentifiedModel]] = {method: [] for method in methods}
+    for replicate, recordings in enumerate(replicates):
+        evidence = cache(partial(_evidence, recordings, terms))
+        for method, settings in methods.items():
+            options = dict(settings["options"])
+            if settings["seed"] is not None:
+                named = ("identification", *name, method, replicate)
+                options["rng"] = generator(settings["seed"], *named)
+            try:
+                model = imported(settings["function"])(evidence(settings["evidence"]), **options)
+            except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+                reason = f"{method}: {str(error).splitlines()[0]}"
+                model = IdentifiedModel.refused(recordings[0].states, terms, reason)
+            models[method].append(model)
+    return models
+
+
+def _evidence(
+    recordings: Sequence[Recording], terms: tuple[Exponents, ...], maker: str | None
+) -> object:
+    """What methods work on: see `registry.Method`."""
+    return imported(maker)(recordings, terms) if maker else recordings

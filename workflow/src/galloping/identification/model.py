@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from math import floor, log10
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from galloping.polynomial import Exponents, PolynomialModel
-from galloping.storage import read_json, write_arrays, write_json
+from galloping.storage import read_json, write_json
 
 if TYPE_CHECKING:
     from galloping.simulation import Trajectory
@@ -182,41 +181,3 @@ def _plain(values: np.ndarray | float) -> object:
 
 def _array(lists: object) -> np.ndarray:
     return np.array(lists, dtype=float)
-
-
-def write(path: str | os.PathLike, results: Sequence[IdentifiedModel]) -> None:
-    """Replicates of one cell as one .npz; what belongs to single recordings is left out."""
-    model = results[0].model
-    write_arrays(
-        path,
-        states=np.array(model.states),
-        terms=np.array(model.terms),
-        coefficients=np.stack([r.model.coefficients for r in results]),
-        **{k: np.stack([getattr(r, k) for r in results]) for k in (*BY_TERM, "thresholds")},
-        chi2=np.array([r.chi2 for r in results]),
-        known=np.stack([np.isin(np.arange(len(model.states)), r.known) for r in results]),
-        status=np.array([r.status for r in results]),
-        reason=np.array([r.reason for r in results]),
-    )
-
-
-def read(path: str | os.PathLike) -> list[IdentifiedModel]:
-    """What `write` wrote."""
-    with np.load(path) as file:
-        columns = {name: file[name] for name in file.files}
-    states = tuple(columns.pop("states").tolist())
-    terms = tuple(map(tuple, columns.pop("terms").tolist()))
-    return [_replicate(states, terms, columns, k) for k in range(len(columns["status"]))]
-
-
-def _replicate(
-    states: tuple[str, ...], terms: Iterable, columns: dict[str, np.ndarray], k: int
-) -> IdentifiedModel:
-    return IdentifiedModel(
-        model=PolynomialModel(states, terms, columns["coefficients"][k]),
-        status=str(columns["status"][k]),
-        reason=str(columns["reason"][k]),
-        chi2=float(columns["chi2"][k]),
-        known=tuple(np.flatnonzero(columns["known"][k]).tolist()),
-        **{name: columns[name][k] for name in (*BY_TERM, "thresholds")},
-    )

@@ -5,44 +5,54 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-PROTOCOLS = ("derivative", "state", "displacement")
-ALL_STATES = ("derivative", "state")
-# Who reads each kind of evidence from its file, as `module:function`.
-READERS = {
-    "reduced": "galloping.identification.sparse.reduction:read",
-    "recordings": "galloping.recording:read_replicates",
-}
+from galloping.measurement import protocols
+from galloping.measurement.protocols import DISPLACEMENTS, RATES, STATES, Protocol
+
+PROTOCOLS = tuple(protocol.name for protocol in protocols.PROTOCOLS)
+REGRESSION = "galloping.identification.sparse.reduction:reduce"
+START = "galloping.identification.likelihood.methods:start"
 
 
 @dataclass(frozen=True)
 class Method:
     """One way from a recording to a sparse model.
 
-    function: `module:function`, imported only by the job that runs it. It takes one piece of
-    evidence and the keywords `options`, and returns an `IdentifiedModel`.
-    evidence: `reduced` (a Regression) or `recordings` (those of one replicate, which share one
-    model).
-    options: keys of the `identification` settings, `threshold` (its own, or
-    None), `rng` (of the replicate) and `seed` (of the study).
-    protocols: the measurement protocols whose recordings it can use.
+    family: the methods that share a job: imports, recordings, and evidence where it is the same.
+    evidence: `module:function` of what it works on, made of the recordings of one replicate, which
+    share one model, and the terms of the library; None for the recordings themselves.
+    function: `module:function`, imported only by the job that runs it. It takes the evidence of a
+    replicate and the keywords `options`, and returns an `IdentifiedModel`.
+    options: keys of the `identification` settings, `threshold` (its own, or None), `rng` (of the
+    replicate) and `seed` (of the study).
+    takes: what a protocol may measure: RATES, STATES, DISPLACEMENTS.
     needs_uniform: whether the samples must be equally spaced, which random subsets are not.
     """
 
     name: str
+    family: str
+    evidence: str | None
     function: str
-    evidence: str
     options: tuple[str, ...]
-    protocols: tuple[str, ...]
+    takes: tuple[str, ...]
     needs_uniform: bool
     summary: str
 
     @property
-    def reader(self) -> str:
-        """Who reads the evidence."""
-        return READERS[self.evidence]
+    def protocols(self) -> tuple[str, ...]:
+        """Names of the protocols whose recordings it can use."""
+        return tuple(each.name for each in protocols.PROTOCOLS if each.measures in self.takes)
+
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """What a job imports by name to run it."""
+        return tuple(filter(None, (self.evidence, self.function)))
+
+    def can_use(self, protocol: Protocol, uniform: bool) -> bool:
+        """Whether it can use recordings by a protocol, of equally spaced samples or not."""
+        return protocol.measures in self.takes and (uniform or not self.needs_uniform)
 
     def settings(self, identification: Mapping, seed: int) -> dict:
-        """What a job reads of the study's settings: editing those of another method changes none.
+        """What a job reads of the study's settings: editing those of another family changes none.
 
         identification: that section. seed: of the study. The options without `rng`, which the job
         makes from `seed` and the name of each replicate; no seed where the method draws nothing.
@@ -53,10 +63,9 @@ class Method:
             "seed": seed,
         }
         return {
-            "reader": self.reader,
+            "evidence": self.evidence,
             "function": self.function,
             "options": {key: available[key] for key in self.options if key != "rng"},
-            "degree": identification["degree"],
             "seed": seed if "rng" in self.options else None,
         }
 
@@ -64,64 +73,71 @@ class Method:
 METHODS = (
     Method(
         name="stlsq",
+        family="sparse",
+        evidence=REGRESSION,
         function="galloping.identification.sparse.stlsq:normalised",
-        evidence="reduced",
         options=("threshold", "path_length"),
-        protocols=ALL_STATES,
+        takes=(RATES, STATES),
         needs_uniform=False,
         summary="sequentially thresholded least squares on normalised columns",
     ),
     Method(
         name="stlsq_raw",
+        family="sparse",
+        evidence=REGRESSION,
         function="galloping.identification.sparse.stlsq:raw",
-        evidence="reduced",
         options=("threshold", "path_length"),
-        protocols=ALL_STATES,
+        takes=(RATES, STATES),
         needs_uniform=False,
         summary="the same on columns as they are, as the paper most likely did",
     ),
     Method(
         name="lasso",
+        family="sparse",
+        evidence=REGRESSION,
         function="galloping.identification.sparse.lasso:lasso",
-        evidence="reduced",
         options=("threshold",),
-        protocols=ALL_STATES,
+        takes=(RATES, STATES),
         needs_uniform=False,
         summary="least squares with an l1 penalty",
     ),
     Method(
         name="ensemble",
+        family="sparse",
+        evidence=REGRESSION,
         function="galloping.identification.sparse.ensemble:ensemble",
-        evidence="reduced",
         options=("threshold", "path_length", "ensemble_models", "rng"),
-        protocols=ALL_STATES,
+        takes=(RATES, STATES),
         needs_uniform=False,
         summary="median of thresholded fits to bootstrap samples of the recording",
     ),
     Method(
         name="weak",
+        family="sparse",
+        evidence=None,
         function="galloping.identification.sparse.weak:weak",
-        evidence="recordings",
         options=("degree", "threshold", "path_length", "weak", "seed"),
-        protocols=("state",),
+        takes=(STATES,),
         needs_uniform=True,
         summary="weak form: integrals against test functions in place of derivatives",
     ),
     Method(
         name="weak_gls",
+        family="likelihood",
+        evidence=START,
         function="galloping.identification.likelihood.methods:weak_gls",
-        evidence="recordings",
-        options=("degree",),
-        protocols=("state", "displacement"),
+        options=(),
+        takes=(STATES, DISPLACEMENTS),
         needs_uniform=False,
         summary="weak form by generalised least squares, with the kinematic identity as rows",
     ),
     Method(
         name="maximum_likelihood",
+        family="likelihood",
+        evidence=START,
         function="galloping.identification.likelihood.methods:maximum_likelihood",
-        evidence="recordings",
-        options=("degree",),
-        protocols=PROTOCOLS,
+        options=(),
+        takes=(RATES, STATES, DISPLACEMENTS),
         needs_uniform=False,
         summary="multiple shooting with selection: the Cramer-Rao bound",
     ),

@@ -8,6 +8,8 @@ from math import sqrt
 import numpy as np
 
 from galloping.physics import aerodynamics
+from galloping.physics.derived import Derived
+from galloping.physics.equations import model
 from galloping.physics.line import MODES, Line, Mode, integrate, irvine_root, sine_mode
 
 
@@ -82,11 +84,12 @@ def coefficients(case: Mapping) -> dict[str, float]:
     }
 
 
-def derive(case: Mapping) -> dict:
-    """All that follows from a case without simulating it, as plain numbers with their symbols."""
+def derive(case: Mapping) -> Derived:
+    """All that follows from a case without simulating it."""
     line = Line.from_case(case)
     omega_v, omega_w, m_v, m_w = frequencies(line, *modes(case, line))
-    return {
+    values = coefficients(case)
+    quantities = {
         "sag_m": line.sag,
         "irvine_parameter": line.irvine_parameter,
         "irvine_root_over_pi": irvine_root(line.irvine_parameter) / np.pi,
@@ -94,5 +97,5 @@ def derive(case: Mapping) -> dict:
         "omega_w_rad_s": omega_w,
         "modal_mass_v_kg": m_v,
         "modal_mass_w_kg": m_w,
-        "coefficients": coefficients(case),
     }
+    return Derived(model(values), values, quantities)

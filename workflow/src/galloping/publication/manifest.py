@@ -2,52 +2,35 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from galloping.publication.archive import files_of
 from galloping.reproducibility.receipts import digest
 from galloping.storage import write_text
 
 MANIFEST = "manifest.sha256"
-LINE = re.compile(r"([0-9a-f]{64})  (.+)")
 
 
 def write_manifest(folder: Path) -> None:
     """Write the manifest of all files below `folder` into it."""
-    lines = [f"{digest(folder / path)}  {path}\n" for path in _paths(folder)]
-    write_text(folder / MANIFEST, "".join(lines))
+    paths = [path for path in files_of(folder) if path != MANIFEST]
+    write_text(folder / MANIFEST, "".join(f"{digest(folder / p)}  {p}\n" for p in paths))
 
 
-def faults(folder: Path) -> Iterator[str]:
+def manifest_faults(folder: Path) -> Iterator[str]:
     """One line for every file that is missing, new or not as its manifest says."""
     try:
         lines = (folder / MANIFEST).read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError:
-        yield f"{MANIFEST}: missing"
+    except (OSError, UnicodeDecodeError):
+        yield f"{MANIFEST}: missing, or not text"
         return
-    except UnicodeDecodeError:
-        yield f"{MANIFEST}: not text"
-        return
-    listed: dict[str, str] = {}
-    for number, line in enumerate(lines, start=1):
-        if not (parsed := LINE.fullmatch(line)):
-            yield f"{MANIFEST}: line {number} is not a digest and a path"
-        elif parsed[2] in listed:
-            yield f"{MANIFEST}: line {number} names {parsed[2]} again"
-        else:
-            listed[parsed[2]] = parsed[1]
-    present = _paths(folder)
-    for path in sorted(listed.keys() | set(present)):
+    listed = {path: sha256 for sha256, _, path in (line.partition("  ") for line in lines)}
+    present = set(files_of(folder)) - {MANIFEST}
+    for path in sorted(listed.keys() | present):
         if path not in listed:
             yield f"{path}: not in the manifest"
         elif path not in present:
             yield f"{path}: missing"
         elif digest(folder / path) != listed[path]:
             yield f"{path}: changed"
-
-
-def _paths(folder: Path) -> list[str]:
-    """All files but the manifest, sorted, relative to `folder`."""
-    found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    return sorted(path for path in found if path != MANIFEST)

@@ -1,4 +1,5 @@
-"""Puts published results in place, as if their jobs had run here; whole or not at all."""
+"""A publication of others: whether it is whole and agrees with a study here, and its results put in
+place. Read without trust in who made it."""
 
 from __future__ import annotations
 
@@ -6,14 +7,19 @@ import os
 import tempfile
 import time
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from galloping.publication.archive import unpack
-from galloping.publication.crate import REPORT
-from galloping.publication.unpacked import published_receipts, settings
-from galloping.publication.verification import faults
+import pandas as pd
+from pydantic import TypeAdapter, ValidationError
+
+from galloping.configuration.load import ConfigurationError, load, plain, read
+from galloping.publication.archive import files_of, is_plain, unpack
+from galloping.publication.crate import CONFIGURATION
+from galloping.publication.manifest import manifest_faults
+from galloping.publication.publishing import RECEIPTS
+from galloping.reproducibility.audit import audit
+from galloping.reproducibility.comparison import compare_tables, describe
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import (
     Receipt,
@@ -24,48 +30,149 @@ from galloping.reproducibility.receipts import (
     write_receipt,
 )
 from galloping.reproducibility.recovery import adopt, set_aside
+from galloping.reproducibility.reference import flat
 from galloping.storage import partial_prefix
+
+SHOWN = 10  # differences of one table that are told one by one
+OF_REFERENCE = ("reference_summary", "reference_differences")  # about other numbers than the run's
+PLACES = ("results", "reference")  # settings on which no number depends
+RECEIPT_LIST = TypeAdapter(list[Receipt])
 
 
 class NotRestorable(ValueError):
-    """An archive that is not restored; one line a reason."""
+    """A publication that is not used; one line a reason."""
+
+
+def check_digest(archive: Path, expected: str) -> str:
+    """The SHA-256 of an archive. expected: what it has to be, or empty. Raises NotRestorable."""
+    present = digest(archive)
+    if expected and present != expected.lower():
+        raise NotRestorable(f"{archive}: SHA-256 {present}, not {expected}")
+    return present
+
+
+def settings(folder: Path) -> dict:
+    """The settings of an unpacked publication. Raises NotRestorable."""
+    try:
+        return plain(load(read(folder / CONFIGURATION)))
+    except ConfigurationError as error:
+        text = str(error).splitlines()[0].removeprefix(f"{folder}/")
+        raise NotRestorable(f"{CONFIGURATION}: {text}") from None
+
+
+def published_receipts(folder: Path) -> dict[str, Receipt]:
+    """The receipts of an unpacked publication by path; `kept` says which files are in it.
+
+    Raises NotRestorable, also for a receipt of a file or log outside the results folder.
+    """
+    results = settings(folder)["results"]
+    try:
+        made = RECEIPT_LIST.validate_json((folder / RECEIPTS).read_bytes(), strict=True)
+    except (OSError, ValidationError):
+        raise NotRestorable(f"{RECEIPTS}: missing, or not a list of receipts") from None
+    for receipt in made:
+        for path, base in ((receipt.path, results), (receipt.log, f"{results}/logs")):
+            if not (is_plain(path) and path.startswith(f"{base}/")):
+                raise NotRestorable(f"{RECEIPTS}: {path!r} is not a plain path in {base}")
+    return {r.path: replace(r, kept=(folder / r.path).is_file()) for r in made}
+
+
+def faults(folder: Path) -> Iterator[str]:
+    """One line for everything in an unpacked publication that contradicts its own records."""
+    found = list(manifest_faults(folder))
+    yield from found
+    if found:  # then receipts would say the same again
+        return
+    try:
+        made, study = published_receipts(folder), settings(folder)
+    except NotRestorable as error:
+        yield str(error)
+        return
+    apart = f"{study['reference']}/"
+    for name in files_of(folder):
+        if name.startswith(f"{study['results']}/") and not name.startswith(apart):
+            if name not in made:
+                yield f"{name}: without a receipt of how it was made"
+            elif digest(folder / name) != made[name].sha256:
+                yield f"{name}: not what its receipt says"
+
+
+def differences(folder: Path, results: str, only: Collection[str] | None = None) -> Iterator[str]:
+    """One line for each number or text in which the tables of a publication and a run differ.
+
+    results: the results folder of the run. only: of these files of it; by default all tables of
+    both. Tolerances: `reproducibility.comparison`.
+    """
+    published, here = tables(folder / settings(folder)["results"]), tables(Path(results))
+    for name in sorted(published.keys() | here.keys()):
+        if only is not None and f"{results}/{name}" not in only:
+            continue
+        if name not in here:
+            yield f"{name}: not in {results}"
+        elif name not in published:
+            yield f"{name}: not in the archive"
+        else:
+            yield from (f"{name}: {line}" for line in _differences(published[name], here[name]))
+
+
+def tables(results: Path) -> dict[str, Path]:
+    """The tables of a study that do not tell of other studies, by name."""
+    present = (results / "tables").glob("*.csv")
+    return {f"tables/{path.name}": path for path in present if path.stem not in OF_REFERENCE}
+
+
+def changed_settings(published: Mapping, present: Mapping) -> Iterator[str]:
+    """One line for each setting in which two studies differ, but where their files are."""
+    one, other = dict(flat(published)), dict(flat(present))
+    for key in dict.fromkeys([*one, *other]):
+        there, here = (found.get(key, "nothing") for found in (one, other))
+        if key not in PLACES and there != here:
+            yield f"{key}: {there} in the archive, {here} here"
 
 
 def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[str]:
     """Put the results of an archive where the plan wants them; says what was done.
 
-    No result is written before the archive is found whole. Afterwards Snakemake takes a file as
-    made if its receipt, and those of all that it was made from, are of the plan's jobs with the
-    plan's settings; others are set aside. replacing: set results aside that are not those of the
-    archive. Raises UnsafeArchive, NotAPublication and NotRestorable.
+    No result is written before the archive is found whole and in agreement with what was computed
+    here. Afterwards Snakemake takes a file as made if its receipt, and those of all that it was
+    made from, are of the plan's jobs with the plan's settings; others are set aside. replacing: set
+    results aside that are not those of the archive. Raises UnsafeArchive and NotRestorable.
     """
-    results = plan.settings["results"]
-    Path(results).mkdir(parents=True, exist_ok=True)
+    results = plan.results
     # on the file system of the results; `make repair` sweeps it if this process is killed
     with tempfile.TemporaryDirectory(prefix=partial_prefix(), dir=results) as temporary:
         folder = Path(temporary)
         unpack(archive, folder)
-        if found := list(faults(folder)):
-            raise NotRestorable("\n".join(found))
-        made = {receipt.path: receipt for receipt in published_receipts(folder)}
-        if (theirs := settings(folder)["results"]) != results:
-            raise NotRestorable(f"results: {theirs!r} in the archive, {results!r} here")
+        if lines := list(faults(folder)):
+            raise NotRestorable("\n".join(lines))
+        published = settings(folder)
+        if published["results"] != results:
+            raise NotRestorable(
+                f"results: {published['results']!r} in the archive, not {results!r}"
+            )
+        if not list(changed_settings(published, plan.settings)):
+            lines = list(differences(folder, results, only=audit(plan).sound))
+            if lines:
+                why = "the same study, computed here, has other numbers: see `make verify`"
+                raise NotRestorable("\n".join([*lines, why]))
+        made = published_receipts(folder)
         digests = {path: receipt.sha256 for path, receipt in made.items()}
-        if (report := folder / results / REPORT).exists():
-            digests[f"{results}/{REPORT}"] = digest(report)
         others = [path for path in _present(plan) if digests.get(path) != digest(path)]
         if others and not replacing:
             more = f" and {len(others) - 1} more" if others[1:] else ""
-            raise NotRestorable(
-                f"{others[0]}{more}: not as in the archive; REPLACE=yes sets what differs aside"
-            )
-        plan.begin(plan.jobs)
-        with ExitStack() as undoing:
-            for path in others:
-                _clear(results, path, undoing)
-            placed = _place(folder, digests, undoing)
-            _write_receipts(made, placed, undoing)
-            undoing.pop_all()
+            told = "not as in the archive; REPLACE=yes sets what differs aside"
+            raise NotRestorable(f"{others[0]}{more}: {told}")
+        for path in others:
+            set_aside(results, path)
+            receipt_path(path).unlink(missing_ok=True)
+        placed = [p for p in digests if (folder / p).exists() and not Path(p).exists()]
+        for path in placed:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            (folder / path).replace(path)
+        for path, receipt in made.items():
+            # one of a file that was here before, stays
+            if path in placed or not (Path(path).exists() and read_receipt(path)):
+                write_receipt(replace(receipt, kept=Path(path).exists()))
     now = time.time_ns()
     for path in _present(plan):
         os.utime(path, ns=(now, now))  # none is newer than what was made from it
@@ -76,41 +183,19 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
 
 
 def _present(plan: Plan) -> list[str]:
-    """The files of the study that are in place: planned, made, or its report."""
-    results = plan.settings["results"]
-    known = {path for job in plan.jobs for path in job.outputs}
-    known |= {receipt.path for receipt in receipts(results)} | {f"{results}/{REPORT}"}
+    """The files of the study that are in place: planned, or made."""
+    known = {*plan.maker, *receipts(plan.results)}
     return sorted(path for path in known if Path(path).exists())
 
 
-def _clear(results: str, path: str, undoing: ExitStack) -> None:
-    """Set a file aside and drop its receipt."""
-    if receipt := read_receipt(path):
-        receipt_path(path).unlink()
-        undoing.callback(write_receipt, receipt)
-    undoing.callback(set_aside(results, path).replace, path)
-
-
-def _place(folder: Path, digests: Mapping[str, str], undoing: ExitStack) -> list[str]:
-    """Move the files of the archive that are not here yet to their places; which."""
-    placed = [path for path in digests if (folder / path).exists() and not Path(path).exists()]
-    for path in placed:
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).replace(path)
-        undoing.callback(Path(path).unlink)
-    return placed
-
-
-def _write_receipts(
-    made: Mapping[str, Receipt], placed: Collection[str], undoing: ExitStack
-) -> None:
-    """Write the receipts of the archive, but of files that were here, with a receipt, before."""
-    for path, receipt in made.items():
-        present, earlier = Path(path).exists(), read_receipt(path)
-        if earlier and present and path not in placed:
-            continue
-        if earlier:
-            undoing.callback(write_receipt, earlier)
-        else:
-            undoing.callback(receipt_path(path).unlink, missing_ok=True)
-        write_receipt(replace(receipt, kept=present))
+def _differences(published: Path, here: Path) -> Iterator[str]:
+    try:
+        rows = compare_tables(
+            *(pd.read_csv(path, dtype=str, keep_default_na=False) for path in (published, here))
+        )
+    except ValueError as error:
+        yield " ".join(str(error).split())
+        return
+    yield from (describe(row) for _, row in rows.head(SHOWN).iterrows())
+    if len(rows) > SHOWN:
+        yield f"{len(rows) - SHOWN} more differences"

@@ -21,46 +21,42 @@ class Audit:
     unknown: without a receipt. absent: never made. left_over: made, no longer planned.
     """
 
-    sound: tuple[str, ...]
-    elsewhere: tuple[str, ...]
-    damaged: tuple[str, ...]
-    lost: tuple[str, ...]
-    outdated: tuple[str, ...]
-    inconsistent: tuple[str, ...]
-    unknown: tuple[str, ...]
-    absent: tuple[str, ...]
-    left_over: tuple[Receipt, ...]
+    sound: tuple[str, ...] = ()
+    elsewhere: tuple[str, ...] = ()
+    damaged: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    outdated: tuple[str, ...] = ()
+    inconsistent: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()
+    absent: tuple[str, ...] = ()
+    left_over: tuple[Receipt, ...] = ()
 
 
 def audit(plan: Plan) -> Audit:
     """Read every file of a study and compare it with its receipt, its settings and its inputs."""
-    known = {receipt.path: receipt for receipt in receipts(plan.settings["results"])}
-    planned = {path: job for job in plan.jobs for path in job.outputs}
-    findings = inspect((known[path] for path in planned if path in known), thorough=True)
-    lost = {receipt.path for receipt in findings.missing}
-    damaged = {receipt.path for receipt in findings.damaged}
+    known, maker = receipts(plan.results), plan.maker
+    planned = {path: receipt for path, receipt in known.items() if path in maker}
+    findings = inspect(plan.results, planned, thorough=True)
 
     def state(path: str) -> str:
         if path not in known:
             return "unknown" if Path(path).exists() else "absent"
-        if path in lost:
+        if path in findings.missing:
             return "lost"
-        if path in damaged:
+        if path in findings.damaged:
             return "damaged"
-        if not planned[path].made(known[path]):
+        if not maker[path].made(known[path]):
             return "outdated"
         if not consistent(known[path], known):
             return "inconsistent"
         return "sound" if Path(path).exists() else "elsewhere"
 
-    states = {path: state(path) for path in sorted(planned)}
+    states: dict[str, list[str]] = {}
+    for path in sorted(maker):
+        states.setdefault(state(path), []).append(path)
     return Audit(
-        **{
-            name: tuple(path for path, found in states.items() if found == name)
-            for name in Audit.__dataclass_fields__
-            if name != "left_over"
-        },
-        left_over=tuple(receipt for path, receipt in known.items() if path not in planned),
+        **{name: tuple(paths) for name, paths in states.items()},
+        left_over=tuple(receipt for path, receipt in known.items() if path not in maker),
     )
 
 

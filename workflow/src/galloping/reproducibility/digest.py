@@ -2,7 +2,8 @@
 
 Snakemake tracks a rule's script by its time, and not at all what the script imports. The digest
 covers the script and its imports from this package, transitively. It leaves out what does not
-change what they do: comments, docstrings, layout, and where imports and definitions stand.
+change what they do: comments, docstrings, layout, and where imports and definitions stand; and
+modules that run a script's work but have no part in it.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from galloping.reproducibility.libraries import versions
 
 SOURCE = Path(__file__).parents[2]
 PACKAGE = Path(__file__).parents[1].name
+# Logs, receipts and messages: no number depends on them.
+UNCOUNTED = (f"{PACKAGE}.reproducibility.job",)
 DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 DOCUMENTED = (ast.Module, *DEFINITIONS)
 IMPORTS = (ast.Import, ast.ImportFrom)
@@ -33,38 +36,34 @@ def code(*roots: str | Path) -> dict:
     Raises ValueError for a module that is not in the package.
     """
     files = _closure(roots)
-    texts = sorted(f"{_named(path)}\n{_parse(path).content}\n" for path in files)
+    texts = []
+    for path in files:  # named as wherever the repository lies and a script is called
+        name = path.relative_to(SOURCE).as_posix() if path.is_relative_to(SOURCE) else "script"
+        texts.append(f"{name}\n{_parse(path).content}\n")
+        if path.is_relative_to(SOURCE):
+            texts += [template.read_text("utf-8") for template in path.parent.glob("*.jinja")]
     libraries = frozenset().union(*(_parse(path).libraries for path in files))
     return {
-        "digest": hashlib.sha256("".join(texts).encode()).hexdigest()[:16],
+        "digest": hashlib.sha256("".join(sorted(texts)).encode()).hexdigest()[:16],
         "libraries": versions(libraries),
     }
-
-
-def _named(path: Path) -> str:
-    """A file as the digest knows it, wherever the repository lies and a script is called."""
-    return path.relative_to(SOURCE).as_posix() if path.is_relative_to(SOURCE) else "script"
 
 
 def _closure(roots: tuple[str | Path, ...]) -> set[Path]:
     """Files of the package that `roots` import, and those of `roots`."""
     seen: set[Path] = set()
-    waiting = [path for root in roots for path in _rooted(root)]
+    waiting: list[Path] = []
+    for root in roots:
+        module = str(root).partition(":")[0]
+        waiting += [Path(root)] if Path(root).suffix == ".py" else _files(module)
+        if Path(root).suffix != ".py" and not _find(module):
+            raise ValueError(f"{module}: no such module")
     while waiting:
         path = waiting.pop()
         if path not in seen:
             seen.add(path)
             waiting += _parse(path).modules
     return seen
-
-
-def _rooted(root: str | Path) -> list[Path]:
-    if Path(root).suffix == ".py":
-        return [Path(root)]
-    module = str(root).partition(":")[0]
-    if not _find(module):
-        raise ValueError(f"{module}: no such module")
-    return _files(module)
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def _files(name: str) -> list[Path]:
     """Files that importing a module of the package runs: its own and those of its parents."""
     parts = name.split(".")
     names = (".".join(parts[: k + 1]) for k in range(len(parts)))
-    return [file for name in names if (file := _find(name))]
+    return [file for name in names if name not in UNCOUNTED and (file := _find(name))]
 
 
 @cache

@@ -4,29 +4,33 @@ from __future__ import annotations
 
 import os
 import shlex
-from base64 import urlsafe_b64encode
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from galloping.reproducibility.receipts import Receipt, digest, receipts
+from galloping.reproducibility.receipts import Receipt, digest
 from galloping.storage import read_json, write_json
 
-RECORDS = Path(".snakemake")
-SEEN = RECORDS / "digests.json"
-
-
-class DamagedResults(ValueError):
-    """Results that must not be used as they are; the message says so in one line."""
+# Lies with Snakemake's records, and is lost with them: size, times and digest of what was read.
+SEEN = Path(".snakemake/digests.json")
 
 
 @dataclass(frozen=True)
 class Findings:
-    """Receipts whose file should be here and is not, and those whose file has other content."""
+    """Files that are not as their receipts say, by path.
 
-    missing: tuple[Receipt, ...]
-    damaged: tuple[Receipt, ...]
+    missing: should be here and are not. damaged: have other content. unknown: were here before,
+    and no receipt tells of them any more. new: were not known when the study was last remembered.
+    present: size, times, number and digest of what is here.
+    """
+
+    missing: tuple[str, ...]
+    damaged: tuple[str, ...]
+    unknown: tuple[str, ...]
+    new: tuple[str, ...]
+    present: dict[str, list]
 
 
 def make_command(configfiles: Iterable[str | Path] = (), goal: str = "") -> str:
@@ -36,106 +40,38 @@ def make_command(configfiles: Iterable[str | Path] = (), goal: str = "") -> str:
     return " ".join(filter(None, ("make", goal, settings)))
 
 
-def lost(results: str, repair: str | None, written: Callable[[str], bool]) -> list[str]:
-    """Files of a study that were made and are gone; to be made again.
-
-    repair: the command that mends damage, for messages; None where there is none, as in a study
-    that other workflows use as a module. written: whether a job of the study writes such a path.
-    Raises DamagedResults if a file is not what its job wrote, if nothing says how it was made, or
-    if Snakemake's records of it are gone, without which it would not see what was edited since.
-    While Snakemake holds its lock, files come and go, and nothing is compared.
-    """
-    if locked():
-        return []
-    found = list(receipts(results))
-    if without := unrecorded(found):
-        raise DamagedResults(
-            f"{results}: Snakemake's records of {len(without)} files (.snakemake/metadata) are "
-            "gone, and with them what was edited since; "
-            + (f"`{repair}` compares the receipts instead" if repair else "remove the folder")
-        )
-    findings = inspect(found)
-    faults = {
-        "edited or damaged since its job wrote it": [r.path for r in findings.damaged],
-        "no receipt says how it was made": list(filter(written, _strangers(results, found))),
-    }
-    cure = f"`{repair}` sets it aside and makes it again" if repair else "remove it and run again"
-    for fault, paths in faults.items():
-        if paths:
-            more = f" and {len(paths) - 1} more" if paths[1:] else ""
-            raise DamagedResults(f"{paths[0]}{more}: {fault}; {cure}")
-    return [receipt.path for receipt in findings.missing if written(receipt.path)]
-
-
-def locked() -> bool:
-    """Whether Snakemake's lock lies in the working folder."""
-    return any((RECORDS / "locks").glob("*"))
-
-
-def unrecorded(found: Iterable[Receipt]) -> list[str]:
-    """Files that are here and of which Snakemake does not know how they were made.
-
-    It takes them as up to date whatever is edited. Those of jobs that it knows to be unfinished are
-    not among them: it makes them again.
-    """
-    known = _recorded("metadata") | _recorded("incomplete")
-    return [r.path for r in found if _record_name(r.path) not in known and Path(r.path).exists()]
-
-
-def _strangers(results: str, found: Iterable[Receipt]) -> list[str]:
-    """Files of a results folder without a receipt, but those that Snakemake makes again anyway."""
-    known = {receipt.path for receipt in found}
-    told = (f"{results}/logs/", f"{results}/benchmarks/")  # about jobs, not made by them
-    files = (
-        (Path(folder) / name).as_posix()
-        for folder, _, names in os.walk(results)
-        for name in names
-        if not name.startswith(".")
-    )
-    unfinished = _recorded("incomplete")
-    return sorted(
-        file
-        for file in files
-        if file not in known and not file.startswith(told) and _record_name(file) not in unfinished
-    )
-
-
-def _record_name(path: str) -> str:
-    return urlsafe_b64encode(path.encode()).decode()
-
-
-def _recorded(kind: str) -> set[str]:
-    """Names of Snakemake's records; long ones are spread over folders that begin with @."""
-    root = RECORDS / kind
-    return {
-        "".join(part.removeprefix("@") for part in (*Path(folder).relative_to(root).parts, name))
-        for folder, _, names in os.walk(root)
-        for name in names
-    }
-
-
-def inspect(found: Iterable[Receipt], *, thorough: bool = False) -> Findings:
+def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = False) -> Findings:
     """Compare files with their receipts.
 
-    thorough: read every file, also those whose size and times are as when last read.
+    known: receipts by path. thorough: read every file, also those whose size and times are as when
+    last read.
     """
-    found = list(found)
-    states = {receipt.path: _state(receipt.path) for receipt in found}
-    seen = {} if thorough else _seen()
-    changed = [p for p, state in states.items() if state and seen.get(p, [None])[:-1] != state]
+    states = {path: state for path in known if (state := _state(path))}
+    seen = _seen()
+    read = [p for p, state in states.items() if thorough or seen.get(p, [None])[:-1] != state]
     with ThreadPoolExecutor() as pool:
-        read = dict(zip(changed, pool.map(digest, changed), strict=True))
-    known = {
-        path: [*state, read[path] if path in read else seen[path][-1]]
-        for path, state in states.items()
-        if state
-    }
-    if read:
-        _remember(known)
+        digests = dict(zip(read, pool.map(digest, read), strict=True))
+    present = {p: [*state, digests.get(p) or seen[p][-1]] for p, state in states.items()}
     return Findings(
-        missing=tuple(r for r in found if r.kept and not states[r.path]),
-        damaged=tuple(r for r in found if states[r.path] and known[r.path][-1] != r.sha256),
+        missing=tuple(p for p, receipt in known.items() if receipt.kept and p not in present),
+        damaged=tuple(p for p in present if present[p][-1] != known[p].sha256),
+        unknown=tuple(
+            path
+            for path in seen
+            if path.startswith(f"{results}/") and path not in known and Path(path).exists()
+        ),
+        new=tuple(p for p in present if p not in seen),
+        present=present,
     )
+
+
+def remember(results: str, findings: Findings) -> None:
+    """Note what is here, which the next inspection need not read again."""
+    seen = _seen()
+    others = {path: entry for path, entry in seen.items() if not path.startswith(f"{results}/")}
+    if (now := others | findings.present) != seen:
+        with suppress(OSError):  # only costs time: a full disk is told by what must write to it
+            write_json(SEEN, now)
 
 
 def _state(path: str) -> list[int] | None:
@@ -152,10 +88,3 @@ def _seen() -> dict[str, list]:
         return read_json(SEEN)
     except (OSError, ValueError):
         return {}
-
-
-def _remember(known: dict[str, list]) -> None:
-    try:
-        write_json(SEEN, {**_seen(), **known})
-    except OSError:
-        return  # only costs time: a full or read-only disk is told by what must write to it

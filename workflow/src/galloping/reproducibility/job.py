@@ -1,4 +1,7 @@
-"""Runs a script's work: output in the rule's log, one line for a failure, receipts for success."""
+"""Runs a script's work: output in the rule's log, one line for a failure, receipts for success.
+
+Nothing here changes a number, so that the digest of code leaves this module out.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +18,12 @@ from galloping.reproducibility.receipts import (
     Receipt,
     as_written,
     digest,
-    digests,
     read_receipt,
     write_receipt,
 )
+
+# How the last line of a log begins; that of a job which was killed begins otherwise.
+FINISHED, FAILED = "Finished: ", "Failed: "
 
 
 def run(work: Callable[[], None], job) -> None:
@@ -33,24 +38,42 @@ def run(work: Callable[[], None], job) -> None:
         with log.open("w", encoding="utf-8") as file:
             try:
                 with redirect_stdout(file), redirect_stderr(file):
-                    _run(work, job)
+                    seconds = _run(work, job)
+                print(f"{FINISHED}{seconds:.3f} s of work", file=file)
             except Exception as error:
                 traceback.print_exc(file=file)
-                print(_line(error), file=file)
+                print(f"{FAILED}{_line(error)}", file=file)
                 raise
     except Exception as error:
         sys.exit(f"{_line(error)} (details: {log})")
 
 
-def _run(work: Callable[[], None], job) -> None:
-    inputs = digests(job.input)
-    for path, found in inputs.items():
+def failures(results: str, since: int) -> list[str]:
+    """Why jobs of a run failed, a line each with the job's log.
+
+    since: when the run began, in nanoseconds of its file system's clock.
+    """
+    lines = []
+    for log in sorted(Path(results, "logs").rglob("*.log")):
+        if log.stat().st_mtime_ns >= since:
+            last = log.read_text(encoding="utf-8", errors="replace").rstrip().rpartition("\n")[2]
+            if last.startswith(FAILED):
+                lines.append(f"{last.removeprefix(FAILED)} ({log})")
+            elif not last.startswith(FINISHED):
+                lines.append(f"a job was killed ({log})")
+    return lines
+
+
+def _run(work: Callable[[], None], job) -> float:
+    """Check the inputs, work, write receipts; the seconds of work."""
+    inputs = {str(path): digest(path) for path in job.input}
+    for path, present in inputs.items():
         receipt = read_receipt(path)
-        if receipt and receipt.sha256 != found:
+        if receipt and receipt.sha256 != present:
             raise ValueError(f"{path} is not what its job wrote: repair the study")
     start = time.perf_counter()
     work()
-    seconds = time.perf_counter() - start
+    seconds = round(time.perf_counter() - start, 3)
     finished = datetime.now(UTC).isoformat(timespec="seconds")
     for path in job.output:
         receipt = Receipt(
@@ -62,10 +85,11 @@ def _run(work: Callable[[], None], job) -> None:
             inputs=inputs,
             sha256=digest(path),
             size=Path(path).stat().st_size,
-            seconds=round(seconds, 3),
+            seconds=seconds,
             finished=finished,
         )
         write_receipt(receipt)
+    return seconds
 
 
 def _line(error: Exception) -> str:

@@ -1,30 +1,39 @@
-"""The jobs that a study consists of, from Snakemake itself, whether or not they have run."""
+"""The jobs that a study consists of, from Snakemake's API, whether or not they have run.
+
+This module is an executor plugin of Snakemake's for dry runs, which keeps the jobs that it is given
+(https://github.com/snakemake/snakemake-interface-executor-plugins).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+import ast
+import csv
+import io
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
-from snakemake.api import SnakemakeApi
+from snakemake.api import DAGApi, SnakemakeApi
 from snakemake.settings.enums import Quietness
 from snakemake.settings.types import (
     ConfigSettings,
     DAGSettings,
-    DeploymentSettings,
     ExecutionSettings,
     OutputSettings,
     ResourceSettings,
-    StorageSettings,
-    WorkflowSettings,
 )
-from snakemake_interface_executor_plugins.settings import ExecMode
+from snakemake_interface_executor_plugins.executors.base import AbstractExecutor, SubmittedJobInfo
+from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
+from snakemake_interface_executor_plugins.settings import CommonSettings
 
-from galloping.configuration.load import load, plain
+from galloping.configuration.load import configured, plain
 from galloping.reproducibility.receipts import Receipt, as_written
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
+CONFIGURATION = "config/config.yaml"
 
 
 @dataclass(frozen=True)
@@ -32,102 +41,127 @@ class PlannedJob:
     """One job. settings: as its receipts hold them. Paths are relative to the working folder."""
 
     rule: str
-    wildcards: dict[str, str]
     settings: dict
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    log: str
     benchmark: str
 
     def made(self, receipt: Receipt | None) -> bool:
         """Whether a receipt is of this very job: settings, code and the inputs by name."""
-        if receipt is None:
-            return False
-        named = (receipt.rule, receipt.wildcards, receipt.settings, receipt.inputs.keys())
-        return named == (self.rule, self.wildcards, self.settings, set(self.inputs))
-
-    def unmade(self, path: str) -> Receipt:
-        """The receipt of an output of this job that is to be made: without digests."""
-        return Receipt(
-            path=path,
-            rule=self.rule,
-            wildcards=self.wildcards,
-            log=self.log,
-            settings=self.settings,
-            inputs=dict.fromkeys(self.inputs, ""),
-            sha256="",
-            size=0,
-            seconds=0.0,
+        return receipt is not None and (
+            (receipt.rule, receipt.settings, receipt.inputs.keys())
+            == (self.rule, self.settings, set(self.inputs))
         )
 
 
+@dataclass(frozen=True)
 class Plan:
-    """All jobs of a study.
+    """A study as it is configured.
 
-    settings: the study's, validated and with defaults. jobs: in no order.
+    settings: validated and with defaults. configfiles: as with Snakemake's --configfile.
     """
 
-    def __init__(self, workflow):
-        self._workflow = workflow
-        self._scheduled = {}
-        self.settings = plain(load(workflow.globals["config"]))
-        self.jobs = []
-        for job in workflow.dag.jobs:
-            if job.log:  # all but the rule that only collects
-                planned = _planned(job)
-                self.jobs.append(planned)
-                self._scheduled[planned.log] = job
+    settings: dict
+    jobs: tuple[PlannedJob, ...]
+    configfiles: tuple[str, ...] = ()
 
-    def begin(self, jobs: Iterable[PlannedJob]) -> None:
-        """Let Snakemake's records say that these jobs run now, and what they write is unfinished.
+    @property
+    def results(self) -> str:
+        """The folder that the study writes."""
+        return self.settings["results"]
 
-        Until `record` says otherwise: if this process is killed, the next run makes their files.
-        """
-        for planned in jobs:
-            self._workflow.persistence.started(self._scheduled[planned.log])
-
-    def record(self, jobs: Iterable[PlannedJob]) -> None:
-        """Let Snakemake's records say that these jobs have run as they are planned now."""
-        settings = self._workflow.workflow_settings
-        settings.exec_mode = ExecMode.DEFAULT  # the only mode that writes records
-        for planned in jobs:
-            job = self._scheduled[planned.log]
-            self._workflow.async_run(self._workflow.persistence.finished(job))
-        settings.exec_mode = ExecMode.SUBPROCESS
+    @property
+    def maker(self) -> dict[str, PlannedJob]:
+        """The job that makes each file."""
+        return {path: job for job in self.jobs for path in job.outputs}
 
 
-@contextmanager
-def planning(configfiles: Sequence[str] = ()) -> Iterator[Plan]:
+def planning(configfiles: Sequence[str] = ()) -> Plan:
     """The plan of the study in the working folder.
 
-    configfiles: merged over the Snakefile's own, as with Snakemake's --configfile. Raises
-    SystemExit with one line for a bad configuration, as Snakemake itself does.
+    configfiles: merged over the Snakefile's own. A bad configuration ends the process with one
+    line, as with Snakemake itself.
     """
-    with SnakemakeApi(OutputSettings(quiet={Quietness.ALL}, enable_file_logging=False)) as api:
-        # A subordinate process neither checks earlier results nor asks for lost ones.
-        workflow = api.workflow(
-            resource_settings=ResourceSettings(cores=1),
-            config_settings=ConfigSettings(configfiles=[Path(file) for file in configfiles]),
-            storage_settings=StorageSettings(),
-            workflow_settings=WorkflowSettings(exec_mode=ExecMode.SUBPROCESS),
-            deployment_settings=DeploymentSettings(),
-            snakefile=SNAKEFILE,
-        )
-        workflow.dag(DAGSettings())
-        internal = workflow._workflow
-        internal.execution_settings = ExecutionSettings()
-        internal._prepare_dag(forceall=False, ignore_incomplete=True, lock_warn_only=True)
-        internal._build_dag()
-        yield Plan(internal)
-
-
-def _planned(job) -> PlannedJob:
-    return PlannedJob(
-        rule=job.rule.name,
-        wildcards=dict(job.wildcards_dict),
-        settings=as_written(job.params.settings),
-        inputs=tuple(map(str, job.input)),
-        outputs=tuple(map(str, job.output)),
-        log=str(job.log[0]),
-        benchmark=str(job.benchmark),
+    ExecutorPluginRegistry().register_plugin("plan", sys.modules[__name__])
+    Executor.jobs.clear()
+    _with_dag(
+        configfiles,
+        lambda dag: dag.execute_workflow("plan", execution_settings=NO_LOCK),
+        force=True,
     )
+    settings = plain(configured([CONFIGURATION, *configfiles]))
+    return Plan(settings, tuple(Executor.jobs), tuple(configfiles))
+
+
+def recorded(configfiles: Sequence[str] = ()) -> set[str]:
+    """Planned files of which Snakemake knows how they were made.
+
+    It takes other files that are there as up to date, whatever is edited.
+    """
+    with redirect_stdout(io.StringIO()) as said:
+        _with_dag(configfiles, lambda dag: dag.summary())
+    lines = said.getvalue().splitlines()
+    start = next(number for number, line in enumerate(lines) if line.startswith("output_file\t"))
+    rows = csv.DictReader(lines[start:], delimiter="\t")
+    return {row["output_file"] for row in rows if row["log-file(s)"] != "-"}
+
+
+def record(plan: Plan) -> None:
+    """Let Snakemake take all files that are there as made just now, in order, as planned now.
+
+    Its --touch, which records the same of planned files that are not there.
+    """
+    _with_dag(plan.configfiles, lambda dag: dag.execute_workflow("touch"), force=True)
+
+
+def unlock(configfiles: Sequence[str] = ()) -> None:
+    """Take the lock of a run that was killed, as Snakemake's --unlock does."""
+    _with_dag(configfiles, lambda dag: dag.unlock())
+
+
+def _with_dag(
+    configfiles: Sequence[str], act: Callable[[DAGApi], None], force: bool = False
+) -> None:
+    with SnakemakeApi(OutputSettings(quiet={Quietness.ALL}, enable_file_logging=False)) as api:
+        try:
+            workflow = api.workflow(
+                resource_settings=ResourceSettings(cores=1),
+                config_settings=ConfigSettings(configfiles=[Path(file) for file in configfiles]),
+                snakefile=SNAKEFILE,
+            )
+            act(workflow.dag(DAGSettings(forceall=force)))
+        except Exception as error:
+            api.print_exception(error)
+            sys.exit(1)
+
+
+# --- the plugin ---
+
+common_settings = CommonSettings(
+    non_local_exec=False, dryrun_exec=True, implies_no_shared_fs=False, job_deploy_sources=False
+)
+NO_LOCK = ExecutionSettings(lock=False)
+
+
+class Executor(AbstractExecutor):
+    """Keeps each job instead of running it."""
+
+    jobs: ClassVar[list[PlannedJob]] = []
+    cores = 1
+
+    def run_job(self, job) -> None:
+        if job.output:  # all but the rule that only collects
+            settings = ast.literal_eval(job.format_wildcards("{params.settings!r}"))
+            inputs, outputs = (tuple(map(str, files)) for files in (job.input, job.output))
+            planned = PlannedJob(
+                job.name, as_written(settings), inputs, outputs, str(job.benchmark)
+            )
+            self.jobs.append(planned)
+        submitted = SubmittedJobInfo(job=job)
+        self.report_job_submission(submitted)
+        self.report_job_success(submitted)
+
+    def _nothing(self, *_) -> None:
+        """For what comes of jobs that were run."""
+
+    handle_job_success = handle_job_error = get_exec_mode = cancel = shutdown = _nothing

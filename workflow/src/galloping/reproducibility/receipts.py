@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -47,12 +47,8 @@ def digest(path: str | Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def digests(paths: Iterable[str]) -> dict[str, str]:
-    """SHA-256 of files by path."""
-    return {str(path): digest(path) for path in paths}
-
-
 def receipt_path(path: str | Path) -> Path:
+    """Where the receipt of a file lies."""
     path = Path(path)
     return path.with_name(f".{path.name}{SUFFIX}")
 
@@ -75,21 +71,22 @@ def consistent(receipt: Receipt, known: Mapping[str, Receipt]) -> bool:
 
 
 def write_receipt(receipt: Receipt) -> None:
+    """Write a receipt beside its file, whether or not that is there."""
     write_json(receipt_path(receipt.path), asdict(receipt))
 
 
 def read_receipt(path: str | Path) -> Receipt | None:
-    """The receipt of an output, or None if it has none that can be read."""
+    """The receipt of a file, or None if it has none that can be read."""
     try:
         return Receipt(**read_json(receipt_path(path)))
     except (OSError, ValueError, TypeError):
         return None
 
 
-def receipts(results: str | Path) -> Iterator[Receipt]:
-    """The receipts of one results folder by path, without those of results inside it."""
-    found = Path(results).rglob(f".*{SUFFIX}")
-    for path in sorted(found):
-        receipt = read_receipt(path.with_name(path.name[1 : -len(SUFFIX)]))
-        if receipt and receipt.log.startswith(f"{results}/logs/"):
-            yield receipt
+def receipts(results: str | Path) -> dict[str, Receipt]:
+    """The receipts of one results folder by path, in order, without those of results inside it."""
+    found = (
+        read_receipt(path.with_name(path.name[1 : -len(SUFFIX)]))
+        for path in sorted(Path(results).rglob(f".*{SUFFIX}"))
+    )
+    return {r.path: r for r in found if r and r.log.startswith(f"{results}/logs/")}

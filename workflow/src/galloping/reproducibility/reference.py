@@ -92,11 +92,13 @@ def compare_study(
 def _origin(name: str, *origins: Mapping[str, object]) -> tuple[list[dict], dict]:
     """The differences in what two studies were made with, and their row of the summary."""
     made, present = (dict(flat(origin)) for origin in origins)
-    differences = []
-    for key in dict.fromkeys([*made, *present]):
-        was, now = (each.get(key, "absent") for each in (made, present))
-        if was != now:
-            differences.append(_difference(name, key, "value", was, now, np.nan, np.nan))
+    keys = dict.fromkeys([*made, *present])
+    sides = {key: (made.get(key, "absent"), present.get(key, "absent")) for key in keys}
+    differences = [
+        _difference(name, key, "value", was, now, np.nan, np.nan)
+        for key, (was, now) in sides.items()
+        if was != now
+    ]
     shared = made.keys() & present.keys()
     return differences, _summary(
         name,

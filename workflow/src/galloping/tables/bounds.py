@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 
+from galloping.bounds.identifiable import IDENTIFIABLE
+from galloping.physics.derived import Derived
 from galloping.physics.equations import EQUATIONS
-from galloping.bounds.cell import IDENTIFIABLE
-from galloping.polynomial import PolynomialModel
+from galloping.polynomial import PolynomialModel, extended, library
 from galloping.tables.summary import failures
 
-KEYS = ["case", "recordings", "protocol", "level", "points", "method"]
+CELL = ["case", "recordings", "protocol", "level", "points"]  # what names a cell
+KEYS = [*CELL, "method"]
+COLUMNS = [*CELL, "equation", "term", "true", "bound", "t", "verdict"]
 
 
 def identifiability(
-    model: PolynomialModel, std: np.ndarray, names: Mapping[str, object]
-) -> list[dict]:
-    """One row a present term: bound, t = |c| / bound and whether it can be identified.
+    models: Mapping[str, Derived], bounds: Mapping[str, np.ndarray], settings: Mapping
+) -> pd.DataFrame:
+    """One row a present term of each cell: bound, t = |c| / bound, whether it can be identified.
 
-    model: on the library; std: (n_replicates, n_states, n_terms) bounds, of which the root mean
-    square is taken; names: the columns that name the cell.
+    models: by case. bounds: of each cell (n_samplings, n_states, n_terms), of which the root mean
+    square is taken, NaN where undefined. settings: degree of the library; cells, each with its case
+    and the columns that name it.
     """
-    typical = np.sqrt(np.mean(std**2, axis=0))
+    rows = []
+    for cell, columns in settings["cells"].items():
+        model = models[columns["case"]].model
+        terms = library(len(model.states), settings["degree"])
+        model = model.on_library(extended(terms, model))
+        names = {key: columns[key] for key in CELL}
+        rows += _terms(model, np.sqrt(np.mean(bounds[cell] ** 2, axis=0)), names)
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _terms(model: PolynomialModel, typical: np.ndarray, names: Mapping[str, object]) -> list[dict]:
     rows = []
     for equation, j in np.argwhere(model.support):
         if equation in EQUATIONS:
@@ -37,18 +51,32 @@ def identifiability(
                     "true": -true,
                     "bound": bound,
                     "t": t,
-                    "verdict": "identifiable" if t > IDENTIFIABLE else "not identifiable",
+                    "verdict": _verdict(t),
                 }
             )
     return rows
 
 
-def efficiency(scores: pd.DataFrame, weakest_t: Mapping[tuple, float]) -> pd.DataFrame:
+def _verdict(t: float) -> str:
+    if np.isnan(t):  # the library lacks the term, or the line itself diverges
+        return "undefined"
+    return "identifiable" if t > IDENTIFIABLE else "not identifiable"
+
+
+def further_recordings(rankings: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+    """The rankings of all cases."""
+    return pd.concat(rankings.values())
+
+
+def efficiency(
+    scores: pd.DataFrame, identifiability: pd.DataFrame, settings: Mapping
+) -> pd.DataFrame:
     """One row a cell and method: exact supports, rms error over bound, R2, coverage, failures.
 
-    weakest_t: by (case, recordings, protocol, level, points). Cells without noise have no bound
+    identifiability: that table, for the weakest t of each cell. Cells without noise have no bound
     and are left out.
     """
+    weakest = identifiability.groupby(CELL)["t"].min()  # of those that are defined
     rows = []
     noisy = scores[scores["level"] > 0]
     for names, cell in noisy.groupby(KEYS, sort=True):
@@ -59,12 +87,12 @@ def efficiency(scores: pd.DataFrame, weakest_t: Mapping[tuple, float]) -> pd.Dat
                 **dict(zip(KEYS, names, strict=True)),
                 "replicates": len(cell),
                 "exact_support": int(exact.sum()),
-                "efficiency": float(np.sqrt(np.mean(cell["efficiency"] ** 2))),
+                "efficiency": float(np.sqrt(np.mean(cell["efficiency"].to_numpy() ** 2))),
                 "r2_q_v": float(cell["r2_q_v"].median()),
                 "r2_q_w": float(cell["r2_q_w"].median()),
                 "amplitude_error_percent": float(amplitude.max(axis=1).median()),
                 "coverage_95_percent": _coverage(cell),
-                "weakest_t": weakest_t[names[:-1]],
+                "weakest_t": weakest[names[:-1]],
                 "failures": failures(cell),
             }
         )
@@ -74,12 +102,3 @@ def efficiency(scores: pd.DataFrame, weakest_t: Mapping[tuple, float]) -> pd.Dat
 def _coverage(cell: pd.DataFrame) -> float:
     stated = cell["intervals"].sum()
     return float(100 * cell["intervals_holding"].sum() / stated) if stated else np.nan
-
-
-def weakest(rows: Sequence[Mapping[str, object]]) -> dict[tuple, float]:
-    """Smallest t of each cell of `identifiability` rows."""
-    smallest: dict[tuple, float] = {}
-    for row in rows:
-        key = tuple(row[name] for name in KEYS[:-1])
-        smallest[key] = min(smallest.get(key, np.inf), row["t"])
-    return smallest

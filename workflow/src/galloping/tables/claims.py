@@ -3,16 +3,19 @@
 A claim gives either a value (of an error: smaller is better) or a bound (of R2, of exactness).
 Value: `better` if the whole interval over replicates is below the paper's value, `reproduced` if
 the interval holds it, `not reproduced` if the whole interval is above it. Bound: `reproduced` if
-the median keeps it, else `not reproduced`. A cell the study did not run is `not run`.
+the median keeps it, else `not reproduced`. A cell the study did not run is `not run`. Only the
+paper's own lines are judged: no other can reproduce it, or fail to.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
+from galloping.study.kinds import NOISE, SUBSET
 from galloping.tables.summary import interval, of_kind
 
 
@@ -97,29 +100,33 @@ CLAIMS = [
 ]  # fmt: skip
 
 
-def claims_table(
-    scores: pd.DataFrame, subset_level: float, cases: list[str], combinations: list[tuple]
-) -> pd.DataFrame:
-    """Every claim for every protocol and method of the study.
+COLUMNS = (
+    "claim", "source", "case", "quantity", "paper_value", "study_value", "low", "high",
+    "replicates", "protocol", "method", "verdict",
+)  # fmt: skip
 
-    combinations: (protocol, method) pairs. Columns claim, source, case, quantity, paper_value,
-    study_value, low, high, replicates, protocol, method, verdict.
+
+def claims_table(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+    """Every claim about one of the cases for every protocol and method of the study.
+
+    settings: cases, those that are the paper's, with its parameters; pairs of protocol and method;
+    subset_level, the noise level of the subsets.
     """
     rows = []
     for claim in CLAIMS:
-        about = cases if claim.case is None else [claim.case]
+        about = [case for case in settings["cases"] if claim.case in (None, case)]
         for case in about:
-            for protocol, method in combinations:
-                values = _values(scores, claim, case, protocol, method, subset_level)
+            for protocol, method in settings["pairs"]:
+                values = _values(scores, claim, case, protocol, method, settings["subset_level"])
                 if values is None:
                     continue
                 rows.append(_row(claim, case, protocol, method, values))
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _values(scores, claim, case, protocol, method, subset_level) -> np.ndarray | None:
     """Replicates of the claim's cell; empty if the study did not run it."""
-    taken = of_kind(scores, "points" if claim.points else "noise")
+    taken = of_kind(scores, SUBSET if claim.points else NOISE)
     taken = taken[(taken["protocol"] == protocol) & (taken["method"] == method)]
     if taken.empty:
         return None  # the method does not take such recordings

@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
 from galloping.identification.model import IdentifiedModel
-from galloping.physics.equations import EQUATIONS, STATES, model, symbol_of
-from galloping.polynomial import Exponents, term_name
+from galloping.physics.derived import Derived
+from galloping.physics.equations import EQUATIONS, STATES, symbol_of
+from galloping.polynomial import Exponents, PolynomialModel, extended, library, term_name
 from galloping.tables.summary import interval
 
 
 def identified_terms(
-    coefficients: dict[str, float], results: list[IdentifiedModel], terms: tuple[Exponents, ...]
+    model: PolynomialModel, results: list[IdentifiedModel], terms: tuple[Exponents, ...]
 ) -> pd.DataFrame:
     """Each true term, and each other one that a replicate found, with median and interval.
 
-    coefficients: gamma and kappa of the line; results: replicates on the library `terms`.
+    model: of the line; results: replicates on the library `terms`, in which the line's terms that
+    it lacks are absent.
     Values are those of the left-hand side, as the paper prints them. Columns equation, symbol,
     term, true, identified, low, high, found (share of replicates).
     """
-    true = model(coefficients).on_library(terms)
+    lacking = extended(terms, model)[len(terms) :]
+    terms = terms + lacking
+    true = model.on_library(terms)
     found = np.stack([np.nan_to_num(result.model.coefficients) for result in results])
+    found = np.pad(found, ((0, 0), (0, 0), (0, len(lacking))))
     rows = []
     for row, equation in EQUATIONS.items():
         present = true.support[row] | np.any(found[:, row] != 0, axis=0)
@@ -47,10 +54,26 @@ def identified_terms(
     return order.drop(columns="number").reset_index(drop=True)
 
 
-def table3(terms: pd.DataFrame) -> pd.DataFrame:
-    """case, equation, symbol, term, true, identified, relative_error_percent and the method."""
+def table3(
+    models: Mapping[str, Derived],
+    identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
+    settings: Mapping,
+) -> pd.DataFrame:
+    """case, equation, symbol, term, true, identified, relative_error_percent and the method.
+
+    models, identified: by case. settings: cases, protocol, method, level; degree of the library.
+    """
+    terms = library(len(STATES), settings["degree"])
+    named = {key: settings[key] for key in ("protocol", "method", "level")}
+    tables = [
+        identified_terms(models[case].model, identified[case][settings["method"]], terms).assign(
+            case=case, **named
+        )
+        for case in settings["cases"]
+    ]
+    table = pd.concat(tables, ignore_index=True)
     with np.errstate(divide="ignore"):
-        error = 100 * np.abs(terms["identified"] - terms["true"]) / np.abs(terms["true"])
-    table = terms.assign(relative_error_percent=error)
+        error = 100 * np.abs(table["identified"] - table["true"]) / np.abs(table["true"])
+    table = table.assign(relative_error_percent=error)
     first = ["case", "equation", "symbol", "term", "true", "identified", "relative_error_percent"]
-    return table[[*first, "protocol", "method", "level"]]
+    return table[[*first, *named]]

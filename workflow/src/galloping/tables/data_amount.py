@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import pandas as pd
 
+from galloping.study.kinds import SUBSET
 from galloping.tables.summary import of_kind, summarise
 
 KEYS = ["case", "protocol", "method", "points"]
 
 
-def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
+def data_amount(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
     """case, protocol, method, points, state, amplitude_error_percent and r2 with intervals."""
-    subsets = of_kind(scores, "points")
+    subsets = of_kind(scores, SUBSET)
     states = ("q_v", "q_w")
     amplitude = summarise(
         subsets,

@@ -2,31 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
 
-from galloping.physics import aerodynamics
+import pandas as pd
+
 from galloping.configuration.load import load, plain
 from galloping.configuration.parameters import (
     Parameter,
     conductor_parameters,
     spacer_parameters,
 )
+from galloping.physics import aerodynamics
 
 
-def conductor(cases: dict) -> list[dict]:
-    """Table 1, with the aerodynamic coefficients that the reading stands for."""
-    settings = load({"cases": cases})
-    rows = conductor_parameters(settings)
-    for name, case in settings.cases.items():
+def conductor(settings: dict) -> pd.DataFrame:
+    """Table 1, with the aerodynamic coefficients that the reading stands for.
+
+    settings: cases, as in the configuration.
+    """
+    study = load({"cases": settings["cases"]})
+    rows = conductor_parameters(study)
+    for name, case in study.cases.items():
         rows += _aerodynamic(name, plain(case.ice))
-    order = list(settings.cases)
+    order = list(study.cases)
     rows = sorted(rows, key=lambda row: order.index(row.case))
-    return list(map(asdict, rows))
+    return _table(rows)
 
 
-def spacers(cases: dict) -> list[dict]:
+def spacers(settings: dict) -> pd.DataFrame:
     """Table 2."""
-    return list(map(asdict, spacer_parameters(load({"cases": cases}))))
+    return _table(spacer_parameters(load({"cases": settings["cases"]})))
+
+
+def _table(rows: list[Parameter]) -> pd.DataFrame:
+    names = [field.name for field in fields(Parameter)]
+    return pd.DataFrame(list(map(asdict, rows)), columns=names, dtype=object)
 
 
 def _aerodynamic(case: str, ice: dict) -> list[Parameter]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -11,16 +10,16 @@ import pandas as pd
 INTERVAL = (0.05, 0.95)
 
 
-def read_scores(paths: Iterable[str | os.PathLike]) -> pd.DataFrame:
+def all_scores(cells: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     """All replicates of all cells, in one order however they are given."""
-    table = pd.concat([pd.read_csv(path) for path in paths], ignore_index=True)
+    table = pd.concat(cells.values(), ignore_index=True)
     keys = ["case", "protocol", "method", "cell", "replicate"]
     return table.sort_values(keys, kind="stable", ignore_index=True)
 
 
 def of_kind(scores: pd.DataFrame, kind: str) -> pd.DataFrame:
-    """Scores of the cells `noise` (a whole record), `points` (a subset) or `joint` (several)."""
-    return scores[scores["cell"].str.startswith(f"{kind}_")]
+    """Scores of the cells of a kind: a whole record, a subset, or several recordings together."""
+    return scores[scores["kind"] == kind]
 
 
 def interval(values: Sequence[float]) -> tuple[float, float, float]:

@@ -1,67 +1,170 @@
-"""What the data leave open: exchangeable, plausible and hidden terms."""
+"""What the data leave open: other supports that explain them, and what may hide."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.stats import chi2 as chi2_distribution
+from scipy.stats import norm
 
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.selection import (
-    added_deviation,
-    alternatives,
-    plausible_additions,
+from galloping.identification.likelihood.constants import (
+    CHANGES,
+    EXPANDED,
+    FALSE_DOUBT_RATE,
+    FALSE_TERM_RATE,
+    MISS_RATE,
 )
-from galloping.polynomial import design_matrix, term_name
-
-AMBIGUOUS = 6.0
-PLAUSIBLE_TERM = 14.0
-PLAUSIBLE_PAIR = 20.0
-TOLERATED_SHARE = 1.0 / 60.0
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.selection import Tableau, Whitened, tableau
+from galloping.polynomial import term_name
 
 
-def open_questions(
-    problem: Problem,
-    information: np.ndarray,
-    right: np.ndarray,
-    support: np.ndarray,
-    free: np.ndarray,
-    penalty: float,
-    misfit: float,
-    x: np.ndarray,
-) -> str:
-    """One line on why the terms are not settled by the data, '' where they are.
+@dataclass(frozen=True)
+class Plausible:
+    """Supports that the data do not rule out, the selected one first, each at its best.
 
-    They are not where one term can be exchanged for another at a rise of chi^2 below 6; where an
-    excluded term, or a pair, improves the fit more than noise is likely to, yet less than
-    selection asks; or where an excluded term could make up more than a sixtieth of a state
-    derivative without being selected.
-
-    information, right: whitened regression on the candidates, as in `selection`. support, free:
-    (n_candidates,). penalty: that of the selection. misfit: chi^2 of the fit, which no term can
-    lower by more. x: (n, n_states), states of the recordings.
+    supports: (n_supports, n) boolean. chi2, weight: (n_supports,), the weights of sum one.
+    coefficients, variances: (n_supports, n), zero where absent.
     """
-    pairs = [tuple(int(k) for k in pair) for pair in problem.candidates]
+
+    supports: np.ndarray
+    chi2: np.ndarray
+    weight: np.ndarray
+    coefficients: np.ndarray
+    variances: np.ndarray
+
+
+def price(n: int) -> float:
+    """chi^2 that the best of n terms without effect brings in half of all cases.
+
+    What a term must bring to be more plausible than not, where selection asks for near certainty.
+    """
+    return float(chi2_distribution.ppf(0.5 ** (1.0 / max(n, 1)), 1))
+
+
+def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
+    """The neighbours of a support (n,), and those of its best neighbours.
+
+    A support's weight is exp(-(chi^2 + price |support|)/2), as in the averaging of models by an
+    information criterion (Burnham and Anderson 2002), with `price` for the penalty: that of the
+    selection would hide every rival that has one more term.
+    """
+    cost = price(int(np.sum(whitened.usable & ~support)))
+    known = {support.tobytes(): (-np.inf, support)}
+    visited: set[bytes] = set()
+    for _ in range(1 + EXPANDED):
+        ranked = sorted(known.items(), key=lambda item: item[1][0])
+        fresh = [(key, other) for key, (_, other) in ranked if key not in visited]
+        if not fresh:
+            break
+        key, here = fresh[0]
+        visited.add(key)
+        for value, other in zip(*_changes(tableau(whitened, here), here, cost), strict=True):
+            known.setdefault(other.tobytes(), (value, other))
+    ranked = sorted(known.values(), key=lambda entry: entry[0])
+    supports = np.array([other for _, other in ranked[:CHANGES]])
+    fits = [_fit(whitened, other) for other in supports]
+    chi2, coefficients, variances = (np.array(column) for column in zip(*fits, strict=True))
+    criterion = chi2 + cost * supports.sum(axis=1)
+    weight = np.exp(-(criterion - criterion.min()) / 2.0)
+    return Plausible(supports, chi2, weight / weight.sum(), coefficients, variances)
+
+
+def _changes(here: Tableau, support: np.ndarray, cost: float) -> tuple[np.ndarray, np.ndarray]:
+    """The best small changes: chi^2 plus the cost of every term, (m,), and the supports, (m, n)."""
+    kept, out, nothing = here.kept, here.out, np.array([-1])
+    i, j = np.triu_indices(len(out), 1)
+    several = [
+        (here.wald - cost, kept, nothing, nothing),
+        (cost - here.additions(), nothing, out, nothing),
+        (2.0 * cost - here.pairs()[i, j], nothing, out[i], out[j]),
+        (here.exchanges(), kept[:, None], out, nothing),
+        (here.exchanges_for_two()[:, i, j] + cost, kept[:, None], out[i], out[j]),
+    ]
+    rows = [np.stack([x.ravel() for x in np.broadcast_arrays(*change)]) for change in several]
+    rise, *terms = np.concatenate(rows, axis=1)
+    best = np.argsort(rise)[:CHANGES]
+    others = np.zeros((len(best), len(support) + 1), bool)  # the last column takes `nothing`
+    others[:, :-1] = support
+    leaving, first, second = np.array(terms)[:, best].astype(int)
+    row = np.arange(len(best))
+    others[row, leaving] = False
+    others[row, first] = others[row, second] = True
+    return here.chi2 + cost * len(kept) + rise[best], others[:, :-1]
+
+
+def _fit(whitened: Whitened, support: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """chi^2, and coefficients (n,) with variances (n,) in the original units."""
+    kept = np.flatnonzero(support)
+    q, r = np.linalg.qr(whitened.columns[:, kept])
+    inverse = solve_triangular(r, np.eye(len(kept)), check_finite=False)
+    along = q.T @ whitened.target
+    rest = whitened.target - q @ along
+    coefficients, variances = np.zeros((2, len(support)))
+    unit = whitened.unit[kept]
+    coefficients[kept] = inverse @ along * unit
+    variances[kept] = np.sum(inverse**2, axis=1) * unit**2
+    return float(rest @ rest), coefficients, variances
+
+
+def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndarray:
+    """(n,) root mean square distance of each coefficient from the selected one.
+
+    Of a term found: over all plausible supports. Of an absent one: over those that have it, or,
+    where none has, its `deviation` (n,) were it alone added.
+    """
+    selected = plausible.coefficients[0]
+    squares = plausible.variances + (plausible.coefficients - selected) ** 2
+    weight = plausible.weight[:, None] * (plausible.supports | plausible.supports[0])
+    total = weight.sum(axis=0)
+    mean = np.sum(weight * squares, axis=0) / np.where(total > 0.0, total, 1.0)
+    return np.where(plausible.supports[0], np.sqrt(mean), np.fmax(np.sqrt(mean), deviation))
+
+
+def detection_limits(errors: np.ndarray, support: np.ndarray, penalty: float) -> np.ndarray:
+    """(n,) size that an absent term would have been selected from, but for a rate of MISS_RATE.
+
+    errors: unconditional ones, which hold what is estimated of the absent term. NaN for the
+    terms of the support.
+    """
+    return np.where(support, np.nan, (np.sqrt(penalty) + norm.isf(MISS_RATE)) * errors)
+
+
+def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> str:
+    """One line on why the terms found are not settled by the data, '' where they are.
+
+    They are not where the plausible supports without one of them weigh more than FALSE_TERM_RATE,
+    or where an absent term, or a pair, improves the fit more than noise does but for a rate of
+    FALSE_DOUBT_RATE, yet less than selection asks.
+    """
     names = [
         f"{term_name(problem.terms[j], problem.states)} in d{problem.states[i]}/dt"
-        for i, j in pairs
+        for i, j in problem.candidates
     ]
-    reasons = [
-        f"the data cannot tell {names[found]} from {names[other]} (chi2 {rise:+.1f})"
-        for found, other, rise in alternatives(information, right, support, AMBIGUOUS)
-    ]
-    for terms, fall in plausible_additions(
-        information, right, support, PLAUSIBLE_TERM, PLAUSIBLE_PAIR
-    ):
-        if fall < misfit:
-            added = " with ".join(names[k] for k in terms)
+    support = plausible.supports[0]
+    reasons = []
+    lacking = ~plausible.supports[:, support].all(axis=1)
+    share = float(plausible.weight[lacking].sum())
+    if share > FALSE_TERM_RATE:
+        rival = np.flatnonzero(lacking)[np.argmax(plausible.weight[lacking])]
+        other = plausible.supports[rival]
+        gone = " with ".join(names[k] for k in np.flatnonzero(support & ~other))
+        instead = " with ".join(names[k] for k in np.flatnonzero(other & ~support)) or "nothing"
+        rise = plausible.chi2[rival] - plausible.chi2[0]
+        reasons.append(
+            f"the data cannot tell {gone} from {instead} (chi2 {rise:+.1f}); supports without a "
+            f"term found weigh {share:.2g}"
+        )
+    here = tableau(whitened, support)
+    n = len(here.out)
+    for size, falls in ((1, here.additions()), (2, here.pairs())):
+        several = n if size == 1 else n * (n - 1) / 2
+        if several and falls.max() > chi2_distribution.isf(FALSE_DOUBT_RATE / several, size):
+            places = np.unravel_index(np.argmax(falls), falls.shape)
+            added = " with ".join(names[here.out[k]] for k in places)
             reasons.append(
-                f"{added} is plausible, below the limit of selection (chi2 {-fall:+.1f})"
+                f"{added} is plausible, below the limit of selection (chi2 {-falls.max():+.1f})"
             )
-    theta = design_matrix(x, problem.terms)
-    size = np.sqrt(np.mean(theta**2, axis=0))
-    rate = np.sqrt(np.mean((theta @ problem.coefficients(free).T) ** 2, axis=0))
-    limit = np.sqrt(penalty) * np.nan_to_num(added_deviation(information, support), posinf=np.inf)
-    share = limit * size[problem.candidates[:, 1]] / rate[problem.candidates[:, 0]]
-    largest = int(np.nanargmax(share))
-    if share[largest] > TOLERATED_SHARE:
-        reasons.append(f"{names[largest]} could make up {share[largest]:.1%} of it unseen")
     return "; ".join(reasons)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.identification.likelihood.ambiguity import open_questions
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.result import assembled, verdict
+from galloping.identification.likelihood.result import judged
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import design_matrix
@@ -48,22 +47,11 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         whole = np.ones(n_terms, bool)
         support[block] = select(information[block, block], right[block], [whole], penalty)
         count += samples
-    free, covariance = solve_support(information, right, support)
+    free, _ = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
-    x = np.concatenate([recording.values for recording in recordings])
-    questions = ""
-    if support.any():
-        complete = x[np.all(np.isfinite(x), axis=1)]
-        questions = open_questions(
-            problem, information, right, support, free, penalty, misfit, complete
-        )
-    status, reason = verdict(support, "", questions)
-    return assembled(
-        problem, free, support, information, covariance, penalty,
+    return judged(
+        problem, information, right, support, penalty,
         initial_states=np.array([recording.values[0] for recording in recordings]),
         sigma=sigma,
         chi2=misfit / max(count - int(support.sum()), 1),
-        status=status,
-        reason=reason,
-        diagnostics={},
     )  # fmt: skip

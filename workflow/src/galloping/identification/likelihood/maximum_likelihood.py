@@ -7,19 +7,22 @@ come from the information at the solution, so they are those of the Cramer-Rao b
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from galloping.identification.likelihood.ambiguity import open_questions
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
+from galloping.identification.likelihood.inputs import check_question, checked_recordings
+from galloping.identification.likelihood.instrument import faults
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
-from galloping.identification.likelihood.result import assembled, refused, verdict
+from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import (
     Segments,
+    chained,
     cut,
     eliminate,
     linearise,
@@ -27,18 +30,20 @@ from galloping.identification.likelihood.shooting import (
 )
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.verdict import MOST_COLOUR, Residue, residue
-from galloping.identification.likelihood.weak_gls import WeakFit, prepared, weak_fit
+from galloping.identification.likelihood.weak_gls import Start, WeakFit, begin
 from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import Exponents, PolynomialModel
+from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
 
 WINDOWS_PER_PERIOD = 12  # of the shortest period; the projections of a window lose nothing
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
-PATIENCE = 5  # passes after which terms are chosen and segments matched, however bad the fit
+PATIENCE = 5  # passes with free segments, after which they are matched, however bad the fit
 MOST_PASSES = 20
+HOPELESS = 6  # passes, where the data cannot tell the terms apart, after which they stay open
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 CONVERGED = 0.01  # squared length of a step, in standard deviations
+DIVERGES = "no model found that follows the data: the iteration diverges"
 MATCHED = 1e-3  # gap between segments, relative to each state
 TRUNCATION = 1e-7  # of the Taylor series, relative to each state
 SMALLEST_NOISE = 1e-5  # of a channel, relative to its size: rounding is not weighed as noise
@@ -49,7 +54,8 @@ class Fit:
     """Where the iteration stands.
 
     free: (n_candidates,) coefficients; support: the same, boolean. starts: (n_segments,
-    n_states). sigma: (n_recordings, n_observed) noise of the projections.
+    n_states). sigma: (n_recordings, n_observed) noise of the projections, not below `floor`.
+    reference: the same as first estimated. cost: chi^2, by that, of the fit before this one.
     """
 
     free: np.ndarray
@@ -57,33 +63,39 @@ class Fit:
     starts: np.ndarray
     sigma: np.ndarray
     floor: np.ndarray
+    reference: np.ndarray
+    cost: float
 
 
 @dataclass(frozen=True)
 class Step:
-    """A Gauss-Newton step from one `Fit` to the next.
+    """A Gauss-Newton step from one `Fit`, `before`, to the next.
 
-    information, right: of the regression on all candidates. covariance: of the supported ones.
-    misfit, cost: chi^2 before the step, by the noise of its fit and by a fixed one. decrement:
-    squared length of the step, in units of its covariance. gap: largest mismatch of segments
-    before the step.
+    information: of the regression on all candidates; right: half the fall of chi^2 with each, at
+    the new fit. covariance: of the supported ones. misfit, cost: chi^2 before the step, by the
+    noise of its fit and by a fixed one. decrement: squared length of the step, in units of its
+    covariance. gap: largest mismatch of segments before the step. segments: in the chains that
+    were matched. settled: False of the last step of an iteration that did not come to an end.
     """
 
+    before: Fit
     fit: Fit
     information: np.ndarray
     right: np.ndarray
     covariance: np.ndarray
     misfit: float
-    cost: float
     decrement: float
     gap: float
+    segments: Segments
+    settled: bool
 
 
 def maximum_likelihood(
-    recordings: list[Recording],
+    recordings: Recording | Sequence[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
+    begin: Callable[[Problem, list[Recording]], Start] = begin,
 ) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
 
@@ -91,58 +103,65 @@ def maximum_likelihood(
     the noise of each channel of each recording is unknown, white and Gaussian. Where they carry
     derivatives, the states are exact and the equations are fitted directly.
     terms: the library. known: model whose equations of `known_states` hold; the equation of a
-    state X is known to be dX/dt = dX where a state has that name.
+    state X is known to be dX/dt = dX where a state has that name. begin: makes the start.
     The status is `ok`, `not identifiable` (other terms could be there as well), or `refused`.
-    Raises ValueError where the recordings differ in their states.
+    Raises ValueError where the recordings differ in their states, and for other input.
     """
+    recordings = checked_recordings(recordings)
     states = recordings[0].states
-    if any(recording.states != states for recording in recordings):
-        raise ValueError("the recordings do not have the same states")
+    check_question(states, terms, known, known_states)
     problem = make_problem(states, terms, known, known_states)
     try:
         if all(recording.derivatives is not None for recording in recordings):
             return derivative_fit(problem, recordings)
-        return _from_states(problem, recordings)
+        return _from_states(problem, recordings, begin(problem, recordings))
     except (ValueError, FloatingPointError, np.linalg.LinAlgError) as error:
         return refused(problem, str(error))
 
 
-def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
+def _from_states(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
-    recordings, smoothed, period = prepared(recordings)
+    recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
     measured = [np.isfinite(recording.values) for recording in recordings]
     kept = sum(int(one.sum()) for one in measured)
-    penalty = 2.0 * np.log(kept)
-    start = weak_fit(problem, smoothed, penalty)
+    penalty, start = begun.penalty, begun.fit
     observed = np.flatnonzero(np.any([one.any(axis=0) for one in measured], axis=0))
-    condensed, segments, fit = _prepare(problem, recordings, smoothed, observed, period, start)
-    fit, step = _iterate(problem, condensed, segments, fit, penalty)
-    remaining, shown = _remaining(problem, condensed, fit, segments, period)
+    largest = _largest(problem, smoothed)
+    condensed, segments, step = _followed(
+        problem, recordings, smoothed, observed, period, start, largest
+    )
+    fit = step.fit
+    unseen = bool(np.linalg.eigvalsh(step.information * largest * largest[:, None])[0] < 1.0)
+    fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
+    remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
-        fit = replace(fit, sigma=np.sqrt(power), floor=np.sqrt(power))
-        fit, step = _iterate(problem, condensed, segments, fit, penalty)
-        remaining, shown = _remaining(problem, condensed, fit, segments, period)
+        noise = np.sqrt(power)
+        fit = replace(fit, sigma=noise, floor=noise, reference=noise, cost=np.inf)
+        fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
+        remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
-    parameters = int(fit.support.sum()) + len(recordings) * len(problem.states)
+    parameters = int(fit.support.sum()) + (step.segments.chains[-1] + 1) * len(problem.states)
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
-    objection, questions = shown.objection([problem.states[k] for k in observed]), ""
-    if fit.support.any() and not objection:
-        x = np.concatenate([one.states[one.valid] for one in smoothed])
-        questions = open_questions(
-            problem, step.information, step.right, fit.support, fit.free, penalty, step.misfit, x
+    objection, doubt = shown.objection([problem.states[k] for k in observed]), ""
+    if step.settled:
+        causes = faults(
+            problem, condensed, step.segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
         )
-    status, reason = verdict(fit.support, objection, questions)
-    return assembled(
-        problem, fit.free, fit.support, step.information, step.covariance, penalty,
+        objection = "; ".join([fault.cause for fault in causes[:1]] + [objection] * bool(objection))
+    else:  # what it leaves in the residuals is that it is not the best fit
+        objection, doubt = "", "many models follow the data alike"
+    return judged(
+        problem, step.information, step.right, fit.support, penalty,
+        about=step.fit.free,
+        objection=objection,
+        doubt=doubt,
         initial_states=fit.starts[_first_segments(segments)],
         sigma=sigma,
         chi2=shown.chi2,
-        status=status,
-        reason=reason,
         diagnostics={
             "chi2_allowed": shown.chi2_allowed,
             "residual_band": shown.band,
@@ -157,13 +176,14 @@ def _from_states(problem: Problem, recordings: list[Recording]) -> IdentifiedMod
 def _remaining(
     problem: Problem, condensed: Condensed, fit: Fit, segments: Segments, period: float
 ) -> tuple[np.ndarray, Residue]:
-    """Residuals of single shooting over every recording, and what they show.
+    """Residuals of single shooting over every chain, and what they show.
 
-    Raises FloatingPointError where the model diverges over a recording.
+    Raises FloatingPointError where the model diverges over a chain.
     """
-    nowhere = np.zeros(condensed.first[-1], bool)
-    whole = cut(condensed, int(condensed.first[-1]) + 1, nowhere, chained=True)
-    firsts = fit.starts[_first_segments(segments)]
+    begins = np.unique(segments.chains, return_index=True)[1]
+    windows = np.append(segments.first[begins], segments.first[-1])
+    whole = Segments(windows, segments.recording[begins], np.arange(len(begins)))
+    firsts = fit.starts[begins]
     remaining, _ = residuals(problem, condensed, whole, fit.free, firsts)
     return remaining, residue(condensed, remaining, int(fit.support.sum()) + firsts.size, period)
 
@@ -173,6 +193,61 @@ def _first_segments(segments: Segments) -> np.ndarray:
     return np.unique(segments.recording, return_index=True)[1]
 
 
+def _largest(problem: Problem, smoothed: list[Smooth]) -> np.ndarray:
+    """(n_candidates,) coefficients at which each term alone would make up its equation."""
+    rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in smoothed]
+    rate = np.sqrt(np.mean(np.concatenate(rates) ** 2, axis=0))
+    theta = design_matrix(
+        np.concatenate([one.states[one.valid] for one in smoothed]), problem.terms
+    )
+    size = np.sqrt(np.mean(theta**2, axis=0)) + np.finfo(float).tiny
+    return rate[problem.candidates[:, 0]] / size[problem.candidates[:, 1]]
+
+
+def _followed(
+    problem: Problem,
+    recordings: list[Recording],
+    smoothed: list[Smooth],
+    observed: np.ndarray,
+    period: float,
+    start: WeakFit,
+    largest: np.ndarray,
+) -> tuple[Condensed, Segments, Step]:
+    """Condensed samples, and segments in which a fit with free first states follows the data.
+
+    From a rough start, that of a sensitive system above all, long segments lead astray: they are
+    halved while that halves the misfit. A start that diverges even so is replaced by that of all
+    terms, each held to its `largest` size. Raises FloatingPointError where that diverges too.
+    """
+    best = None
+    for halving in range(2 * MOST_HALVINGS):
+        periods = PERIODS_PER_SEGMENT / 2 ** (halving % MOST_HALVINGS)
+        if halving == MOST_HALVINGS:
+            if best is not None:
+                return best
+            scaled = start.information * largest * largest[:, None] + np.eye(len(largest))
+            free = largest * np.linalg.solve(scaled, largest * start.right)
+            start = replace(start, free=free, support=np.ones(len(free), bool))
+        try:
+            condensed, segments, fit = _prepare(
+                problem, recordings, smoothed, observed, period, start, periods
+            )
+            previous = fit
+            for _ in range(PATIENCE):
+                step = _guarded(problem, condensed, segments, previous, fit, False, None)
+                previous, fit = step.before, step.fit
+                if fit.cost < CLOSE * float(np.sum(condensed.rows)):
+                    return condensed, segments, step
+        except FloatingPointError:
+            continue
+        if best is not None and fit.cost > best[2].fit.cost / 2.0:
+            return best
+        best = condensed, segments, step
+    if best is None:
+        raise FloatingPointError(DIVERGES)
+    return best
+
+
 def _prepare(
     problem: Problem,
     recordings: list[Recording],
@@ -180,8 +255,9 @@ def _prepare(
     observed: np.ndarray,
     period: float,
     start: WeakFit,
+    periods: float,
 ) -> tuple[Condensed, Segments, Fit]:
-    """Condensed samples, segments and first states on which the start can be integrated.
+    """Condensed samples, segments of so many periods and first states to integrate them from.
 
     Windows are halved until the Taylor series is accurate over one, segments until the start
     does not diverge within one. Raises FloatingPointError where neither is enough.
@@ -190,7 +266,8 @@ def _prepare(
     size = np.array([np.std(one.states[:, observed], axis=0) for one in smoothed])
     floor = SMALLEST_NOISE * np.where(size > 0.0, size, 1.0)
     noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
-    windows, length = WINDOWS_PER_PERIOD, WINDOWS_PER_PERIOD * PERIODS_PER_SEGMENT
+    windows = WINDOWS_PER_PERIOD
+    length = max(round(windows * periods), 2)
     for _ in range(MOST_HALVINGS):
         condensed = condense(
             [recording.time for recording in recordings],
@@ -201,7 +278,7 @@ def _prepare(
         states, valid = _window_states(condensed, recordings, smoothed)
         segments = cut(condensed, length, valid, chained=False)
         starts = states[segments.first[:-1]]
-        fit = Fit(start.free, start.support, starts, noise, floor)
+        fit = Fit(start.free, start.support, starts, noise, floor, noise, np.inf)
         try:
             truncation = residuals(problem, condensed, segments, fit.free, fit.starts)[1]
         except FloatingPointError:
@@ -227,43 +304,69 @@ def _window_states(
 
 
 def _iterate(
-    problem: Problem, condensed: Condensed, segments: Segments, fit: Fit, penalty: float
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    fit: Fit,
+    penalty: float,
+    unseen: bool,
 ) -> tuple[Fit, Step]:
-    """Gauss-Newton, first with free segments, then matched; terms chosen at every pass.
+    """Gauss-Newton with segments matched in chains; terms chosen at every pass but the last ones.
 
-    Terms are chosen and segments matched once the misfit is close to the noise, where the
-    quadratic model holds, or when patience ends; in the end they stay as they are. A step that
-    diverges or raises the misfit is halved. Raises FloatingPointError where the iteration does
-    not settle.
+    unseen: whether a mixture of terms, together as large as the motion, fits nothing; then an
+    iteration that does not settle within HOPELESS passes never will, and ends with the free
+    segments that it began with.
+    Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
-    chained = replace(segments, chains=segments.recording)
-    close = CLOSE * float(np.sum(condensed.rows))
-    previous, reference, cost, matched = fit, fit.sigma, np.inf, False
-    for passed in range(MOST_PASSES):
-        frozen = passed >= MOST_PASSES // 2
-        choosing = (cost < close or passed >= PATIENCE) and not frozen
-        for _ in range(MOST_HALVINGS):
-            try:
-                step = _gauss_newton(
-                    problem, condensed, chained if matched else segments, fit,
-                    penalty if choosing else None, reference,
-                )  # fmt: skip
-            except FloatingPointError:
-                fit = _between(previous, fit)
-                continue
-            if step.cost < max(1.5 * cost, close):
+    previous = start = fit
+    for passed in range(HOPELESS if unseen else MOST_PASSES):
+        choosing = passed < MOST_PASSES // 2
+        try:
+            step = _guarded(
+                problem, condensed, segments, previous, fit, True, penalty if choosing else None
+            )
+        except FloatingPointError:
+            if unseen:
                 break
-            fit = _between(previous, fit)
-        else:
-            raise FloatingPointError("no model found that follows the data: the iteration diverges")
-        settled = np.array_equal(step.fit.support, fit.support) and step.decrement < CONVERGED
-        previous, fit, cost = fit, step.fit, step.cost
-        if matched and (choosing or frozen) and settled and step.gap < MATCHED:
+            raise
+        settled = np.array_equal(step.fit.support, step.before.support)
+        previous, fit = step.before, step.fit
+        if settled and step.decrement < CONVERGED and step.gap < MATCHED:
             return fit, step
-        matched = matched or cost < close or passed >= PATIENCE
-    misfit = cost / float(np.sum(condensed.rows))
+    if unseen:
+        step = _gauss_newton(problem, condensed, segments, start, False, None)
+        if step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
+            return start, replace(step, settled=False)
+    misfit = fit.cost / float(np.sum(condensed.rows))
     what = "follows the data" if misfit > CLOSE else "is preferred by the data"
     raise FloatingPointError(f"no model found that {what}: chi2/n {misfit:.3g}")
+
+
+def _guarded(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    previous: Fit,
+    fit: Fit,
+    matched: bool,
+    penalty: float | None,
+) -> Step:
+    """A step from `fit`, or, where that diverges or raises the misfit, from nearer to `previous`.
+
+    The other arguments as in `_gauss_newton`. Raises FloatingPointError where halving the way
+    does not help.
+    """
+    close = CLOSE * float(np.sum(condensed.rows))
+    for _ in range(MOST_HALVINGS):
+        try:
+            step = _gauss_newton(problem, condensed, segments, fit, matched, penalty)
+        except FloatingPointError:
+            fit = _between(previous, fit)
+            continue
+        if step.fit.cost < max(1.5 * fit.cost, close):
+            return step
+        fit = _between(previous, fit)
+    raise FloatingPointError(DIVERGES)
 
 
 def _between(a: Fit, b: Fit) -> Fit:
@@ -276,22 +379,27 @@ def _gauss_newton(
     condensed: Condensed,
     segments: Segments,
     fit: Fit,
+    matched: bool,
     penalty: float | None,
-    reference: np.ndarray,
 ) -> Step:
     """Linearise, choose the terms (unless `penalty` is None), move, re-estimate the noise.
 
     The noise is that of the projections, which hold the information: where the noise is not
-    white it differs from the noise between samples. reference: the noise that measures the cost.
+    white it differs from the noise between samples. matched: whether segments are, in chains.
     """
     linear = linearise(problem, condensed, fit.sigma, segments, fit.free, fit.starts)
+    if matched:
+        segments = chained(linear, segments)
     quadratic = eliminate(linear, segments, fit.starts)
-    right = quadratic.right + quadratic.information @ fit.free
     support = fit.support
     if penalty is not None:
-        starts = [np.ones(len(right), bool), fit.support]
-        support = select(quadratic.information, right, starts, penalty)
-    free, covariance = solve_support(quadratic.information, right, support)
+        starts = [np.ones(len(support), bool), fit.support]
+        support = select(quadratic.information, quadratic.right, starts, penalty, fit.free)
+    # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
+    free = np.where(support, fit.free, 0.0)
+    rest = quadratic.right + quadratic.information @ (fit.free - free)
+    step, covariance = solve_support(quadratic.information, rest, support)
+    free = free + step
     change = free - fit.free
     starts = fit.starts + quadratic.states[:, :, :-1] @ change + quadratic.states[:, :, -1]
     squares = linear.squares * fit.sigma**2
@@ -299,12 +407,22 @@ def _gauss_newton(
     share = (support.sum() + chains * len(problem.states)) / max(np.count_nonzero(squares), 1)
     sigma = np.sqrt(squares / np.maximum(condensed.rows - share, 0.2 * condensed.rows + 1.0))
     return Step(
-        Fit(free, support, starts, np.maximum(sigma, fit.floor), fit.floor),
+        fit,
+        Fit(
+            free,
+            support,
+            starts,
+            np.maximum(sigma, fit.floor),
+            fit.floor,
+            fit.reference,
+            cost=float(np.sum(squares / fit.reference**2)),
+        ),
         quadratic.information,
-        right,
+        quadratic.right - quadratic.information @ change,
         covariance,
         float(np.sum(linear.squares)),
-        float(np.sum(squares / reference**2)),
         float(change @ quadratic.information @ change),
         quadratic.gap,
+        segments,
+        settled=True,
     )

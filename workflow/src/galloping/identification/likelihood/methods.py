@@ -5,22 +5,44 @@ Second-order systems name their velocities `dX`; that dX/dt is the state dX is t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from galloping.identification.likelihood import maximum_likelihood as likelihood
 from galloping.identification.likelihood import weak_gls as weak
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.weak_gls import Start
 from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import library
+from galloping.polynomial import Exponents
 from galloping.recording import Recording
 
 
-def weak_gls(recordings: Sequence[Recording], *, degree: int) -> IdentifiedModel:
-    """`likelihood.weak_gls` on the polynomial library up to `degree`."""
-    return weak.weak_gls(list(recordings), library(len(recordings[0].states), degree))
+@dataclass(frozen=True)
+class Evidence:
+    """What both methods work on: recordings of one system, the library, and a shared start."""
+
+    recordings: list[Recording]
+    terms: tuple[Exponents, ...]
+    begin: Callable[[Problem, list[Recording]], Start]
 
 
-def maximum_likelihood(recordings: Sequence[Recording], *, degree: int) -> IdentifiedModel:
-    """`likelihood.maximum_likelihood` on the polynomial library up to `degree`."""
-    return likelihood.maximum_likelihood(
-        list(recordings), library(len(recordings[0].states), degree)
-    )
+def start(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evidence:
+    """Evidence whose start is made once, by the first method that needs it."""
+    made: list[Start] = []
+
+    def begin(problem: Problem, given: list[Recording]) -> Start:
+        if not made:
+            made.append(weak.begin(problem, given))
+        return made[0]
+
+    return Evidence(list(recordings), terms, begin)
+
+
+def weak_gls(evidence: Evidence) -> IdentifiedModel:
+    """`likelihood.weak_gls` on the polynomial library."""
+    return weak.weak_gls(evidence.recordings, evidence.terms, begin=evidence.begin)
+
+
+def maximum_likelihood(evidence: Evidence) -> IdentifiedModel:
+    """`likelihood.maximum_likelihood` on the polynomial library."""
+    return likelihood.maximum_likelihood(evidence.recordings, evidence.terms, begin=evidence.begin)

@@ -1,66 +1,73 @@
-"""From a regression on the candidates to an identified model."""
+"""From a regression on the candidates to an identified model with its verdict."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from galloping.identification.likelihood.ambiguity import (
+    detection_limits,
+    open_questions,
+    plausible_supports,
+    unconditional_errors,
+)
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.selection import added_deviation
+from galloping.identification.likelihood.selection import added_deviation, solve_support, whiten
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 
 
-def verdict(support: np.ndarray, objection: str, questions: str) -> tuple[str, str]:
-    """Status and reason of a fit.
-
-    support: of the candidates, boolean. objection: why the fit must not be trusted. questions:
-    what the data leave open. Both are '' where there is nothing to say.
-    """
-    if objection:
-        return "refused", objection
-    if not support.any():
-        return "not identifiable", "no term stands out of the noise"
-    return ("not identifiable", questions) if questions else ("ok", "")
-
-
-def assembled(
+def judged(
     problem: Problem,
-    free: np.ndarray,
-    support: np.ndarray,
     information: np.ndarray,
-    covariance: np.ndarray,
+    right: np.ndarray,
+    support: np.ndarray,
     penalty: float,
     *,
+    about: np.ndarray | None = None,
+    objection: str = "",
+    doubt: str = "",
     initial_states: np.ndarray,
     sigma: np.ndarray,
     chi2: float,
-    status: str,
-    reason: str,
-    diagnostics: dict[str, float],
+    diagnostics: dict[str, float] | None = None,
 ) -> IdentifiedModel:
-    """The identified model from a regression on the candidates.
+    """The identified model and its status, the same for all methods.
 
-    free, support: (n_candidates,). information: (n_candidates, n_candidates). covariance: of the
-    supported coefficients, in the order of the candidates. penalty: that of the selection. The
-    rest as in `IdentifiedModel`.
+    information, right, support, penalty, about: as in `selection`, `about` zero outside the
+    support. objection: why the fit must not be trusted, doubt: why its terms are not settled, ''
+    where there is nothing to say. The rest as in `IdentifiedModel`.
+
+    `ok` claims: the terms found are right, and every absent one is smaller than its stated limit.
     """
-    if status == "refused":
-        return refused(problem, reason)
-    errors = np.full(len(support), np.nan)
-    errors[support] = np.sqrt(np.diag(covariance))
-    limits = np.sqrt(penalty) * added_deviation(information, support)
+    if objection:
+        return refused(problem, objection)
+    free, covariance = solve_support(information, right, support)
+    if about is not None:
+        free = free + about
+    status, reason = "not identifiable", "no term stands out of the noise"
+    errors = added_deviation(information, support)
+    if support.any():
+        whitened = whiten(information, right, about)
+        plausible = plausible_supports(whitened, support)
+        errors = unconditional_errors(plausible, errors)
+        questions = open_questions(problem, whitened, plausible)
+        reason = "; ".join(filter(None, [doubt, questions]))
+        status = "not identifiable" if reason else "ok"
+    conditional = np.full(len(support), np.nan)
+    conditional[support] = np.sqrt(np.diag(covariance))
     return IdentifiedModel(
         model=PolynomialModel(problem.states, problem.terms, problem.coefficients(free)),
         status=status,
         reason=reason,
-        standard_errors=problem.on_library(errors),
-        detection_limits=problem.on_library(limits),
+        standard_errors=problem.on_library(conditional),
+        unconditional_errors=problem.on_library(errors),
+        detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
         covariance=covariance,
         initial_states=initial_states,
         sigma=sigma,
         chi2=chi2,
         known=problem.known_equations,
-        diagnostics=diagnostics,
+        diagnostics=diagnostics or {},
     )
 
 

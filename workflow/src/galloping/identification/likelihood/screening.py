@@ -18,6 +18,7 @@ OUTLIER = 5.5
 CURVE_ACCURACY = 1e-3
 MOST_OUTLIERS = 0.1
 ROUNDS = 6
+LOCAL = 4.0  # periods in which the noise of a channel has a deviation of its own
 
 
 def without_faults(recording: Recording, period: float) -> Recording:
@@ -55,19 +56,24 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
 
     Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million
     samples, and well above the accuracy of the curve itself; the curve is fitted again until none
-    is left. Raises ValueError where more than a tenth of the samples of a channel would go.
+    is left. The deviation is that of the channel and also that of the nearby samples, as noise
+    may grow and shrink with the signal. Raises ValueError where more than a tenth of
+    the samples of a channel would go.
     """
     before = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
+    floor = CURVE_ACCURACY * np.abs(smoothed.states).max(axis=0)
     for _ in range(ROUNDS):
-        scale = np.array(
-            [
-                np.median(np.abs(gap[np.isfinite(gap)])) if np.isfinite(gap).any() else np.inf
-                for gap in smoothed.residual.T
-            ]
-        )
-        floor = CURVE_ACCURACY * np.abs(smoothed.states).max(axis=0)
-        far = np.abs(smoothed.residual) > OUTLIER * np.maximum(1.4826 * scale, floor)
+        far = np.zeros(recording.values.shape, bool)
+        for k, gap in enumerate(np.abs(smoothed.residual.T)):
+            good = np.isfinite(gap)
+            if not good.any():
+                continue
+            limit = OUTLIER * np.maximum(1.4826 * np.median(gap[good]), floor[k])
+            far[good, k] = gap[good] > limit
+            if far[:, k].any():
+                near = _local_median(recording.time[good], gap[good], LOCAL * period)
+                far[good, k] &= gap[good] > OUTLIER * 1.4826 * near
         if not far.any():
             break
         recording = replace(recording, values=np.where(far, np.nan, recording.values))
@@ -77,3 +83,11 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
                 raise ValueError(f"more than a tenth of the samples of {name} are outliers")
         smoothed = smooth(recording, period)
     return recording, smoothed
+
+
+def _local_median(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
+    """(n,) median of the values within stretches of `length` s, interpolated between them."""
+    stretch = ((time - time[0]) // length).astype(np.int64)
+    places = [stretch == k for k in np.unique(stretch)]
+    centres = [time[place].mean() for place in places]
+    return np.interp(time, centres, [np.median(values[place]) for place in places])

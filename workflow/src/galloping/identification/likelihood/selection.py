@@ -1,12 +1,13 @@
-"""Choosing the terms on a quadratic model of the misfit: Wald removal and score-test re-entry."""
+"""Choosing the terms on a quadratic model of the misfit, by least chi^2 plus a price a term."""
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.linalg import lapack
+from dataclasses import dataclass
 
-RIDGE = 1e-13
-IMITATED = 1e-9
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from galloping.identification.likelihood.constants import DEPENDENT, IMITATED, RIDGE
 
 
 def solve_support(
@@ -16,86 +17,240 @@ def solve_support(
 
     information: H, (n, n), right: b, (n,), both whitened, so that H^-1 is the covariance.
     support: (n,) boolean. Returns c (n,) and the covariance of the supported coefficients
-    (n_support, n_support). Raises numpy.linalg.LinAlgError where H is not positive definite.
+    (n_support, n_support).
     """
-    c = np.zeros(len(right))
     kept = np.flatnonzero(support)
-    if not len(kept):
-        return c, np.zeros((0, 0))
-    covariance = _inverse(information[np.ix_(kept, kept)])
-    c[kept] = covariance @ right[kept]
+    whitened = whiten(information[np.ix_(kept, kept)], right[kept])
+    here = tableau(whitened, whitened.usable)
+    c, covariance = np.zeros(len(right)), np.zeros((len(kept), len(kept)))
+    unit = whitened.unit[here.kept]
+    c[kept[here.kept]] = here.coefficients * unit
+    covariance[np.ix_(here.kept, here.kept)] = here.covariance * unit[:, None] * unit
     return c, covariance
 
 
 def select(
-    information: np.ndarray, right: np.ndarray, starts: list[np.ndarray], penalty: float
+    information: np.ndarray,
+    right: np.ndarray,
+    starts: list[np.ndarray],
+    penalty: float,
+    about: np.ndarray | None = None,
 ) -> np.ndarray:
     """The best support found: least chi^2 plus `penalty` for each term.
 
-    From each of `starts`, (n,) boolean: removes the term with the smallest Wald statistic
-    c^2/var while that is below the penalty; adds the excluded term with the largest score
-    statistic while that is above it, or the best pair of terms, removing again; then exchanges a
-    term for an excluded one while that pays. Shapes as in `solve_support`. Returns the (n,)
-    boolean support.
+    From each of `starts`, (n,) boolean: removes the term with the smallest Wald statistic while
+    that is below the penalty; then, while it pays, adds a term or two, or exchanges one for one,
+    one for two or two for one. Shapes as in `solve_support`; about: as in `whiten`. Returns the
+    (n,) boolean support.
+    """
+    whitened = whiten(information, right, about)
+    settled: dict[bytes, tuple[float, np.ndarray]] = {}
+    for start in starts:
+        value, support = _descend(whitened, start & whitened.usable, penalty, settled)
+        settled[support.tobytes()] = (value, support)
+    return min(settled.values(), key=lambda entry: entry[0])[1]
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """The same problem as the least squares of |target - columns c|^2, in units of its own.
+
+    columns: (n, n), target: (n,). unit: (n,), from its c to the original one,
+    zero for terms without information. Sums of squares formed from it keep the digits that a
+    product with an inverse loses where terms imitate each other.
+    """
+
+    columns: np.ndarray
+    target: np.ndarray
+    unit: np.ndarray
+
+    @property
+    def usable(self) -> np.ndarray:
+        return self.unit > 0.0
+
+
+def whiten(information: np.ndarray, right: np.ndarray, about: np.ndarray | None = None) -> Whitened:
+    """Information (n, n) and right-hand side (n,), factored with each term in its own unit.
+
+    about: (n,) coefficients of a good fit, from which `right`, half the fall of chi^2 with each,
+    is then measured: small, where the right-hand side at zero would lose its digits.
     """
     diagonal = np.diag(information)
     usable = diagonal > 0.0
-    scale = np.where(usable, 1.0 / np.sqrt(np.where(usable, diagonal, 1.0)), 0.0)
-    h = information * scale[:, None] * scale
-    b = right * scale
-    found: dict[bytes, tuple[float, np.ndarray]] = {}
-    for start in starts:
-        support = _descend(h, b, start & usable, usable, penalty)
-        found[support.tobytes()] = (_criterion(h, b, support, penalty), support)
-    return min(found.values(), key=lambda entry: entry[0])[1]
+    unit = np.where(usable, 1.0 / np.sqrt(np.where(usable, diagonal, 1.0)), 0.0)
+    scaled = information * unit[:, None] * unit
+    scaled[np.diag_indices_from(scaled)] += np.where(usable, RIDGE, 1.0)
+    try:
+        columns = cholesky(scaled, check_finite=False)
+        target = solve_triangular(columns, right * unit, trans="T", check_finite=False)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(scaled)
+        root = np.sqrt(np.maximum(values, RIDGE))
+        columns, target = root[:, None] * vectors.T, (right * unit) @ vectors / root
+    if about is not None:
+        target = target + columns @ (about * np.sqrt(np.maximum(diagonal, 0.0)))
+    return Whitened(columns, target, unit)
+
+
+@dataclass(frozen=True)
+class Tableau:
+    """The problem seen from a support at its best: what every small move would do.
+
+    kept, out: indices of the support and of the terms that could be added. coefficients (n_kept,)
+    with their covariance. chi2: misfit of the support, above that of all terms. share: (n_kept,
+    n_out), by how much each coefficient falls as one that is added grows. gradient (n_out,) and
+    information (n_out, n_out) of the added ones, the support refitted.
+    """
+
+    kept: np.ndarray
+    out: np.ndarray
+    coefficients: np.ndarray
+    covariance: np.ndarray
+    chi2: float
+    share: np.ndarray
+    gradient: np.ndarray
+    information: np.ndarray
+
+    @property
+    def wald(self) -> np.ndarray:
+        """(n_kept,) rise of chi^2 when one term is removed."""
+        return self.coefficients**2 / np.diag(self.covariance)
+
+    def additions(self) -> np.ndarray:
+        """(n_out,) fall of chi^2 when one term is added."""
+        return self.gradient**2 / np.diag(self.information)
+
+    def pairs(self) -> np.ndarray:
+        """(n_out, n_out) fall of chi^2 when two terms are added, zero where they are one."""
+        return _pairs(self.gradient, self.information)
+
+    def exchanges(self) -> np.ndarray:
+        """(n_kept, n_out) rise of chi^2 when one term is exchanged for another."""
+        variance = np.diag(self.covariance)[:, None]
+        gradient = self.gradient + self.share * (self.coefficients[:, None] / variance)
+        return self.wald[:, None] - gradient**2 / (
+            np.diag(self.information) + self.share**2 / variance
+        )
+
+    def exchanges_for_two(self) -> np.ndarray:
+        """(n_kept, n_out, n_out) rise of chi^2 when one term is exchanged for two."""
+        rises = np.empty((len(self.kept), len(self.out), len(self.out)))
+        for k, share in enumerate(self.share):
+            variance, coefficient = self.covariance[k, k], self.coefficients[k]
+            gradient = self.gradient + share * (coefficient / variance)
+            information = self.information + np.outer(share, share / variance)
+            rises[k] = coefficient**2 / variance - _pairs(gradient, information)
+        return rises
+
+    def exchanges_of_two(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rise of chi^2 (n_pairs, n_out) when two terms are exchanged for one; (n_pairs, 2)."""
+        pairs = np.column_stack(np.triu_indices(len(self.kept), 1))
+        i, j = pairs.T
+        block = self.covariance[pairs[:, :, None], pairs[:, None, :]]
+        weight = np.linalg.inv(block)
+        c = self.coefficients[pairs]
+        pull = np.einsum("pij,pj->pi", weight, c)
+        share = np.stack([self.share[i], self.share[j]], axis=1)
+        gradient = self.gradient + np.einsum("pi,pio->po", pull, share)
+        information = np.diag(self.information) + np.einsum(
+            "pio,pij,pjo->po", share, weight, share, optimize=True
+        )
+        return np.sum(c * pull, axis=1)[:, None] - gradient**2 / information, pairs
+
+
+def tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
+    """support: (n,) boolean. Terms that it imitates cannot be added."""
+    kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.usable)
+    q, r = np.linalg.qr(whitened.columns[:, kept])
+    inverse = solve_triangular(r, np.eye(len(kept)), check_finite=False)
+    cross, along = q.T @ whitened.columns[:, out], q.T @ whitened.target
+    beyond = whitened.columns[:, out] - q @ cross
+    rest = whitened.target - q @ along
+    good = np.einsum("ij,ij->j", beyond, beyond) > IMITATED
+    beyond = beyond[:, good]
+    return Tableau(
+        kept, out[good], inverse @ along, inverse @ inverse.T, float(rest @ rest),
+        inverse @ cross[:, good], beyond.T @ rest, beyond.T @ beyond,
+    )  # fmt: skip
+
+
+def _pairs(gradient: np.ndarray, information: np.ndarray) -> np.ndarray:
+    """(n, n) fall of chi^2 when two terms are added, zero where they are one but for rounding."""
+    diagonal = np.diag(information)
+    product = np.outer(diagonal, diagonal)
+    determinant = product - information**2
+    square = np.outer(gradient**2, diagonal)
+    gain = square + square.T - 2.0 * np.outer(gradient, gradient) * information
+    good = determinant > DEPENDENT * product
+    return np.divide(gain, determinant, out=np.zeros_like(gain), where=good)
 
 
 def _descend(
-    h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarray, penalty: float
-) -> np.ndarray:
-    """Removal, re-entry and exchange until none of them lowers the criterion."""
-    best, lowest = support, np.inf
+    whitened: Whitened, support: np.ndarray, penalty: float, settled: dict[bytes, tuple]
+) -> tuple[float, np.ndarray]:
+    """Removal, then the best small move while one lowers the criterion; with the criterion.
+
+    settled: supports from which no move does.
+    """
+    support = _remove(whitened, support, penalty)
+    while support.tobytes() not in settled:
+        here = tableau(whitened, support)
+        value = here.chi2 + penalty * len(here.kept)
+        change, leaving, entering = _best_move(here, penalty)
+        if change > -1e-6:
+            return value, support
+        support = support.copy()
+        support[leaving], support[entering] = False, True
+        support = _remove(whitened, support, penalty)
+    return settled[support.tobytes()]
+
+
+def _best_move(here: Tableau, penalty: float) -> tuple[float, np.ndarray, np.ndarray]:
+    """Change of the criterion, terms that leave and terms that enter; cheap moves come first."""
+    none = np.zeros(0, int)
+    if not len(here.out):
+        return 0.0, none, none
+    best = int(np.argmax(here.additions()))
+    change = penalty - here.additions()[best]
+    if change < 0.0:
+        return change, none, here.out[[best]]
+    options = []
+    pair_gain = here.pairs()
+    i, j = np.unravel_index(np.argmax(pair_gain), pair_gain.shape)
+    options.append((2.0 * penalty - pair_gain[i, j], none, here.out[[i, j]]))
+    if len(here.kept):
+        rises = here.exchanges()
+        k, i = np.unravel_index(np.argmin(rises), rises.shape)
+        options.append((rises[k, i], here.kept[[k]], here.out[[i]]))
+        rises = here.exchanges_for_two()
+        k, i, j = np.unravel_index(np.argmin(rises), rises.shape)
+        options.append((rises[k, i, j] + penalty, here.kept[[k]], here.out[[i, j]]))
+    if len(here.kept) > 1:
+        rises, pairs = here.exchanges_of_two()
+        k, i = np.unravel_index(np.argmin(rises), rises.shape)
+        options.append((rises[k, i] - penalty, here.kept[pairs[k]], here.out[[i]]))
+    return min(options, key=lambda option: option[0])
+
+
+def _remove(whitened: Whitened, support: np.ndarray, penalty: float) -> np.ndarray:
+    """Backward elimination; the inverse is updated by one rank at each removal, then made anew."""
     while True:
-        support = _remove(h, b, support, penalty)
-        value = _criterion(h, b, support, penalty)
-        if value >= lowest - 1e-6:
-            return best
-        best, lowest = support, value
-        gradient, left = _conditional(h, b, support, usable)
-        score, pair_score = _scores(gradient, left), _pair_scores(gradient, left)
-        if score.max() > penalty:
-            support = support.copy()
-            support[np.argmax(score)] = True
-        elif pair_score.max() > 2.0 * penalty:
-            support = support.copy()
-            support[list(np.unravel_index(np.argmax(pair_score), pair_score.shape))] = True
-        else:
-            support = _exchanged(h, b, support, usable)
-
-
-def _exchanged(h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarray) -> np.ndarray:
-    """The support after the most profitable exchange of one term for another, or unchanged."""
-    best, gain = support, 0.0
-    inverse = _inverse(h[np.ix_(support, support)])
-    wald = (inverse @ b[support]) ** 2 / np.diag(inverse)
-    for loss, out in zip(wald, np.flatnonzero(support), strict=True):
-        without = support.copy()
-        without[out] = False
-        score = _scores(*_conditional(h, b, without, usable))
-        score[out] = 0.0
-        if score.max() - loss > gain:
-            gain = score.max() - loss
-            best = without
-            best[np.argmax(score)] = True
-    return best
-
-
-def _criterion(h: np.ndarray, b: np.ndarray, support: np.ndarray, penalty: float) -> float:
-    """chi^2 less that of no terms, plus the penalty of every term."""
-    if not support.any():
-        return 0.0
-    right = b[support]
-    return float(penalty * len(right) - right @ _inverse(h[np.ix_(support, support)]) @ right)
+        here = tableau(whitened, support)
+        kept, c, inverse = here.kept, here.coefficients, here.covariance
+        while len(kept):
+            wald = c**2 / np.diag(inverse)
+            worst = int(np.argmin(wald))
+            if wald[worst] >= penalty:
+                break
+            column = inverse[:, worst] / inverse[worst, worst]
+            c = np.delete(c - column * c[worst], worst)
+            inverse = inverse - np.outer(column, inverse[worst])
+            inverse = np.delete(np.delete(inverse, worst, 0), worst, 1)
+            kept = np.delete(kept, worst)
+        if len(kept) == len(here.kept):
+            return support
+        support = np.zeros_like(support)
+        support[kept] = True
 
 
 def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
@@ -103,129 +258,8 @@ def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
 
     NaN within the support; infinite where the supported terms imitate the excluded one.
     """
-    usable = np.diag(information) > 0.0
-    left = np.diag(_conditional(information, np.zeros(len(support)), support, usable)[1])
-    deviation = np.where(left > 0.0, 1.0 / np.sqrt(np.where(left > 0.0, left, 1.0)), np.inf)
-    return np.where(support, np.nan, deviation)
-
-
-def plausible_additions(
-    information: np.ndarray, right: np.ndarray, support: np.ndarray, single: float, pair: float
-) -> list[tuple[tuple[int, ...], float]]:
-    """The best excluded term and the best excluded pair, where noise alone hardly explains them.
-
-    single, pair: fall of chi^2 above which each is listed, with that fall.
-    """
-    usable = np.diag(information) > 0.0
-    conditional = _conditional(information, right, support, usable)
-    score, pair_score = _scores(*conditional), _pair_scores(*conditional)
-    found = []
-    if score.max() > single:
-        found.append(((int(np.argmax(score)),), float(score.max())))
-    if pair_score.max() > pair:
-        best = np.unravel_index(np.argmax(pair_score), pair_score.shape)
-        found.append((tuple(int(k) for k in best), float(pair_score.max())))
-    return found
-
-
-def alternatives(
-    information: np.ndarray, right: np.ndarray, support: np.ndarray, rise: float
-) -> list[tuple[int, int, float]]:
-    """Exchanges the data cannot rule out: (term found, excluded term, rise of chi^2).
-
-    Each found term is listed with the excluded term that replaces it best, where the exchange
-    raises chi^2 by less than `rise`. Shapes as in `solve_support`.
-    """
-    usable = np.diag(information) > 0.0
-    covariance = _inverse(information[np.ix_(support, support)])
-    wald = (covariance @ right[support]) ** 2 / np.diag(covariance)
-    exchanges = []
-    for loss, out in zip(wald, np.flatnonzero(support), strict=True):
-        without = support.copy()
-        without[out] = False
-        score = _scores(*_conditional(information, right, without, usable))
-        score[out] = 0.0
-        best = int(np.argmax(score))
-        if loss - score[best] < rise:
-            exchanges.append((int(out), best, float(loss - score[best])))
-    return exchanges
-
-
-def _remove(h: np.ndarray, b: np.ndarray, support: np.ndarray, penalty: float) -> np.ndarray:
-    """Backward elimination; the inverse is updated by one rank at each removal."""
-    kept = np.flatnonzero(support)
-    if not len(kept):
-        return support
-    inverse = _inverse(h[np.ix_(kept, kept)])
-    c = inverse @ b[kept]
-    while len(kept):
-        wald = c**2 / np.diag(inverse)
-        worst = int(np.argmin(wald))
-        if wald[worst] >= penalty:
-            break
-        column = inverse[:, worst] / inverse[worst, worst]
-        c = np.delete(c - column * c[worst], worst)
-        inverse = inverse - np.outer(column, inverse[worst])
-        inverse = np.delete(np.delete(inverse, worst, 0), worst, 1)
-        kept = np.delete(kept, worst)
-    result = np.zeros_like(support)
-    result[kept] = True
-    return result
-
-
-def _conditional(
-    h: np.ndarray, b: np.ndarray, support: np.ndarray, usable: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient (n,) and information (n, n) of the excluded terms, the support at its best.
-
-    Zero for the terms of the support and for those that it imitates.
-    """
-    gradient, left = np.zeros(len(b)), np.zeros_like(h)
-    kept, out = np.flatnonzero(support), np.flatnonzero(~support & usable)
-    block, rest = h[np.ix_(out, out)], b[out]
-    if len(kept):
-        cross = h[np.ix_(kept, out)]
-        solved = _inverse(h[np.ix_(kept, kept)]) @ np.column_stack([cross, b[kept]])
-        block = block - cross.T @ solved[:, :-1]
-        rest = rest - cross.T @ solved[:, -1]
-    good = np.diag(block) > IMITATED * np.diag(h)[out]
-    out = out[good]
-    left[np.ix_(out, out)] = block[np.ix_(good, good)]
-    gradient[out] = rest[good]
-    return gradient, left
-
-
-def _scores(gradient: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """(n,) fall of chi^2 when one excluded term is added; arguments from `_conditional`."""
-    diagonal = np.diag(left)
-    return np.divide(gradient**2, diagonal, out=np.zeros(len(gradient)), where=diagonal > 0.0)
-
-
-def _pair_scores(gradient: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """(n, n) fall of chi^2 when two excluded terms are added together, zero on the diagonal."""
-    diagonal = np.diag(left)
-    product = np.outer(diagonal, diagonal)
-    determinant = product - left**2
-    square = np.outer(gradient**2, diagonal)
-    gain = square + square.T - 2.0 * np.outer(gradient, gradient) * left
-    good = determinant > 1e-6 * product
-    np.fill_diagonal(good, False)
-    return np.divide(gain, determinant, out=np.zeros_like(left), where=good)
-
-
-def _inverse(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a positive definite matrix by Cholesky, with unit scaling and a tiny ridge."""
-    diagonal = np.diag(matrix)
-    if not np.all(diagonal > 0):
-        raise np.linalg.LinAlgError("information matrix with an empty column")
-    scale = 1.0 / np.sqrt(diagonal)
-    scaled = matrix * scale[:, None] * scale
-    scaled[np.diag_indices_from(scaled)] += RIDGE
-    factor, info = lapack.dpotrf(scaled, lower=1)
-    if info:
-        values, vectors = np.linalg.eigh(scaled)
-        inverse = (vectors / np.maximum(values, RIDGE)) @ vectors.T
-        return inverse * scale[:, None] * scale
-    inverse, _ = lapack.dpotri(factor, lower=1)
-    inverse = np.tril(inverse) + np.tril(inverse, -1).T
-    return inverse * scale[:, None] * scale
+    whitened = whiten(information, np.zeros(len(support)))
+    here = tableau(whitened, support)
+    deviation = np.where(support, np.nan, np.inf)
+    deviation[here.out] = whitened.unit[here.out] / np.sqrt(np.diag(here.information))
+    return deviation

@@ -10,18 +10,22 @@ shooting (H. G. Bock, 1983).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.selection import RIDGE
 from galloping.identification.likelihood.sensitivity import integrate
 from galloping.identification.likelihood.taylor import system
 
 HUGE = 1e30
+BATCH = 64  # segments integrated together: what they need is held at once
+UNDETERMINED = 3e-7  # relative singular value below which a direction of a state is not solved for
+# A chain of growth G gives an information matrix of condition G^2 or more: with rounding of
+# 1e-16, what it says about a term is known better than IMITATED where G^2 < IMITATED / 1e-16.
+GROWTH = 2e3
 
 
 @dataclass(frozen=True)
@@ -38,13 +42,19 @@ class Segments:
 
 @dataclass(frozen=True)
 class Linearised:
-    """Normal equations of every segment in (coefficients, segment state), with its end.
+    """Misfit of every segment, linearised in the coefficients and the segment's state.
 
-    information: (n_segments, m, m); right: (n_segments, m); m = n_candidates + n_states.
-    squares: (n_recordings, n_observed) sums of squared residuals, in units of sigma^2.
-    ends: (n_segments, n_states); end_derivatives: (n_segments, n_states, m).
+    A segment's rows are rotated so that only the first n_states of them contain its state: these
+    are `rows`; the others are regressions on the coefficients alone. Only so is what is left when
+    the state is eliminated, a small part of the whole, not lost in rounding.
+
+    rows: (n_segments, n_states, n + n_states + 1), of coefficients, state and residual.
+    information: (n, n), right: (n,), of all other rows together. squares: (n_recordings,
+    n_observed) sums of squared residuals, in units of sigma^2.
+    ends: (n_segments, n_states); end_derivatives: (n_segments, n_states, n + n_states).
     """
 
+    rows: np.ndarray
     information: np.ndarray
     right: np.ndarray
     squares: np.ndarray
@@ -58,13 +68,15 @@ class Eliminated:
 
     information: (n, n), right: (n,) of the coefficients' change. states: (n_segments, n_states,
     n + 1), the change of each segment's state, linear in the coefficients' change and constant.
-    gap: largest mismatch between segments of a chain, in units of each state's size.
+    gap: largest mismatch between segments of a chain, in units of each state's size. fall: of
+    chi^2, when the states alone are moved to their best.
     """
 
     information: np.ndarray
     right: np.ndarray
     states: np.ndarray
     gap: float
+    fall: float
 
 
 def cut(condensed: Condensed, windows: int, allowed: np.ndarray, chained: bool) -> Segments:
@@ -91,58 +103,117 @@ def linearise(
     segments: Segments,
     free: np.ndarray,
     starts: np.ndarray,
+    pairs: np.ndarray | None = None,
+    columns: np.ndarray | None = None,
 ) -> Linearised:
     """Misfit of the condensed samples about the candidates' coefficients and segment states.
 
     sigma: (n_recordings, n_observed), the noise. free: (n_candidates,). starts: (n_segments,
-    n_states). Raises FloatingPointError where the solution diverges within a segment.
+    n_states). pairs: (n_pairs, 2) coefficients (equation, term) to linearise by, the candidates
+    where not given. columns: (n_windows, n_observed, n_rows, n_columns), derivatives of the
+    predicted projections by parameters of the instrument, which count as coefficients after the
+    others. Raises FloatingPointError where the solution diverges within a segment.
     """
-    compiled = system(problem.tables, problem.coefficients(free), problem.candidates)
-    predicted, derivatives, ends, end_derivatives, _ = integrate(
-        compiled, condensed.step, segments.first, starts, condensed.functionals,
-        condensed.observed, sensitive=True,
-    )  # fmt: skip
-    if not (np.all(np.abs(ends) < HUGE) and np.all(np.abs(end_derivatives) < HUGE)):
-        raise FloatingPointError("the model diverges within a segment")
-    m = derivatives.shape[3]
-    information = np.empty((len(starts), m, m))
-    right = np.empty((len(starts), m))
+    pairs = problem.candidates if pairs is None else pairs
+    compiled = system(problem.tables, problem.coefficients(free), pairs)
+    n_states = starts.shape[1]
+    direct = 0 if columns is None else columns.shape[3]
+    n = len(pairs) + direct
+    m = n + n_states
+    kept = np.empty((len(starts), n_states, m + 1))
+    information, right = np.zeros((n, n)), np.zeros(n)
     squares = np.zeros(sigma.shape)
-    residual = condensed.targets - predicted
-    for g in range(len(starts)):
-        span = slice(segments.first[g], segments.first[g + 1])
-        weight = 1.0 / sigma[segments.recording[g]][:, None]
-        scaled = residual[span] * weight
-        squares[segments.recording[g]] += np.einsum("wor,wor->o", scaled, scaled)
-        rows = derivatives[span]
-        rows *= weight[..., None]
-        rows = rows.reshape(-1, m)
-        information[g] = rows.T @ rows
-        right[g] = scaled.ravel() @ rows
-    return Linearised(information, right, squares, ends, end_derivatives)
+    ends = np.empty(starts.shape)
+    end_derivatives = np.zeros((*starts.shape, m))
+    by_dynamics = np.r_[: len(pairs), n:m]
+    for batch in range(0, len(starts), BATCH):
+        group = slice(batch, min(batch + BATCH, len(starts)))
+        first = segments.first[group.start : group.stop + 1]
+        span = slice(first[0], first[-1])
+        predicted, derivatives, ends[group], moved, _ = integrate(
+            compiled, condensed.step, first - first[0], starts[group],
+            condensed.functionals[span], condensed.observed, sensitive=True,
+        )  # fmt: skip
+        end_derivatives[group][..., by_dynamics] = moved
+        if columns is not None:
+            derivatives = np.insert(derivatives, [len(pairs)] * direct, columns[span], axis=3)
+        reached = (ends[group], end_derivatives[group])
+        if not all(np.all(np.abs(values) < HUGE) for values in reached):
+            raise FloatingPointError("the model diverges within a segment")
+        residual = condensed.targets[span] - predicted
+        for g in range(group.start, group.stop):
+            own = slice(segments.first[g] - first[0], segments.first[g + 1] - first[0])
+            weight = 1.0 / sigma[segments.recording[g]][:, None]
+            scaled = residual[own] * weight
+            squares[segments.recording[g]] += np.einsum("wor,wor->o", scaled, scaled)
+            rows = derivatives[own]
+            rows *= weight[..., None]
+            kept[g], rest, gap = _rotated(rows.reshape(-1, m), scaled.ravel(), n)
+            information += rest.T @ rest
+            right += gap @ rest
+    return Linearised(kept, information, right, squares, ends, end_derivatives)
+
+
+def _rotated(
+    rows: np.ndarray, residual: np.ndarray, n: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows rotated so that only the first contain the columns from `n` on.
+
+    Returns those, with the residual as last column, and the design and residual of the others.
+    """
+    q, r = np.linalg.qr(rows[:, n:])
+    design = q.T @ rows[:, :n]
+    own = q.T @ residual
+    first = np.hstack([design, r, own[:, None]])
+    return first, rows[:, :n] - q @ design, residual - q @ own
+
+
+def chained(linearised: Linearised, segments: Segments) -> Segments:
+    """The segments in the longest chains whose ends depend not too much on their beginnings.
+
+    A chain is broken where its end state, in units of what a segment tells about it, moves by
+    more than GROWTH of such units of its first state and the coefficients: on a chaotic or very
+    long recording the elimination, which squares that ratio, would otherwise be lost in rounding.
+    """
+    n, n_states = len(linearised.right), linearised.ends.shape[1]
+    of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
+    unit = np.sqrt(np.append(np.diag(linearised.information), of_states))
+    inverse = np.divide(1.0, unit, out=np.zeros(len(unit)), where=unit > 0.0)
+    chains = np.zeros(len(linearised.ends), np.int64)
+    identity = np.hstack([np.zeros((n_states, n)), np.eye(n_states)])
+    relation = identity
+    for g in range(1, len(chains)):
+        derivative = linearised.end_derivatives[g - 1]
+        relation = derivative[:, n:] @ relation
+        relation[:, :n] += derivative[:, :n]
+        growth = np.linalg.norm(relation * inverse * unit[n:, None], 2)
+        broken = growth > GROWTH or segments.recording[g] != segments.recording[g - 1]
+        chains[g] = chains[g - 1] + broken
+        if broken:
+            relation = identity
+    return replace(segments, chains=chains)
 
 
 def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Eliminated:
     """Match the segments of each chain and eliminate its first state."""
     n_segments, n_states = starts.shape
-    n = linearised.right.shape[1] - n_states
-    information, right = np.zeros((n, n)), np.zeros(n)
+    n = len(linearised.right)
+    information, right = linearised.information.copy(), linearised.right.copy()
     states = np.zeros((n_segments, n_states, n + 1))
     size = np.abs(linearised.ends).max(axis=0) + np.finfo(float).tiny
-    gap = 0.0
+    gap, fall = 0.0, 0.0
     bounds = np.flatnonzero(np.diff(segments.chains, prepend=-1, append=-1))
     for begin, end in pairwise(bounds):
-        total = np.zeros((n + n_states, n + n_states))
-        vector = np.zeros(n + n_states)
         relation = np.hstack([np.zeros((n_states, n)), np.eye(n_states)])
         constant = np.zeros(n_states)
-        relations = []
+        relations, rows, residual = [], [], []
         for g in range(begin, end):
             relations.append((relation, constant))
-            h, b = linearised.information[g], linearised.right[g]
-            change = np.vstack([np.eye(n, n + n_states), relation])
-            total += change.T @ h @ change
-            vector += change.T @ (b - h[:, n:] @ constant)
+            own = linearised.rows[g]
+            row = own[:, n:-1] @ relation
+            row[:, :n] += own[:, :n]
+            rows.append(row)
+            residual.append(own[:, -1] - own[:, n:-1] @ constant)
             derivative = linearised.end_derivatives[g]
             if g + 1 < end:
                 mismatch = linearised.ends[g] - starts[g + 1]
@@ -150,23 +221,34 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
                 constant = derivative[:, n:] @ constant + mismatch
                 relation = derivative[:, n:] @ relation
                 relation[:, :n] += derivative[:, :n]
-        first = _first_state(total, vector, n)
-        information += total[:n, :n] + total[:n, n:] @ first[:, :n]
-        right += vector[:n] - total[:n, n:] @ first[:, n]
+        kept, rest, left = _rotated(np.vstack(rows), np.concatenate(residual), n)
+        first, undetermined = _first_state(kept, n)
+        fall += float(np.sum(kept[:, -1] ** 2) - np.sum(undetermined[:, -1] ** 2))
+        rest = np.vstack([rest, undetermined[:, :n]])
+        information += rest.T @ rest
+        right += np.append(left, undetermined[:, n]) @ rest
         for g, (matrix, shift) in zip(range(begin, end), relations, strict=True):
             states[g] = matrix[:, n:] @ first
             states[g, :, :n] += matrix[:, :n]
             states[g, :, n] += shift
-    return Eliminated(information, right, states, gap)
+    return Eliminated(information, right, states, gap, fall)
 
 
-def _first_state(total: np.ndarray, vector: np.ndarray, n: int) -> np.ndarray:
-    """(n_states, n + 1): the best first state, linear in the coefficients' change, and constant."""
-    block = total[n:, n:]
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(block), np.finfo(float).tiny))
-    scaled = block * scale[:, None] * scale + RIDGE * np.eye(len(block))
-    inverse = np.linalg.pinv(scaled, rcond=RIDGE, hermitian=True) * scale[:, None] * scale
-    return np.hstack([-inverse @ total[n:, :n], (inverse @ vector[n:])[:, None]])
+def _first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """The best first state, and what the rows (n_states, n + n_states + 1) leave to say.
+
+    The state is linear in the coefficients' change, and constant, (n_states, n + 1); directions
+    that the rows do not determine stay. The rest is a design and a residual, (n_undetermined,
+    n + 1).
+    """
+    block = rows[:, n:-1]
+    scale = 1.0 / np.maximum(np.linalg.norm(block, axis=0), np.finfo(float).tiny)
+    u, s, v = np.linalg.svd(block * scale)
+    known = s > UNDETERMINED * s[0]
+    turned = u.T @ np.delete(rows, np.s_[n:-1], axis=1)
+    solved = scale[:, None] * (v[known].T / s[known] @ turned[known])
+    solved[:, :n] *= -1.0
+    return solved, turned[~known]
 
 
 def residuals(

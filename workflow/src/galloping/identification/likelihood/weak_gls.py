@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.likelihood.ambiguity import open_questions
+from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
-from galloping.identification.likelihood.result import assembled, refused, verdict
+from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.smoothing import Smooth, shortest_period
@@ -70,48 +71,60 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     return WeakFit(free, support, information, right, covariance, max(misfit, 0.0))
 
 
+@dataclass(frozen=True)
+class Start:
+    """Where the methods begin: `prepared` recordings, worth of a term, and the weak fit."""
+
+    recordings: list[Recording]
+    smoothed: list[Smooth]
+    period: float
+    penalty: float
+    fit: WeakFit
+
+
+def begin(problem: Problem, recordings: list[Recording]) -> Start:
+    """The start from recordings. Raises what `prepared` and `weak_fit` raise."""
+    recordings, smoothed, period = prepared(recordings)
+    samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
+    penalty = 2.0 * np.log(samples)
+    fit = weak_fit(problem, smoothed, penalty)
+    return Start(recordings, smoothed, period, penalty, fit)
+
+
 def weak_gls(
-    recordings: list[Recording],
+    recordings: Recording | Sequence[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
+    begin: Callable[[Problem, list[Recording]], Start] = begin,
 ) -> IdentifiedModel:
     """Identify one model from noisy states by the weak form, in generalised least squares.
 
     recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
-    whose equations of `known_states` hold; dX/dt = `dX` is known by its name.
+    whose equations of `known_states` hold; dX/dt = `dX` is known by its name. begin: makes the
+    start.
     The intervals are those of the linearised weak form, inflated by the misfit where it is above
-    one. The status is as in `IdentifiedModel`.
+    one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
     """
+    recordings = checked_recordings(recordings)
+    check_question(recordings[0].states, terms, known, known_states)
     problem = make_problem(recordings[0].states, terms, known, known_states)
     try:
-        return _fitted(problem, recordings)
+        return _fitted(problem, begin(problem, recordings))
     except (ValueError, np.linalg.LinAlgError) as error:
         return refused(problem, str(error))
 
 
-def _fitted(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
-    recordings, smoothed, _ = prepared(recordings)
-    samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
-    penalty = 2.0 * np.log(samples)
-    fit = weak_fit(problem, smoothed, penalty)
+def _fitted(problem: Problem, start: Start) -> IdentifiedModel:
+    smoothed, penalty, fit = start.smoothed, start.penalty, start.fit
     inflation = max(fit.misfit, 1.0)
-    information, right = fit.information / inflation, fit.right / inflation
-    x = np.concatenate([one.states[one.valid] for one in smoothed])
-    objection = questions = ""
+    objection = ""
     if fit.misfit >= MOST_MISFIT:
         objection = f"model inadequate or noise correlated: misfit {fit.misfit:.2f}"
-    elif fit.support.any():
-        questions = open_questions(
-            problem, information, right, fit.support, fit.free, penalty, np.inf, x
-        )
-    status, reason = verdict(fit.support, objection, questions)
-    return assembled(
-        problem, fit.free, fit.support, information, fit.covariance * inflation, penalty,
+    return judged(
+        problem, fit.information / inflation, fit.right / inflation, fit.support, penalty,
+        objection=objection,
         initial_states=np.array([one.states[0] for one in smoothed]),
         sigma=np.array([one.noise for one in smoothed]),
         chi2=fit.misfit,
-        status=status,
-        reason=reason,
-        diagnostics={},
     )  # fmt: skip

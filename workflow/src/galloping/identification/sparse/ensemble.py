@@ -7,11 +7,10 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
-import pysindy as ps
 from scipy.fft import dct
-from sklearn import config_context
 
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.sparse.bagging import bagged_medians
 from galloping.identification.sparse.reduction import BLOCKS, Regression
 from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit
 from galloping.identification.sparse.stlsq import normalised
@@ -36,12 +35,9 @@ def ensemble(
     unit = replace(problem, library=problem.library / lengths, targets=problem.targets / scale)
     thresholds = normalised(unit, threshold=threshold, path_length=path_length).thresholds
     library, targets = _mixed(unit.library), _mixed(unit.targets)
-    optimizer = ps.EnsembleOptimizer(
-        ps.STLSQ(threshold=1, alpha=0, unbias=False), bagging=True, n_models=ensemble_models
-    )
-    with seeded(rng), config_context(assume_finite=True, skip_parameter_validation=True):
-        # targets in units of their threshold, as in stlsq.fit
-        medians = optimizer.fit(library, targets / thresholds).coef_ * thresholds[:, np.newaxis]
+    # targets in units of their threshold, as in stlsq.fit
+    medians = bagged_medians(library, targets / thresholds, ensemble_models, rng)
+    medians = medians * thresholds[:, np.newaxis]
     support = (np.abs(medians) >= NEGLIGIBLE)[:, np.newaxis]
     coefficients = refit(unit.library, unit.targets, support)[:, 0]
     return problem.model(coefficients * scale[:, np.newaxis] / lengths, thresholds)

@@ -6,7 +6,6 @@ orthogonal transformation keeps those. Identification therefore works on the tri
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,7 +16,6 @@ from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.smoothing import smooth
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
-from galloping.storage import write_arrays
 
 # Contiguous stretches of a recording that are reduced separately, for the bootstrap.
 BLOCKS = 10
@@ -82,15 +80,20 @@ def _triangle(rows: np.ndarray) -> np.ndarray:
 def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regression:
     """The regression of recordings of one system on the candidate library `terms`.
 
-    Where no derivatives were measured they come from `smooth`, and so do the states.
+    Where no derivatives were measured they come from `smooth`, and so do the states. Recordings
+    without any sample, as of a line that diverges, give NaN, which no method can solve.
     Raises ValueError where a value is missing.
     """
+    states = recordings[0].states
+    if any(np.isnan(recording.values).all() for recording in recordings):
+        theta, targets = np.full((1, len(terms)), np.nan), np.full((1, len(states)), np.nan)
+        return Regression(theta, targets, np.zeros(len(states)), states, terms)
     parts = [_differentiated(recording) for recording in recordings]
     x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
     observations = sum(part[2] for part in parts)
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
-    return regression(blocks, observations, recordings[0].states, terms)
+    return regression(blocks, observations, states, terms)
 
 
 def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -103,23 +106,3 @@ def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.nd
         raise ValueError("recording: sparse regression needs every derivative at every sample")
     n, states = recording.values.shape
     return recording.values, recording.derivatives, np.full(states, n)
-
-
-def write(path: str | os.PathLike, regressions: list[Regression]) -> None:
-    """Replicates of one cell as one .npz."""
-    write_arrays(
-        path,
-        library=np.stack([r.library for r in regressions]),
-        targets=np.stack([r.targets for r in regressions]),
-        observations=np.stack([r.observations for r in regressions]),
-        states=np.array(regressions[0].states),
-        terms=np.array(regressions[0].terms),
-    )
-
-
-def read(path: str | os.PathLike) -> list[Regression]:
-    with np.load(path) as file:
-        arrays = (file["library"], file["targets"], file["observations"])
-        states = tuple(file["states"].tolist())
-        terms = tuple(map(tuple, file["terms"].tolist()))
-    return [Regression(*parts, states, terms) for parts in zip(*arrays, strict=True)]

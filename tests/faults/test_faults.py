@@ -1,0 +1,242 @@
+"""What the README's table of faults says: a finished study is harmed, told, and whole again.
+
+Each fault has a copy of one finished smoke study, of which some results are taken away so that a
+few jobs run.
+"""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from hashlib import sha256
+
+import psutil
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
+
+SMOKE = ("--configfile", "config/smoke.yaml")
+REPAIR = "`make repair CONFIG=config/smoke.yaml`"
+FIGURES = [f"figures/{name}.svg" for name in ("figure05", "figure06", "figure07", "claims")]
+PATIENCE = 600  # seconds
+
+
+class Harmed:
+    """A copy of a finished study, and the commands on it."""
+
+    def __init__(self, study, folder):
+        shutil.copytree(study.folder, folder, symlinks=True)
+        self.folder, self.results = folder, folder / "results/smoke"
+        self.sound = contents(self.results)
+
+    def start(self, script="run_study", *options, **popen):
+        mine = {k: v for k, v in os.environ.items() if k != "GALLOPING_RESULTS"}
+        return subprocess.Popen(
+            [sys.executable, f"workflow/scripts/{script}.py", *options, *SMOKE],
+            cwd=self.folder,
+            env=mine | {"PYTHONPATH": str(self.folder / "workflow/src")},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+            # A shell that runs tests in the background lets them ignore Ctrl-C.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+            **popen,
+        )
+
+    def run(self, *options):
+        """(exit code, what was said) of a run of the study."""
+        return end(self.start("run_study", *options, "--cores", "2"))
+
+    def take(self, *names):
+        for name in names:
+            (self.results / name).unlink()
+
+    def until_it_computes(self, process):
+        """Wait for a job that draws; the job."""
+        last = time.monotonic() + PATIENCE
+        while time.monotonic() < last and process.poll() is None:
+            for job in descendants(process):
+                try:
+                    if ".draw_" in job.cmdline()[1]:
+                        return job
+                except (psutil.Error, IndexError):
+                    continue
+            time.sleep(0.02)
+        raise AssertionError(f"no job was seen: {end(process)}")
+
+    def check(self):
+        """Every byte is again what it was, and verification says so."""
+        assert differing(self.sound, contents(self.results)) == []
+        status, said = end(self.start("verify_results"))
+        assert status == 0, said
+
+
+def end(process):
+    said, _ = process.communicate(timeout=PATIENCE)
+    return process.returncode, said
+
+
+def descendants(process):
+    try:
+        return psutil.Process(process.pid).children(recursive=True)
+    except psutil.Error:
+        return []
+
+
+def contents(results):
+    """Digests of what a study makes, without what tells of times."""
+    apart = ("logs", "benchmarks", "set_aside")
+    return {
+        str(path.relative_to(results)): sha256(path.read_bytes()).hexdigest()
+        for path in results.rglob("[!.]*.*")
+        if path.is_file() and path.relative_to(results).parts[0] not in apart
+    }
+
+
+def differing(one, other):
+    return sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
+
+
+@pytest.fixture
+def harmed(study, tmp_path):
+    assert study.first.returncode == 0, study.first.stdout
+    return Harmed(study, tmp_path / "study")
+
+
+def test_a_killed_run_is_told_and_repaired(harmed):
+    harmed.take(*FIGURES)
+    run = harmed.start("run_study", "--cores", "1")
+    job = harmed.until_it_computes(run)
+    for process in descendants(run):
+        if process.pid != job.pid and process.pid not in {p.pid for p in job.children()}:
+            process.kill()
+    run.kill()  # the job is left running
+    run.wait()
+    status, said = harmed.run()
+    assert status != 0
+    assert (
+        said.splitlines()[-1] == f"A run in this folder was killed: {REPAIR} takes it from there."
+    )
+    status, said = harmed.run("--repair")
+    assert status == 0, said
+    assert not psutil.pid_exists(job.pid) or psutil.Process(job.pid).status() == "zombie"
+    harmed.check()
+
+
+def test_interruptions_second_runs_and_killed_jobs_are_told(harmed):
+    harmed.take(*FIGURES)
+    run = harmed.start("run_study", "--cores", "1")
+    harmed.until_it_computes(run)
+    status, said = harmed.run()
+    assert status != 0 and re.match(r"Process \d+ is running a study in this folder: wait", said)
+    os.killpg(run.pid, signal.SIGINT)
+    status, said = end(run)
+    assert status != 0
+    assert said.splitlines()[-1].startswith("Interrupted. Finished jobs are kept")
+    run = harmed.start("run_study", "--cores", "1")
+    harmed.until_it_computes(run).kill()
+    status, said = end(run)
+    assert status != 0
+    last = said.splitlines()[-1]
+    assert last.startswith("The study stopped: a job was killed (results/smoke/logs/draw_"), said
+    status, said = harmed.run()
+    assert status == 0, said
+    harmed.check()
+
+
+def test_damage_is_told_and_mended_and_edits_are_kept(harmed):
+    table, image = (harmed.results / name for name in ("tables/claims.csv", "figures/figure06.png"))
+    state, edited = image.stat(), table.read_text() + "a line of the reader's own\n"
+    table.write_text(edited)
+    content = bytearray(image.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    with image.open("r+b") as file:
+        file.write(content)
+    os.utime(image, ns=(state.st_atime_ns, state.st_mtime_ns))
+    receipt = harmed.results / "tables/.table2_spacers.csv.receipt"
+    receipt.write_text(receipt.read_text()[:100])
+    harmed.take("figures/figure05.svg")
+    status, said = harmed.run()
+    assert (
+        status != 0 and f" and 1 more: edited or damaged since its job wrote it; {REPAIR}" in said
+    )
+    status, said = harmed.run("--repair")
+    assert status == 0, said
+    assert (harmed.results / "set_aside/tables/claims.csv").read_text() == edited
+    harmed.check()
+
+
+def test_a_lost_receipt_is_told(harmed):
+    status, said = harmed.run()
+    assert status == 0 and "Nothing to be done" in said
+    harmed.take("tables/.noise_r2.csv.receipt")
+    status, said = harmed.run()
+    assert status != 0
+    assert said.startswith("results/smoke/tables/noise_r2.csv: no receipt says how it was made; ")
+
+
+def test_without_the_records_of_snakemake_receipts_tell_what_an_edit_made_stale(harmed):
+    shutil.rmtree(harmed.folder / ".snakemake")
+    smoke = harmed.folder / "config/smoke.yaml"
+    text = smoke.read_text()
+    smoke.write_text(text + "\nfigures: {dpi: 100}\n")
+    status, said = harmed.run()
+    assert status != 0 and said.startswith("results/smoke: Snakemake's records of ")
+    assert f"{REPAIR} compares the receipts instead" in said
+    status, said = harmed.run("--repair")
+    assert status == 0, said
+    changed = differing(harmed.sound, contents(harmed.results))
+    assert changed and all(name.startswith("figures/") for name in changed)
+    assert sum(name.endswith(".png") for name in changed) > 10
+    status, said = end(harmed.start("verify_results"))
+    assert status == 0, said
+
+
+@pytest.fixture
+def mount():
+    """Mounts something on a folder until the test ends; skips it where that is forbidden."""
+    mounted = []
+
+    def on(folder, *options):
+        run = subprocess.run(["mount", *options, folder], capture_output=True, text=True)
+        if run.returncode:
+            pytest.skip(" ".join(run.stderr.split()))
+        if "remount" not in ",".join(options):
+            mounted.append(folder)
+
+    yield on
+    for folder in reversed(mounted):
+        subprocess.run(["umount", folder], check=True)
+
+
+@pytest.mark.faults
+def test_a_full_disk_is_told(harmed, mount):
+    aside = harmed.results.rename(harmed.results.with_name("aside"))
+    harmed.results.mkdir()
+    mount(harmed.results, "-t", "tmpfs", "-o", "size=1g", "tmpfs")
+    subprocess.run(["cp", "-a", f"{aside}/.", harmed.results], check=True)
+    shutil.rmtree(aside)
+    harmed.take(*FIGURES)
+    used = shutil.disk_usage(harmed.results).used
+    mount(harmed.results, "-o", f"remount,size={used + 500_000}")
+    status, said = harmed.run()
+    assert status != 0
+    assert said.endswith("results/smoke is full: free some space and run again.\n"), said
+    mount(harmed.results, "-o", "remount,size=1g")
+    status, said = harmed.run()
+    assert status == 0, said
+    harmed.check()
+
+
+@pytest.mark.faults
+def test_a_read_only_disk_is_told(harmed, mount):
+    mount(harmed.results, "--bind", str(harmed.results))
+    mount(harmed.results, "-o", "remount,ro,bind")
+    status, said = harmed.run()
+    assert status != 0 and said.endswith(
+        "results/smoke is read-only: make it writable and run again.\n"
+    )

@@ -1,0 +1,132 @@
+"""The diagrams of the two default lines against long simulations and closed forms."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from galloping.configuration.load import load, plain
+from galloping.cycles.continuation import Range
+from galloping.cycles.diagram import diagram
+from galloping.cycles.limit_cycles import at_value
+from galloping.cycles.line_family import (
+    LIBRARY,
+    PARAMETERS,
+    critical_wind,
+    initial_state,
+    line_family,
+)
+from galloping.cycles.motion import settle
+from galloping.physics.equations import STATES
+from galloping.simulation import Simulator
+
+# half of the range over the last 1,000 of 4,000 s, v and w in m
+CHECKS = {
+    "internal_resonance": {
+        6: (0.223, 0.162), 8: (0.388, 0.600), 10: (0.798, 1.373), 12: (1.305, 2.132),
+        14: (1.805, 2.755), 16: (2.298, 3.277),
+    },
+    "non_resonant": {
+        6: (0.538, 0.097), 8: (0.969, 0.235), 10: (1.372, 0.421), 12: (1.774, 0.664),
+        16: (2.609, 1.386), 20: (3.573, 2.970),
+    },
+}  # fmt: skip
+
+
+def case(name):
+    return plain(load({}))["cases"][name]
+
+
+@cache
+def wind_diagram(name):
+    return diagram(line_family(case(name), "wind_speed"), Range(1, 25), 4, ceiling=20)
+
+
+@cache
+def simulator():
+    return Simulator(STATES, LIBRARY)
+
+
+def stable_cycles(name, wind):
+    """Half ranges (v, w) of the stable limit cycles at a wind speed, exactly there."""
+    models = line_family(case(name), "wind_speed")
+    return [
+        point.solution.half_range()[:2]
+        for cycles in wind_diagram(name).cycles
+        for point in at_value(models, cycles.branch, wind)
+        if point.stability.stable
+    ]
+
+
+@pytest.mark.parametrize(("name", "wind"), [(n, w) for n, of in CHECKS.items() for w in of])
+def test_stable_cycle_and_simulation_agree(name, wind):
+    expected = CHECKS[name][wind]
+    (cycle,) = [c for c in stable_cycles(name, wind) if c[0] < 4]
+    model = line_family(case(name), "wind_speed").model(wind)
+    if (name, wind) == ("internal_resonance", 8):  # 4,000 s are not enough to settle to the digits
+        late = settle(simulator(), model, initial_state(case(name)), duration=16000)
+        assert cycle == pytest.approx(late.half_range[:2], abs=1e-4)
+    else:
+        assert cycle == pytest.approx(expected, abs=5.1e-4)
+    settled = settle(simulator(), model, initial_state(case(name)))
+    assert settled.kind == "cycle"
+    assert settled.half_range[:2] == pytest.approx(expected, abs=5.1e-4)
+
+
+def test_no_steady_cycle_of_the_resonant_line_at_20():
+    assert stable_cycles("internal_resonance", 20) == []
+    model = line_family(case("internal_resonance"), "wind_speed").model(20)
+    settled = settle(simulator(), model, initial_state(case("internal_resonance")))
+    assert settled.kind == "irregular"
+    assert settled.half_range[0] == pytest.approx(4.25, abs=0.02)
+    assert settled.highest[0] - settled.lowest[0] > 0.2
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_critical_wind_is_that_of_the_closed_form(name):
+    (hopf,) = wind_diagram(name).equilibria.bifurcations
+    assert hopf.point.solution.value == pytest.approx(critical_wind(case(name)), rel=1e-9)
+    model = line_family(case(name), "wind_speed").model(hopf.point.solution.value - 0.3)
+    settled = settle(simulator(), model, initial_state(case(name)))
+    assert settled.highest[0] < 0.05
+
+
+def test_bifurcations_of_the_default_lines():
+    of = {
+        name: [
+            (b.name, round(float(b.point.solution.value), 2))
+            for cycles in wind_diagram(name).cycles
+            for b in cycles.branch.bifurcations
+        ]
+        for name in CHECKS
+    }
+    assert of["internal_resonance"] == [("period doubling", 5.54), ("period doubling", 16.56)]
+    assert of["non_resonant"][:2] == [("Neimark-Sacker", 20.33), ("fold of cycles", 20.35)]
+    for name in CHECKS:
+        assert all(c.branch.complete for c in wind_diagram(name).cycles)
+        assert not wind_diagram(name).failures
+        defects = [
+            p.stability.trivial_defect for c in wind_diagram(name).cycles for p in c.branch.points
+        ]
+        assert max(defects) <= 1e-6
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_a_family_is_the_case_at_its_own_value(name):
+    line = case("internal_resonance")
+    own = {
+        "wind_speed": 12.0, "tension": 25000.0, "span": 300.0, "spacer_mass": 4.8,
+        "bundle_dimension": 0.1104, "ice_vertical_1": 0.442, "ice_vertical_2": 2.126,
+        "ice_vertical_3": -4.432, "ice_horizontal_1": 3.33, "ice_horizontal_2": 0.0,
+        "ice_horizontal_3": 0.0,
+    }.get(name, 0.005)  # fmt: skip
+    models = line_family(line, name)
+    base = line_family(line, "wind_speed").model(12.0).coefficients
+    assert models.model(own).coefficients == pytest.approx(base, rel=1e-12)
+    assert not np.allclose(models.model(1.1 * own + 0.1).coefficients, base, rtol=1e-6)
+    assert line == case("internal_resonance")
+
+
+def test_a_parameter_that_no_sweep_can_vary():
+    with pytest.raises(ValueError, match="colour: a sweep cannot vary it; it can vary wind_speed"):
+        line_family(case("internal_resonance"), "colour")

@@ -1,0 +1,138 @@
+"""Structure and wind of an identified model, what it predicts, and what measures do."""
+
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from lines import simulate
+
+from galloping.configuration.load import load, plain
+from galloping.cycles.line_family import LIBRARY, critical_wind
+from galloping.cycles.prediction import predict, split
+from galloping.cycles.ranking import Design, changed, critical_winds, derived, evaluate, ranked
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.physics.equations import STATES, model
+from galloping.physics.galerkin import coefficients
+from galloping.physics.measures import NOTHING, damper, measure, pendulum, tension, usual
+from galloping.polynomial import library
+from galloping.recording import Recording
+from galloping.simulation import Simulator
+
+RATIOS = {"dq_v": 0.005, "dq_w": 0.005}
+CHECKS = {8: (0.3868, 0.5978), 12: (1.305, 2.132), 16: (2.298, 3.277)}
+
+
+def case(**wind):
+    line = plain(load({}))["cases"]["internal_resonance"]
+    return {**line, "wind": {**line["wind"], **wind}}
+
+
+def exact(speed):
+    line = model(coefficients(case(speed=speed))).on_library(LIBRARY)
+    support = line.support
+    support[:2] = False
+    return SimpleNamespace(model=line, support=support, covariance=1e-8 * np.eye(support.sum()))
+
+
+@cache
+def simulator():
+    return Simulator(STATES, library(4, 3))
+
+
+@pytest.mark.parametrize("winds", [(12.0,), (9.0, 14.0)])
+def test_split_gives_the_model_at_any_wind(winds):
+    known = RATIOS if len(winds) == 1 else None
+    parts = split([exact(speed) for speed in winds], winds, known)
+    for speed in (6.0, 12.0, 20.0):
+        true = exact(speed).model.coefficients
+        assert parts.model(speed).coefficients == pytest.approx(true, rel=1e-6, abs=1e-12)
+
+
+def test_what_cannot_be_split():
+    with pytest.raises(
+        ValueError, match=r"at one wind speed .12 m/s. the structural damping of dq"
+    ):
+        split([exact(12.0)], [12.0])
+    with pytest.raises(ValueError, match="q_x is not the velocity of a coordinate"):
+        split([exact(12.0)], [12.0], {"q_x": 0.1})
+
+
+@pytest.mark.parametrize("protocol", ["state", "displacement"])
+def test_prediction_from_one_noisy_recording(protocol):
+    _, motion = simulate("internal_resonance")
+    noise = np.random.default_rng(20).normal(size=motion.states.shape)
+    values = motion.states + 0.05 * motion.states.std(axis=0) * noise
+    if protocol == "displacement":
+        values[:, 2:] = np.nan
+    identified = maximum_likelihood([Recording(motion.time, STATES, values)], library(4, 3))
+    parts = split([identified], [12.0], RATIOS)
+    rng = np.random.default_rng(1)
+    start = np.array([0.1, 0.1, 0, 0])
+    prediction = predict(parts, 12.0, list(CHECKS), start, rng, simulator(), samples=19)
+    assert prediction.reason == "" and not prediction.unresolved.any()
+    assert prediction.amplitude[:, :2] == pytest.approx(np.array(list(CHECKS.values())), rel=0.05)
+    width = (prediction.high - prediction.low)[:, :2] / prediction.amplitude[:, :2]
+    assert np.all((width > 1e-4) & (width < 0.05))
+
+
+def test_a_model_without_uncertainty_or_without_a_cycle():
+    bare = SimpleNamespace(**{**vars(exact(12.0)), "covariance": np.zeros((0, 0))})
+    parts = split([bare], [12.0], RATIOS)
+    start, rng = np.array([0.1, 0.1, 0, 0]), np.random.default_rng(0)
+    prediction = predict(parts, 12.0, [12.0], start, rng, simulator())
+    assert prediction.amplitude[0, :2] == pytest.approx(CHECKS[12], abs=1e-3)
+    assert np.isnan(prediction.low).all()
+    calm = predict(parts, 4.0, [4.0], start, rng, simulator())
+    assert calm.reason.startswith("at 4 m/s the identified model does not settle")
+    assert np.isnan(calm.amplitude).all()
+
+
+def test_measures_change_the_line_as_the_derivation_does():
+    parts = derived(case())
+    for applied in (NOTHING, tension(1.2), *usual(case())[3:5]):
+        line = changed(parts, case(), applied)
+        true = model(coefficients(applied.change(case()))).on_library(parts.terms)
+        assert line.model(12.0).coefficients == pytest.approx(true.coefficients, rel=1e-9)
+    (wind,) = critical_winds(parts, parts.values[np.newaxis])
+    assert wind == pytest.approx(critical_wind(case()))
+    damped = changed(parts, case(), damper(30.0, 200.0))
+    (later,) = critical_winds(damped, damped.values[np.newaxis])
+    assert later > 1.1 * wind
+    heavier = changed(parts, case(), pendulum(20.0, (150.0,)))
+    stiffness = parts.terms.index((1, 0, 0, 0))
+    ratio = (
+        heavier.model(12).coefficients[2, stiffness] / parts.model(12).coefficients[2, stiffness]
+    )
+    assert 0.95 < ratio < 1.0  # 20 kg beside a modal mass of about a ton
+    assert "torsion" in pendulum(20.0, (150.0,)).limit
+
+
+def test_ranking():
+    design = Design(12.0, np.array([0.1, 0.1, 0, 0]), (0.0, 8.0), limit=3.0)
+    parts = derived(case())
+    draws = parts.values * (1 + 0.002 * np.random.default_rng(3).normal(size=(19, 1)))
+    chosen = [m for m in usual(case()) if "ice" in m.label or "damper" in m.label]
+    order = ranked(parts, case(), chosen, design, simulator(), draws)
+    assert [o.measure.label for o in order] == [
+        "ice removed", "damper of 200 N s/m at 30 m", "as it is",
+    ]  # fmt: skip
+    bare, _, as_is = order
+    assert bare.critical_wind[0] == np.inf and bare.v[0] == 0 and bare.kind == "rest"
+    assert (as_is.v[0], as_is.w[0]) == pytest.approx(CHECKS[12], abs=1e-3)
+    assert as_is.v[1] < as_is.v[0] < as_is.v[2]
+    assert 3 < as_is.clearance[0] < 8
+    lost = evaluate(parts, case(), NOTHING, replace(design, wind=25.0), simulator(), draws[:0])
+    assert lost.kind.startswith("diverged") and np.isnan(lost.v[0])
+
+
+def test_measures_that_cannot_be():
+    with pytest.raises(ValueError, match="measure: 'prayer' must be one of tension, damper"):
+        measure("prayer")
+    with pytest.raises(ValueError, match=r"measure tension: .*unexpected keyword"):
+        measure("tension", colour=1)
+    with pytest.raises(ValueError, match="factor: -1 must be > 0"):
+        measure("tension", factor=-1)
+    with pytest.raises(ValueError, match="position 400 m must be inside the span"):
+        changed(derived(case()), case(), damper(400.0, 100.0))

@@ -1,0 +1,228 @@
+"""The library as a user meets it: names, examples, what it takes and what it says of the rest."""
+
+import doctest
+import math
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import galloping
+from galloping import Recording
+
+ROOT = Path(__file__).parents[2]
+TIME = np.arange(200) / 20
+VALUES = np.column_stack([np.sin(TIME), np.cos(TIME)])
+TERMS = galloping.polynomial_library(2, 1)
+LINE = galloping.PolynomialModel(("q", "dq"), TERMS, np.array([[0, 0, 1.0], [0, -1.0, 0]]))
+
+
+def recording(**changes):
+    return Recording(**{"time": TIME, "states": ("q", "dq"), "values": VALUES} | changes)
+
+
+def test_the_examples_of_the_library_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    failed, tried = doctest.testmod(galloping)
+    assert tried > 15
+    assert failed == 0
+
+
+def test_the_examples_of_the_readme_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "README.md").read_text().partition("## As a library")[2].partition("\n## ")[0]
+    names = {}
+    for block in text.split("```python\n")[1:]:
+        exec(block.partition("```")[0], names)
+    assert "d(q_v)/dt = 1 dq_v" in capsys.readouterr().out
+    assert len(names["recordings"]) == 2
+    assert names["again"].status == "ok"
+
+
+def test_every_name_is_there():
+    for name in galloping.__all__:
+        assert getattr(galloping, name)
+        assert name in dir(galloping)
+    with pytest.raises(AttributeError, match="no attribute 'recordng'"):
+        _ = galloping.recordng
+
+
+def test_one_version():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert galloping.__version__ == project["version"]
+
+
+def test_import_is_light():
+    code = "import sys, galloping; print(sum('.' not in m for m in sys.modules if m in HEAVY))"
+    heavy = "HEAVY = {'numpy', 'scipy', 'heyoka', 'numba', 'pandas', 'pysindy', 'pydantic'}\n"
+    run = subprocess.run([sys.executable, "-c", heavy + code], capture_output=True, text=True)
+    assert run.stdout.strip() == "0", run.stderr
+
+
+def test_the_library_needs_no_package_of_the_study():
+    """What `pip install .` brings is enough for every public name."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    study = ["pandas", "matplotlib", "pysindy", "sklearn", "snakemake", "psutil", "rocrate"]
+    assert not any(name in text for text in project["dependencies"] for name in study)
+    code = (
+        f"import sys; sys.modules.update(dict.fromkeys({study!r}))\n"
+        "import galloping; [getattr(galloping, name) for name in galloping.__all__]"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_lists_arrays_and_frames_are_the_same_recording():
+    frame = pd.DataFrame({"t": TIME, "q": VALUES[:, 0], "dq": VALUES[:, 1]})
+    for other in (
+        recording(time=TIME.tolist(), states=["q", "dq"], values=VALUES.tolist()),
+        recording(time=frame["t"], values=frame[["q", "dq"]]),
+        Recording.from_frame(frame, time="t"),
+        Recording.from_frame({"s": TIME, "q": VALUES[:, 0], "dq": VALUES[:, 1]}, time="s"),
+    ):
+        assert other.states == ("q", "dq")
+        assert np.array_equal(other.time, TIME)
+        assert np.array_equal(other.values, VALUES)
+    missing = Recording.from_frame(frame.astype({"q": object}).replace({"q": {0.0: None}}))
+    assert np.isnan(missing.values[0, 0])
+
+
+def test_one_recording_is_as_good_as_a_list_of_one():
+    alone, listed = (galloping.weak_gls(x, TERMS) for x in (recording(), [recording()]))
+    assert alone.verdict == listed.verdict
+    assert np.array_equal(alone.model.coefficients, listed.model.coefficients, equal_nan=True)
+
+
+BAD_TIME = "recording: time: must be finite, strictly increasing, two samples or more"
+WANTED = "must be a Recording, or a list of recordings of one system"
+INF = np.where(np.isclose(VALUES, VALUES[3, 0]), np.inf, VALUES)
+MOTION = galloping.Trajectory(TIME, VALUES, "ok")
+ENDED = galloping.Trajectory(TIME, VALUES, "diverged: far away")
+
+
+def fits(*arguments, **keywords):
+    return [
+        lambda fit=fit: fit(*arguments, **keywords)
+        for fit in (galloping.maximum_likelihood, galloping.weak_gls)
+    ]
+
+
+REFUSED = {
+    "recording: time: text; must be real numbers": [
+        lambda: recording(time=["a"] * 200),
+        lambda: recording(time=["0.1", "0.2"]),
+    ],
+    "recording: time: has shape (); must have shape (n,)": [lambda: recording(time=3)],
+    BAD_TIME: [
+        lambda: recording(time=TIME[::-1]),
+        lambda: recording(time=[]),
+        lambda: recording(time=[1]),
+        lambda: recording(time=[0, math.inf]),
+        lambda: recording(time=[0, math.nan]),
+    ],
+    "recording: values: complex numbers; must be real numbers": [
+        lambda: recording(values=VALUES * 1j)
+    ],
+    "recording: values: text; must be real numbers": [lambda: recording(values=VALUES.astype(str))],
+    "recording: values: truth values; must be real numbers": [lambda: recording(values=VALUES > 0)],
+    "recording: values: inf in row 3 of q; must be finite, or NaN where missing": [
+        lambda: recording(values=INF)
+    ],
+    "recording: derivatives: inf in row 3 of q; must be finite, or NaN where missing": [
+        lambda: recording(derivatives=INF)
+    ],
+    "recording: values: has shape (200,); must have shape (200, 2)": [
+        lambda: recording(values=VALUES[:, 0])
+    ],
+    "recording: values: has shape (2, 200); must have shape (200, 2)": [
+        lambda: recording(values=VALUES.T)
+    ],
+    "recording: values: rows differ in length; must have shape (200, 2)": [
+        lambda: recording(values=[[1, 2], [3]])
+    ],
+    "recording: derivatives: has shape (199, 2); must have shape (200, 2)": [
+        lambda: recording(derivatives=VALUES[1:])
+    ],
+    "recording: states: 'qd'; must be a list of names": [lambda: recording(states="qd")],
+    "recording: states: ('q', 'q'); must be distinct, one or more": [
+        lambda: recording(states=("q", "q"))
+    ],
+    "recording: no column 't'; must be one of ['s', 'q']": [
+        lambda: Recording.from_frame({"s": [0, 1], "q": [0, 1]})
+    ],
+    "recording: columns differ in length": [
+        lambda: Recording.from_frame({"t": [0, 1], "q": [0, 1, 2]})
+    ],
+    "recording: column 'q': text; must be real numbers": [
+        lambda: Recording.from_frame({"t": [0, 1], "q": ["a", "b"]})
+    ],
+    f"recordings: is empty; {WANTED}": fits([], TERMS),
+    f"recordings: a DataFrame; {WANTED} (Recording.from_frame takes a DataFrame)": fits(
+        pd.DataFrame(VALUES), TERMS
+    ),
+    f"recordings: a ndarray; {WANTED} (Recording.from_frame takes a DataFrame)": fits(
+        VALUES, TERMS
+    ),
+    f"recordings: item 0 is a list; {WANTED}": fits(VALUES.tolist(), TERMS),
+    f"recordings: item 1 is a str; {WANTED}": fits([recording(), "x"], TERMS),
+    "recordings: item 1 has the states a, b; must have those of the first, q, dq": fits(
+        [recording(), recording(states=("a", "b"))], TERMS
+    ),
+    "terms: (0, 0, 0); must be tuples of 2 exponents, such as polynomial_library(2, degree)": fits(
+        recording(), galloping.polynomial_library(3, 1)
+    ),
+    "terms: 3; must be tuples of 2 exponents, such as polynomial_library(2, degree)": fits(
+        recording(), 3
+    ),
+    "known_states: 'x'; must be among q, dq": fits(recording(), TERMS, LINE, ("x",)),
+    "known: a dict; must be a PolynomialModel or None": fits(recording(), TERMS, {}),
+    "degree: -1; must be a whole number >= 0": [lambda: galloping.polynomial_library(2, -1)],
+    "n_states: 'a'; must be a whole number >= 1": [lambda: galloping.polynomial_library("a", 1)],
+    "initial_state: has shape (3,); must have shape (2,)": [
+        lambda: galloping.simulate(LINE, [0, 0, 0], TIME)
+    ],
+    "initial_state: [0.0, inf]; must be finite": [
+        lambda: galloping.simulate(LINE, [0, math.inf], TIME)
+    ],
+    "initial_state: complex numbers; must be real numbers": [
+        lambda: galloping.simulate(LINE, [0, 1j], TIME)
+    ],
+    "time: must be finite, strictly increasing, two samples or more": [
+        lambda: galloping.simulate(LINE, [0, 1], []),
+        lambda: galloping.simulate(LINE, [0, 1], [0, math.inf]),
+        lambda: galloping.cramer_rao_bound(LINE, [0, 1], [1, 0], [1, 1]),
+    ],
+    "model: a str; must be a PolynomialModel, such as `derive` returns": [
+        lambda: galloping.simulate("line", [0, 1], TIME),
+        lambda: galloping.measure("line", MOTION),
+        lambda: galloping.cramer_rao_bound("line", [0, 1], TIME, [1, 1]),
+    ],
+    "sigma: [1.0, 0.0]; each must be > 0": [
+        lambda: galloping.cramer_rao_bound(LINE, [0, 1], TIME, [1, 0])
+    ],
+    "motion: a ndarray; must be what `simulate` returns": [lambda: galloping.measure(LINE, VALUES)],
+    "motion: diverged: far away; there is nothing to measure": [
+        lambda: galloping.measure(LINE, ENDED)
+    ],
+    "protocol: 'stat'; must be one of derivative, state, displacement": [
+        lambda: galloping.measure(LINE, MOTION, protocol="stat")
+    ],
+    "level: -1; must be >= 0": [lambda: galloping.measure(LINE, MOTION, level=-1)],
+    "level: nan; must be finite": [lambda: galloping.measure(LINE, MOTION, level=math.nan)],
+    "level: text; must be real numbers": [lambda: galloping.measure(LINE, MOTION, level="5 %")],
+    "wind.speed: 1000 is not allowed; must be 0.1..120 m/s": [
+        lambda: galloping.derive(wind={"speed": 1000})
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("call", "line"), [(call, line) for line, calls in REFUSED.items() for call in calls]
+)
+def test_other_input_is_one_clear_line(call, line):
+    with pytest.raises(ValueError) as error:
+        call()
+    assert str(error.value) == line

@@ -1,0 +1,60 @@
+"""The report's page: complete, self-contained, deterministic; its sentences follow the tables."""
+
+import re
+
+import pandas as pd
+import pytest
+
+from galloping.report.headline import headline
+from galloping.report.page import Item, Page, as_html, render
+
+
+@pytest.fixture
+def page(tmp_path):
+    svg, csv = tmp_path / "f.svg", tmp_path / "t.csv"
+    svg.write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
+    csv.write_text("term,error_percent\nq_v < q_w,0.123456789\n=1+1,\n")
+    figure = Item("f", "01 a figure", "It shows *this*.", svg)
+    table = Item("t", "a table", "It holds ``that``.", csv)
+    return Page("A study", ["One & one."], figure, [("span", "300 m")], "Words.",
+                [figure], [table], {"python": "3.11"})  # fmt: skip
+
+
+def test_the_page_shows_everything_and_escapes_it(page):
+    html = render(page)
+    assert "One &amp; one." in html and "<em>this</em>" in html and "300 m" in html
+    assert "<td>q_v &lt; q_w</td><td>0.1235</td>" in html and "<td>=1+1</td><td></td>" in html
+    assert html == render(page)
+
+
+def test_the_page_refers_to_nothing_outside(page):
+    links = re.findall(r'(?:src|href)="([^"]*)"', render(page))
+    assert links and all(link.startswith(("#", "data:")) for link in links)
+
+
+def test_a_broken_caption_is_an_error():
+    with pytest.raises(Exception, match="Unknown target"):
+        as_html("see nowhere_")
+
+
+def test_the_headline_is_read_from_the_tables():
+    claims = pd.DataFrame(
+        {"protocol": "derivative", "method": "stlsq_raw",
+         "verdict": ["reproduced", "reproduced", "in reach"]}
+    )  # fmt: skip
+    cell = {"case": "line", "protocol": "state", "level": 0.05}
+    efficiency = pd.DataFrame(
+        [{**cell, "points": points, "method": "maximum_likelihood", "replicates": 20,
+          "exact_support": exact, "efficiency": 0.98}
+         for points, exact in ((30001, 20), (5000, 19), (1000, 12))]
+    )  # fmt: skip
+    errors = pd.DataFrame(
+        [{**cell, "method": method, "mean_error_percent": error}
+         for method, error in (("maximum_likelihood", 0.5), ("stlsq", 17.0), ("weak", 30.0))]
+    )  # fmt: skip
+    about = {"case": "line", "protocol": "state", "paper": ("derivative", "stlsq_raw")}
+    said = headline(claims, efficiency, errors, **about)
+    assert "2 reproduced, 1 in reach" in said[0]
+    assert "20 of 20" in said[1] and "0.5 %, against 17 % by stlsq" in said[1]
+    assert "down to 5,000 samples" in said[2]
+    assert headline(claims, efficiency[:0], errors, **about) == said[:1]

@@ -1,0 +1,44 @@
+"""The report of a study, one self-contained page."""
+
+from pathlib import Path
+
+from galloping.report.headline import headline
+from galloping.report.page import Item, Page, render
+from galloping.report.settings import described, versions
+from galloping.reproducibility.job import run
+from galloping.storage import write_text
+from galloping.study.loading import load
+
+FIRST = "overview"
+
+
+def main() -> None:
+    settings = snakemake.params.settings
+    captions = settings["captions"]
+    paths = dict(snakemake.input.items())
+    read = load(settings["reads"], paths)
+
+    def items(kind: str, labels: dict[str, str]) -> dict[str, Item]:
+        return {
+            name: Item(name, labels.get(name, name.replace("_", " ")), text, Path(path))
+            for name, text in captions[kind].items()
+            if (path := paths.get(f"{kind}/{name}"))
+        }
+
+    figures = items("figures", settings["labels"])
+    page = Page(
+        title="Galloping of iced overhead lines",
+        headline=headline(
+            read["claims"], read["efficiency"], read["errors"], **settings["headline"]
+        ),
+        first=figures.get(FIRST),
+        settings=described(settings["study"]),
+        introduction=settings["introduction"],
+        figures=list(figures.values()),
+        tables=list(items("tables", {}).values()),
+        versions=versions(),
+    )
+    write_text(snakemake.output.report, render(page))
+
+
+run(main, snakemake)

@@ -1,0 +1,55 @@
+"""Arrays that a user gives: lists, arrays and columns of a frame become floats, or one line."""
+
+from __future__ import annotations
+
+from numbers import Real
+
+import numpy as np
+
+
+def floats(name: str, values: object, shape: tuple[int | None, ...]) -> np.ndarray:
+    """Values as an array of floats, NaN among them; None in `shape` is any length.
+
+    An array of floats is returned as it is. Raises ValueError naming `name` where the values are
+    not real numbers or have another shape.
+    """
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise ValueError(f"{name}: rows differ in length; must have {_words(shape)}") from None
+    if array.dtype.kind == "O" and all(x is None or isinstance(x, Real) for x in array.flat):
+        array = array.astype(float)  # None is missing
+    if array.dtype.kind not in "iuf":
+        kind = {"c": "complex numbers", "U": "text", "b": "truth values"}.get(
+            array.dtype.kind, f"a {type(values).__name__} of {array.dtype}"
+        )
+        raise ValueError(f"{name}: {kind}; must be real numbers")
+    fits = len(array.shape) == len(shape) and all(
+        wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        raise ValueError(f"{name}: has shape {array.shape}; must have {_words(shape)}")
+    return array.astype(float, copy=False)
+
+
+def finite(
+    name: str, values: object, shape: tuple[int | None, ...], infinite: bool = False
+) -> np.ndarray:
+    """As `floats`, refusing NaN and, unless `infinite`, infinity."""
+    array = floats(name, values, shape)
+    if np.isnan(array).any() or (np.isinf(array).any() and not infinite):
+        raise ValueError(f"{name}: {array.tolist()!r:.60}; must be finite")
+    return array
+
+
+def increasing(name: str, values: object) -> np.ndarray:
+    """(n,) times, strictly increasing, two or more."""
+    array = floats(name, values, (None,))
+    if len(array) < 2 or not np.all(np.isfinite(array)) or not np.all(np.diff(array) > 0):
+        raise ValueError(f"{name}: must be finite, strictly increasing, two samples or more")
+    return array
+
+
+def _words(shape: tuple[int | None, ...]) -> str:
+    lengths = ["n" if length is None else str(length) for length in shape]
+    return f"shape ({', '.join(lengths)}{',' if len(shape) == 1 else ''})"

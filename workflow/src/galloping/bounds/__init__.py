@@ -1,0 +1,1 @@
+"""How precisely any unbiased method can know each coefficient."""

@@ -1,0 +1,1 @@
+"""Equilibria and limit cycles of polynomial models along a parameter."""

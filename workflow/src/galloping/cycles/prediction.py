@@ -1,0 +1,239 @@
+"""What an identified model says of other wind speeds, by the quasi-static law of its terms.
+
+A load that is quasi-static in alpha = (velocity)/U carries a term with p velocity factors as
+U^(2-p): linear damping by the wind grows with U, quadratic stays, cubic falls as 1/U, and terms
+without velocities are the structure's and stay. The linear damping of a coordinate by its own
+velocity has both parts. They are told apart by known structural damping ratios, or by recordings
+at two wind speeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from galloping.cycles.collocation import Orbit
+from galloping.cycles.continuation import Range, length
+from galloping.cycles.family import Family, VectorField
+from galloping.cycles.limit_cycles import CycleProblem, at_value, from_motion
+from galloping.cycles.motion import settle
+from galloping.polynomial import Exponents, PolynomialModel
+from galloping.simulation import Simulator
+
+SAMPLES = 39  # of which the least and the greatest are then the ends of the band, without bias
+BAND = (0.025, 0.975)
+SETTLED = 0.01  # steps: the second correction of a sampled cycle that is near the predicted one
+
+
+class Identified(Protocol):
+    """What is needed of an identified model."""
+
+    model: PolynomialModel
+    covariance: np.ndarray  # (n_support, n_support), in the order of np.argwhere(support)
+
+    @property
+    def support(self) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class Split:
+    """A model told apart into structure and wind: what it is at any wind speed.
+
+    fixed: (n_states, n_terms) what is known: kinematic equations, known structural damping.
+    entries: (n, 2) equation and term of each unknown part, powers: (n,) of the wind speed in it,
+    values: (n,) its coefficient of U^power, SI units, covariance: (n, n) of the values.
+    """
+
+    states: tuple[str, ...]
+    terms: tuple[Exponents, ...]
+    fixed: np.ndarray
+    entries: np.ndarray
+    powers: np.ndarray
+    values: np.ndarray
+    covariance: np.ndarray
+
+    def model(self, wind: float, values: np.ndarray | None = None) -> PolynomialModel:
+        """At a wind speed in m/s, with other values of the unknown parts where given."""
+        parts = (self.values if values is None else values) * wind**self.powers
+        coefficients = self.fixed.copy()
+        np.add.at(coefficients, tuple(self.entries.T), parts)
+        return PolynomialModel(self.states, self.terms, coefficients)
+
+    def family(self, values: np.ndarray | None = None) -> Family:
+        return Family(lambda wind: self.model(float(wind), values), "wind speed", "m/s")
+
+    def sampled(self, rng: np.random.Generator, samples: int) -> np.ndarray:
+        """(samples, n) values drawn from their distribution; (0, n) where it is not known."""
+        if not np.all(np.isfinite(self.covariance)):
+            return np.zeros((0, len(self.values)))
+        return rng.multivariate_normal(self.values, self.covariance, samples, method="eigh")
+
+
+def split(
+    identified: Sequence[Identified],
+    winds: Sequence[float],
+    damping: Mapping[str, float] | None = None,
+) -> Split:
+    """Structure and wind of models identified at known wind speeds (m/s), by least squares.
+
+    damping: structural damping ratio of each velocity state, such as {"dq_v": 0.005}, where it is
+    known. Raises ValueError where it is not and all wind speeds are equal, or where a ratio names
+    no velocity.
+    """
+    first = identified[0].model
+    own = _own_velocities(first.states, first.terms)
+    unknown = sorted(set(damping or {}) - {first.states[i] for i, _ in own})
+    if unknown:
+        raise ValueError(f"damping: {unknown[0]} is not the velocity of a coordinate of the model")
+    free = [pair for pair in own if first.states[pair[0]] not in (damping or {})]
+    if free and len(set(winds)) == 1:
+        raise ValueError(
+            f"damping: at one wind speed ({winds[0]:g} m/s) the structural damping of "
+            f"{first.states[free[0][0]]} cannot be told from the wind's; give its ratio, or "
+            "recordings at two wind speeds"
+        )
+    support = np.any([one.support for one in identified], axis=0)
+    fixed = np.where(support, 0.0, first.coefficients)
+    for state, ratio in (damping or {}).items():
+        i = first.states.index(state)
+        stiffness = _stiffness(identified, i)
+        fixed[i, own[[row for row, _ in own].index(i)][1]] = -2 * ratio * np.sqrt(stiffness)
+    velocities = [k for k, state in enumerate(first.states) if state[1:] in first.states]
+    entries, powers = [], []
+    for i, j in np.argwhere(support).tolist():
+        order = sum(first.terms[j][k] for k in velocities)
+        entries.append((i, j))
+        powers.append(2 - order if order else 0)
+        if (i, j) in free:
+            entries.append((i, j))
+            powers.append(0)
+    return _least_squares(identified, winds, fixed, np.array(entries), np.array(powers, float))
+
+
+def _own_velocities(states: tuple[str, ...], terms: tuple[Exponents, ...]) -> list[tuple[int, int]]:
+    """(equation, term) of each coordinate's velocity in its own equation of motion."""
+    pairs = []
+    for i, state in enumerate(states):
+        linear = tuple(int(k == i) for k in range(len(states)))
+        if state.startswith("d") and state[1:] in states and linear in terms:
+            pairs.append((i, terms.index(linear)))
+    return pairs
+
+
+def _stiffness(identified: Sequence[Identified], equation: int) -> float:
+    """Square of the natural frequency of an equation of motion, rad^2/s^2."""
+    model = identified[0].model
+    position = model.states.index(model.states[equation][1:])
+    linear = model.terms.index(tuple(int(k == position) for k in range(len(model.states))))
+    value = -np.mean([one.model.coefficients[equation, linear] for one in identified])
+    if not value > 0:
+        raise ValueError(
+            f"damping: the equation of {model.states[equation]} has no positive stiffness, so a "
+            "damping ratio says nothing about it"
+        )
+    return float(value)
+
+
+def _least_squares(identified, winds, fixed, entries, powers) -> Split:
+    """Weighted by the covariance of each model; where one states none, all count alike and the
+    result has none."""
+    stated = all(one.covariance.size for one in identified)
+    model = identified[0].model
+    information = np.zeros((len(entries), len(entries)))
+    right = np.zeros(len(entries))
+    for one, wind in zip(identified, winds, strict=True):
+        places = np.argwhere(one.support)
+        design = np.all(places[:, np.newaxis] == entries, axis=2) * wind**powers
+        weighted = np.linalg.solve(one.covariance, design).T if stated else design.T * 1.0
+        information += weighted @ design
+        right += weighted @ (one.model.coefficients - fixed)[tuple(places.T)]
+    scale = 1 / np.sqrt(np.diag(information))
+    covariance = np.linalg.inv(information * scale * scale[:, np.newaxis])
+    covariance = covariance * scale * scale[:, np.newaxis]
+    values = covariance @ right
+    if not stated:
+        covariance = np.full_like(covariance, np.nan)
+    return Split(model.states, model.terms, fixed, entries, powers, values, covariance)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The stable limit cycle at each wind speed, with a 95 % band.
+
+    winds: (n,) m/s. amplitude, low, high: (n, n_states) half range; NaN where there is none.
+    unresolved: (n,) share of the samples without a cycle near the predicted one; the band is that
+    of the others. reason: what was not predicted and why, or ''.
+    """
+
+    winds: np.ndarray
+    amplitude: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    unresolved: np.ndarray
+    reason: str = ""
+
+
+def predict(
+    parts: Split,
+    recorded: float,
+    winds: Sequence[float],
+    start: np.ndarray,
+    rng: np.random.Generator,
+    simulator: Simulator,
+    samples: int = SAMPLES,
+) -> Prediction:
+    """Limit cycles at `winds` (m/s) that continue the one at the recorded wind speed.
+
+    start: (n_states,) from which the model is simulated there until it has settled.
+    """
+    winds = np.asarray(winds, float)
+    shape = (len(winds), len(parts.states))
+    amplitude, low, high = (np.full(shape, np.nan) for _ in range(3))
+    unresolved = np.ones(len(winds))
+    motion = settle(simulator, parts.model(recorded), start, duration=2000, window=200)
+    if motion.kind != "cycle":
+        reason = f"at {recorded:g} m/s the identified model does not settle: {motion.kind}"
+        return Prediction(winds, amplitude, low, high, unresolved, reason)
+    family = parts.family()
+    span = Range(min(*winds, recorded) - 0.5, max(*winds, recorded) + 0.5)
+    try:
+        branches = from_motion(family, recorded, motion.time, motion.states, span, resolution=1.0)
+    except ValueError as failure:
+        return Prediction(winds, amplitude, low, high, unresolved, str(failure))
+    draws = parts.sampled(rng, samples)
+    missing = []
+    for k, wind in enumerate(winds):
+        stable = [
+            point.solution
+            for branch in branches
+            for point in at_value(family, branch, wind)
+            if point.stability.stable
+        ]
+        if not stable:
+            missing.append(f"{wind:g}")
+            continue
+        amplitude[k] = stable[0].half_range()
+        orbits = [near(parts.family(values), stable[0]) for values in draws]
+        ranges = np.array([orbit.half_range() for orbit in orbits if orbit is not None])
+        unresolved[k] = 1 - len(ranges) / max(1, len(draws))
+        if len(ranges) > len(draws) / 2:
+            low[k], high[k] = np.quantile(ranges, BAND, axis=0, method="weibull")
+    reason = f"no stable limit cycle at {', '.join(missing)} m/s" if missing else ""
+    return Prediction(winds, amplitude, low, high, unresolved, reason)
+
+
+def near(family: Family, orbit: Orbit) -> Orbit | None:
+    """The limit cycle of another family near an orbit, or None.
+
+    Two corrections leave an error of the fourth power of the distance, far below the band.
+    """
+    field = VectorField(family, orbit.value)
+    problem = CycleProblem(field, orbit, 1.0, np.zeros(field.shape), np.inf, orbit.spread)
+    along, moved = problem.along_parameter(), orbit
+    for _ in range(2):
+        change = problem.linearise(moved).solve(along, 0.0, True)
+        moved = change.applied(moved)
+    return moved if length(problem, change) < SETTLED else None

@@ -1,0 +1,207 @@
+"""What a measure does to galloping: critical wind, limit cycle at the design wind, clearance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from galloping.cycles.limit_cycles import settled
+from galloping.cycles.motion import settle
+from galloping.cycles.prediction import BAND, Split, near, split
+from galloping.physics.clearance import clearance
+from galloping.physics.equations import STATES, model
+from galloping.physics.galerkin import coefficients
+from galloping.physics.measures import NOTHING, Measure, added, modal_masses
+from galloping.simulation import Simulator
+
+OUTLINE = 120  # places of an orbit that are enough for its clearance
+DAMPING = (("dq_v", "vertical"), ("dq_w", "horizontal"))
+
+
+@dataclass(frozen=True)
+class Design:
+    """What a line is judged by: wind in m/s, the state it is released from (n_states,), distance
+    (horizontal, vertical) in m of two phases at rest and the clearance in m they must keep."""
+
+    wind: float
+    start: np.ndarray
+    distance: tuple[float, float]
+    limit: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Each number with the interval that the model leaves: (value, low, high), NaN where unknown.
+
+    critical_wind: m/s, inf where it never gallops. v, w: half range at the design wind, m.
+    clearance: m. kind: of the motion there: `cycle`, `rest`, or what else it is.
+    """
+
+    measure: Measure
+    critical_wind: tuple[float, float, float]
+    v: tuple[float, float, float]
+    w: tuple[float, float, float]
+    clearance: tuple[float, float, float]
+    kind: str
+
+
+@dataclass(frozen=True)
+class Exact:
+    """The derived model of a case, as if it had been identified without error."""
+
+    model: object
+    covariance: np.ndarray
+
+    @property
+    def support(self) -> np.ndarray:
+        present = self.model.support.copy()
+        present[:2] = False
+        return present
+
+
+def derived(case: Mapping) -> Split:
+    """Structure and wind of a case as derived, at no uncertainty."""
+    line = model(coefficients(case))
+    damping = {state: case["damping"][name] for state, name in DAMPING}
+    exact = Exact(line, np.eye(int(line.support[2:].sum())))
+    parts = split([exact], [case["wind"]["speed"]], damping)
+    return replace(parts, covariance=np.zeros_like(parts.covariance))
+
+
+def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
+    """An identified line (or `derived`) with a measure: each part of it changes in proportion, as
+    it does in the derivation. parts: of the line that `case` describes."""
+    after = measure.change(case)
+    old, new = derived(case), derived(after)
+    damping, mass = added(after, measure)
+    masses = modal_masses(after)
+    lighter = masses / (masses + mass)  # of forces by mass, with the added point masses
+    rows = len(STATES) // 2 + np.arange(2)  # the equations of motion
+    factor = np.ones(len(STATES))
+    factor[rows] = lighter
+
+    ratios = np.ones(len(parts.values))
+    for k, ((i, j), power) in enumerate(zip(parts.entries.tolist(), parts.powers, strict=True)):
+        before, later = (_part(of, i, parts.terms[j], power) for of in (old, new))
+        ratios[k] = factor[i] * (later / before if before else 1.0)
+    fixed = parts.fixed.copy()
+    for row, (state, _), share in zip(rows, DAMPING, lighter, strict=True):
+        term = parts.terms.index(_linear(state))
+        before, later = (of.fixed[row, of.terms.index(_linear(state))] for of in (old, new))
+        # the damping ratio stays, the frequency falls with the added mass
+        fixed[row, term] *= np.sqrt(share) * (later / before if before else 1.0)
+    for row, (state, _), damper, total in zip(rows, DAMPING, damping, masses + mass, strict=True):
+        fixed[row, parts.terms.index(_linear(state))] -= damper / total
+    return replace(
+        parts,
+        fixed=fixed,
+        values=ratios * parts.values,
+        covariance=ratios * parts.covariance * ratios[:, np.newaxis],
+    )
+
+
+def _linear(state: str) -> tuple[int, ...]:
+    return tuple(int(name == state) for name in STATES)
+
+
+def _part(of: Split, equation: int, term: tuple[int, ...], power: float) -> float:
+    """A part of a derived split; zero where it has none."""
+    for (i, j), p, value in zip(of.entries.tolist(), of.powers, of.values, strict=True):
+        if (i, of.terms[j], p) == (equation, term, power):
+            return float(value)
+    return 0.0
+
+
+def critical_winds(parts: Split, values: np.ndarray) -> np.ndarray:
+    """(n,) wind speeds where the vertical mode's own damping vanishes, for samples (n, n_values).
+
+    That of the model where its linear damping is not coupled, as in the derivation.
+    """
+    term = parts.terms.index(_linear("dq_v"))
+    own = (parts.entries == (STATES.index("dq_v"), term)).all(axis=1)
+    structure = parts.fixed[STATES.index("dq_v"), term] + values[:, own & (parts.powers == 0)].sum(
+        axis=1
+    )
+    wind = values[:, own & (parts.powers == 1)].sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(wind > 0, -structure / wind, np.inf)
+
+
+def evaluate(
+    parts: Split,
+    case: Mapping,
+    measure: Measure,
+    design: Design,
+    simulator: Simulator,
+    draws: np.ndarray,
+) -> Outcome:
+    """One measure on the line `parts`, identified or `derived`, that `case` describes.
+
+    draws: (n, n_values) samples of the parts' values, from which the intervals are; may be empty.
+    """
+    line = changed(parts, case, measure)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scaled = draws * np.where(parts.values != 0, line.values / parts.values, 1.0)
+    (critical,) = critical_winds(line, line.values[np.newaxis])
+    critical_wind = _interval(float(critical), critical_winds(line, scaled))
+    motion = settle(simulator, line.model(design.wind), design.start)
+    nothing = (np.nan,) * 3
+    if motion.kind == "rest" or critical >= design.wind:
+        still = clearance(np.zeros((1, 2)), np.zeros((1, 2)), design.distance).least
+        return Outcome(measure, critical_wind, (0.0,) * 3, (0.0,) * 3, (still,) * 3, "rest")
+    if motion.kind == "cycle":
+        family = line.family()
+        _, point = settled(family, design.wind, motion.time, motion.states, resolution=1.0)
+        orbits = [near(line.family(values), point.solution) for values in scaled]
+        places = [_places(orbit.sampled()[1]) for orbit in orbits if orbit is not None]
+        centre = _places(point.solution.sampled()[1])
+    elif np.all(np.isfinite(motion.states)):
+        places, centre = [], _places(motion.states[:: max(1, len(motion.states) // 2000)])
+    else:
+        return Outcome(measure, critical_wind, nothing, nothing, nothing, motion.kind)
+    distance = _interval(_apart(centre, design), np.array([_apart(p, design) for p in places]))
+    halves = np.array([np.ptp(p, axis=0) / 2 for p in places]).reshape(-1, 2)
+    w, v = (
+        _interval(float(half), halves[:, k]) for k, half in enumerate(np.ptp(centre, axis=0) / 2)
+    )
+    return Outcome(measure, critical_wind, v, w, distance, motion.kind)
+
+
+def _places(states: np.ndarray) -> np.ndarray:
+    """(n, 2) places (w, v) at mid-span."""
+    return states[:, [STATES.index("q_w"), STATES.index("q_v")]]
+
+
+def _apart(places: np.ndarray, design: Design) -> float:
+    thinned = places[:: max(1, len(places) // OUTLINE)]
+    return clearance(thinned, thinned, design.distance).least
+
+
+def _interval(value: float, samples: np.ndarray) -> tuple[float, float, float]:
+    if not len(samples):
+        return value, np.nan, np.nan
+    if np.all(samples == samples[0]):  # such as infinite, which quantiles cannot interpolate
+        return value, float(samples[0]), float(samples[0])
+    low, high = np.quantile(samples, BAND, method="weibull")
+    return value, float(low), float(high)
+
+
+def ranked(
+    parts: Split,
+    case: Mapping,
+    measures: Sequence[Measure],
+    design: Design,
+    simulator: Simulator,
+    draws: np.ndarray,
+) -> list[Outcome]:
+    """The line as it is and with each measure, the smallest vertical motion first.
+
+    Of two lines at rest the one with the higher critical wind comes first; a line without a
+    bounded motion comes last.
+    """
+    outcomes = [
+        evaluate(parts, case, measure, design, simulator, draws) for measure in (NOTHING, *measures)
+    ]
+    return sorted(outcomes, key=lambda o: (np.nan_to_num(o.v[0], nan=np.inf), -o.critical_wind[0]))

@@ -1,0 +1,296 @@
+"""Sweep points as tidy rows: limit cycles, bifurcations, maps, predictions, clearance, measures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from galloping.cycles.continuation import Branch, Range
+from galloping.cycles.diagram import Diagram, diagram
+from galloping.cycles.equilibria import HOPF
+from galloping.cycles.line_family import (
+    critical_wind,
+    initial_state,
+    line_family,
+    parameter,
+)
+from galloping.cycles.motion import Settled, settle
+from galloping.cycles.prediction import Prediction
+from galloping.cycles.ranking import Design, Outcome
+from galloping.physics.clearance import clearance, design_ellipses, envelope
+from galloping.physics.equations import STATES
+from galloping.physics.galerkin import frequencies, modes
+from galloping.physics.line import Line
+from galloping.simulation import Simulator
+
+SIMULATION = "simulation"
+CEILING = 2.0  # sags: a larger orbit is no line's any more
+
+
+def line_diagram(case: Mapping, name: str, low: float, high: float) -> Diagram:
+    """The diagram of a case along a parameter. Raises ValueError for one that cannot be varied."""
+    family = line_family(case, name)
+    ceiling = CEILING * Line.from_case(case).sag
+    return diagram(family, Range(low, high), len(STATES), ceiling=ceiling)
+
+
+def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
+    """Every limit cycle of a diagram; label: of the case, name: of the parameter.
+
+    Columns case, parameter, unit, value, branch, point, stable, v_m, w_m, period_s,
+    largest_multiplier, trivial_defect.
+    """
+    rows = []
+    for cycles in along.cycles:
+        for k, point in enumerate(cycles.branch.points):
+            v, w = point.solution.half_range()[:2]
+            rows.append(
+                _place(label, name, along.family.unit, point.solution.value)
+                | {
+                    "branch": cycles.name,
+                    "point": k,
+                    "stable": point.stability.stable,
+                    "v_m": float(v),
+                    "w_m": float(w),
+                    "period_s": float(point.solution.period),
+                    "largest_multiplier": point.stability.largest,
+                    "trivial_defect": point.stability.trivial_defect,
+                }
+            )
+    return rows
+
+
+def _place(label: str, name: str, unit: str, value: float) -> dict:
+    return {"case": label, "parameter": name, "unit": unit, "value": float(value)}
+
+
+def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> list[dict]:
+    """Bifurcations in the order of their branches, and how each branch ended.
+
+    Columns case, parameter, unit, value, branch, name, located, closed_form (of a Hopf bifurcation
+    along the wind speed: where gamma_1 = 0), v_m, w_m, period_s, note.
+    """
+    rows = []
+
+    def row(branch: str, value: float, what: str, **further: object) -> None:
+        nothing = {"located": True, "closed_form": np.nan, "v_m": 0.0, "w_m": 0.0}
+        rows.append(
+            _place(label, name, along.family.unit, value)
+            | {"branch": branch, "name": what}
+            | nothing
+            | {"period_s": np.nan, "note": ""}
+            | further
+        )
+
+    def end(of: str, branch: Branch) -> None:
+        verdict = "" if branch.complete else "incomplete: "
+        last = branch.points[-1].solution.value
+        row(of, last, "end", v_m=np.nan, w_m=np.nan, note=f"{verdict}{branch.reason}")
+
+    for b in along.equilibria.bifurcations:
+        further = {"located": b.located}
+        if b.name == HOPF:
+            further["period_s"] = 2 * np.pi / b.point.stability.frequency
+            if name == "wind_speed":
+                further["closed_form"] = critical_wind(case)
+        row("equilibrium", b.point.solution.value, b.name, **further)
+    end("equilibrium", along.equilibria)
+    for cycles in along.cycles:
+        for b in cycles.branch.bifurcations:
+            v, w = b.point.solution.half_range()[:2]
+            size = {"v_m": float(v), "w_m": float(w), "period_s": float(b.point.solution.period)}
+            row(cycles.name, b.point.solution.value, b.name, located=b.located, **size)
+        end(cycles.name, cycles.branch)
+    for failure in along.failures:
+        row(failure.partition(":")[0], np.nan, "end", located=False, note=failure)
+    return rows
+
+
+def simulation_rows(
+    label: str, case: Mapping, name: str, values: Sequence[float], simulator: Simulator
+) -> list[dict]:
+    """The long simulation of a case from its initial state at each value of a parameter.
+
+    Columns as in `limit_cycle_rows` where they apply, with branch `simulation`, and kind, v_low_m,
+    v_high_m, w_low_m, w_high_m: least and greatest half range over pieces of the window, which
+    differ where the motion does not repeat.
+    """
+    family, varied = line_family(case, name), parameter(name)
+    rows = []
+    for value in values:
+        motion = settle(simulator, family.model(value), initial_state(varied.at(case, value)))
+        rows.append(
+            _place(label, name, family.unit, value) | {"branch": SIMULATION} | _motion(motion)
+        )
+    return rows
+
+
+def _motion(motion: Settled) -> dict:
+    v, w = motion.half_range[:2]
+    ends = {
+        f"{axis}_{end}_m": float(of[k])
+        for k, axis in enumerate("vw")
+        for end, of in (("low", motion.lowest), ("high", motion.highest))
+    }
+    return {"kind": motion.kind, "v_m": float(v), "w_m": float(w), **ends}
+
+
+def map_rows(
+    label: str,
+    case: Mapping,
+    across: tuple[str, Sequence[float]],
+    up: tuple[str, Sequence[float]],
+    simulator: Simulator,
+) -> list[dict]:
+    """What the motion settles to over two parameters, from the case's initial state.
+
+    across, up: name and values of each. Columns case, x_parameter, x_unit, x, y_parameter, y_unit,
+    y, frequency_ratio (vertical by horizontal), kind, v_m, w_m and the ranges of
+    `simulation_rows`.
+    """
+    (x_name, x_values), (y_name, y_values) = across, up
+    x_parameter, y_parameter = parameter(x_name), parameter(y_name)
+    rows = []
+    for y in y_values:
+        outer = y_parameter.at(case, float(y))
+        family = line_family(outer, x_name)
+        for x in x_values:
+            inner = x_parameter.at(outer, float(x))
+            line = Line.from_case(inner)
+            omega_v, omega_w, *_ = frequencies(line, *modes(inner, line))
+            start = initial_state(inner)
+            motion = settle(simulator, family.model(x), start, duration=2000, window=500)
+            rows.append(
+                {
+                    "case": label,
+                    **{"x_parameter": x_name, "x_unit": x_parameter.unit, "x": float(x)},
+                    **{"y_parameter": y_name, "y_unit": y_parameter.unit, "y": float(y)},
+                    "frequency_ratio": omega_v / omega_w,
+                    **_motion(motion),
+                }
+            )
+    return rows
+
+
+def prediction_rows(
+    cell: Mapping[str, object], predicted: Prediction, true: np.ndarray, verdict: str
+) -> list[dict]:
+    """One model's prediction beside the truth: a row for each wind speed and direction.
+
+    cell: case, protocol, method, replicate, which begin each row. true: (n_winds, 2) half ranges
+    (v, w). verdict: of the identification, which says whether the band can be trusted. Columns
+    then wind_m_s, direction, predicted_m, low_m, high_m, true_m, error_percent, inside,
+    unresolved, verdict, reason.
+    """
+    rows = []
+    for k, wind in enumerate(predicted.winds):
+        for axis, direction in enumerate(("v", "w")):
+            value, low, high = (
+                float(of[k, axis]) for of in (predicted.amplitude, predicted.low, predicted.high)
+            )
+            reality = float(true[k, axis])
+            rows.append(
+                {
+                    **cell,
+                    "wind_m_s": float(wind),
+                    "direction": direction,
+                    "predicted_m": value,
+                    "low_m": low,
+                    "high_m": high,
+                    "true_m": reality,
+                    "error_percent": 100 * abs(value / reality - 1),
+                    "inside": bool(low <= reality <= high),
+                    "unresolved": float(predicted.unresolved[k]),
+                    "verdict": verdict,
+                    "reason": predicted.reason,
+                }
+            )
+    return rows
+
+
+def clearance_rows(
+    label: str,
+    case: Mapping,
+    winds: Sequence[float],
+    distance: tuple[float, float],
+    limit: float,
+    simulator: Simulator,
+) -> list[dict]:
+    """Room that orbits at mid-span and design ellipses need, and the clearance of two phases.
+
+    distance: (horizontal, vertical) in m of the phases at rest; limit: clearance in m to keep.
+    Columns case, what, wind_m_s, height_m, width_m, below_m, least_clearance_m, limit_m, kept.
+    """
+    rows = []
+
+    def row(what: str, wind: float, outline: np.ndarray) -> None:
+        height, width, below = envelope(outline)
+        apart = clearance(outline, outline, distance, limit)
+        rows.append(
+            {
+                "case": label,
+                "what": what,
+                "wind_m_s": wind,
+                "height_m": height,
+                "width_m": width,
+                "below_m": below,
+                "least_clearance_m": apart.least,
+                "limit_m": limit,
+                "kept": apart.kept,
+            }
+        )
+
+    for what, ellipse in design_ellipses(case).items():
+        row(what, np.nan, ellipse.outline())
+    family = line_family(case, "wind_speed")
+    for wind in winds:
+        motion = settle(simulator, family.model(wind), initial_state(case))
+        if np.all(np.isfinite(motion.states)):
+            row(motion.kind, float(wind), places(motion)[:400])
+    return rows
+
+
+def places(motion: Settled) -> np.ndarray:
+    """(n, 2) places (w, v) at mid-span of a settled motion."""
+    return motion.states[:, [STATES.index("q_w"), STATES.index("q_v")]]
+
+
+def measure_rows(label: str, outcomes: Sequence[Outcome], design: Design) -> list[dict]:
+    """Measures in their order. Columns case, rank, measure, critical_wind_m_s, v_m, w_m,
+    clearance_m, each with _low and _high, kind, limit_m, kept, design_wind_m_s, source, note."""
+    rows = []
+    for rank, outcome in enumerate(outcomes, start=1):
+        numbers = {
+            "critical_wind_m_s": outcome.critical_wind,
+            "v_m": outcome.v,
+            "w_m": outcome.w,
+            "clearance_m": outcome.clearance,
+        }
+        rows.append(
+            {"case": label, "rank": rank, "measure": outcome.measure.label}
+            | {
+                f"{name}{end}": value
+                for name, of in numbers.items()
+                for end, value in zip(("", "_low", "_high"), of, strict=True)
+            }
+            | {
+                "kind": outcome.kind,
+                "limit_m": design.limit,
+                "kept": bool(outcome.clearance[0] >= design.limit),
+                "design_wind_m_s": design.wind,
+                "source": outcome.measure.source,
+                "note": outcome.measure.limit,
+            }
+        )
+    return rows
+
+
+def steady_truth(case: Mapping, winds: Sequence[float], simulator: Simulator) -> np.ndarray:
+    """(n_winds, 2) half ranges (v, w) to which a case settles; NaN where it finds no cycle."""
+    family = line_family(case, "wind_speed")
+    motions = [settle(simulator, family.model(wind), initial_state(case)) for wind in winds]
+    return np.array(
+        [m.half_range[:2] if m.kind == "cycle" else np.full(2, np.nan) for m in motions]
+    )
+

@@ -1,0 +1,81 @@
+"""Limit cycles at other wind speeds, predicted from one recording, beside the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from galloping.figures import panels
+from galloping.figures.style import BAND, DIRECTIONS, DOUBLE, STATES, TRUE, method_style
+
+AXES = {"v": "q_v", "w": "q_w"}
+
+
+def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """Amplitude against wind for one replicate: truth, prediction and 95 % band.
+
+    table: prediction.csv. settings: case, protocols, method, replicate, recorded (wind speed of
+    the recording, m/s) and, where another method is to be compared, peer.
+    """
+    protocols = settings["protocols"]
+    chosen = table[
+        (table["case"] == settings["case"]) & (table["replicate"] == settings["replicate"])
+    ]
+    figure = Figure(figsize=(DOUBLE, 0.8 + 2.2 * len(protocols)), layout="constrained")
+    grid = figure.subplots(len(protocols), len(AXES), squeeze=False, sharex=True)
+    methods = [settings["method"], *([settings["peer"]] if settings.get("peer") else [])]
+    for row, protocol in enumerate(protocols):
+        for column, direction in enumerate(AXES):
+            axes, state = grid[row, column], AXES[direction]
+            panels.letter(
+                axes,
+                row * len(AXES) + column,
+                f"{DIRECTIONS[state]}, {STATES[state]}, from {protocol}",
+            )
+            of_panel = chosen[(chosen["protocol"] == protocol) & (chosen["direction"] == direction)]
+            _panel(axes, of_panel, methods)
+            axes.axvline(settings["recorded"], color="#9a9a9a", lw=0.8, ls=":")
+            axes.set_ylabel("half range, m")
+            if row == len(protocols) - 1:
+                axes.set_xlabel("wind speed, m/s")
+    figure.legend(
+        handles=[
+            Line2D([], [], color=TRUE, lw=4, label="truth"),
+            *(_handle(method) for method in methods),
+            Patch(fc=BAND, ec="none", label="95 % band"),
+            Line2D([], [], color="#9a9a9a", lw=0.8, ls=":", label="recorded"),
+        ],
+        loc="outside upper center",
+        ncols=5,
+    )
+    return figure
+
+
+def _handle(method: str) -> Line2D:
+    style = method_style(method)
+    return Line2D([], [], color=style.color, ls=style.line, marker=style.marker, label=style.label)
+
+
+def _panel(axes: Axes, table: pd.DataFrame, methods: list[str]) -> None:
+    for k, method in enumerate(methods):
+        line = table[table["method"] == method].sort_values("wind_m_s")
+        if line.empty:
+            continue
+        wind, style = line["wind_m_s"], method_style(method)
+        if k == 0:
+            axes.plot(wind, line["true_m"], color=TRUE, lw=4, zorder=1)
+            axes.fill_between(wind, line["low_m"], line["high_m"], color=BAND, zorder=2, lw=0.8,
+                              ec="#a8741a")  # fmt: skip
+            doubtful = sorted(set(line["verdict"]) - {"ok"})
+            if doubtful:
+                axes.text(0.03, 0.95, doubtful[0].partition(":")[0], va="top",
+                          transform=axes.transAxes, color="#b30000")  # fmt: skip
+        axes.plot(
+            wind, line["predicted_m"], color=style.color, ls=style.line, marker=style.marker,
+            lw=1.0, zorder=3,
+        )  # fmt: skip

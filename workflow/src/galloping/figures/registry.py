@@ -1,0 +1,276 @@
+"""The figures of the study, without importing any of them.
+
+A figure is a function, an entry here and a caption, `workflow/report/figures/{name}.rst`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from galloping.study import shown, sources
+from galloping.study.cells import Cell, Study
+from galloping.study.kinds import BOUND
+from galloping.study.shown import Pair
+from galloping.study.sources import Sources
+
+
+def _nothing(study: Study) -> dict:
+    return {}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure.
+
+    name: of its files. label: in the report. function: `module:function`, imported only by the job
+    that draws it; it takes what is read, by name, and `settings`, and returns a matplotlib Figure.
+    reads, settings: of a study, in plain values.
+    """
+
+    name: str
+    label: str
+    function: str
+    reads: Callable[[Study], Sources] = _nothing
+    settings: Callable[[Study], Mapping] = _nothing
+
+
+def _table(name: str) -> Callable[[Study], Sources]:
+    return lambda study: {"table": sources.table(study, name)}
+
+
+def _of_first_case(*kinds: Callable) -> Callable[[Study], Sources]:
+    """Files of the first case, named after what they are."""
+    return lambda study: {
+        kind.__name__: kind(study, shown.first_case(study).name) for kind in kinds
+    }
+
+
+def _everything(study: Study) -> dict:
+    """Cases, protocols and methods in the study's order."""
+    return {
+        "cases": [case.name for case in study.cases],
+        "protocols": [protocol.name for protocol in study.protocols],
+        "methods": [*(method.name for method in study.methods), BOUND],
+    }
+
+
+def _with_subset_level(study: Study) -> dict:
+    return _everything(study) | {"level": study.settings.measurement.subsets.level}
+
+
+def _first_line(study: Study) -> dict:
+    case = shown.first_case(study)
+    return {"case": case.name, "line": case.line}
+
+
+def _pair(pair: Pair) -> dict:
+    protocol, method = pair
+    return {"protocol": protocol.name, "method": method.name}
+
+
+def _flow(study: Study) -> dict:
+    measurement = study.settings.measurement
+    return {
+        "degree": study.settings.identification.degree,
+        "protocols": [protocol.name for protocol in study.protocols],
+        "methods": [method.name for method in study.methods],
+        "levels": [min(measurement.levels), max(measurement.levels)],
+        "points": [min(measurement.subsets.points), max(measurement.subsets.points)],
+        "replicates": measurement.replicates,
+    }
+
+
+def _recovery_reads(study: Study) -> Sources:
+    cells = {case.name: shown.least_noise(study, case) for case in study.cases}
+    return {
+        "trajectories": {name: sources.trajectory(study, name) for name in cells},
+        "reconstructions": {n: sources.reconstructions(study, c) for n, c in cells.items()},
+    }
+
+
+def _recovery(study: Study) -> dict:
+    return {
+        "cases": [case.name for case in study.cases],
+        **_pair(shown.paper_pair(study)),
+        "level": min(study.settings.measurement.levels),
+    }
+
+
+COEFFICIENT_LEVELS = (0.01, 0.03, 0.05)
+HISTORY_LEVELS = (0.05, 0.1, 0.15)
+
+
+def _coefficient_reads(study: Study) -> Sources:
+    pair = shown.paper_pair(study)
+    cells = shown.noise_cells(study, pair, COEFFICIENT_LEVELS)
+    return {
+        "model": sources.model(study, shown.first_case(study).name),
+        "identified": {
+            cell.name: sources.identified(study, cell, pair[1].family) for cell in cells
+        },
+    }
+
+
+def _coefficients(study: Study) -> dict:
+    pair = shown.paper_pair(study)
+    cells = shown.noise_cells(study, pair, COEFFICIENT_LEVELS)
+    return {
+        "case": shown.first_case(study).name,
+        **_pair(pair),
+        "levels": {cell.name: cell.level for cell in cells},
+        "degree": study.settings.identification.degree,
+    }
+
+
+def _histories(
+    cells: Callable[[Study], Mapping[str, str]],
+) -> tuple[Callable[[Study], Sources], Callable[[Study], Mapping]]:
+    """What is read, and the settings, of time histories. cells: labels by name of the cell."""
+
+    def columns(study: Study) -> list[tuple[Pair, list[tuple[Cell, str]]]]:
+        """The cells of each pair of protocol and method, with their labels."""
+        case, labels = shown.first_case(study).name, cells(study)
+        return [
+            (pair, [(study.cell(case, pair[0].name, name), labels[name]) for name in labels])
+            for pair in shown.history_pairs(study)
+        ]
+
+    def reads(study: Study) -> Sources:
+        return {
+            "trajectory": sources.trajectory(study, shown.first_case(study).name),
+            "reconstructions": {
+                cell.id: sources.reconstructions(study, cell)
+                for _, column in columns(study)
+                for cell, _ in column
+            },
+        }
+
+    def settings(study: Study) -> dict:
+        return {
+            "case": shown.first_case(study).name,
+            "columns": [
+                _pair(pair) | {"cells": {cell.id: label for cell, label in column}}
+                for pair, column in columns(study)
+            ],
+            "window": list(study.settings.simulation.steady_window),
+        }
+
+    return reads, settings
+
+
+def _noisy(study: Study) -> dict[str, str]:
+    cells = shown.noise_cells(study, shown.paper_pair(study), HISTORY_LEVELS)
+    return {cell.name: f"noise level {cell.level:g}" for cell in cells}
+
+
+def _subsets(study: Study) -> dict[str, str]:
+    cells = shown.amount_cells(study, shown.paper_pair(study))
+    return {cell.name: f"{cell.samples} points" for cell in cells}
+
+
+def _claims(study: Study) -> dict:
+    pairs = shown.claim_pairs(study)
+    return {"combinations": [[protocol.name, method.name] for protocol, method in pairs]}
+
+
+def _overview(study: Study) -> dict:
+    return {
+        "case": shown.first_case(study).name,
+        "protocol": shown.sensor_protocol(study).name,
+    }
+
+
+FIGURES = (
+    Figure(
+        "figure01",
+        "01 line and coordinates",
+        "galloping.figures.line:draw_line",
+        _of_first_case(sources.model),
+        _first_line,
+    ),
+    Figure(
+        "figure02",
+        "02 aerodynamic load",
+        "galloping.figures.load:draw_load",
+        _of_first_case(sources.trajectory),
+        _first_line,
+    ),
+    Figure("figure03", "03 flow chart", "galloping.figures.flow:draw_flow", settings=_flow),
+    Figure(
+        "figure04",
+        "04 motion without noise",
+        "galloping.figures.recovery:draw_recovery",
+        _recovery_reads,
+        _recovery,
+    ),
+    Figure(
+        "figure05",
+        "05 coefficients under noise",
+        "galloping.figures.coefficients:draw_coefficients",
+        _coefficient_reads,
+        _coefficients,
+    ),
+    Figure(
+        "figure06",
+        "06 coefficient error against noise",
+        "galloping.figures.noise:draw_noise_coefficients",
+        _table("noise_coefficients"),
+        _everything,
+    ),
+    Figure(
+        "figure07",
+        "07 R2 against noise",
+        "galloping.figures.noise:draw_noise_r2",
+        _table("noise_r2"),
+        _everything,
+    ),
+    Figure(
+        "figure08",
+        "08 time histories under noise",
+        "galloping.figures.histories:draw_histories",
+        *_histories(_noisy),
+    ),
+    Figure(
+        "figure09",
+        "09 time histories by amount of data",
+        "galloping.figures.histories:draw_histories",
+        *_histories(_subsets),
+    ),
+    Figure(
+        "figure10",
+        "10 R2 and amplitude by amount of data",
+        "galloping.figures.amount:draw_data_amount",
+        _table("data_amount"),
+        _with_subset_level,
+    ),
+    Figure(
+        "claims",
+        "claims of the paper",
+        "galloping.figures.claims:draw_claims",
+        _table("claims"),
+        _claims,
+    ),
+    Figure(
+        "overview",
+        "overview: error against noise, and the bound",
+        "galloping.figures.overview:draw_overview",
+        _table("scores"),
+        _overview,
+    ),
+    Figure(
+        "efficiency",
+        "efficiency against noise",
+        "galloping.figures.efficiency:draw_efficiency",
+        _table("efficiency"),
+        _everything,
+    ),
+    Figure(
+        "identifiability",
+        "identifiability of each term",
+        "galloping.figures.identifiability:draw_identifiability",
+        _table("identifiability"),
+        _with_subset_level,
+    ),
+)
+BY_NAME = {figure.name: figure for figure in FIGURES}

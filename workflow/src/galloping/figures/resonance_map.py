@@ -1,0 +1,43 @@
+"""What a line settles to over two of its parameters, and where its frequencies are two to one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from galloping.figures import panels
+from galloping.figures.style import DIRECTIONS, DOUBLE, PAPER, STATES
+
+QUANTITIES = {"v_m": "q_v", "w_m": "q_w"}
+
+
+def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """Half range of both directions over the map of one case.
+
+    table: rows of `map_rows`. settings: case, x_label, y_label, y_scale (units of the axis in one
+    of the table, such as 1000 for kN).
+    """
+    table = table[table["case"] == settings["case"]]
+    scale = settings["y_scale"]
+    figure = Figure(figsize=(DOUBLE, 3.1), layout="constrained")
+    for k, (axes, name) in enumerate(zip(figure.subplots(1, 2), QUANTITIES, strict=True)):
+        state = QUANTITIES[name]
+        panels.letter(axes, k, f"{DIRECTIONS[state]}, {STATES[state]}")
+        grid = table.pivot(index="y", columns="x", values=name)
+        x, y = grid.columns.to_numpy(float), grid.index.to_numpy(float) / scale
+        shown = axes.pcolormesh(
+            x, y, grid.to_numpy(), cmap="cividis", vmin=0, shading="nearest", rasterized=True
+        )
+        figure.colorbar(shown, ax=axes, label="half range, m", pad=0.02)
+        ratio = table.pivot(index="y", columns="x", values="frequency_ratio").to_numpy()
+        lines = axes.contour(x, y, ratio, levels=[2.0], colors="white", linewidths=1.4)
+        axes.clabel(lines, fmt=r"$\omega_v = 2\,\omega_w$")
+        irregular = table[table["kind"] == "irregular"]
+        axes.plot(irregular["x"], irregular["y"] / scale, ls="", marker="x", ms=4, mec=PAPER)
+        lost = table[~np.isfinite(table[name])]
+        axes.plot(lost["x"], lost["y"] / scale, ls="", marker="v", ms=4, mfc="white", mec=PAPER)
+        axes.set(xlabel=settings["x_label"], ylabel=settings["y_label"])
+    return figure

@@ -1,0 +1,258 @@
+"""Tests of a fit for faults of the sensors and for forces that the model does not know.
+
+Each fault is a parameter that the fit holds at zero; its score (Lagrange multiplier) says how far
+the data pull it away, without another fit. Faults that add noise show in the variance of the
+residuals, unknown forces in how badly the segments of the recording join up
+(C. R. Rao, 1948; T. S. Breusch and A. R. Pagan, 1979).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from galloping.identification.likelihood.condense import Condensed
+from galloping.identification.likelihood.problem import Problem, velocity_pairs
+from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.likelihood.shooting import (
+    Linearised,
+    Segments,
+    eliminate,
+    linearise,
+    residuals,
+)
+
+# Probability that a recording without any fault is accused of one.
+FALSE_ALARM = 5e-3
+# Segments joined into one free stretch in the tests for unknown forces: a force that comes and
+# goes shows in short stretches, a phase that wanders in long ones.
+STRETCHES = (1, 2, 4)
+# Share of a parameter's information, of what it has alone, that the terms must leave it.
+DISTINCT = 1e-6
+# z from which terms are looked for that only imitate a fault; a sound recording has one a few
+# times in a hundred, which costs a pass of the fit and no more.
+CURIOUS = 2.5
+FORCES = "forces besides the model act, such as gusts, or terms are missing"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """cause: in words; z: how far the data deny its absence, in standard deviations."""
+
+    cause: str
+    z: float
+
+
+def faults(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    sigma: np.ndarray,
+    free: np.ndarray,
+    support: np.ndarray,
+    starts: np.ndarray,
+    penalty: float,
+) -> list[Fault]:
+    """The faults that the data show, the clearest first; none where the recording is sound.
+
+    condensed, segments, sigma, free, starts: of a converged fit, as in `shooting.linearise`, the
+    segments in their chains. support: (n_candidates,) terms of the model. penalty: worth of a
+    term in units of chi^2. A sound recording is accused with probability FALSE_ALARM. Raises
+    FloatingPointError where the model diverges.
+    """
+    residual, _ = residuals(problem, condensed, segments, free, starts)
+    rates = _rates(problem, condensed, segments, free, starts)
+    entries, columns, tests = _parameters(problem, condensed, rates)
+
+    def linear(terms: np.ndarray) -> Linearised:
+        pairs = np.vstack([problem.candidates[terms], entries])
+        return linearise(problem, condensed, sigma, segments, free, starts, pairs, columns)
+
+    own = linear(support)
+    n = int(support.sum())
+    quadratic = eliminate(own, segments, starts)
+    scores = [_score(quadratic.information, quadratic.right, n, test.mixture) for test in tests]
+    tested = [Fault(test.cause, z) for test, z in zip(tests, scores, strict=True)]
+    tested += _gaps(own, segments, n, starts)
+    tested += _variances(condensed, segments, sigma, residual, rates)
+    limit = norm.isf(FALSE_ALARM / 2.0 / max(len(tested), 1))
+    doubtful = [k for k, z in enumerate(scores) if z > CURIOUS]
+    if doubtful and max(scores) < np.sqrt(penalty):
+        quadratic = eliminate(linear(np.ones(len(support), bool)), segments, starts)
+        for k in doubtful:
+            z = _instead(quadratic.information, quadratic.right, support, free, tests[k], penalty)
+            tested[k] = replace(tested[k], z=max(tested[k].z, z))
+    shown = [fault for fault in tested if fault.z > limit]
+    return sorted(shown, key=lambda fault: -fault.z)
+
+
+@dataclass(frozen=True)
+class _Test:
+    """mixture: (n_parameters,) of the faults' parameters, tested as one; cause: in words."""
+
+    mixture: np.ndarray
+    cause: str
+
+
+def _parameters(
+    problem: Problem, condensed: Condensed, rates: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list[_Test]]:
+    """Parameters of faults: coefficients of known equations, and columns as in `linearise`."""
+    names = [problem.states[k] for k in condensed.observed]
+    channel = {int(k): o for o, k in enumerate(condensed.observed)}
+    pairs = {
+        i: v for i, v in velocity_pairs(problem.states).items() if i in channel or v in channel
+    }
+    kinematic = [(i, v) for i, v in pairs.items() if i in channel and v in channel]
+    term = {exponents: j for j, exponents in enumerate(problem.terms)}
+    units = np.eye(len(problem.states), dtype=int)
+    entries = [(i, term[tuple(int(e) for e in units[v])]) for i, v in kinematic]
+    time = condensed.step * np.arange(len(rates))[:, None, None]
+    trend = time * condensed.functionals[..., 0] + condensed.step * condensed.functionals[..., 1]
+    count = len(names)
+    columns = np.zeros((*rates.shape, 3 * count))
+    for o in range(count):
+        columns[:, o, :, o] = -rates[:, o]
+        columns[:, o, :, count + o] = condensed.functionals[:, o, :, 0]
+        columns[:, o, :, 2 * count + o] = trend[:, o]
+    n, tests = len(entries) + 3 * count, []
+
+    def test(places: list[int], cause: str) -> None:
+        tests.append(_Test(np.isin(np.arange(n), places).astype(float), cause))
+
+    for k, (i, v) in enumerate(kinematic):
+        a, b = problem.states[i], problem.states[v]
+        test([k], f"{b} is not the rate of {a}: its scale or clock is off")
+    if len(kinematic) > 1:
+        test(list(range(len(kinematic))), "the clock, or the scale of all velocities, is off")
+    first = len(entries)
+    for o, name in enumerate(names):
+        test([first + o], f"{name} is delayed against the other channels")
+        test([first + count + o], f"{name} has an offset")
+        test([first + 2 * count + o], f"{name} drifts")
+    for i, v in kinematic if len(kinematic) > 1 else []:
+        both = [first + channel[i], first + channel[v]]
+        test(both, f"{problem.states[i]} and {problem.states[v]} are delayed against the others")
+    return np.array(entries, int).reshape(-1, 2), columns, tests
+
+
+def _rates(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    free: np.ndarray,
+    starts: np.ndarray,
+) -> np.ndarray:
+    """(n_windows, n_observed, n_rows) projections of the solution's time derivatives."""
+    powers = np.arange(1, condensed.functionals.shape[3]) / condensed.step
+    shifted = np.zeros_like(condensed.functionals)
+    shifted[..., 1:] = condensed.functionals[..., :-1] * powers
+    of_rates = replace(condensed, functionals=shifted, targets=np.zeros_like(condensed.targets))
+    return -residuals(problem, of_rates, segments, free, starts)[0]
+
+
+def _score(information: np.ndarray, right: np.ndarray, n: int, mixture: np.ndarray) -> float:
+    """z of a mixture of the parameters after the first n, which are at their best."""
+    information, right = _mixed(information, right, mixture)
+    terms = np.arange(n + 1) < n
+    change, covariance = solve_support(information, right, terms)
+    cross = information[-1, :-1]
+    left = information[-1, -1] - cross @ covariance @ cross
+    if left < DISTINCT * information[-1, -1] or left <= 0.0:
+        return 0.0
+    return float(abs(right[-1] - information[-1] @ change) / np.sqrt(left))
+
+
+def _mixed(
+    information: np.ndarray, right: np.ndarray, mixture: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The regression with one mixture in place of the last parameters."""
+    n = len(right) - len(mixture)
+    to = np.zeros((len(right), n + 1))
+    to[:n, :n] = np.eye(n)
+    to[n:, n] = mixture
+    return to.T @ information @ to, right @ to
+
+
+def _instead(
+    information: np.ndarray,
+    right: np.ndarray,
+    support: np.ndarray,
+    free: np.ndarray,
+    test: _Test,
+    penalty: float,
+) -> float:
+    """z of a fault that may replace terms which only imitate it, 0 where the terms are better."""
+    information, right = _mixed(information, right, test.mixture)
+    about = np.append(free, 0.0)
+    starts = [np.append(support, False), np.append(support, True)]
+    chosen = select(information, right, starts, penalty, about)
+    if not chosen[-1]:
+        return 0.0
+    right = right + information @ np.where(chosen, 0.0, about)
+    change, covariance = solve_support(information, right, chosen)
+    return float(abs(change[-1]) / np.sqrt(covariance[-1, -1]))
+
+
+def _gaps(linear: Linearised, segments: Segments, n: int, starts: np.ndarray) -> list[Fault]:
+    """How much better the recording is followed in stretches than as a whole.
+
+    n: the first coefficients of `linear`, which follow the stretches.
+    """
+    among = np.arange(len(linear.right)) < n
+
+    def fall(joined: Segments) -> float:
+        quadratic = eliminate(linear, joined, starts)
+        change, _ = solve_support(quadratic.information, quadratic.right, among)
+        return quadratic.fall + float(change @ quadratic.right)
+
+    whole, tested = fall(segments), []
+    place = np.arange(len(segments.chains))
+    first = np.maximum.accumulate(np.where(np.diff(segments.chains, prepend=-1) > 0, place, 0))
+    for length in STRETCHES:
+        begins = (place - first) % length == 0
+        freedom = (int(begins.sum()) - int(segments.chains[-1]) - 1) * starts.shape[1]
+        if freedom > 0:
+            square = fall(replace(segments, chains=np.cumsum(begins) - 1)) - whole
+            # a chi^2 variable's square root is almost Gaussian (R. A. Fisher)
+            z = np.sqrt(2.0 * max(square, 0.0)) - np.sqrt(2.0 * freedom - 1.0)
+            tested.append(Fault(FORCES, float(z)))
+    return tested
+
+
+def _variances(
+    condensed: Condensed,
+    segments: Segments,
+    sigma: np.ndarray,
+    residual: np.ndarray,
+    rates: np.ndarray,
+) -> list[Fault]:
+    """Whether the residuals are larger where the signal is steep, or where it is large."""
+    owner = np.repeat(segments.recording, np.diff(segments.first))
+    there = np.any(condensed.functionals != 0.0, axis=3)
+    square = (residual / sigma[owner][:, :, None]) ** 2
+    weight = np.where(there[:, :, 0], condensed.functionals[:, :, 0, 0], 1.0)
+    tested = []
+    for cause, signal in (
+        ("the sampling times jitter", rates[:, :, 0]),
+        ("the noise grows with the signal", (condensed.targets - residual)[:, :, 0]),
+    ):
+        total, channels = 0.0, 0
+        for r in range(len(sigma)):
+            for o in range(signal.shape[1]):
+                inside = there[:, o] & (owner == r)[:, None]
+                if np.count_nonzero(inside) < 2:
+                    continue
+                size = np.repeat((signal[:, o] / weight[:, o])[:, None] ** 2, 3, axis=1)[inside]
+                size = size - size.mean()
+                own = square[:, o][inside]
+                own = own / own.mean()
+                spread = np.sqrt(2.0 * np.sum(size**2))
+                if spread > 0.0:
+                    total += float(size @ own) / spread
+                    channels += 1
+        if channels:
+            tested.append(Fault(cause, total / np.sqrt(channels)))
+    return tested

@@ -1,0 +1,66 @@
+"""What instruments would have recorded of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from galloping.measurement.motion import Motion
+from galloping.measurement.protocols import BY_NAME, Noise, channel_scale
+from galloping.recording import Recording
+from galloping.seeds import generator
+
+
+def measure(
+    motions: Sequence[Motion],
+    *,
+    protocol: str,
+    level: float,
+    relative: bool,
+    samples: int,
+    recordings: int,
+    replicates: int,
+    seed: int,
+    name: Sequence[str],
+) -> list[tuple[Recording, ...]]:
+    """Independent recordings of the first motion or of several under one protocol, by replicate.
+
+    level: of the noise; relative: in units of each state's standard deviation. samples: how many
+    of each motion; fewer than it has are a random subset, drawn without replacement. recordings: of
+    how many motions. The recording of a motion in a replicate depends on `seed`, `name` and these
+    two numbers only.
+    """
+    noises = noises_of(motions[:recordings], protocol, level, relative)
+
+    def record(replicate: int, release: int) -> Recording:
+        rng = generator(seed, "measurement", *name, replicate, release)
+        motion, noise = motions[release], noises[release]
+        rows = slice(None)
+        if samples < len(motion.time):
+            rows = np.sort(rng.choice(len(motion.time), size=samples, replace=False))
+        return Recording(
+            motion.time[rows],
+            motion.names,
+            _channels(motion.states[rows], noise.states, rng),
+            None
+            if np.all(np.isinf(noise.rates))
+            else _channels(motion.rates[rows], noise.rates, rng),
+        )
+
+    return [tuple(record(r, i) for i in range(recordings)) for r in range(replicates)]
+
+
+def noises_of(
+    motions: Sequence[Motion], protocol: str, level: float, relative: bool
+) -> list[Noise]:
+    """The noise on each motion. Raises KeyError for an unknown protocol."""
+    described = BY_NAME[protocol]
+    return [described.noise(level, channel_scale(each.states, relative)) for each in motions]
+
+
+def _channels(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Exact channels (n, n_channels) with noise, NaN where one is not measured."""
+    if not np.any(sigma):
+        return exact
+    return exact + np.where(np.isinf(sigma), np.nan, sigma) * rng.standard_normal(exact.shape)

@@ -1,0 +1,76 @@
+"""What was found, in sentences whose every number is read from the study's tables."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+OURS = "maximum_likelihood"
+
+
+def headline(
+    claims: pd.DataFrame,
+    efficiency: pd.DataFrame,
+    errors: pd.DataFrame,
+    *,
+    case: str,
+    protocol: str,
+    paper: tuple[str, str],
+) -> list[str]:
+    """Sentences on the paper's claims and on identification from sensors.
+
+    claims, efficiency, errors: claims.csv, efficiency.csv and noise_coefficients.csv. case: the
+    line that the sentences are about. protocol: that of its sensors. paper: protocol and method
+    that the paper most likely used. A sentence whose rows the study does not have is left out.
+    """
+    sentences = [
+        _claims(claims, *paper),
+        _from_sensors(efficiency, errors, case, protocol),
+        _least_data(efficiency, case, protocol),
+    ]
+    return [sentence for sentence in sentences if sentence]
+
+
+def _claims(claims: pd.DataFrame, protocol: str, method: str) -> str:
+    rows = claims[(claims["protocol"] == protocol) & (claims["method"] == method)]
+    if rows.empty:
+        return ""
+    counts = rows["verdict"].value_counts()
+    verdicts = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    return (
+        f"The paper's claims, by the method that it most likely used ({method} on {protocol} "
+        f"measurements): {verdicts}."
+    )
+
+
+def _from_sensors(efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, protocol: str) -> str:
+    rows = efficiency[(efficiency["case"] == case) & (efficiency["protocol"] == protocol)]
+    rows = rows[(rows["method"] == OURS) & (rows["points"] == rows["points"].max())]
+    rows = rows[rows["level"] > 0].sort_values("level")
+    if rows.empty:
+        return ""
+    row = rows.iloc[(rows["level"] - 0.05).abs().argmin()]
+    at = (errors["case"] == case) & (errors["protocol"] == protocol)
+    at &= errors["level"] == row["level"]
+    medians = errors[at].groupby("method")["mean_error_percent"].mean()
+    peers = medians.drop([OURS, "bound", "weak_gls"], errors="ignore")
+    beside = f", against {peers.min():.2g} % by {peers.idxmin()}" if len(peers) else ""
+    return (
+        f"From {protocol} measurements of {case} with {100 * row['level']:g} % noise, maximum "
+        f"likelihood finds exactly the true terms in {row['exact_support']} of "
+        f"{row['replicates']} recordings, with a mean coefficient error of "
+        f"{medians[OURS]:.2g} %{beside}; its error is {row['efficiency']:.2f} times the "
+        f"Cramér-Rao bound."
+    )
+
+
+def _least_data(efficiency: pd.DataFrame, case: str, protocol: str) -> str:
+    rows = efficiency[(efficiency["case"] == case) & (efficiency["protocol"] == protocol)]
+    rows = rows[(rows["method"] == OURS) & (rows["exact_support"] >= 0.95 * rows["replicates"])]
+    noisy = rows[rows["level"] > 0]
+    if noisy.empty:
+        return ""
+    highest, fewest = noisy["level"].max(), noisy["points"].min()
+    return (
+        f"It finds the true terms in at least 19 of 20 recordings up to {100 * highest:g} % noise "
+        f"and down to {fewest:,} samples."
+    )

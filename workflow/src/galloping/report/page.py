@@ -1,0 +1,81 @@
+"""One self-contained HTML page of a study: headline, settings, figures and tables with captions."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import pandas as pd
+from docutils.core import publish_parts
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".csv": "text/csv"}
+
+
+@dataclass(frozen=True)
+class Item:
+    """A figure (SVG, PNG or GIF) or a table (CSV) as the page shows it.
+
+    label: its title. caption: reStructuredText.
+    """
+
+    name: str
+    label: str
+    caption: str
+    path: Path
+
+    @property
+    def caption_html(self) -> Markup:
+        return as_html(self.caption)
+
+    @property
+    def uri(self) -> str:
+        """The whole file as a data URI."""
+        content = b64encode(self.path.read_bytes()).decode()
+        return f"data:{MEDIA[self.path.suffix]};base64,{content}"
+
+    @property
+    def rows(self) -> pd.DataFrame:
+        """The cells of a table as text, numbers with four significant digits."""
+        table = pd.read_csv(self.path, low_memory=False)
+        for name in table.select_dtypes("float"):
+            table[name] = [f"{value:.4g}" for value in table[name]]
+        return table.astype(str).replace({"nan": "", "<NA>": ""})
+
+
+@dataclass(frozen=True)
+class Page:
+    """What the page shows, in this order.
+
+    headline: sentences that say what was found. settings: pairs of a name and a value with its
+    unit. versions: of Python and the libraries, by name. introduction: reStructuredText.
+    """
+
+    title: str
+    headline: list[str]
+    first: Item | None
+    settings: list[tuple[str, str]]
+    introduction: str
+    figures: list[Item]
+    tables: list[Item]
+    versions: dict[str, str]
+
+
+def as_html(text: str) -> Markup:
+    """reStructuredText as an HTML fragment. Raises docutils.utils.SystemMessage if it is broken."""
+    settings = {"halt_level": 2, "report_level": 5, "file_insertion_enabled": False}
+    return Markup(publish_parts(text, writer="html5", settings_overrides=settings)["body"])
+
+
+def render(page: Page) -> str:
+    """The page as HTML that refers to nothing outside itself, the same bytes for the same page."""
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    template = environment.from_string(
+        files(__package__).joinpath("page.html.jinja").read_text(encoding="utf-8")
+    )
+    return template.render(page=page, introduction=as_html(page.introduction))

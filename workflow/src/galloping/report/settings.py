@@ -1,0 +1,43 @@
+"""The settings of a study and the versions behind it, as the report shows them."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from importlib import metadata
+
+LIBRARIES = ("numpy", "scipy", "pandas", "heyoka", "numba", "pysindy", "matplotlib", "snakemake")
+
+
+def described(study: Mapping) -> list[tuple[str, str]]:
+    """Pairs of a name and values with units: each line in its wind, and what is measured of it.
+
+    study: the settings, in plain values.
+    """
+    lines = [(name, _line(case)) for name, case in study["cases"].items()]
+    simulation, measurement = study["simulation"], study["measurement"]
+    return [
+        *lines,
+        ("record", f"{simulation['duration']:g} s at {simulation['sampling_rate']:g} Hz"),
+        ("noise levels", ", ".join(f"{level:g}" for level in measurement["levels"])),
+        ("subsets", f"{', '.join(f'{n:,}' for n in measurement['subsets']['points'])} samples"),
+        ("replicates", f"{measurement['replicates']}, drawn from seed {measurement['seed']}"),
+        ("protocols", ", ".join(measurement["protocols"])),
+        ("methods", ", ".join(study["identification"]["methods"])),
+        ("candidate library", f"polynomials up to degree {study['identification']['degree']}"),
+    ]
+
+
+def _line(case: Mapping) -> str:
+    line, conductor = case["line"], case["conductor"]
+    return (
+        f"span {line['span']:g} m, tension {line['tension'] / 1000:g} kN a sub-conductor, "
+        f"{case['bundle']['subconductors']} sub-conductors of {conductor['mass']:g} kg/m, "
+        f"wind {case['wind']['speed']:g} m/s, damping ratios {case['damping']['vertical']:g} and "
+        f"{case['damping']['horizontal']:g}"
+    )
+
+
+def versions() -> dict[str, str]:
+    """Of Python and the libraries that numbers and figures come from."""
+    return {"python": platform.python_version(), **{n: metadata.version(n) for n in LIBRARIES}}

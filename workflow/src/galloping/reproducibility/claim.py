@@ -1,0 +1,126 @@
+"""Who works in a study's folder: one process at a time, and what is left if it is killed."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import psutil
+
+from galloping.storage import PARTIAL
+
+MARK = ".running"  # in the results folder: the process that works there, empty if none does
+OF_STUDY = "GALLOPING_RESULTS"  # in the environment of all that a run starts
+FULL = 1 << 20  # bytes: with less, Snakemake cannot even keep its records
+
+
+class Obstacle(RuntimeError):
+    """What keeps work on a study from starting; the message says what to do, in one line."""
+
+
+class Killed(RuntimeError):
+    """The run ended without tidying up; the study has to be repaired."""
+
+
+@contextmanager
+def claimed(results: str, repair: str, *, repairing: bool = False) -> Iterator[int]:
+    """Keep other runs, repairs and restorations out of a study; yields when it began.
+
+    That is in nanoseconds of the file system's clock. repair: the command that takes a killed run
+    from there. repairing: whether this is it. Raises Obstacle if the study is another's, if a run
+    was killed in it, or if the disk is full or read-only. After Killed, or if this process is
+    killed, only a repair may claim the study.
+    """
+    check_disk(results)
+    for process in snakemakes(Path.cwd()):
+        raise Obstacle(_busy(process.pid))
+    Path(results).mkdir(parents=True, exist_ok=True)
+    with Path(results, MARK).open("a+", encoding="ascii") as mark:
+        mark.seek(0)
+        earlier = mark.read()
+        try:
+            fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise Obstacle(_busy(earlier)) from None
+        if earlier and not repairing:
+            raise Obstacle(killed(repair))
+        mark.truncate(0)
+        mark.write(str(os.getpid()))
+        mark.flush()
+        try:
+            yield os.fstat(mark.fileno()).st_mtime_ns
+        except Killed:
+            raise
+        except BaseException:
+            mark.truncate(0)
+            raise
+        mark.truncate(0)
+
+
+def check_disk(results: str) -> None:
+    """Raises Obstacle if the working folder or the results cannot be written."""
+    for place in filter(Path.exists, (Path.cwd(), Path.cwd() / results)):
+        if not os.access(place, os.W_OK):
+            raise Obstacle(f"{place} is read-only: make it writable and run again.")
+        if shutil.disk_usage(place).free < FULL:
+            raise Obstacle(f"The disk of {place} is full: free some space and run again.")
+
+
+def killed(repair: str) -> str:
+    """What to say of a run that was killed."""
+    return f"A run in this folder was killed: `{repair}` takes it from there."
+
+
+def marked_environment(results: str) -> dict[str, str]:
+    """The environment for all that a run starts, by which what is left of it is found."""
+    return {**os.environ, OF_STUDY: str(Path(results).resolve())}
+
+
+def snakemakes(folder: Path) -> list[psutil.Process]:
+    """Snakemake's main processes in a folder, but what started this one."""
+    own = {parent.pid for parent in psutil.Process().parents()}
+
+    def here(process: psutil.Process) -> bool:
+        named = any(Path(part).name == "snakemake" for part in process.cmdline()[:4])
+        return named and process.pid not in own and Path(process.cwd()) == folder.resolve()
+
+    return [process for process in psutil.process_iter() if _is(process, here)]
+
+
+def end_orphans(results: str, patience: float = 5.0) -> int:
+    """End what a run that is gone left running, by force after `patience` seconds; how many."""
+    mark = marked_environment(results)[OF_STUDY]
+
+    def orphan(process: psutil.Process) -> bool:
+        return process.environ().get(OF_STUDY) == mark
+
+    left = [process for process in psutil.process_iter() if _is(process, orphan)]
+    for end in (psutil.Process.terminate, psutil.Process.kill):
+        for process in left:
+            with suppress(psutil.NoSuchProcess):
+                end(process)
+        psutil.wait_procs(left, timeout=patience)
+    return len(left)
+
+
+def sweep(results: str) -> Iterator[str]:
+    """Remove what a killed process had not finished writing (see `storage.replacing`)."""
+    for path in sorted(Path(results).rglob(f"{PARTIAL}*")):
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+        yield f"removed the unfinished {path}"
+
+
+def _busy(process: object) -> str:
+    return f"Process {process} is running a study in this folder: wait for it, or stop it."
+
+
+def _is(process: psutil.Process, wanted: Callable[[psutil.Process], bool]) -> bool:
+    """False of a process that has ended meanwhile, or is another user's."""
+    try:
+        return process.pid != os.getpid() and wanted(process)
+    except psutil.Error:
+        return False

@@ -1,0 +1,113 @@
+"""The stages of a study as functions for a script: one line, one motion, one recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from galloping.arrays import finite, increasing
+from galloping.bounds.information import Experiment, state_bound
+from galloping.configuration.load import ConfigurationError, load, plain
+from galloping.identification.likelihood.problem import velocity_pairs
+from galloping.measurement.measuring import measure as recordings_of
+from galloping.measurement.motion import Motion
+from galloping.measurement.protocols import BY_NAME
+from galloping.physics.equations import model as equations_of
+from galloping.physics.galerkin import coefficients
+from galloping.polynomial import PolynomialModel
+from galloping.recording import Recording
+from galloping.simulation import Simulator, Trajectory
+
+
+def derive(**sections: Mapping | float) -> PolynomialModel:
+    """The galloping equations of one line in its wind.
+
+    sections: those of a case in config/README.md, such as `wind={"speed": 14}`; what is left out
+    takes its default. Raises ConfigurationError, a ValueError, with one line per problem.
+    """
+    try:
+        settings = load({"cases": {"line": sections}})
+    except ConfigurationError as error:
+        raise ConfigurationError(str(error).replace("cases.line.", "")) from None
+    return equations_of(coefficients(plain(settings.cases["line"])))
+
+
+def simulate(model: PolynomialModel, initial_state: object, time: object) -> Trajectory:
+    """Motion of a model.
+
+    initial_state: (n_states,) at time[0]. time: (n,) s, increasing. To simulate many models on
+    one library compile it once, with `Simulator`. Raises ValueError for other input.
+    """
+    _check_model(model)
+    start = finite("initial_state", initial_state, (len(model.states),))
+    return Simulator(model.states, model.terms)(model, start, increasing("time", time))
+
+
+def measure(
+    model: PolynomialModel,
+    motion: Trajectory,
+    *,
+    protocol: str = "state",
+    level: float = 0.0,
+    relative: bool = True,
+    seed: int = 0,
+) -> Recording:
+    """What an instrument records of a motion of `model`.
+
+    protocol: `state` (all states noisy), `displacement` (velocities not measured) or `derivative`
+    (exact states with noisy derivatives). level: of the white noise; except for `derivative` times
+    the standard deviation of each state if `relative`, else absolute. The same seed draws the same
+    noise. Raises ValueError for other input and for a motion that ended early.
+    """
+    _check_model(model)
+    if not isinstance(motion, Trajectory):
+        raise ValueError(f"motion: a {type(motion).__name__}; must be what `simulate` returns")
+    if motion.status != "ok":
+        raise ValueError(f"motion: {motion.status}; there is nothing to measure")
+    if motion.states.shape[1] != len(model.states):
+        raise ValueError(
+            f"motion: has {motion.states.shape[1]} states; the model has {len(model.states)}"
+        )
+    if protocol not in BY_NAME:
+        raise ValueError(f"protocol: {protocol!r}; must be one of {', '.join(BY_NAME)}")
+    amount = float(finite("level", level, ()))
+    if amount < 0:
+        raise ValueError(f"level: {level!r}; must be >= 0")
+    measured = Motion(model.states, motion.time, motion.states, model(motion.states))
+    replicates = recordings_of(
+        [measured], protocol=protocol, level=amount, relative=relative, samples=len(motion.time),
+        recordings=1, replicates=1, seed=seed, name=(),
+    )  # fmt: skip
+    return replicates[0][0]
+
+
+def cramer_rao_bound(
+    model: PolynomialModel, initial_state: object, time: object, sigma: object
+) -> np.ndarray:
+    """Least standard deviation that an unbiased method can reach, of each term of a model.
+
+    initial_state: (n_states,) at time[0], itself unknown to the method. time: (n,) s, increasing.
+    sigma: (n_states,) noise of a sample of each state, infinite for one that is not measured.
+    Returns (n_states, n_terms): NaN for absent terms and in the equations dX/dt = dX that the names
+    of the states tell, infinite where the recording says nothing. Raises ValueError for other
+    input, and where the model's solution diverges.
+    """
+    _check_model(model)
+    start = finite("initial_state", initial_state, (len(model.states),))
+    noise = finite("sigma", sigma, (len(model.states),), infinite=True)
+    if not np.all(noise > 0):
+        raise ValueError(f"sigma: {noise.tolist()}; each must be > 0")
+    pairs = np.argwhere(model.support)
+    free = pairs[~np.isin(pairs[:, 0], list(velocity_pairs(model.states)))]
+    bound = state_bound(model, free, [Experiment(start, increasing("time", time), noise)])
+    std = np.full(model.coefficients.shape, np.nan)
+    std[tuple(free.T)] = bound.std
+    return std
+
+
+def _check_model(model: object) -> None:
+    if not isinstance(model, PolynomialModel):
+        raise ValueError(
+            f"model: a {type(model).__name__}; must be a PolynomialModel, such as `derive` returns"
+        )

@@ -1,0 +1,180 @@
+"""A study as its settings describe it: cases, protocols, and the cells in which both meet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from galloping.configuration.load import plain
+from galloping.configuration.settings import Settings
+from galloping.identification import registry
+from galloping.identification.registry import Method
+from galloping.measurement import protocols
+from galloping.measurement.protocols import Protocol
+from galloping.study.kinds import JOINT, NOISE, SUBSET
+from galloping.study.paths import Paths
+
+
+@dataclass(frozen=True)
+class Case:
+    """One line in one wind.
+
+    line: its settings but for the states that it is released from. releases: initial states by
+    state, the one that models are judged by first.
+    """
+
+    name: str
+    line: Mapping
+    releases: tuple[Mapping[str, float], ...]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Replicated recordings of one case, by one protocol, at one noise level and size.
+
+    kind: NOISE (a whole record), SUBSET (random samples of it) or JOINT (all recordings of the case
+    together). level: of the noise. relative: whether it is in units of the states' deviations.
+    samples: of each recording. recordings: how many share a model. methods: those that can use
+    them.
+    """
+
+    case: Case
+    protocol: Protocol
+    name: str
+    kind: str
+    level: float
+    relative: bool
+    samples: int
+    recordings: int
+    replicates: int
+    seed: int
+    methods: tuple[Method, ...]
+
+    @property
+    def id(self) -> str:
+        return "/".join(self.wildcards.values())
+
+    @property
+    def wildcards(self) -> dict[str, str]:
+        """What names the cell in a path."""
+        return {"case": self.case.name, "protocol": self.protocol.name, "cell": self.name}
+
+    @property
+    def measurement(self) -> dict:
+        """What its recordings are drawn from."""
+        return {
+            "protocol": self.protocol.name,
+            "level": self.level,
+            "relative": self.relative,
+            "samples": self.samples,
+            "recordings": self.recordings,
+            "replicates": self.replicates,
+            "seed": self.seed,
+        }
+
+    @property
+    def columns(self) -> dict:
+        """What names the cell in a table."""
+        return {
+            **self.wildcards,
+            "kind": self.kind,
+            "level": self.level,
+            "points": self.samples,
+            "recordings": self.recordings,
+        }
+
+    @property
+    def families(self) -> dict[str, tuple[Method, ...]]:
+        """Its methods by the job that they share, in the order of the study."""
+        names = dict.fromkeys(method.family for method in self.methods)
+        return {name: tuple(m for m in self.methods if m.family == name) for name in names}
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that is computed, from validated settings."""
+
+    settings: Settings
+
+    @cached_property
+    def plain(self) -> dict:
+        """The settings as nested dict, list, str, int, float, bool and None."""
+        return plain(self.settings)
+
+    @property
+    def paths(self) -> Paths:
+        return Paths.below(self.settings.results)
+
+    @cached_property
+    def cases(self) -> tuple[Case, ...]:
+        return tuple(
+            Case(
+                name,
+                {k: v for k, v in case.items() if k not in ("initial_state", "releases")},
+                (case["initial_state"], *case["releases"].values()),
+            )
+            for name, case in self.plain["cases"].items()
+        )
+
+    @property
+    def protocols(self) -> tuple[Protocol, ...]:
+        return tuple(protocols.BY_NAME[name] for name in self.settings.measurement.protocols)
+
+    @property
+    def methods(self) -> tuple[Method, ...]:
+        return tuple(registry.BY_NAME[name] for name in self.settings.identification.methods)
+
+    def case(self, name: str) -> Case:
+        return next(case for case in self.cases if case.name == name)
+
+    @cached_property
+    def cells(self) -> tuple[Cell, ...]:
+        """Those that a method can use, by case and protocol."""
+        return tuple(
+            cell
+            for case in self.cases
+            for protocol in self.protocols
+            for cell in self._cells(case, protocol)
+            if cell.methods
+        )
+
+    def cell(self, case: str, protocol: str, cell: str) -> Cell:
+        return self._by_name[case, protocol, cell]
+
+    @cached_property
+    def _by_name(self) -> dict[tuple[str, ...], Cell]:
+        return {tuple(cell.wildcards.values()): cell for cell in self.cells}
+
+    def _cells(self, case: Case, protocol: Protocol) -> list[Cell]:
+        measurement, whole = self.settings.measurement, self.settings.simulation.samples
+        subsets, joint = measurement.subsets, len(case.releases)
+        described = [(NOISE, level, level, whole, 1) for level in measurement.levels]
+        described += [(SUBSET, points, subsets.level, points, 1) for points in subsets.points]
+        if joint > 1:
+            described += [(JOINT, level, level, whole, joint) for level in measurement.joint_levels]
+        return [self._cell(case, protocol, *each) for each in described]
+
+    def _cell(
+        self, case: Case, protocol: Protocol, kind: str, number: float, level: float, samples: int,
+        recordings: int,
+    ) -> Cell:  # fmt: skip
+        measurement = self.settings.measurement
+        drawn = level > 0 or kind == SUBSET  # else all replicates are equal, whatever the seed
+        return Cell(
+            case=case,
+            protocol=protocol,
+            name=f"{kind}_{number:.12g}",
+            kind=kind,
+            level=level,
+            relative=level > 0 and protocol.is_scaled and measurement.state_noise == "relative",
+            samples=samples,
+            recordings=recordings,
+            replicates=measurement.replicates if drawn else 1,
+            seed=measurement.seed if drawn else 0,
+            methods=tuple(m for m in self.methods if m.can_use(protocol, uniform=kind != SUBSET)),
+        )
+
+    def options(self, method: Method) -> dict:
+        """What a method reads of the settings."""
+        return method.settings(self.plain["identification"], self.settings.measurement.seed)

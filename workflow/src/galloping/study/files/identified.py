@@ -1,0 +1,55 @@
+"""identified/{case}/{protocol}/{cell}/{family}.npz: the models of a family of methods."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from galloping.identification.model import BY_TERM, IdentifiedModel
+from galloping.polynomial import PolynomialModel
+from galloping.storage import write_arrays
+
+BY_STATE = (*BY_TERM, "thresholds")  # and by term, or not
+TEXTS = ("status", "reason")
+
+
+def write(path: str | os.PathLike, models: Mapping[str, Sequence[IdentifiedModel]]) -> None:
+    """Replicates of one cell by method; what belongs to single recordings is left out."""
+    first = next(iter(models.values()))[0].model
+    arrays = {"states": np.array(first.states), "terms": np.array(first.terms)}
+    for method, replicates in models.items():
+        columns = {name: [getattr(r, name) for r in replicates] for name in (*BY_STATE, *TEXTS)}
+        columns["coefficients"] = [r.model.coefficients for r in replicates]
+        columns["chi2"] = [r.chi2 for r in replicates]
+        columns["known"] = [np.isin(np.arange(len(first.states)), r.known) for r in replicates]
+        arrays |= {f"{method}/{name}": np.array(column) for name, column in columns.items()}
+    write_arrays(path, **arrays)
+
+
+def read(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]:
+    """The model of each replicate, by method in the order of the study."""
+    with np.load(path) as file:
+        arrays = dict(file)
+    states = tuple(arrays.pop("states").tolist())
+    terms = tuple(map(tuple, arrays.pop("terms").tolist()))
+
+    def model(method: str, replicate: int) -> IdentifiedModel:
+        part = {
+            name: arrays[f"{method}/{name}"][replicate]
+            for name in (*BY_STATE, *TEXTS, "coefficients", "chi2", "known")
+        }
+        return IdentifiedModel(
+            model=PolynomialModel(states, terms, part["coefficients"]),
+            chi2=float(part["chi2"]),
+            known=tuple(np.flatnonzero(part["known"]).tolist()),
+            **{name: part[name] for name in BY_STATE},
+            **{name: str(part[name]) for name in TEXTS},
+        )
+
+    methods = dict.fromkeys(name.partition("/")[0] for name in arrays)
+    return {
+        method: [model(method, k) for k in range(len(arrays[f"{method}/status"]))]
+        for method in methods
+    }

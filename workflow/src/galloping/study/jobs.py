@@ -1,0 +1,154 @@
+"""What each job of a study reads, of files and of settings: one function for each rule."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from galloping.figures import registry as figures
+from galloping.study import shown, sources
+from galloping.study.cells import Study
+from galloping.study.sources import Source, Sources
+from galloping.tables import registry as tables
+
+COMPARISONS = ["reference_summary", "reference_differences"]  # of compare_reference
+RELEASE_HEIGHTS = [1.0, 2.0, 3.0]  # m, of the further recordings that are compared
+
+
+@dataclass(frozen=True)
+class Job:
+    """What one job reads.
+
+    inputs: paths by name. settings: plain values; editing others runs nothing again. modules: what
+    its script imports by name.
+    """
+
+    inputs: Mapping[str, str]
+    settings: Mapping
+    modules: tuple[str, ...] = ()
+
+
+def derive_model(study: Study, case: str) -> Job:
+    return Job({}, {"line": study.case(case).line})
+
+
+def simulate_line(study: Study, case: str) -> Job:
+    simulation = study.settings.simulation
+    settings = {
+        "releases": list(study.case(case).releases),
+        "duration": simulation.duration,
+        "sampling_rate": simulation.sampling_rate,
+    }
+    return _reading({"model": sources.model(study, case)}, settings)
+
+
+def rank_releases(study: Study, case: str) -> Job:
+    reads = {"model": sources.model(study, case), "trajectory": sources.trajectory(study, case)}
+    level = study.settings.measurement.subsets.level
+    return _reading(reads, {"level": level, "heights": RELEASE_HEIGHTS})
+
+
+def measure_motion(study: Study, case: str, protocol: str, cell: str) -> Job:
+    measurement = study.cell(case, protocol, cell).measurement
+    return _reading({"trajectory": sources.trajectory(study, case)}, {"measurement": measurement})
+
+
+def identify_models(study: Study, case: str, protocol: str, cell: str, family: str) -> Job:
+    measured = study.cell(case, protocol, cell)
+    methods = measured.families[family]
+    settings = {
+        "measurement": measured.measurement,
+        "degree": study.settings.identification.degree,
+        "methods": {method.name: study.options(method) for method in methods},
+    }
+    modules = tuple(module for method in methods for module in method.modules)
+    return _reading({"trajectory": sources.trajectory(study, case)}, settings, modules)
+
+
+def evaluate_cell(study: Study, case: str, protocol: str, cell: str) -> Job:
+    measured = study.cell(case, protocol, cell)
+    reads = {
+        "model": sources.model(study, case),
+        "trajectory": sources.trajectory(study, case),
+        "identified": {
+            family: sources.identified(study, measured, family) for family in measured.families
+        },
+    }
+    settings = {
+        "columns": measured.columns,
+        "measurement": measured.measurement,
+        "degree": study.settings.identification.degree,
+        "steady_window": list(study.settings.simulation.steady_window),
+    }
+    return _reading(reads, settings)
+
+
+def make_table(study: Study, table: str) -> Job:
+    described = tables.BY_NAME[table]
+    settings = {"function": described.function, "shown": dict(described.settings(study))}
+    return _reading(described.reads(study), settings, (described.function,))
+
+
+def draw_figure(study: Study, figure: str) -> Job:
+    described = figures.BY_NAME[figure]
+    settings = {
+        "function": described.function,
+        "shown": dict(described.settings(study)),
+        "look": study.plain["figures"],
+    }
+    return _reading(described.reads(study), settings, (described.function,))
+
+
+def compare_reference(study: Study) -> Job:
+    """All tables that are compared, and those of the reference that there are."""
+    names = [table.name for table in tables.TABLES if table.is_compared]
+    folder = Path(study.settings.reference)
+    kept = {name: folder / f"{name}.csv" for name in names}
+    reads = {
+        "tables": {name: sources.as_written(sources.table(study, name).path) for name in names},
+        "reference": {n: sources.as_written(str(p)) for n, p in kept.items() if p.exists()},
+    }
+    if (origin := folder / "origin.json").exists():
+        reads["origin"] = Source(str(origin), "galloping.reproducibility.reference:read_origin")
+    others = ("results", "reference", "figures")  # on which no number depends
+    settings = {"study": {k: v for k, v in study.plain.items() if k not in others}}
+    return _reading(reads, settings)
+
+
+def write_report(study: Study) -> Job:
+    """Every figure and table with its caption, and what was found in the first case."""
+    names = [*(each.name for each in tables.TABLES if each.is_shown), *COMPARISONS]
+    drawn = [each.name for each in figures.FIGURES]
+    paths = study.paths
+    shows = {
+        **{f"figures/{name}": paths.figure.format(figure=name, form="svg") for name in drawn},
+        **{f"tables/{name}": paths.table.format(table=name) for name in names},
+    }
+    reads = {
+        "claims": sources.table(study, "claims"),
+        "efficiency": sources.table(study, "efficiency"),
+        "errors": sources.table(study, "noise_coefficients"),
+    }
+    protocol, method = shown.paper_pair(study)
+    settings = {
+        "labels": {each.name: each.label for each in figures.FIGURES},
+        "headline": {
+            "case": shown.first_case(study).name,
+            "protocol": shown.sensor_protocol(study).name,
+            "paper": [protocol.name, method.name],
+        },
+        "study": study.plain,
+    }
+    job = _reading(reads, settings)
+    return replace(job, inputs={**shows, **job.inputs})
+
+
+def _reading(reads: Sources, settings: Mapping, modules: tuple[str, ...] = ()) -> Job:
+    """A job that reads its files by name: see `sources.load`."""
+    named: dict[str, Source] = sources.flat(reads)
+    return Job(
+        {name: source.path for name, source in named.items()},
+        {"reads": sources.readers(reads), **settings},
+        (*modules, *sorted({source.reader for source in named.values()})),
+    )

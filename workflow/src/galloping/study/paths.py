@@ -1,0 +1,29 @@
+"""Where a study keeps its files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+CELL = "{case}/{protocol}/{cell}"
+
+
+@dataclass(frozen=True)
+class Paths:
+    """Patterns with the names of cases, cells and so on in braces."""
+
+    model: str = "models/{case}.json"
+    trajectory: str = "trajectories/{case}.npz"
+    ranking: str = "bounds/{case}/further_recordings.csv"
+    recordings: str = f"recordings/{CELL}.npz"
+    identified: str = f"identified/{CELL}/{{family}}.npz"
+    bounds: str = f"bounds/{CELL}.npz"
+    scores: str = f"scores/{CELL}.csv"
+    reconstructions: str = f"reconstructions/{CELL}.npz"
+    table: str = "tables/{table}.csv"
+    figure: str = "figures/{figure}.{form}"
+    report: str = "report.html"
+
+    @classmethod
+    def below(cls, results: str) -> Paths:
+        """Those of a folder of results."""
+        return cls(**{field.name: f"{results}/{field.default}" for field in fields(cls)})

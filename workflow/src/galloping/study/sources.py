@@ -1,0 +1,81 @@
+"""Files that a job reads, each with the function that reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from galloping.study.cells import Cell, Study
+
+FILES = "galloping.study.files"
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file. reader: `module:function`, which takes the path."""
+
+    path: str
+    reader: str
+
+
+Sources = Mapping[str, Source | Mapping[str, Source]]  # by name, or by name and key
+
+
+def model(study: Study, case: str) -> Source:
+    return Source(study.paths.model.format(case=case), f"{FILES}.models:read")
+
+
+def trajectory(study: Study, case: str) -> Source:
+    return Source(study.paths.trajectory.format(case=case), f"{FILES}.trajectories:read")
+
+
+def ranking(study: Study, case: str) -> Source:
+    return Source(study.paths.ranking.format(case=case), f"{FILES}.tables:read")
+
+
+def identified(study: Study, cell: Cell, family: str) -> Source:
+    path = study.paths.identified.format(**cell.wildcards, family=family)
+    return Source(path, f"{FILES}.identified:read")
+
+
+def bounds(study: Study, cell: Cell) -> Source:
+    return Source(study.paths.bounds.format(**cell.wildcards), f"{FILES}.bounds:read")
+
+
+def scores(study: Study, cell: Cell) -> Source:
+    return Source(study.paths.scores.format(**cell.wildcards), f"{FILES}.tables:read")
+
+
+def reconstructions(study: Study, cell: Cell) -> Source:
+    path = study.paths.reconstructions.format(**cell.wildcards)
+    return Source(path, f"{FILES}.reconstructions:read")
+
+
+def table(study: Study, name: str) -> Source:
+    return Source(study.paths.table.format(table=name), f"{FILES}.tables:read")
+
+
+def as_written(path: str) -> Source:
+    """A table of text."""
+    return Source(path, f"{FILES}.tables:read_as_written")
+
+
+def flat(sources: Sources) -> dict[str, Source]:
+    """By `name` or `name/key`, as they are called in a rule."""
+    named = {}
+    for name, source in sources.items():
+        if isinstance(source, Source):
+            named[name] = source
+        else:
+            named |= {f"{name}/{key}": each for key, each in source.items()}
+    return named
+
+
+def readers(sources: Sources) -> dict:
+    """The reader of each, as settings of a job."""
+    return {
+        name: source.reader
+        if isinstance(source, Source)
+        else {key: each.reader for key, each in source.items()}
+        for name, source in sources.items()
+    }

@@ -1,0 +1,135 @@
+"""The tables of the study, without importing what makes them.
+
+A table is a function, an entry here and a caption, `workflow/report/tables/{name}.rst`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from galloping.configuration.settings import paper_cases_in
+from galloping.study import shown, sources
+from galloping.study.cells import Cell, Study
+from galloping.study.sources import Sources
+
+
+def _nothing(study: Study) -> dict:
+    return {}
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table.
+
+    function: `module:function`, imported only by the job that makes it; it takes what is read, by
+    name, and `settings`, and returns a DataFrame. reads, settings: of a study, in plain values.
+    is_compared: with the reference. is_shown: in the report.
+    """
+
+    name: str
+    function: str
+    reads: Callable[[Study], Sources] = _nothing
+    settings: Callable[[Study], Mapping] = _nothing
+    is_compared: bool = True
+    is_shown: bool = True
+
+
+def _cases(study: Study) -> dict:
+    return {"cases": study.plain["cases"]}
+
+
+def _scores(study: Study) -> Sources:
+    return {"scores": sources.table(study, "scores")}
+
+
+def _scores_of_cells(study: Study) -> Sources:
+    return {"cells": {cell.id: sources.scores(study, cell) for cell in study.cells}}
+
+
+def _least_noise(study: Study) -> dict[str, Cell]:
+    return {case.name: shown.least_noise(study, case) for case in study.cases}
+
+
+def _coefficient_reads(study: Study) -> Sources:
+    _, method = shown.paper_pair(study)
+    return {
+        "models": {case.name: sources.model(study, case.name) for case in study.cases},
+        "identified": {
+            case: sources.identified(study, cell, method.family)
+            for case, cell in _least_noise(study).items()
+        },
+    }
+
+
+def _coefficients(study: Study) -> dict:
+    protocol, method = shown.paper_pair(study)
+    return {
+        "cases": [case.name for case in study.cases],
+        "protocol": protocol.name,
+        "method": method.name,
+        "level": min(study.settings.measurement.levels),
+        "degree": study.settings.identification.degree,
+    }
+
+
+def _claims(study: Study) -> dict:
+    return {
+        "cases": paper_cases_in(study.settings),
+        "subset_level": study.settings.measurement.subsets.level,
+        "pairs": [[p.name, m.name] for p in study.protocols for m in study.methods],
+    }
+
+
+def _noisy(study: Study) -> list[Cell]:
+    """Those that have a Cramer-Rao bound."""
+    return [cell for cell in study.cells if cell.level > 0]
+
+
+def _bounds(study: Study) -> Sources:
+    return {
+        "models": {case.name: sources.model(study, case.name) for case in study.cases},
+        "bounds": {cell.id: sources.bounds(study, cell) for cell in _noisy(study)},
+    }
+
+
+def _identifiability(study: Study) -> dict:
+    return {
+        "degree": study.settings.identification.degree,
+        "cells": {cell.id: cell.columns for cell in _noisy(study)},
+    }
+
+
+def _rankings(study: Study) -> Sources:
+    return {"rankings": {case.name: sources.ranking(study, case.name) for case in study.cases}}
+
+
+TABLES = (
+    Table("table1_conductor", "galloping.tables.parameters:conductor", settings=_cases),
+    Table("table2_spacers", "galloping.tables.parameters:spacers", settings=_cases),
+    Table(
+        "table3_coefficients",
+        "galloping.tables.coefficients:table3",
+        _coefficient_reads,
+        _coefficients,
+    ),
+    Table("noise_coefficients", "galloping.tables.noise:noise_coefficients", _scores),
+    Table("noise_r2", "galloping.tables.noise:noise_r2", _scores),
+    Table("data_amount", "galloping.tables.data_amount:data_amount", _scores),
+    Table("claims", "galloping.tables.claims:claims_table", _scores, _claims),
+    Table(
+        "efficiency",
+        "galloping.tables.bounds:efficiency",
+        lambda study: _scores(study) | {"identifiability": sources.table(study, "identifiability")},
+    ),
+    Table("identifiability", "galloping.tables.bounds:identifiability", _bounds, _identifiability),
+    Table("further_recordings", "galloping.tables.bounds:further_recordings", _rankings),
+    Table(
+        "scores",
+        "galloping.tables.summary:all_scores",
+        _scores_of_cells,
+        is_compared=False,
+        is_shown=False,
+    ),
+)
+BY_NAME = {table.name: table for table in TABLES}
