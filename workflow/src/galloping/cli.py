@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 ERRORS = (ValueError, OSError)
+REFUSED = 3  # exit code where the recordings give no model
 
 
 class _OneLine(click.Group):
@@ -26,6 +27,9 @@ class _OneLine(click.Group):
 def main() -> None:
     """Models of galloping lines, and of other polynomial systems, from recordings.
 
+    Exit codes: 0 done, 1 input that cannot be used, 2 wrong usage, 3 the recordings give no model.
+
+    \b
     Shell completion: eval "$(_GALLOPING_COMPLETE=bash_source galloping)"
     """
 
@@ -87,70 +91,119 @@ def _mapping(time_column, states, measures, units, span, decimal, map_file):
 @click.argument("files", nargs=-1, required=True)
 @_mapping_options
 @click.option("--degree", type=click.IntRange(1, 5), default=3, show_default=True)
+@click.option(
+    "--method", type=click.Choice(["maximum_likelihood", "weak_gls"]),
+    default="maximum_likelihood", show_default=True,
+)  # fmt: skip
+@click.option(
+    "--known", multiple=True, metavar="STATE=EXPRESSION",
+    help="A known equation, such as 'dq_w=-9.2 q_w - 0.03 dq_w', SI units.",
+)  # fmt: skip
 @click.option("--output", type=click.Path(file_okay=False), required=True, help="Folder to write.")
-@click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws of the forecast.")
+@click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws of intervals.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result for machines.")
-def identify(files, degree, output, seed, as_json, **mapping):
-    """Identify one model from FILES, recordings of one system."""
-    import numpy as np
+def identify(files, degree, method, known, output, seed, as_json, **mapping):
+    """Identify one model from FILES, recordings of one system.
 
-    from galloping.field.forecast import forecast
-    from galloping.field.study import PERIODS, read_field, tried, write_outputs
-    from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-    from galloping.polynomial import library
+    Everything is written to the folder of --output; begin with its summary.md.
+    """
+    from galloping.field.study import STEPS, Question, analyse
 
-    field = read_field(files, _mapping(**mapping))
-    terms = library(len(field.mapping.states), degree)
-    rng = np.random.default_rng(seed)
-
-    def fitted(recordings):
-        return maximum_likelihood(recordings, terms)
-
+    question = Question(degree, method, known, seed)
     with click.progressbar(
-        length=4, label="identify", file=sys.stderr, hidden=not sys.stderr.isatty() or as_json
-    ) as bar:
-        identified = fitted(list(field.recordings))
-        bar.update(1)
-        trial = ahead = None
-        if identified.status != "refused":
-            trial = tried(field, fitted, rng)
-            bar.update(1)
-            last = field.recordings[-1]
-            window = PERIODS * field.period
-            step = float(np.median(np.diff(last.time)))
-            time = last.time[-1] + np.arange(step, window, step)
-            ahead = forecast(identified, last, time, window, rng)
-            bar.update(1)
-        write_outputs(Path(output), field, identified, trial, ahead, ())
-        bar.update(1)
+        length=len(STEPS), file=sys.stderr, hidden=not sys.stderr.isatty() or as_json,
+        item_show_func=lambda step: step, show_eta=False,
+    ) as bar:  # fmt: skip
+        identified = analyse(
+            files, _mapping(**mapping), question, Path(output), lambda step: bar.update(1, step)
+        )
     if as_json:
-        click.echo(json.dumps({"status": identified.status, "reason": identified.reason,
-                               "output": output}))  # fmt: skip
+        result = {"status": identified.status, "reason": identified.reason, "output": output}
+        click.echo(json.dumps(result))
     else:
         click.echo(f"{identified}\nWritten to {output}: begin with summary.md")
     if identified.status == "refused":
-        raise SystemExit(3)
+        raise SystemExit(REFUSED)
 
 
 @main.command()
 @click.argument("file")
 @_mapping_options
-def inspect(file, **mapping):
+@click.option("--json", "as_json", is_flag=True, help="Print the report for machines.")
+def inspect(file, as_json, **mapping):
     """What a recording is worth: sampling, gaps, noise, spectrum, problems."""
+    from galloping.field.outputs import report_lines
     from galloping.field.study import read_field
 
-    click.echo(json.dumps(read_field([file], _mapping(**mapping)).reports[0], indent=2))
+    report = read_field([file], _mapping(**mapping)).reports[0]
+    click.echo(json.dumps(report, indent=2) if as_json else "\n".join(report_lines(report)))
+
+
+@main.command()
+@click.argument("model", type=click.Path(dir_okay=False))
+@click.argument("file")
+@_mapping_options
+@click.option("--duration", type=click.FloatRange(0, 1e4, min_open=True), default=30.0, help="s.")
+@click.option("--window", type=click.FloatRange(0, 1e4, min_open=True),
+              help="s at the end of FILE to start from; else six periods.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws.")
+@click.option("--json", "as_json", is_flag=True, help="Print rows for machines.")
+def forecast(model, file, duration, window, seed, as_json, **mapping):
+    """Forecast with a MODEL where the recording of FILE goes on: CSV with 90 % bands.
+
+    FILE may be newer than the recordings of the model; only its end is used. Without --states the
+    columns are those of the model's states.
+    """
+    import numpy as np
+
+    from galloping.field.forecast import forecast as forecast_from
+    from galloping.field.outputs import forecast_rows
+    from galloping.field.study import PERIODS, read_field
+    from galloping.identification.model import IdentifiedModel
+
+    loaded = IdentifiedModel.load(model)
+    states = loaded.model.states
+    if not (mapping["states"] or mapping["map_file"]):
+        measured = zip(states, np.isfinite(loaded.sigma[-1]), strict=True)
+        columns = {part.partition("=")[0] for part in mapping["measures"]}
+        if not columns:
+            mapping["measures"] = tuple(f"{name}={name}" for name, seen in measured if seen)
+        mapping["states"] = ",".join(states)
+    field = read_field([file], _mapping(**mapping))
+    if field.mapping.states != states:
+        raise ValueError(f"{model}: has the states {', '.join(states)}; --states must be the same")
+    recording = field.recordings[0]
+    step = float(np.median(np.diff(recording.time)))
+    ahead = forecast_from(
+        loaded, recording, recording.time[-1] + step * np.arange(1, round(duration / step) + 1),
+        window or PERIODS * field.period, np.random.default_rng(seed),
+    )  # fmt: skip
+    _print_rows(forecast_rows(ahead, states), as_json)
+
+
+def _print_rows(rows: list[dict], as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps(rows))
+        return
+    click.echo(",".join(rows[0]))
+    for row in rows:
+        click.echo(",".join(f"{value:.10g}" for value in row.values()))
 
 
 @main.command()
 @click.argument("model", type=click.Path(dir_okay=False))
 @click.option("--latex", is_flag=True, help="Equations as LaTeX.")
-def show(model, latex):
+@click.option("--json", "as_json", is_flag=True, help="Print the terms for machines.")
+def show(model, latex, as_json):
     """Print the equations of a MODEL, with errors and verdict."""
+    from galloping.field.outputs import model_rows
     from galloping.identification.model import IdentifiedModel
 
     loaded = IdentifiedModel.load(model)
-    click.echo(loaded.latex() if latex else str(loaded))
+    if as_json:
+        click.echo(json.dumps(model_rows(loaded)))
+    else:
+        click.echo(loaded.latex() if latex else str(loaded))
 
 
 @main.command()
@@ -158,7 +211,8 @@ def show(model, latex):
 @click.option("--duration", type=click.FloatRange(0, 1e6, min_open=True), default=300.0)
 @click.option("--rate", type=click.FloatRange(0, 1e4, min_open=True), default=25.0, help="Hz.")
 @click.option("--initial", help="Initial state, numbers with commas; else that of the recording.")
-def simulate(model, duration, rate, initial):
+@click.option("--json", "as_json", is_flag=True, help="Print rows for machines.")
+def simulate(model, duration, rate, initial, as_json):
     """Simulate a MODEL and print its states as CSV."""
     import numpy as np
 
@@ -172,30 +226,36 @@ def simulate(model, duration, rate, initial):
         start = loaded.initial_states[0]
     else:
         raise ValueError(f"{model}: holds no initial state; say --initial")
-    if len(start) != len(loaded.model.states):
-        raise ValueError(f"--initial: {len(start)} numbers for {len(loaded.model.states)} states")
+    states = loaded.model.states
+    if len(start) != len(states):
+        raise ValueError(f"--initial: {len(start)} numbers for {len(states)} states")
     trajectory = loaded.simulate(start, time_grid(duration, rate))
-    click.echo(",".join(["time_s", *loaded.model.states]))
-    for time, row in zip(trajectory.time, trajectory.states, strict=True):
-        click.echo(",".join(f"{value:.10g}" for value in (time, *row)))
+    rows = np.column_stack([trajectory.time, trajectory.states]).tolist()
+    _print_rows([dict(zip(["time_s", *states], row, strict=True)) for row in rows], as_json)
     if trajectory.status != "ok":
         raise ValueError(f"{model}: {trajectory.status}")
 
 
 @main.command()
 @click.argument("case", type=click.Path(dir_okay=False))
-def derive(case):
+@click.option("--json", "as_json", is_flag=True, help="Print coefficients for machines.")
+def derive(case, as_json):
     """Derive the galloping equations of a line from CASE.yaml, a case of the configuration."""
     import yaml
 
-    from galloping.configuration.load import load, plain
-    from galloping.physics.equations import model
-    from galloping.physics.galerkin import derive as derived
+    from galloping.identification.model import IdentifiedModel
+    from galloping.stages import derive as derived
 
     section = yaml.safe_load(Path(case).read_text(encoding="utf-8")) or {}
-    line = derived(plain(load({"cases": {"line": section}}))["cases"]["line"])
-    click.echo(json.dumps(line, indent=2))
-    equations = model(line["coefficients"])
-    for state, row in zip(equations.states, equations.coefficients, strict=True):
-        terms = [f"{c:+.6g} {n}" for c, n in zip(row, equations.term_names, strict=True) if c]
-        click.echo(f"d({state})/dt = {' '.join(terms)}")
+    if not isinstance(section, dict):
+        raise ValueError(f"{case}: expected sections such as `line:` and `wind:`")
+    model = derived(**section)
+    exact = IdentifiedModel(model, "unjudged")
+    if as_json:
+        rows = {
+            state: {n: c for n, c in zip(model.term_names, row.tolist(), strict=True) if c}
+            for state, row in zip(model.states, model.coefficients, strict=True)
+        }
+        click.echo(json.dumps(rows))
+    else:
+        click.echo("\n".join(exact.equations()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,6 +69,12 @@ class Recording:
         if len({len(frame[time]), *map(len, columns)}) > 1:
             raise ValueError("recording: columns differ in length")
         return cls(frame[time], states, np.array(columns).T.reshape(-1, len(states)))
+
+    def __getitem__(self, rows: slice) -> Recording:
+        """The samples of a slice, such as `recording[:100]`, two or more."""
+        own = ("values", "derivatives", "rates")
+        cut = {name: array[rows] for name in own if (array := getattr(self, name)) is not None}
+        return replace(self, time=self.time[rows], **cut)
 
     @property
     def is_uniform(self) -> bool:

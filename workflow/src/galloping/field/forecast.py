@@ -12,8 +12,9 @@ from galloping.recording import Recording
 from galloping.simulation import Simulator
 
 DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
-ITERATIONS = 3  # of Gauss-Newton on the start, which is nearly linear over a few periods
+ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
 STEP = 1e-5  # of finite differences of the start, relative to each state's size
+SLOPE_SAMPLES = 9  # for the first guess of a velocity that is not measured
 
 
 @dataclass(frozen=True)
@@ -42,25 +43,19 @@ def forecast(
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
-    begin = np.searchsorted(recording.time, recording.time[-1] - window)
+    begin = int(np.searchsorted(recording.time, recording.time[-1] - window))
     sampled, values = recording.time[begin:], recording.values[begin:]
     sigma = np.nan_to_num(identified.sigma[-1])
-    model = identified.model
-    simulator = Simulator(model.states, model.terms)
-    support = np.argwhere(identified.support)
-    root = _root(identified.covariance)
-    start = _first_guess(recording, begin)
-    ahead = np.concatenate([sampled[-1:], time])
+    simulator = Simulator(identified.model.states, identified.model.terms)
+    guess = first_guess(recording, begin)
+    follow = Following(simulator, sampled, sigma)
+    fitted = follow.start(identified.model, guess, values)
     motions = []
-    for _ in range(DRAWS):
-        coefficients = model.coefficients.copy()
-        if len(root):
-            coefficients[tuple(support.T)] += root @ rng.standard_normal(len(root))
-        drawn = PolynomialModel(model.states, model.terms, coefficients)
+    for model in drawn(identified, DRAWS, rng):
         noisy = values + sigma * rng.standard_normal(values.shape)
-        state = _end_state(simulator, drawn, start, sampled, noisy, sigma)
-        if state is not None:
-            motion = simulator(drawn, state, ahead).states[1:]
+        start = None if fitted is None else follow.start(model, fitted, noisy)
+        if start is not None:
+            motion = simulator(model, start, np.concatenate([sampled, time])).states[len(sampled) :]
             if np.all(np.isfinite(motion)):
                 motions.append(motion)
     if len(motions) < DRAWS // 2:
@@ -71,12 +66,23 @@ def forecast(
     return Forecast(time, np.median(motions, axis=0), low, high)
 
 
-def _root(covariance: np.ndarray) -> np.ndarray:
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
+def drawn(
+    identified: IdentifiedModel, count: int, rng: np.random.Generator
+) -> list[PolynomialModel]:
+    """Models with coefficients drawn from their covariance."""
+    model, support = identified.model, tuple(np.argwhere(identified.support).T)
+    values, vectors = np.linalg.eigh(identified.covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    models = []
+    for _ in range(count):
+        coefficients = model.coefficients.copy()
+        if len(root):
+            coefficients[support] += root @ rng.standard_normal(len(root))
+        models.append(PolynomialModel(model.states, model.terms, coefficients))
+    return models
 
 
-def _first_guess(recording: Recording, begin: int) -> np.ndarray:
+def first_guess(recording: Recording, begin: int) -> np.ndarray:
     """A state near the sample `begin`: interpolated values, slopes for unmeasured velocities."""
     time, states = recording.time, recording.states
     guess = np.zeros(len(states))
@@ -87,36 +93,46 @@ def _first_guess(recording: Recording, begin: int) -> np.ndarray:
         elif name[1:] in states:
             source = recording.values[:, states.index(name[1:])]
             known = np.isfinite(source)
-            near = np.abs(time[known] - time[begin]).argsort()[:9]
-            guess[k] = np.polyfit(time[known][near], source[known][near], 1)[0]
+            near = np.abs(time[known] - time[begin]).argsort()[:SLOPE_SAMPLES]
+            guess[k] = np.polyfit(time[known][near] - time[begin], source[known][near], 1)[0]
     return guess
 
 
-def _end_state(
-    simulator: Simulator,
-    model: PolynomialModel,
-    start: np.ndarray,
-    time: np.ndarray,
-    values: np.ndarray,
-    sigma: np.ndarray,
-) -> np.ndarray | None:
-    """State at the end of a window on the motion that follows its samples best."""
-    weight = np.where(np.isfinite(values) & (sigma > 0), 1.0 / np.where(sigma > 0, sigma, 1.0), 0.0)
-    target = np.nan_to_num(values)
-    size = STEP * (np.abs(start) + np.nanstd(target, axis=0) + 1e-6)
-    for _ in range(ITERATIONS):
-        motion = simulator(model, start, time).states
-        if not np.all(np.isfinite(motion)):
-            return None
-        slopes = [
-            (simulator(model, start + size * unit, time).states - motion) / size[k]
-            for k, unit in enumerate(np.eye(len(start)))
-        ]
-        if not np.all(np.isfinite(slopes)):
-            return None
-        design = np.stack([(slope * weight).ravel() for slope in slopes], axis=1)
-        start = (
-            start + np.linalg.lstsq(design, ((target - motion) * weight).ravel(), rcond=1e-12)[0]
-        )
-    motion = simulator(model, start, time).states
-    return motion[-1] if np.all(np.isfinite(motion)) else None
+@dataclass(frozen=True)
+class Following:
+    """Finds where a motion must begin to follow samples best.
+
+    time: (n,) s, of the samples. sigma: (n_states,) their noise, zero where not measured.
+    """
+
+    simulator: Simulator
+    time: np.ndarray
+    sigma: np.ndarray
+
+    def start(
+        self, model: PolynomialModel, guess: np.ndarray, values: np.ndarray
+    ) -> np.ndarray | None:
+        """(n_states,) at the first sample, None where the model diverges.
+
+        guess: (n_states,) near it. values: (n, n_states) the samples, NaN where missing.
+        """
+        sigma = self.sigma
+        weight = np.isfinite(values) * np.where(sigma > 0, 1.0 / np.where(sigma > 0, sigma, 1), 0.0)
+        target = np.nan_to_num(values)
+        start = guess
+        size = STEP * (np.abs(start) + np.std(target, axis=0) + 1e-6)
+        for _ in range(ITERATIONS):
+            motion = self.simulator(model, start, self.time).states
+            slopes = np.array(
+                [
+                    (self.simulator(model, start + size * unit, self.time).states - motion)
+                    * (weight / size[k])
+                    for k, unit in enumerate(np.eye(len(start)))
+                ]
+            )
+            if not np.all(np.isfinite(slopes)):
+                return None
+            left = ((target - motion) * weight).ravel()
+            design = slopes.reshape(len(start), -1).T
+            start = start + np.linalg.lstsq(design, left, rcond=1e-12)[0]
+        return start

@@ -13,6 +13,10 @@ from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import term_name
 from galloping.storage import write_json
 
+MODEL_COLUMNS = {  # with the unit of each
+    "equation": "", "term": "", "coefficient": "of the row", "unit": "",
+    "standard_error": "of the row", "low": "of the row", "high": "of the row", "verdict": "",
+}  # fmt: skip
 NORMAL_95 = 1.959964
 MEANING = {
     "ok": "The terms below are the right ones, and every absent one is smaller than its limit.",
@@ -91,11 +95,16 @@ def describe_tables(folder: Path, tables: dict[str, dict[str, str]]) -> None:
     """
     resources = [
         {
-            "name": Path(name).stem,
-            "path": name,
-            "schema": {"fields": [{"name": c, "unit": u} for c, u in columns.items()]},
+            "name": Path(file).stem,
+            "path": file,
+            "schema": {
+                "fields": [
+                    {"name": name, **({"unit": unit} if unit else {})}
+                    for name, unit in columns.items()
+                ]
+            },
         }
-        for name, columns in tables.items()
+        for file, columns in tables.items()
     ]
     write_json(folder / "datapackage.json", {"name": "galloping", "resources": resources})
 
@@ -120,16 +129,29 @@ def summary(
         lines += ["## Forecast", "", skill, ""]
     lines += ["## Recordings", ""]
     for report in reports:
-        sampling = report["sampling"]
-        lines.append(
-            f"- {report['file']}: {sampling['samples']} samples over "
-            f"{sampling['duration_s']:.1f} s ({sampling['rate_hz']:.3g} Hz), {sampling['gaps_total']} gaps"
-        )
-        lines += [f"  - {note}" for note in report["notes"]]
-        lines += [f"  - {p['column']}, row {p['row']}: {p['what']}" for p in report["problems"]]
+        head, *rest = report_lines(report)
+        lines += [f"- {head}", *(f"  - {line.strip()}" for line in rest)]
     if absent := _largest_limits(identified):
         lines += ["", "## What the recordings cannot tell", "", *absent]
     return "\n".join(lines) + "\n"
+
+
+def report_lines(report: dict) -> list[str]:
+    """A report of `quality` as text: the file, then a line for each channel, note and problem."""
+    sampling = report["sampling"]
+    lines = [
+        f"{report['file']}: {sampling['samples']} samples over {sampling['duration_s']:.1f} s "
+        f"({sampling['rate_hz']:.3g} Hz), {sampling['gaps_total']} gaps"
+    ]
+    for column, channel in report["channels"].items():
+        frequencies = ", ".join(f"{f:.3g}" for f in channel["dominant_frequencies_hz"])
+        lines.append(
+            f"  {column} measures {channel['measures']}: deviation "
+            f"{channel['standard_deviation']:.3g}, noise {channel['noise']:.2g}, "
+            f"{channel['missing_percent']:.1f} % missing, mostly at {frequencies or 'no'} Hz"
+        )
+    lines += [f"  {note}" for note in report["notes"]]
+    return lines + [f"  {p['column']}, row {p['row']}: {p['what']}" for p in report["problems"]]
 
 
 def _largest_limits(identified: IdentifiedModel) -> list[str]:

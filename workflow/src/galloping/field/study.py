@@ -8,19 +8,36 @@ from pathlib import Path
 
 import numpy as np
 
-from galloping.field.forecast import Forecast, forecast
+from galloping import __version__
+from galloping.field.dynamics import Dynamics, dynamics, sentences
+from galloping.field.equations import known_model
+from galloping.field.forecast import Following, Forecast, first_guess, forecast
 from galloping.field.mapping import Mapping
-from galloping.field.outputs import describe_tables, forecast_rows, model_rows, summary
+from galloping.field.outputs import (
+    MODEL_COLUMNS,
+    describe_tables,
+    forecast_rows,
+    model_rows,
+    summary,
+)
 from galloping.field.project import recording
 from galloping.field.quality import quality
 from galloping.field.read import Series, read_series
 from galloping.field.units import state_unit
 from galloping.identification.model import IdentifiedModel
+from galloping.importing import imported
+from galloping.polynomial import library
 from galloping.recording import Recording
+from galloping.simulation import Simulator
 from galloping.storage import write_json, write_rows, write_text
 
 HELD_OUT = 0.1  # of a recording, to try the forecast on
 PERIODS = 6  # of the motion from which a forecast starts
+DPI, FONT_SIZE = 150, 8
+METHODS = {
+    "maximum_likelihood": "galloping.identification.likelihood.maximum_likelihood:maximum_likelihood",
+    "weak_gls": "galloping.identification.likelihood.weak_gls:weak_gls",
+}
 
 
 @dataclass(frozen=True)
@@ -73,6 +90,68 @@ def read_field(paths: Sequence[str | Path], mapping: Mapping) -> Field:
     )
 
 
+@dataclass(frozen=True)
+class Question:
+    """What is asked of recordings.
+
+    degree: of the polynomial library. method: a name of `METHODS`. known: equations as text, as
+    in `equations.known_model`. seed: of the draws of intervals and forecasts.
+    """
+
+    degree: int = 3
+    method: str = "maximum_likelihood"
+    known: tuple[str, ...] = ()
+    seed: int = 0
+
+
+STEPS = ("identify", "hold out", "forecast", "draw")
+
+
+def analyse(
+    paths: Sequence[str | Path],
+    mapping: Mapping,
+    question: Question,
+    folder: Path,
+    advance: Callable[[str], object] = lambda _: None,
+) -> IdentifiedModel:
+    """From files of one system to everything in `folder`, written when all of it is made.
+
+    advance: told the name of each of the `STEPS` when it is done. Raises ValueError, in one line,
+    for files or a question that make no sense; a recording without a model is no error.
+    """
+    field = read_field(paths, mapping)
+    terms = library(len(mapping.states), question.degree)
+    known, known_states = known_model(question.known, mapping.states, terms)
+    method = imported(METHODS[question.method])
+    rng = np.random.default_rng(question.seed)
+
+    def fitted(recordings: list[Recording]) -> IdentifiedModel:
+        return method(recordings, terms, known, known_states)
+
+    identified = fitted(list(field.recordings))
+    advance("identify")
+    trial = ahead = shown = of_line = None
+    if identified.status != "refused":
+        trial = tried(field, fitted, rng)
+        advance("hold out")
+        last = field.recordings[-1]
+        window = PERIODS * field.period
+        step = float(np.median(np.diff(last.time)))
+        try:
+            ahead = forecast(
+                identified, last, last.time[-1] + np.arange(step, window, step), window, rng
+            )
+        except ValueError:
+            ahead = None
+        advance("forecast")
+        shown = stretches(identified, last, window)
+        of_line = dynamics(identified, rng)
+    write_outputs(folder, field, identified, trial, ahead, of_line)
+    write_figures(folder, field, shown or [], trial, ahead)
+    advance("draw")
+    return identified
+
+
 def tried(
     field: Field, identify: Callable[[list[Recording]], IdentifiedModel], rng: np.random.Generator
 ) -> Trial | None:
@@ -90,12 +169,40 @@ def tried(
     except ValueError:
         return None
     measured = last.values[cut:]
-    inside = (measured >= ahead.low) & (measured <= ahead.high)
     known = np.isfinite(measured)
+    inside = (measured >= ahead.low) & (measured <= ahead.high)
+    counts = known.sum(axis=0)
     rest = np.nansum((measured - ahead.median) ** 2, axis=0)
-    spread = np.nansum((measured - np.nanmean(np.where(known, measured, np.nan), axis=0)) ** 2, 0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return Trial(ahead, measured, 1.0 - rest / spread, inside.sum(0) / known.sum(0))
+        mean = np.nansum(measured, axis=0) / counts
+        spread = np.nansum((measured - mean) ** 2, axis=0)
+        return Trial(ahead, measured, 1.0 - rest / spread, inside.sum(axis=0) / counts)
+
+
+def stretches(
+    identified: IdentifiedModel, recording: Recording, length: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The model's motion through the begin, the middle and the end of a recording.
+
+    Times (n,) and states (n, n_states) of each stretch of `length` s through which the model can
+    be followed; it starts where it then follows the samples best.
+    """
+    time = recording.time
+    simulator = Simulator(identified.model.states, identified.model.terms)
+    sigma = np.nan_to_num(identified.sigma[-1])
+    motions = []
+    for share in (0.0, 0.5, 1.0):
+        begin = time[0] + share * max(np.ptp(time) - length, 0.0)
+        first, end = np.searchsorted(time, (begin, begin + length))
+        own = time[first:end]
+        if len(own) < 2:
+            continue
+        start = Following(simulator, own, sigma).start(
+            identified.model, first_guess(recording, first), recording.values[first:end]
+        )
+        if start is not None:
+            motions.append((own, simulator(identified.model, start, own).states))
+    return motions
 
 
 def write_outputs(
@@ -104,34 +211,54 @@ def write_outputs(
     identified: IdentifiedModel,
     trial: Trial | None,
     ahead: Forecast | None,
-    dynamics: Sequence[str],
+    of_line: Dynamics | None,
 ) -> None:
-    """All files of a folder, `summary.md` last."""
+    """The tables, the model and `summary.md`."""
     states = identified.model.states
     write_json(folder / "quality.json", list(field.reports))
-    identified.save(folder / "model.json")
-    columns = [
-        "equation",
-        "term",
-        "coefficient",
-        "unit",
-        "standard_error",
-        "low",
-        "high",
-        "verdict",
-    ]
-    write_rows(folder / "model.csv", model_rows(identified), columns)
-    tables = {"model.csv": dict.fromkeys(columns, "1")}
-    parts = [part for part in (trial and trial.forecast, ahead) if part is not None]
-    if parts:
+    identified.save(
+        folder / "model.json",
+        units={state: state_unit(state) for state in states},
+        versions={"galloping": __version__},
+    )
+    write_rows(folder / "model.csv", model_rows(identified), list(MODEL_COLUMNS))
+    tables = {"model.csv": MODEL_COLUMNS}
+    if parts := _parts(trial, ahead):
         rows = [row for part in parts for row in forecast_rows(part, states)]
         write_rows(folder / "forecast.csv", rows)
         units = {f"{s}{end}": state_unit(s) for s in states for end in ("", "_low", "_high")}
         tables["forecast.csv"] = {"time_s": "s", **units}
     describe_tables(folder, tables)
+    said = sentences(of_line) if of_line else ()
     write_text(
-        folder / "summary.md", summary(identified, field.reports, dynamics, _skill(trial, states))
+        folder / "summary.md", summary(identified, field.reports, said, _skill(trial, states))
     )
+
+
+def write_figures(
+    folder: Path,
+    field: Field,
+    shown: list[tuple[np.ndarray, np.ndarray]],
+    trial: Trial | None,
+    ahead: Forecast | None,
+) -> None:
+    """quality, fit and forecast, as SVG and PNG."""
+    from galloping.figures import field as figures  # matplotlib
+    from galloping.figures.write import write_figure
+
+    last = field.recordings[-1]
+    drawn = {"quality": lambda: figures.draw_quality(field.series, field.reports, field.mapping)}
+    if shown:
+        drawn["fit"] = lambda: figures.draw_fit(last, shown)
+    if parts := _parts(trial, ahead):
+        length = PERIODS * field.period
+        drawn["forecast"] = lambda: figures.draw_forecast(last, parts, last.time[-1], length)
+    for name, draw in drawn.items():
+        write_figure(folder / f"{name}.svg", folder / f"{name}.png", draw, DPI, FONT_SIZE)
+
+
+def _parts(trial: Trial | None, ahead: Forecast | None) -> list[Forecast]:
+    return [part for part in (trial and trial.forecast, ahead) if part is not None]
 
 
 def _skill(trial: Trial | None, states: Sequence[str]) -> str:
