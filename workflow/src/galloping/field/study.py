@@ -33,10 +33,11 @@ from galloping.storage import write_json, write_rows, write_text
 
 HELD_OUT = 0.1  # of a recording, to try the forecast on
 PERIODS = 6  # of the motion from which a forecast starts
+POINTS = 600  # of a drawn motion
 DPI, FONT_SIZE = 150, 8
 METHODS = {
-    "maximum_likelihood": "galloping.identification.likelihood.maximum_likelihood:maximum_likelihood",
-    "weak_gls": "galloping.identification.likelihood.weak_gls:weak_gls",
+    name: f"galloping.identification.likelihood.{name}:{name}"
+    for name in ("maximum_likelihood", "weak_gls")
 }
 
 
@@ -201,7 +202,8 @@ def stretches(
             identified.model, first_guess(recording, first), recording.values[first:end]
         )
         if start is not None:
-            motions.append((own, simulator(identified.model, start, own).states))
+            smooth = np.linspace(own[0], own[-1], POINTS)
+            motions.append((smooth, simulator(identified.model, start, smooth).states))
     return motions
 
 
@@ -254,7 +256,8 @@ def write_figures(
         length = PERIODS * field.period
         drawn["forecast"] = lambda: figures.draw_forecast(last, parts, last.time[-1], length)
     for name, draw in drawn.items():
-        write_figure(folder / f"{name}.svg", folder / f"{name}.png", draw, DPI, FONT_SIZE)
+        write_figure(folder / f"{name}.svg", folder / f"{name}.png", draw, POINTS = 600  # of a drawn motion
+DPI, FONT_SIZE)
 
 
 def _parts(trial: Trial | None, ahead: Forecast | None) -> list[Forecast]:

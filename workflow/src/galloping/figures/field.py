@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from galloping.field.forecast import Forecast
 from galloping.field.mapping import Mapping
-from galloping.field.quality import spectrum
+from galloping.field.quality import GAP, spectrum
 from galloping.field.read import Series
 from galloping.field.units import state_unit
 from galloping.figures import panels
@@ -34,9 +34,8 @@ def draw_quality(series: Sequence[Series], reports: Sequence[dict], mapping: Map
         channel, values, time = mapping.channels[c], series[k].values[:, c], series[k].time
         unit = _unit(channel.measures)
         report = reports[k]
-        panels.letter(
-            left, 2 * rows.index((k, c)), f"{channel.column}, {channel.measures}, {report['file']}"
-        )
+        panels.letter(left, 2 * rows.index((k, c)), f"{channel.column} of {report['file']}")
+        panels.letter(right, 2 * rows.index((k, c)) + 1, "spectrum")
         left.plot(*_envelope(time, values), color=MODEL, lw=0.5)
         for gap in report["sampling"]["gaps"]:
             left.axvspan(gap["from_s"], gap["from_s"] + gap["length_s"], color=BAND, lw=0)
@@ -46,7 +45,7 @@ def draw_quality(series: Sequence[Series], reports: Sequence[dict], mapping: Map
         share = np.maximum(share, share.max() * 10.0**-DECADES)
         right.semilogy(frequency, share, color=MODEL, lw=0.6)
         described = report["channels"][channel.column]
-        for dominant in described["dominant_frequencies_hz"][:2]:
+        for dominant in described["dominant_frequencies_hz"][:1]:
             right.axvline(dominant, color=PAPER, lw=0.8, ls=":")
             right.annotate(
                 f"{dominant:.3g} Hz", (dominant, 1.0), xycoords=("data", "axes fraction"),
@@ -102,7 +101,7 @@ def draw_forecast(
                 part.time[own], part.low[own, k], part.high[own, k], fc=BAND, ec=EDGE, lw=0.4,
                 zorder=1,
             )  # fmt: skip
-            axes.plot(part.time[own], part.median[own, k], color=MODEL, zorder=3)
+            axes.plot(part.time[own], part.median[own, k], color=MODEL, lw=0.6, zorder=3)
             axes.axvline(begin, color=PAPER, lw=0.8, ls=":")
     for axes, part in zip(grid[0], parts, strict=True):
         what = "held out" if part.time[0] <= held_out else "after the recording"
@@ -124,7 +123,7 @@ def _legend(figure: Figure, handles: list) -> None:
 
 
 def _samples(axes: Axes, time: np.ndarray, values: np.ndarray) -> None:
-    axes.plot(time, values, ls="", marker=".", ms=2, color=TRUE, zorder=2)
+    axes.plot(time, values, ls="", marker=".", ms=2, color=TRUE, zorder=2, rasterized=True)
 
 
 def _dots() -> Line2D:
@@ -140,8 +139,10 @@ def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
     """The least and greatest samples of many stretches: as dense as a figure can show."""
     known = np.isfinite(values)
     time, values = time[known], values[known]
+    gaps = np.flatnonzero(np.diff(time) > GAP * np.median(np.diff(time))) + 1
+    between = (time[gaps - 1] + time[gaps]) / 2
     if len(time) <= 2 * POINTS:
-        return time, values
+        return np.insert(time, gaps, between), np.insert(values, gaps, np.nan)
     edges = np.linspace(0, len(time), POINTS + 1).astype(int)[:-1]
     ends = np.append(edges[1:], len(time))
     places = np.unique(
@@ -151,4 +152,5 @@ def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
             for place in (a + np.argmin(values[a:b]), a + np.argmax(values[a:b]))
         ]
     )
-    return time[places], values[places]
+    apart = np.searchsorted(time[places], between)
+    return np.insert(time[places], apart, between), np.insert(values[places], apart, np.nan)
