@@ -29,7 +29,8 @@ def wind_speed(
 ) -> np.ndarray:
     """U(t) = mean (1 + intensity x(t)), x Gaussian, of unit variance and the named spectrum.
 
-    time: (n,) s, equally spaced. mean: m/s. intensity: standard deviation over mean.
+    time: (n,) s, equally spaced. mean: m/s, over these times, as wind speeds and intensities are
+    stated of the stretch that they were averaged over. intensity: standard deviation over mean.
     length_scale: integral length of the turbulence along the wind, m. spectrum: of `SPECTRA`.
     Harmonics of twice the duration with Gaussian amplitudes (Shinozuka and Jan 1972), so that the
     end does not repeat the beginning. Returns (n,), m/s.
@@ -43,4 +44,4 @@ def wind_speed(
     amplitude[:, -1] = 0.0  # at the Nyquist frequency
     terms = np.concatenate([[0.0], amplitude[0] + 1j * amplitude[1]])
     x = np.fft.irfft(terms, 2 * harmonics)[:harmonics] * harmonics
-    return mean * (1.0 + intensity * x)
+    return mean * (1.0 + intensity * (x - x.mean()))

@@ -16,6 +16,7 @@ from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.instrument import faults
+from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
 from galloping.identification.likelihood.result import judged, refused
@@ -104,7 +105,8 @@ def maximum_likelihood(
     derivatives, the states are exact and the equations are fitted directly.
     terms: the library. known: model whose equations of `known_states` hold; the equation of a
     state X is known to be dX/dt = dX where a state has that name. begin: makes the start.
-    The status is `ok`, `not identifiable` (other terms could be there as well), or `refused`.
+    The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
+    model of the library follows the data to the noise; see `model_error`), or `refused`.
     Raises ValueError where the recordings differ in their states, and for other input.
     """
     recordings = checked_recordings(recordings)
@@ -120,12 +122,37 @@ def maximum_likelihood(
 
 
 def _from_states(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
+    try:
+        return _exact(problem, recordings, begun)
+    except FloatingPointError as objection:
+        observed = _observed(begun.recordings)
+        condensed, segments, fit = _prepare(
+            problem, begun.recordings, begun.smoothed, observed, begun.period, begun.fit,
+            PERIODS_PER_SEGMENT,
+        )  # fmt: skip
+        states, _ = _window_states(condensed, begun.recordings, begun.smoothed)
+        return approximation(
+            problem, condensed, segments, states, fit.free, fit.sigma, fit.floor, begun.penalty,
+            str(objection),
+        )  # fmt: skip
+
+
+def _observed(recordings: list[Recording]) -> np.ndarray:
+    """Indices of the states that are measured in some recording."""
+    measured = [np.isfinite(recording.values).any(axis=0) for recording in recordings]
+    return np.flatnonzero(np.any(measured, axis=0))
+
+
+def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
+    """The model that follows the data to the noise; refused where an instrument is at fault.
+
+    Raises FloatingPointError where no model of the library does.
+    """
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
-    measured = [np.isfinite(recording.values) for recording in recordings]
-    kept = sum(int(one.sum()) for one in measured)
+    kept = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     penalty, start = begun.penalty, begun.fit
-    observed = np.flatnonzero(np.any([one.any(axis=0) for one in measured], axis=0))
+    observed = _observed(recordings)
     largest = _largest(problem, smoothed)
     condensed, segments, step = _followed(
         problem, recordings, smoothed, observed, period, start, largest
@@ -151,6 +178,8 @@ def _from_states(problem: Problem, recordings: list[Recording], begun: Start) ->
         causes = faults(
             problem, condensed, step.segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
         )
+        if objection and not causes:
+            raise FloatingPointError(objection)
         objection = "; ".join([fault.cause for fault in causes[:1]] + [objection] * bool(objection))
     else:  # what it leaves in the residuals is that it is not the best fit
         objection, doubt = "", "many models follow the data alike"

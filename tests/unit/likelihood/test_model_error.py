@@ -1,0 +1,79 @@
+"""Identification of lines that no candidate library contains."""
+
+import numpy as np
+import pytest
+
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.physics.equations import STATES
+from galloping.polynomial import library
+from galloping.recording import Recording
+from galloping.trials.model_error import (
+    TRUTHS,
+    combined,
+    line_of,
+    linear_modes,
+    motion,
+    summary,
+    trial,
+)
+
+TIME = np.arange(15001) / 50
+TERMS = library(4, 3)
+
+
+@pytest.fixture
+def case(cases):
+    return cases["internal_resonance"]
+
+
+def recorded(case, name, seed=11):
+    line, rng = line_of(case, TRUTHS[name]), np.random.default_rng(seed)
+    clean = motion(case, line, TRUTHS[name], TIME, rng)
+    noisy = clean + 0.05 * clean.std(axis=0) * rng.standard_normal(clean.shape)
+    return Recording(TIME, STATES, combined(line, TRUTHS[name], noisy))
+
+
+def test_a_line_of_nine_modes_is_answered_with_what_the_answer_is_worth(case):
+    found = maximum_likelihood([recorded(case, "9 modes")], TERMS)
+    assert found.status == "approximate"
+    assert "model inadequate" in found.reason
+    assert "% of q_v" in found.reason
+    assert found.support.sum() <= 20
+    damping_v, frequency_v, damping_w, _ = linear_modes(found.model)
+    assert -damping_v == pytest.approx(2 * 0.016964, rel=0.02)
+    assert frequency_v == pytest.approx(2.64228, rel=5e-4)
+    assert damping_w == pytest.approx(2 * 0.006724, rel=0.06)
+    assert 0.99 < found.diagnostics["forecast_r2"] < 1.0
+    shares = [found.diagnostics[f"error_share_{band}_q_w"] for band in ("slow", "near", "fast")]
+    assert (
+        0.001
+        < np.linalg.norm(shares)
+        == pytest.approx(found.diagnostics["error_share_all_q_w"], rel=0.05)
+    )
+
+
+def test_what_predicts_nothing_is_refused():
+    """A narrow-band random motion looks like an oscillation, and forgets its phase at once."""
+    rng = np.random.default_rng(1)
+    spectrum = np.fft.rfftfreq(2 * len(TIME), TIME[1])
+    band = np.exp(-(((spectrum - 0.4) / 0.15) ** 2))
+    noise = rng.standard_normal((2, 2, len(spectrum)))
+    motions = np.fft.irfft(band * (noise[0] + 1j * noise[1]))[:, : len(TIME)]
+    velocities = np.gradient(motions, TIME[1], axis=1)
+    values = np.vstack([motions, velocities]).T
+    values += 0.05 * values.std(axis=0) * rng.standard_normal(values.shape)
+    found = maximum_likelihood([Recording(TIME, STATES, values)], TERMS)
+    assert found.status == "refused"
+    assert found.reason
+
+
+def test_trial_has_a_row_for_each_replicate_and_method(case):
+    methods = {
+        "maximum_likelihood": lambda recordings: maximum_likelihood(recordings, TERMS),
+    }
+    rows = trial(case, "two modes, gusts 2 %", methods, seed=3, replicates=[0])
+    table = summary(rows)
+    assert table.loc[0, ["replicates", "answered"]].to_list() == [1, 1]
+    assert table.loc[0, "damping_v_error_percent"] < 5.0
+    assert table.loc[0, "amplitude_v_error_percent"] < 5.0
+    assert table.loc[0, "forecast_r2"] > 0.9

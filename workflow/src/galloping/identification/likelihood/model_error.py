@@ -1,0 +1,456 @@
+"""Identification where no model of the library follows the data to the noise.
+
+The equations hold up to a disturbance: from one segment to the next the state may jump, by an
+amount proportional to the motion, whose covariance is estimated with the coefficients and the
+noise (weak-constraint estimation; Y. Tremolet, Q. J. R. Meteorol. Soc. 132, 2006; expectation
+maximisation of the covariances). Where the model is nearly right the jumps vanish and the record
+counts as one; where it is not, each stretch counts for itself. How many terms the model deserves,
+how sure they are and what the model predicts is judged on stretches that were left out of the fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm, t
+
+from galloping.identification.likelihood.ambiguity import detection_limits
+from galloping.identification.likelihood.condense import Condensed
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.result import refused
+from galloping.identification.likelihood.selection import added_deviation, select, solve_support
+from galloping.identification.likelihood.sensitivity import integrate
+from galloping.identification.likelihood.shooting import Segments
+from galloping.identification.likelihood.taylor import system
+from galloping.identification.model import IdentifiedModel
+from galloping.polynomial import PolynomialModel
+
+PENALTIES = (7.0, 25.0)  # times that of exact models: a wrong model needs stronger evidence
+WORTH = 0.25  # of a term: fall of the forecast error, in standard errors of the difference
+PERIODS = 6  # of a segment
+PASSES = 12
+FREE_PASSES = 2  # before terms are chosen
+CHOOSING_PASSES = 8
+CONVERGED = 0.05  # squared length of a step, in standard deviations
+MOST_HALVINGS = 6
+MOST_GROUPS = 12  # of segments left out together
+SYSTEMATIC = (
+    2.0  # total variance over that between stretches: what errs alike in all may be as large
+)
+FIRST_JUMP = 0.05  # relative to each state
+QUIET = 0.03  # size of a motion, relative to the whole record's, below which jumps stay as large
+RIDGE = 1e-12
+HUGE = 1e30
+
+
+@dataclass(frozen=True)
+class Approximation:
+    """A model that follows the data as well as a compact one can.
+
+    free, support: (n_candidates,). starts: (n_segments, n_states). information, covariance: of
+    the candidates with the disturbance accounted for, and of the supported ones by leaving
+    stretches out (delete-a-group jackknife), widened for what errs alike in all stretches.
+    forecast: per segment and channel the mean squares of data, of what is left of them by
+    forecasts from its beginning, and of the noise, (3, n_segments, n_observed). residual:
+    (n_windows, n_observed) of those forecasts, as the mean of a window's samples times the root
+    of their number. jump: (n_states, n_states) covariance of jumps at full motion.
+    """
+
+    free: np.ndarray
+    support: np.ndarray
+    starts: np.ndarray
+    information: np.ndarray
+    covariance: np.ndarray
+    forecast: np.ndarray
+    residual: np.ndarray
+    jump: np.ndarray
+
+    @property
+    def skill(self) -> float:
+        """R2 of the forecasts, averaged over the channels; minus infinity where one diverges."""
+        data, left, _ = self.forecast.sum(axis=1)
+        return float(np.mean(1.0 - left / data)) if np.all(np.isfinite(left)) else -np.inf
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """Normal equations of every segment in (coefficients, segment state), with its end."""
+
+    information: np.ndarray
+    right: np.ndarray
+    squares: np.ndarray
+    ends: np.ndarray
+    by_coefficients: np.ndarray
+    by_state: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """Normal equations of the coefficients, the segments' states eliminated.
+
+    response: (n_segments, n_states, n + 1), of the states to a change of the coefficients, and
+    constant. variance, covariance: (n_segments, n_states, n_states), of each state, and of each
+    with its successor, at given coefficients.
+    """
+
+    information: np.ndarray
+    right: np.ndarray
+    response: np.ndarray
+    variance: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Fit:
+    free: np.ndarray
+    support: np.ndarray
+    starts: np.ndarray
+    sigma: np.ndarray
+    jump: np.ndarray
+
+
+def approximate(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    states: np.ndarray,
+    free: np.ndarray,
+    sigma: np.ndarray,
+    floor: np.ndarray,
+    penalty: float,
+) -> Approximation:
+    """The most compact model whose forecasts are hardly worse than those of the best.
+
+    segments: of some periods each; their chains are not looked at. states: (n_windows, n_states)
+    smoothed, from which the iteration and the forecasts start. free: (n_candidates,) a start.
+    sigma, floor: (n_recordings, n_observed) noise of the projections and the least to assume.
+    penalty: worth of a term in units of chi^2, were the model exact.
+    Of several supports, the smallest is taken whose squared forecast error exceeds the least by no
+    more than a quarter of the standard error of the difference for every term saved. Raises
+    FloatingPointError where no model is found that can be integrated over a segment.
+    """
+    size = _sizes(segments, states)
+    scale = np.sqrt(np.mean(states**2, axis=0)) + np.finfo(float).tiny
+    jump = np.diag((FIRST_JUMP * scale) ** 2)
+    everything = np.ones(len(free), bool)
+    fit = _Fit(free, everything, states[segments.first[:-1]], sigma, jump)
+    found: list[Approximation] = []
+    for times in PENALTIES:
+        fit = _iterate(problem, condensed, segments, size, fit, floor, times * penalty)
+        if not fit.support.any():
+            break
+        found.append(_judged(problem, condensed, segments, size, fit, states))
+    if not found:
+        raise FloatingPointError("no term stands out of the noise")
+    errors = [np.mean(one.forecast[1] / one.forecast[0].mean(axis=0), axis=1) for one in found]
+    best = int(np.argmin([np.mean(error) for error in errors]))
+    for one, error in zip(reversed(found), reversed(errors), strict=True):
+        worse = error - errors[best]
+        saved = max(found[best].support.sum() - one.support.sum(), 0)
+        if np.mean(worse) <= WORTH * saved * np.std(worse) / np.sqrt(len(worse)):
+            return one
+    return found[best]
+
+
+def approximation(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    states: np.ndarray,
+    free: np.ndarray,
+    sigma: np.ndarray,
+    floor: np.ndarray,
+    penalty: float,
+    objection: str,
+) -> IdentifiedModel:
+    """The identified model of `approximate`, which takes the other arguments.
+
+    objection: why no model of the library is right. Refused where no model can be integrated or
+    its forecasts are no better than the mean of the data. The diagnostics are the R2 of the
+    forecasts and the error of each channel as a share of its motion: in all, slow (below half of
+    the frequency at which the channel mostly moves), near it, and fast (above one and a half).
+    """
+    try:
+        made = approximate(problem, condensed, segments, states, free, sigma, floor, penalty)
+    except (FloatingPointError, np.linalg.LinAlgError) as error:
+        return refused(problem, f"{objection}; {error}")
+    if not made.skill > 0.0:
+        return refused(problem, f"{objection}; what comes near it predicts nothing")
+    shares = error_shares(made, condensed)
+    names = [problem.states[k] for k in condensed.observed]
+    noise = np.full((len(condensed.counts), len(problem.states)), np.nan)
+    inside = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
+    noise[:, condensed.observed] = np.where(condensed.counts > 0, np.sqrt(inside), np.nan)
+    named = ", ".join(
+        f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
+    )
+    firsts = np.unique(segments.recording, return_index=True)[1]
+    errors = added_deviation(made.information, made.support)
+    errors[made.support] = np.sqrt(np.diag(made.covariance))
+    return IdentifiedModel(
+        model=PolynomialModel(problem.states, problem.terms, problem.coefficients(made.free)),
+        standard_errors=problem.on_library(np.where(made.support, errors, np.nan)),
+        detection_limits=problem.on_library(detection_limits(errors, made.support, penalty)),
+        covariance=made.covariance,
+        known=problem.known_equations,
+        initial_states=made.starts[firsts],
+        sigma=noise,
+        chi2=float(np.sum(made.forecast[1]) / np.sum(made.forecast[2])),
+        status="approximate",
+        reason=f"{objection}; forecasts over {PERIODS} periods leave {named}",
+        diagnostics={
+            "forecast_r2": made.skill,
+            **{
+                f"error_share_{band}_{name}": float(share)
+                for name, row in zip(names, shares, strict=True)
+                for band, share in zip(("all", "slow", "near", "fast"), row, strict=True)
+            },
+        },
+    )  # fmt: skip
+
+
+def _sizes(segments: Segments, states: np.ndarray) -> np.ndarray:
+    """(n_segments,) root mean square of the motion in each, relative to the whole record."""
+    squares = np.mean(states**2 / (np.mean(states**2, axis=0) + np.finfo(float).tiny), axis=1)
+    return np.sqrt(
+        np.add.reduceat(squares, segments.first[:-1]) / np.diff(segments.first) + QUIET**2
+    )
+
+
+def _iterate(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    size: np.ndarray,
+    fit: _Fit,
+    floor: np.ndarray,
+    penalty: float,
+) -> _Fit:
+    """Gauss-Newton, with terms chosen and covariances estimated on the way."""
+    for passed in range(PASSES):
+        linear = _linearised(problem, condensed, segments, fit)
+        solved = _joint(linear, segments, fit.starts, fit.jump, size)
+        right = solved.right + solved.information @ fit.free
+        support = fit.support
+        if FREE_PASSES <= passed < CHOOSING_PASSES:
+            tried = [np.ones(len(right), bool), support]
+            support = select(solved.information, right, tried, penalty)
+        free, _ = solve_support(solved.information, right, support)
+        change = free - fit.free
+        starts = fit.starts + solved.response[:, :, :-1] @ change + solved.response[:, :, -1]
+        sigma = np.sqrt(linear.squares * fit.sigma**2 / np.maximum(condensed.rows, 1))
+        jump = _jump(linear, segments, fit.starts, solved, size) if passed else fit.jump
+        same = np.array_equal(support, fit.support)
+        following = _Fit(free, support, starts, np.maximum(sigma, floor), jump)
+        fit = _integrable(problem, condensed, segments, fit, following)
+        if same and passed > FREE_PASSES and change @ solved.information @ change < CONVERGED:
+            break
+    return fit
+
+
+def _integrable(
+    problem: Problem, condensed: Condensed, segments: Segments, fit: _Fit, following: _Fit
+) -> _Fit:
+    """`following`, or as much of the step to it as can be integrated over every segment."""
+    for _ in range(MOST_HALVINGS):
+        if np.all(
+            np.isfinite(_predicted(problem, condensed, segments, following.free, following.starts))
+        ):
+            return following
+        following = replace(
+            following,
+            free=(fit.free + following.free) / 2.0,
+            starts=(fit.starts + following.starts) / 2.0,
+            support=fit.support | following.support,
+        )
+    raise FloatingPointError("no model found that can be integrated over a few periods")
+
+
+def _predicted(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    free: np.ndarray,
+    starts: np.ndarray,
+) -> np.ndarray:
+    """(n_windows, n_observed, n_rows) projections of the solution, not finite where it diverges."""
+    compiled = system(problem.tables, problem.coefficients(free), problem.candidates[:0])
+    with np.errstate(all="ignore"):
+        predicted = integrate(
+            compiled, condensed.step, segments.first, starts, condensed.functionals,
+            condensed.observed, sensitive=False,
+        )[0]  # fmt: skip
+    return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
+
+
+def _linearised(problem: Problem, condensed: Condensed, segments: Segments, fit: _Fit) -> _Linear:
+    """Misfit of every segment about a fit. Raises FloatingPointError where that diverges."""
+    compiled = system(problem.tables, problem.coefficients(fit.free), problem.candidates)
+    count, n, m = len(fit.starts), len(fit.free), len(fit.free) + fit.starts.shape[1]
+    information, right = np.empty((count, m, m)), np.empty((count, m))
+    squares = np.zeros(fit.sigma.shape)
+    ends, slopes = np.empty(fit.starts.shape), np.empty((*fit.starts.shape, m))
+    for g in range(count):  # one by one: the rows of a long recording do not fit in memory
+        own = slice(segments.first[g], segments.first[g + 1])
+        predicted, rows, ends[g], slopes[g], _ = integrate(
+            compiled, condensed.step, segments.first[g : g + 2] - own.start, fit.starts[g : g + 1],
+            condensed.functionals[own], condensed.observed, sensitive=True,
+        )  # fmt: skip
+        if not (np.all(np.abs(ends[g]) < HUGE) and np.all(np.abs(slopes[g]) < HUGE)):
+            raise FloatingPointError("the model diverges within a segment")
+        weight = 1.0 / fit.sigma[segments.recording[g]][:, None]
+        scaled = (condensed.targets[own] - predicted) * weight
+        squares[segments.recording[g]] += np.sum(scaled**2, axis=(0, 2))
+        rows = (rows * weight[..., None]).reshape(-1, m)
+        information[g], right[g] = rows.T @ rows, scaled.ravel() @ rows
+    return _Linear(information, right, squares, ends, slopes[:, :, :n], slopes[:, :, n:])
+
+
+def _followed(segments: Segments) -> np.ndarray:
+    """Indices of the segments that another one of the same recording follows."""
+    return np.flatnonzero(np.diff(segments.recording) == 0)
+
+
+def _joint(
+    linear: _Linear,
+    segments: Segments,
+    starts: np.ndarray,
+    jump: np.ndarray,
+    size: np.ndarray,
+    left_out: np.ndarray | None = None,
+) -> _Joint:
+    """Eliminate the states of segments, each of which follows the one before up to a jump.
+
+    jump: (n_states, n_states) covariance, times the squared `size` (n_segments,) of the motion.
+    left_out: (n_segments,) whose data, and whose jumps to and from them, do not count.
+    """
+    count, n_states = starts.shape
+    n = linear.right.shape[1] - n_states
+    used = np.ones(count) if left_out is None else (~left_out).astype(float)
+    whole = np.linalg.inv(jump)
+    information = np.einsum("g,gij->ij", used, linear.information[:, :n, :n])
+    right = used @ linear.right[:, :n]
+    own = used[:, None, None] * linear.information[:, n:, n:]
+    own += RIDGE * np.diag(np.diag(linear.information[:, n:, n:].mean(axis=0)))
+    cross = np.concatenate([linear.information[:, n:, :n], linear.right[:, n:, None]], axis=2)
+    cross = used[:, None, None] * cross
+    ahead = np.zeros((count, n_states, n_states))
+    for g in _followed(segments):
+        if not used[g] * used[g + 1]:
+            continue
+        precision = whole / size[g] ** 2
+        slope, by_state = linear.by_coefficients[g], linear.by_state[g]
+        aside = np.column_stack([slope, starts[g + 1] - linear.ends[g]])
+        weighted = precision @ aside
+        information += slope.T @ weighted[:, :n]
+        right += slope.T @ weighted[:, n]
+        own[g] += by_state.T @ precision @ by_state
+        own[g + 1] += precision
+        ahead[g] = -by_state.T @ precision
+        cross[g] += by_state.T @ weighted
+        cross[g + 1] -= weighted
+    # block tridiagonal elimination, forward and back
+    pivot, reduced = np.empty_like(own), cross.copy()
+    for g in range(count):
+        if g:
+            factor = ahead[g - 1].T @ pivot[g - 1]
+            own[g] -= factor @ ahead[g - 1]
+            reduced[g] -= factor @ reduced[g - 1]
+        pivot[g] = np.linalg.inv((own[g] + own[g].T) / 2.0)
+    solved, variance, covariance = np.empty_like(cross), pivot.copy(), np.zeros_like(own)
+    for g in range(count - 1, -1, -1):
+        rest = reduced[g]
+        if g + 1 < count:
+            gain = pivot[g] @ ahead[g]
+            rest = rest - ahead[g] @ solved[g + 1]
+            covariance[g] = -gain @ variance[g + 1]
+            variance[g] += gain @ variance[g + 1] @ gain.T
+        solved[g] = pivot[g] @ rest
+    flat, back = cross.reshape(-1, n + 1), solved.reshape(-1, n + 1)
+    information = information - flat[:, :n].T @ back[:, :n]
+    right = right - flat[:, :n].T @ back[:, n]
+    response = np.concatenate([-solved[:, :, :n], solved[:, :, n:]], axis=2)
+    return _Joint((information + information.T) / 2.0, right, response, variance, covariance)
+
+
+def _jump(
+    linear: _Linear, segments: Segments, starts: np.ndarray, solved: _Joint, size: np.ndarray
+) -> np.ndarray:
+    """Expected covariance of the jumps at full motion, given the data."""
+    followed = _followed(segments)
+    total = np.zeros((starts.shape[1], starts.shape[1]))
+    for g in followed:
+        # the states after the step, linear in that of the segment
+        constant, by_state = solved.response[:, :, -1], linear.by_state[g]
+        gap = starts[g + 1] + constant[g + 1] - linear.ends[g] - by_state @ constant[g]
+        mixed = by_state @ solved.covariance[g]
+        spread = solved.variance[g + 1] + by_state @ solved.variance[g] @ by_state.T
+        total += (np.outer(gap, gap) + spread - mixed - mixed.T) / size[g] ** 2
+    floor = RIDGE * np.diag(np.mean(starts**2, axis=0) + np.finfo(float).tiny)
+    return total / max(len(followed), 1) + floor
+
+
+def _judged(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    size: np.ndarray,
+    fit: _Fit,
+    states: np.ndarray,
+) -> Approximation:
+    """The fit with its covariance and its forecasts, both by leaving groups of segments out."""
+    linear = _linearised(problem, condensed, segments, fit)
+    count = len(fit.starts)
+    groups = np.array_split(np.arange(count), min(count, MOST_GROUPS))
+    changes = np.zeros((len(groups), int(fit.support.sum())))
+    residual = np.full(condensed.targets.shape, np.inf)
+    starts = states[segments.first[:-1]]
+    for k, group in enumerate(groups):
+        left_out = np.isin(np.arange(count), group)
+        solved = _joint(linear, segments, fit.starts, fit.jump, size, left_out)
+        change, _ = solve_support(solved.information, solved.right, fit.support)
+        changes[k] = change[fit.support]
+        own = slice(segments.first[group[0]], segments.first[group[-1] + 1])
+        part = replace(condensed, functionals=condensed.functionals[own])
+        stretch = replace(segments, first=segments.first[group[0] : group[-1] + 2] - own.start)
+        predicted = _predicted(problem, part, stretch, fit.free + change, starts[group])
+        residual[own] = condensed.targets[own] - predicted
+    spread = changes - changes.mean(axis=0)
+    freedom = max(len(groups) - 1, 1)
+    few = (t.ppf(0.975, freedom) / norm.ppf(0.975)) ** 2  # so that normal intervals hold
+    covariance = SYSTEMATIC * few * freedom / len(groups) * spread.T @ spread
+    solved = _joint(linear, segments, fit.starts, fit.jump, size)
+    inside = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
+    windows = np.diff(segments.first)[:, None]
+    squares = [
+        np.add.reduceat(np.sum(values**2, axis=2), segments.first[:-1]) / windows
+        for values in (condensed.targets, residual)
+    ]
+    noise = (inside * condensed.rows / np.diff(condensed.first)[:, None])[segments.recording]
+    return Approximation(
+        fit.free, fit.support, fit.starts, solved.information, covariance,
+        np.array([*squares, noise]), residual[:, :, 0], fit.jump,
+    )  # fmt: skip
+
+
+def error_shares(approximation: Approximation, condensed: Condensed) -> np.ndarray:
+    """(n_observed, 4): error of the forecasts as a share of the motion, less the noise.
+
+    In all, and of frequencies below half of, around, and above one and a half times that at which
+    the channel mostly moves; of the root mean square of the channel, each recording as it is long.
+    """
+    shares = np.zeros((len(condensed.observed), 4))
+    noise = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
+    for o in range(len(condensed.observed)):
+        motion, error = 0.0, np.zeros(4)
+        for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
+            data = np.abs(np.fft.rfft(condensed.targets[a:b, o, 0])[1:]) ** 2
+            left = np.abs(np.fft.rfft(approximation.residual[a:b, o])[1:]) ** 2
+            left = left - noise[r, o] * np.count_nonzero(condensed.targets[a:b, o, 0])
+            place = np.arange(1, len(data) + 1) / (1 + np.argmax(data))
+            bands = [place > 0.0, place < 0.5, (place >= 0.5) & (place <= 1.5), place > 1.5]
+            motion += data.sum()
+            error += [left[band].sum() for band in bands]
+        shares[o] = np.sqrt(np.maximum(error, 0.0) / max(motion, np.finfo(float).tiny))
+    return shares

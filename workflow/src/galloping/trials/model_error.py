@@ -1,0 +1,304 @@
+"""What identification gives of lines that no candidate library contains.
+
+Truths are continuous lines, steady or gusty, and the two-mode model in gusts; sensors are three
+along the span projected on the first modes, one at mid-span, or the modal states. A model is
+judged by what it says of the line: amplitude, frequencies, net damping, and forecasts.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from galloping.evaluation.motion import steady_amplitude
+from galloping.identification.model import IdentifiedModel
+from galloping.physics import galerkin
+from galloping.physics.continuous import Span, continuous_line, eigenvalues, release, simulate, span
+from galloping.physics.equations import STATES
+from galloping.physics.gusts import wind_speed
+from galloping.physics.line import Line
+from galloping.physics.sensors import QUARTERS, first_modes, readings
+from galloping.polynomial import PolynomialModel, library
+from galloping.recording import Recording
+from galloping.seeds import generator
+from galloping.simulation import Simulator
+
+DEGREE = 3
+NOISE = 0.05  # of a sensor, relative to the standard deviation of what it reads
+DURATION, RATE = 300, 100  # s, Hz
+STEADY = 200  # s, from where amplitudes are read
+LENGTH_SCALE = 100.0  # m, of the gusts: some tens of metres above open country
+SPECTRUM = "von_karman"
+FORECAST = 15.0  # s: six vertical periods
+DRAWS = 24  # of the coefficients, for the intervals
+NORMAL = 1.96
+QUANTITIES = (
+    "amplitude_v", "amplitude_w", "damping_v", "frequency_v", "damping_w", "frequency_w",
+)  # fmt: skip
+JUDGED = 5  # the first of them, whose intervals are counted: w has no bar for its frequency
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A line and its sensors.
+
+    modes: sine modes in each direction, or 0 for the two shapes of the paper's model.
+    aerodynamics: as in `continuous.span`. intensity: of the gusts. sensors: `projected`,
+    `mid-span`, or `states`, the modal ones. velocities: whether they are measured.
+    """
+
+    modes: int = 9
+    aerodynamics: str = "small_angle"
+    intensity: float = 0.0
+    sensors: str = "projected"
+    velocities: bool = True
+
+
+TRUTHS = {
+    "9 modes": Truth(),
+    "9 modes, relative wind": Truth(aerodynamics="relative"),
+    "9 modes, gusts 5 %": Truth(intensity=0.05),
+    "9 modes, mid-span": Truth(sensors="mid-span"),
+    "9 modes, displacement only": Truth(velocities=False),
+    "two modes, gusts 2 %": Truth(modes=0, intensity=0.02, sensors="states"),
+    "two modes, gusts 5 %": Truth(modes=0, intensity=0.05, sensors="states"),
+}
+
+
+def line_of(case: Mapping, truth: Truth) -> Span:
+    """The line of a truth in the wind of a `cases` section."""
+    if truth.modes:
+        return continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
+    phi, psi = galerkin.modes(case, Line.from_case(case))
+    return span(case, [phi], [psi], aerodynamic=truth.aerodynamics)
+
+
+def read(line: Span, truth: Truth, states: np.ndarray) -> np.ndarray:
+    """(n, n_sensors, 4): q_v, q_w, dq_v, dq_w as each sensor reads them, without noise."""
+    if truth.sensors == "states":
+        return states[:, np.newaxis]
+    shares = QUARTERS if truth.sensors == "projected" else QUARTERS[1:2]
+    where = [share * line.line.span for share in shares]
+    both = [readings(line, states, where, quantity) for quantity in ("displacement", "velocity")]
+    return np.concatenate(both, axis=2)
+
+
+def combined(line: Span, truth: Truth, values: np.ndarray) -> np.ndarray:
+    """(n, 4): the states that are made of the sensors' readings (n, n_sensors, 4)."""
+    if truth.sensors != "projected":
+        return values[:, 0]
+    where = [share * line.line.span for share in QUARTERS]
+    return first_modes(values, where, line.line.span)[:, 0]
+
+
+def motion(
+    case: Mapping, line: Span, truth: Truth, time: np.ndarray, rng: np.random.Generator | None
+) -> np.ndarray:
+    """(n, n_sensors, 4): readings without noise; in gusts drawn by `rng`, or in steady wind."""
+    start = release(line, [case["initial_state"][state] for state in STATES[:2]])
+    speed = None
+    if rng is not None and truth.intensity:
+        speed = wind_speed(
+            time, mean=line.speed, intensity=truth.intensity, length_scale=LENGTH_SCALE,
+            spectrum=SPECTRUM, rng=rng,
+        )  # fmt: skip
+    return read(line, truth, simulate(line, start, time, speed))
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a model says of a line: values and half widths of 95 % intervals, by QUANTITIES."""
+
+    values: np.ndarray
+    widths: np.ndarray
+
+
+def linear_modes(model: PolynomialModel) -> np.ndarray:
+    """Net damping and frequency, v and w: -2 Re and Im of the eigenvalues at rest, 1/s and rad/s.
+
+    Rest is the equilibrium near the origin, by Newton's method. NaN where there are no two
+    oscillations.
+    """
+    rest = np.zeros(len(model.states))
+    step = 1e-6
+    for _ in range(10):
+        around = rest + step * np.vstack([np.eye(len(rest)), -np.eye(len(rest))])
+        rates = model(around)
+        jacobian = (rates[: len(rest)] - rates[len(rest) :]).T / (2.0 * step)
+        rest = rest - np.linalg.lstsq(jacobian, model(rest[np.newaxis])[0], rcond=None)[0]
+    values = np.linalg.eigvals(jacobian)
+    values = values[values.imag > 0]
+    if len(values) != 2:
+        return np.full(4, np.nan)
+    w, v = values[np.argsort(values.imag)]
+    return np.array([-2.0 * v.real, v.imag, -2.0 * w.real, w.imag])
+
+
+def answer(
+    identified: IdentifiedModel,
+    start: np.ndarray,
+    time: np.ndarray,
+    simulator: Simulator,
+    rng: np.random.Generator,
+) -> Answer:
+    """Amplitudes of the motion from `start` (4,) after STEADY s, and the modes at rest.
+
+    Intervals are those of models drawn with the covariance of the coefficients; NaN without one.
+    """
+    model = identified.model
+
+    def quantities(coefficients: np.ndarray) -> np.ndarray:
+        drawn = PolynomialModel(model.states, model.terms, coefficients)
+        states = simulator(drawn, start, time).states
+        return np.concatenate([steady_amplitude(states[time >= STEADY])[:2], linear_modes(drawn)])
+
+    values = quantities(model.coefficients)
+    widths = np.full(len(QUANTITIES), np.nan)
+    support = identified.support
+    if len(identified.covariance) == support.sum() > 0:
+        drawn = np.repeat(model.coefficients[np.newaxis], DRAWS, axis=0)
+        drawn[:, support] = rng.multivariate_normal(
+            model.coefficients[support], identified.covariance, DRAWS, method="eigh"
+        )
+        sampled = np.array([quantities(coefficients) for coefficients in drawn])
+        # half of the middle 68 %: a few draws that diverge do not count
+        low, high = np.nanquantile(sampled, [0.16, 0.84], axis=0)
+        widths = NORMAL * (high - low) / 2.0
+    return Answer(values, widths)
+
+
+def forecast_r2(
+    model: PolynomialModel, states: np.ndarray, time: np.ndarray, simulator: Simulator
+) -> float:
+    """R2 of forecasts over FORECAST s from points along a motion (n, 4), mean over q_v and q_w."""
+    length = round(FORECAST / (time[1] - time[0]))
+    left = np.zeros(2)
+    for begin in range(0, len(time) - length, length):
+        predicted = simulator(model, states[begin], time[begin : begin + length]).states
+        left += np.sum((predicted - states[begin : begin + length])[:, :2] ** 2, axis=0)
+    total = np.sum((states - states.mean(axis=0))[:, :2] ** 2, axis=0)
+    return float(np.mean(1.0 - left / total)) if np.all(np.isfinite(left)) else -np.inf
+
+
+def trial(
+    case: Mapping,
+    name: str,
+    methods: Mapping[str, Callable[[Sequence[Recording]], IdentifiedModel]],
+    *,
+    seed: int,
+    replicates: Sequence[int],
+) -> pd.DataFrame:
+    """One row for each replicate and method on the truth `name` of TRUTHS.
+
+    Replicates differ in the noise of the sensors and in the gusts; forecasts are judged on a
+    motion in gusts that no method has seen.
+    """
+    truth = TRUTHS[name]
+    time = np.arange(DURATION * RATE + 1) / RATE
+    line = line_of(case, truth)
+    simulator = Simulator(STATES, library(len(STATES), DEGREE))
+    steady = combined(line, truth, motion(case, line, truth, time, None))
+    unseen = motion(case, line, truth, time, generator(seed, "model_error", name, "unseen"))
+    unseen = combined(line, truth, unseen)
+    vertical, horizontal = _symmetric_modes(line)
+    true = np.array(
+        [
+            *steady_amplitude(steady[time >= STEADY])[:2],
+            -2.0 * vertical.real, vertical.imag, -2.0 * horizontal.real, horizontal.imag,
+        ]
+    )  # fmt: skip
+    rows = []
+    for replicate in replicates:
+        rng = generator(seed, "model_error", name, replicate)
+        clean = motion(case, line, truth, time, rng)
+        noise = NOISE * clean.std(axis=0) * rng.standard_normal(clean.shape)
+        values = combined(line, truth, clean + noise)
+        if not truth.velocities:
+            values[:, 2:] = np.nan
+        recording = Recording(time, STATES, values)
+        for method, identify in methods.items():
+            begin = clock.perf_counter()
+            try:
+                identified = identify([recording])
+            except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+                terms = library(len(STATES), DEGREE)
+                identified = IdentifiedModel.refused(STATES, terms, str(error))
+            seconds = clock.perf_counter() - begin
+            row = {
+                "truth": name, "sensors": truth.sensors, "method": method,
+                "replicate": replicate, "status": identified.status,
+                "reason": identified.reason, "seconds": seconds,
+            }  # fmt: skip
+            if identified.status != "refused":
+                said = answer(identified, steady[0], time, simulator, rng)
+                errors = 100.0 * (said.values / true - 1.0)
+                held = np.abs(said.values - true) <= said.widths
+                row |= {
+                    "terms": int(identified.support.sum()),
+                    **{f"{q}_error_percent": e for q, e in zip(QUANTITIES, errors, strict=True)},
+                    **{
+                        f"{q}_interval_percent": 100.0 * w / abs(t)
+                        for q, w, t in zip(QUANTITIES, said.widths, true, strict=True)
+                    },
+                    "intervals_held": np.mean(held[:JUDGED])
+                    if np.all(np.isfinite(said.widths))
+                    else np.nan,
+                    "forecast_r2": forecast_r2(identified.model, unseen, time, simulator),
+                }
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _symmetric_modes(line: Span) -> tuple[complex, complex]:
+    """Eigenvalues of the first symmetric modes in plane and out of plane."""
+    values, vectors = eigenvalues(line)
+    found = []
+    for direction in (0, 1):
+        own = slice(direction * line.modes, (direction + 1) * line.modes)
+        moving = np.linalg.norm(vectors[: 2 * line.modes], axis=0)
+        share = np.linalg.norm(vectors[own], axis=0) / moving
+        shapes = np.abs(line.shapes[direction] @ vectors[own])
+        middle = shapes[len(shapes) // 2] > 0.5 * shapes.max(axis=0)
+        found.append(values[np.flatnonzero((share > 0.7) & middle)[0]])
+    return found[0], found[1]
+
+
+def summary(rows: pd.DataFrame) -> pd.DataFrame:
+    """One row for each truth and method: medians over the answered replicates, and the worst."""
+    table = []
+    for (truth, sensors, method), group in rows.groupby(["truth", "sensors", "method"], sort=False):
+        answered = group[group["status"] != "refused"]
+        row = {
+            "truth": truth, "sensors": sensors, "method": method,
+            "replicates": len(group), "answered": len(answered),
+        }  # fmt: skip
+        errors = {q: answered[f"{q}_error_percent"].abs() for q in QUANTITIES}
+        row["terms"] = answered["terms"].median()
+        row |= {f"{q}_error_percent": error.median() for q, error in errors.items()}
+        row |= {f"{q}_worst_percent": error.max(skipna=False) for q, error in errors.items()}
+        row["coverage_95_percent"] = 100.0 * answered["intervals_held"].mean()
+        row["forecast_r2"] = answered["forecast_r2"].median()
+        row["seconds_median"] = group["seconds"].median()
+        table.append(row)
+    return pd.DataFrame(table)
+
+
+def default_methods() -> dict[str, Callable[[Sequence[Recording]], IdentifiedModel]]:
+    """maximum_likelihood, weak_gls, and pysindy's STLSQ on splines, with their defaults."""
+    from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+    from galloping.identification.likelihood.weak_gls import weak_gls
+    from galloping.identification.sparse.reduction import reduce
+    from galloping.identification.sparse.stlsq import normalised
+
+    terms = library(len(STATES), DEGREE)
+    return {
+        "maximum_likelihood": lambda recordings: maximum_likelihood(recordings, terms),
+        "weak_gls": lambda recordings: weak_gls(recordings, terms),
+        "stlsq": lambda recordings: normalised(
+            reduce(recordings, terms), threshold=None, path_length=50
+        ),
+    }

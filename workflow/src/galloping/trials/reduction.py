@@ -1,0 +1,143 @@
+"""What the paper's two-mode model is worth: its motion against that of the continuous line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
+from galloping.physics import galerkin
+from galloping.physics.continuous import Span, continuous_line, release, simulate, span
+from galloping.physics.equations import STATES
+from galloping.physics.gusts import wind_speed
+from galloping.physics.line import Line
+from galloping.physics.sensors import QUARTERS, readings
+from galloping.seeds import generator
+
+RATE = 20  # Hz: eight samples in the shortest period that matters
+WINDOWS = ((0, 100), (100, 200), (200, 300))  # s
+STEADY = WINDOWS[-1]
+LIMIT_CYCLE = (1400, 1500)  # s: the slowest approach has died out
+DIRECTIONS = ("vertical", "horizontal")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A continuous line to compare with, as in `continuous`; antisymmetric: m, of its release."""
+
+    modes: int
+    aerodynamics: str = "small_angle"
+    drag: float = 0.0
+    antisymmetric: float = 0.0
+    intensity: float = 0.0
+
+
+VARIANTS = {
+    "1 mode": Variant(1),
+    **{f"{n} modes": Variant(n) for n in (3, 5, 7, 9, 13)},
+    "relative wind": Variant(9, "relative"),
+    "relative, drag 0.2": Variant(9, "relative", 0.2),
+    "gusts 2 %": Variant(9, intensity=0.02),
+    "gusts 5 %": Variant(9, intensity=0.05),
+    "antisymmetric 1 mm": Variant(9, antisymmetric=1e-3),
+    "antisymmetric 10 mm": Variant(9, antisymmetric=1e-2),
+    "relative, antisym. 10 mm": Variant(9, "relative", antisymmetric=1e-2),
+}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """time: (n,) s. mid_span: (n, 2) m, vertical and horizontal. antisymmetric: (n, 2) m, half of
+    the difference between both quarters of the span.
+    """
+
+    time: np.ndarray
+    mid_span: np.ndarray
+    antisymmetric: np.ndarray
+
+
+def two_mode_motion(case: Mapping) -> Motion:
+    """The paper's model in steady wind, up to its limit cycle."""
+    phi, psi = galerkin.modes(case, Line.from_case(case))
+    line = span(case, [phi], [psi])
+    start = np.array([case["initial_state"][state] for state in STATES])
+    return _motion(line, start, None)
+
+
+def line_motion(
+    case: Mapping, variant: Variant, *, length_scale: float, spectrum: str, seed: int
+) -> Motion:
+    """The continuous line, released as the two-mode model is. The rest is that of the gusts."""
+    line = continuous_line(case, variant.modes, aerodynamic=variant.aerodynamics, drag=variant.drag)
+    start = case["initial_state"]
+    state = release(
+        line, [start[s] for s in STATES[:2]], [start[s] for s in STATES[2:]],
+        antisymmetric=variant.antisymmetric,
+    )  # fmt: skip
+    speed = None
+    if variant.intensity:
+        speed = wind_speed(
+            _time(), mean=line.speed, intensity=variant.intensity, length_scale=length_scale,
+            spectrum=spectrum, rng=generator(seed, "reduction", "gusts"),
+        )  # fmt: skip
+    return _motion(line, state, speed)
+
+
+def _time() -> np.ndarray:
+    return np.arange(LIMIT_CYCLE[1] * RATE + 1) / RATE
+
+
+def _motion(line: Span, start: np.ndarray, speed: np.ndarray | None) -> Motion:
+    time = _time()
+    where = [share * line.line.span for share in QUARTERS]
+    left, middle, right = np.moveaxis(
+        readings(line, simulate(line, start, time, speed), where, "displacement"), 1, 0
+    )
+    return Motion(time, middle, (left - right) / 2.0)
+
+
+def reduction(case: Mapping, motions: Mapping[str, Motion]) -> pd.DataFrame:
+    """One row for each line and direction, at mid-span, the two-mode model first.
+
+    motions: of the lines, as `line_motion` gives them. Amplitude and frequency are those of
+    200-300 s; limit_cycle_m is the amplitude after 1400 s. Errors are those of the two-mode model
+    against the line; R2 is of its displacement, over stretches of 100 s, in which it falls out of
+    step. antisymmetric_m, the amplitude of the limit cycle at a quarter of the span in
+    antisymmetric modes, is what the two-mode model cannot see.
+    """
+    model = two_mode_motion(case)
+    rows = []
+    for name, motion in {"two modes": model, **motions}.items():
+        own, other = _described(motion), _described(model)
+        for k, direction in enumerate(DIRECTIONS):
+            row: dict[str, object] = {"line": name, "direction": direction}
+            for quantity in ("amplitude_m", "frequency_hz", "limit_cycle_m"):
+                row[quantity] = own[quantity][k]
+                error = 100.0 * (other[quantity][k] / own[quantity][k] - 1.0)
+                row[f"{quantity.rsplit('_', 1)[0]}_error_percent"] = error
+            for begin, end in WINDOWS:
+                part = _between(motion.time, (begin, end))
+                fit = r_squared(motion.mid_span[part], model.mid_span[part])
+                row[f"r2_{begin}_{end}_s"] = fit[k]
+            row["antisymmetric_m"] = own["antisymmetric_m"][k]
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _between(time: np.ndarray, window: tuple[int, int]) -> np.ndarray:
+    return (time >= window[0]) & (time <= window[1])
+
+
+def _described(motion: Motion) -> dict[str, np.ndarray]:
+    """Amplitude, frequency, limit cycle and antisymmetric motion, (2,) each."""
+    steady = _between(motion.time, STEADY)
+    settled = _between(motion.time, LIMIT_CYCLE)
+    return {
+        "amplitude_m": steady_amplitude(motion.mid_span[steady]),
+        "frequency_hz": steady_frequency(motion.mid_span[steady], 1.0 / RATE),
+        "limit_cycle_m": steady_amplitude(motion.mid_span[settled]),
+        "antisymmetric_m": steady_amplitude(motion.antisymmetric[settled]),
+    }
