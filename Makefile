@@ -10,7 +10,7 @@
 # make test-faults  the small version killed, interrupted, out of disk: is it whole again?
 # make test-slurm the small version on a SLURM cluster of this machine, a job cancelled; Debian, root
 # make lint       style checks alone
-# make bench      measured speed, in results/benchmarks.csv
+# make bench      measured speed, in results/benchmarks.csv; OLDER=folder of results to compare with
 # make reference  take the numbers of the study and of its small version as results/reference
 # make docs       write the key table and schema again from the settings
 # make lock       pin the environment again
@@ -80,7 +80,7 @@ lint: $(VENV)/made
 
 bench: study
 	PYTHONPATH=workflow/src OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
-	  $(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv
+	  $(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv $(OLDER)
 
 reference: study
 	@$(SCRIPT)/update_reference.py $(OPTIONS)

@@ -33,8 +33,7 @@ from galloping.physics.galerkin import derive
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
 ROOT = Path(__file__).parents[2]
-THRESHOLDED = "stlsq, stlsq_raw, lasso, ensemble, weak"
-METHOD_NAMES = f"{THRESHOLDED}, weak_gls, maximum_likelihood"
+METHOD_NAMES = "stlsq, stlsq_raw, lasso, ensemble, weak, weak_gls, maximum_likelihood"
 NAME_RULE = "at most 40 lower-case letters, digits and '_', a letter first"
 TENSION_RULE = "must be 10..10000000 N, with a sag of at most a quarter of the span"
 FOLDER_RULE = (
@@ -394,13 +393,12 @@ REFUSED = [
         "must hold one of stlsq, stlsq_raw, lasso, ensemble, maximum_likelihood",
     ),
     (
-        {"identification": {"thresholds": {"laso": 1}}},
-        "identification.thresholds.laso: unknown name; did you mean 'lasso'? "
-        f"allowed: {THRESHOLDED}",
+        {"identification": {"laso": {"threshold": 1}}},
+        "identification.laso: unknown key; did you mean 'lasso'?",
     ),
     (
-        {"identification": {"thresholds": {"lasso": 0}}},
-        "identification.thresholds.lasso: 0 is not allowed; must be > 0",
+        {"identification": {"lasso": {"threshold": 0}}},
+        "identification.lasso.threshold: 0 is not allowed; must be null or > 0",
     ),
     (
         {"identification": {"weak": {"half_width": 150}}},

@@ -392,9 +392,9 @@ def test_permuting_replicates_permutes_results(replicates, method):
 def test_bootstraps_are_drawn_by_position(replicates):
     # every replicate has its own draws: the same recording twice gives two models
     item = replicates["ensemble"][0]
-    several = run("ensemble", [item] * 8, ensemble_models=2)
+    several = run("ensemble", [item] * 8, models=2)
     assert not all(equal(several[0], one) for one in several[1:])
-    assert equal(several[0], run("ensemble", [item], ensemble_models=2)[0])
+    assert equal(several[0], run("ensemble", [item], models=2)[0])
 
 
 def test_bagging_is_that_of_pysindy(resonant):
@@ -424,15 +424,16 @@ def test_global_random_state_is_left_alone(replicates, method):
 
 
 def test_every_method_says_what_it_takes():
-    available = {*SETTINGS, "threshold", "rng", "seed"}
     for method in METHODS:
         assert all(callable(imported(name)) for name in method.modules)
-        assert set(method.options) <= available
+        section = SETTINGS.get(method.name, {})
+        assert set(method.options.model_fields) == set(section)
+        assert set(method.given) <= {"degree", "seed", "rng"}
         assert method.protocols
 
 
 def test_a_method_is_told_its_own_settings_alone():
-    fixed = SETTINGS | {"thresholds": {"stlsq": 0.1}}
+    fixed = SETTINGS | {"stlsq": {**SETTINGS["stlsq"], "threshold": 0.1}}
     changed = [m.name for m in METHODS if m.settings(fixed, 3) != m.settings(SETTINGS, 3)]
     assert changed == ["stlsq"]
     assert BY_NAME["stlsq"].settings(fixed, 3)["options"]["threshold"] == 0.1

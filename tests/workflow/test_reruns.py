@@ -173,7 +173,7 @@ NEW_METHOD = """METHODS = (
         family="sparse",
         evidence=REGRESSION,
         function="galloping.identification.sparse.ridge:ridge",
-        options=("threshold",),
+        options=Thresholded,
         takes=(RATES, STATES),
         needs_uniform=False,
         summary="a new one",
@@ -203,7 +203,7 @@ EDITS = {
         "identification: {methods: [stlsq, maximum_likelihood, lasso]}"
     ),
     "a method removed": settings("identification: {methods: [stlsq]}"),
-    "a threshold of `stlsq`": settings("identification: {thresholds: {stlsq: 0.01}}"),
+    "a threshold of `stlsq`": settings("identification: {stlsq: {threshold: 0.01}}"),
     "the degree of the library": settings("identification: {degree: 2}"),
     "the steady window": settings("simulation: {steady_window: [210, 300]}"),
     "the length of the record": settings("simulation: {duration: 310}"),

@@ -1,11 +1,13 @@
-"""Measured speed, as ratios against a peer in the same run: bench.py RESULTS OUTPUT.csv.
+"""Measured speed, as ratios against a peer in the same run: bench.py RESULTS OUTPUT.csv [OLDER].
 
-RESULTS is a finished default study, for its recordings and the memory of its jobs. The study,
-smoke and idle times are of real runs in a temporary copy of the project. `make bench` sets one
+RESULTS is a finished default study, for its motions and the cost of its jobs. OLDER is the results
+folder of the same study by an older version, run on the same machine: the sums of job seconds
+stand beside each other. The study, smoke and idle times are of real runs in a temporary copy of
+the project. `make bench` sets one
 thread a process, as in a job.
 """
 
-import csv
+import re
 import shutil
 import subprocess
 import sys
@@ -15,21 +17,27 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pysindy as ps
+import yaml
 from scipy.integrate import solve_ivp
 
+from galloping.configuration.load import load
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.reduction import reduce
 from galloping.identification.sparse.stlsq import normalised
-from galloping.physics.equations import model
+from galloping.measurement.measuring import measure
 from galloping.polynomial import PolynomialModel, library
-from galloping.recording import Recording, Recordings
+from galloping.recording import Recording
 from galloping.simulation import Simulator, time_grid
-from galloping.storage import read_json, write_rows
+from galloping.storage import write_rows
+from galloping.study.cells import Study
+from galloping.study.files import models, trajectories
 
 ROOT = Path(__file__).parents[2]
 CASE = "internal_resonance"
+LEVELS = 310  # noise levels of a study of 5,000 jobs
 
 
 def seconds(work, repeats: int) -> float:
@@ -56,11 +64,11 @@ def row(quantity: str, value: float, unit: str, peer: str = "", ratio: float = n
 
 def simulation(results: Path) -> list[dict]:
     """A re-simulation of an identified model against pysindy's, and integrators compared."""
-    line = model(read_json(results / f"models/{CASE}.json")["coefficients"])
+    line = models.read(results / f"models/{CASE}.json").model
     terms = library(len(line.states), 3)
     full = line.on_library(terms)
-    with np.load(results / f"trajectories/{CASE}.npz") as file:
-        grid, exact = file["time"], file["states"][0]
+    motion = trajectories.read(results / f"trajectories/{CASE}.npz")[0]
+    grid, exact = motion.time, motion.states
     simulator = Simulator(full.states, terms)
     ours = seconds(lambda: simulator(full, exact[0], grid), 15)
 
@@ -103,8 +111,7 @@ def _reference(line, x0, grid):
 
 def identification(results: Path) -> list[dict]:
     """Reduction and stlsq with threshold selection against one plain fit; growth with samples."""
-    recordings = Recordings.read(results / f"recordings/{CASE}/derivative/noise_0.05.npz")
-    recording = recordings.replicates[0][0]
+    recording = recordings(results, "derivative")[0][0]
     terms = library(len(recording.states), 3)
 
     def fit(one: Recording) -> None:
@@ -124,7 +131,7 @@ def identification(results: Path) -> list[dict]:
         row("stlsq with threshold selection, 30,001 x 4", ours, "s",
             "pysindy SINDy.fit on raw columns at one threshold", raw / ours, ">= 10"),
     ]  # fmt: skip
-    line = model(read_json(results / f"models/{CASE}.json")["coefficients"])
+    line = models.read(results / f"models/{CASE}.json").model
     simulator = Simulator(line.states, line.terms)
     previous = None
     for n in (10_000, 100_000, 1_000_000):
@@ -145,16 +152,13 @@ def identification(results: Path) -> list[dict]:
 
 def limit(results: Path) -> list[dict]:
     """Maximum likelihood on every replicate of a cell, all stages, compiled before."""
-    recordings = Recordings.read(results / f"recordings/{CASE}/state/noise_0.05.npz")
+    replicates = recordings(results, "state")
     terms = library(4, 3)
-    maximum_likelihood(list(recordings.replicates[0]), terms)
-    times = [
-        seconds(partial(maximum_likelihood, list(replicate), terms), 1)
-        for replicate in recordings.replicates
-    ]
-    weak = [
-        seconds(partial(weak_gls, list(replicate), terms), 1) for replicate in recordings.replicates
-    ]
+    maximum_likelihood(list(replicates[0]), terms)
+    times, weak = (
+        [seconds(partial(method, list(replicate), terms), 1) for replicate in replicates]
+        for method in (maximum_likelihood, weak_gls)
+    )
     ours = float(np.median(times))
     return [
         row("maximum_likelihood on 30,001 x 4 at 0.05, median", ours, "s", bar="<= 1.0"),
@@ -163,14 +167,58 @@ def limit(results: Path) -> list[dict]:
     ]  # fmt: skip
 
 
-def memory(results: Path) -> list[dict]:
-    """Largest resident set of a job, from Snakemake's benchmark files."""
-    largest = 0.0
-    for path in (results / "benchmarks").rglob("*.tsv"):
-        with path.open() as file:
-            for record in csv.DictReader(file, delimiter="\t"):
-                largest = max(largest, float(record["max_rss"].replace("-", "0")))
-    return [row("memory of the largest job", largest, "MiB", bar="<= 1024")]
+def recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
+    """Those of the default study at noise level 0.05, by replicate."""
+    cell = Study(load({})).cell(CASE, protocol, "noise_0.05")
+    motions = trajectories.read(results / f"trajectories/{CASE}.npz")
+    return measure(motions, name=tuple(cell.wildcards.values()), **cell.measurement)
+
+
+def costs(results: Path) -> pd.DataFrame:
+    """Snakemake's benchmarks of all jobs: rule, s (wall time), max_rss (MiB)."""
+    folder = results / "benchmarks"
+    tables = []
+    for path in sorted(folder.rglob("*.tsv")):
+        rule = path.relative_to(folder).parts[0].removesuffix(".tsv")
+        tables.append(pd.read_csv(path, sep="\t", na_values="-").assign(rule=rule))
+    return pd.concat(tables, ignore_index=True)
+
+
+def jobs(results: Path, older: Path | None) -> list[dict]:
+    """Sums of job seconds, by rule, and largest resident set of a job; beside an older study."""
+    now = costs(results)
+    rows = [
+        row(f"job seconds of {rule}, {len(table)} jobs", table["s"].sum(), "s")
+        for rule, table in now.groupby("rule")
+    ]
+    rows.append(row("memory of the largest job", now["max_rss"].max(), "MiB", bar="<= 1024"))
+    peer = {}
+    if older:
+        before = costs(older)
+        rows += [
+            row(f"job seconds of {rule} before, {len(table)} jobs", table["s"].sum(), "s")
+            for rule, table in before.groupby("rule")
+        ]
+        ratio = now["s"].sum() / before["s"].sum()
+        peer = {"peer": f"before, {len(before)} jobs", "ratio": ratio, "bar": "<= 0.333"}
+    return [*rows, row(f"job seconds of all {len(now)} jobs", now["s"].sum(), "s", **peer)]
+
+
+def planning(folder: str) -> list[dict]:
+    """Time to plan, in a copy of the project, the default study and one of 5,000 jobs."""
+    larger = Path(folder) / "larger.yaml"
+    levels = [round(0.001 * k, 3) for k in range(LEVELS)]
+    larger.write_text(yaml.safe_dump({"results": "larger", "measurement": {"levels": levels}}))
+    rows = []
+    for options in ((), ("--configfile", str(larger))):
+        command = [sys.executable, "-m", "snakemake", "-n", "--quiet", "rules", "--forceall"]
+        start = time.perf_counter()
+        run = subprocess.run(
+            [*command, *options], cwd=folder, check=True, capture_output=True, text=True
+        )
+        jobs = re.search(r"^total +(\d+)$", run.stdout + run.stderr, re.MULTILINE)[1]
+        rows.append(row(f"plan of {jobs} jobs", time.perf_counter() - start, "s"))
+    return rows
 
 
 def whole_runs() -> list[dict]:
@@ -196,14 +244,19 @@ def whole_runs() -> list[dict]:
                 bar="<= 60"),
             row("default study and report, two cores", study(), "s", bar="<= 480"),
             row("repetition with nothing to do", study(), "s", bar="<= 5"),
+            *planning(folder),
         ]  # fmt: skip
 
 
-def main(results: str, output: str) -> None:
+def main(results: str, output: str, older: str | None = None) -> None:
     folder = Path(results)
-    rows = (
-        simulation(folder) + identification(folder) + limit(folder) + memory(folder) + whole_runs()
-    )
+    rows = [
+        *jobs(folder, Path(older) if older else None),
+        *simulation(folder),
+        *identification(folder),
+        *limit(folder),
+        *whole_runs(),
+    ]
     write_rows(output, rows)
 
 

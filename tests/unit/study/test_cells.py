@@ -53,7 +53,7 @@ def test_without_noise_replicates_are_one_and_draw_nothing(default):
     [
         ({"measurement": {"state_noise": "absolute"}}, {"state", "displacement"}),
         ({"measurement": {"replicates": 3}}, {"derivative", "state", "displacement"}),
-        ({"identification": {"thresholds": {"stlsq": 0.1}}}, set()),
+        ({"identification": {"stlsq": {"threshold": 0.1}}}, set()),
         ({"figures": {"dpi": 100}}, set()),
     ],
 )
@@ -69,7 +69,7 @@ def test_a_job_reads_only_settings_on_which_its_results_depend(default, settings
 
 
 def test_a_threshold_is_read_by_the_family_of_its_method(default):
-    other = study(identification={"thresholds": {"stlsq": 0.1}})
+    other = study(identification={"stlsq": {"threshold": 0.1}})
     cell = ("internal_resonance", "state", "noise_0.05")
     changed = [
         family

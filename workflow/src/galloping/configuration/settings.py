@@ -7,7 +7,7 @@ from math import inf
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
 from galloping.configuration.fields import (
     Section,
@@ -24,6 +24,7 @@ from galloping.configuration.fields import (
     whole,
 )
 from galloping.identification.registry import METHODS, PROTOCOLS
+from galloping.measurement.protocols import PROTOCOLS as ALL_PROTOCOLS
 
 Positive = real(gt=0)
 NonNegative = real(ge=0)
@@ -33,7 +34,6 @@ DampingRatio = real(ge=0, lt=1)
 NoiseLevel = real(ge=0, lt=10)
 Protocol = one_of(PROTOCOLS)
 MethodName = one_of(tuple(method.name for method in METHODS))
-ThresholdName = one_of(tuple(m.name for m in METHODS if "threshold" in m.options))
 CaseName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 NAME_RULE = "at most 40 lower-case letters, digits and '_', a letter first"
 FolderName = Annotated[
@@ -350,8 +350,8 @@ class Measurement(Section):
     )
     protocols: selection(Protocol) = setting(
         PROTOCOLS,
-        "what is measured: exact states with noisy derivatives (derivative), noisy states (state), "
-        "noisy displacements without velocities (displacement)",
+        "what is measured: "
+        + ", ".join(f"{protocol.meaning} ({protocol.name})" for protocol in ALL_PROTOCOLS),
     )
     levels: selection(NoiseLevel) = setting(
         (0, 0.01, 0.03, 0.05, 0.1, 0.15), "noise levels of the whole record", "1"
@@ -367,31 +367,22 @@ class Measurement(Section):
     )
 
 
-class Weak(Section):
-    """Test functions of the weak form."""
-
-    domains: whole(ge=10, le=100_000) = setting(200, "number of test functions", "1")
-    half_width: Positive = setting(
-        1.2, "half the length of a test function", "s", rule="below half the record"
-    )
-    order: whole(ge=1, le=12) = setting(4, "order of the test functions at their ends", "1")
-
-
-class Identification(Section):
-    """How models are found."""
+class Library(Section):
+    """What models are found of, and how."""
 
     degree: whole(ge=1, le=5) = setting(3, "highest degree of the candidate library", "1")
     methods: selection(MethodName) = setting(
         tuple(method.name for method in METHODS), "identification methods"
     )
-    thresholds: dict[ThresholdName, Positive] = setting(
-        {}, "fixed threshold of a method; a method not listed chooses its own from the data", "1"
-    )
-    path_length: whole(ge=5, le=1000) = setting(
-        30, "candidate thresholds scanned where the data choose", "1"
-    )
-    ensemble_models: whole(ge=2, le=1000) = setting(20, "bagged models of an ensemble", "1")
-    weak: Weak = section(Weak)
+
+
+# with a section for each method that has settings
+Identification = create_model(
+    "Identification",
+    __base__=Library,
+    __doc__="How models are found.",
+    **{m.name: (m.options, section(m.options)) for m in METHODS if m.options.model_fields},
+)
 
 
 class Figures(Section):

@@ -256,8 +256,7 @@ def write_figures(
         length = PERIODS * field.period
         drawn["forecast"] = lambda: figures.draw_forecast(last, parts, last.time[-1], length)
     for name, draw in drawn.items():
-        write_figure(folder / f"{name}.svg", folder / f"{name}.png", draw, POINTS = 600  # of a drawn motion
-DPI, FONT_SIZE)
+        write_figure(folder / f"{name}.svg", folder / f"{name}.png", draw, DPI, FONT_SIZE)
 
 
 def _parts(trial: Trial | None, ahead: Forecast | None) -> list[Forecast]:

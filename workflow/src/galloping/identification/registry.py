@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from galloping.configuration.fields import Section
+from galloping.identification.options import Ensemble, NoOptions, Scanned, Thresholded, WeakForm
 from galloping.measurement import protocols
 from galloping.measurement.protocols import DISPLACEMENTS, RATES, STATES, Protocol
 
@@ -22,8 +24,8 @@ class Method:
     share one model, and the terms of the library; None for the recordings themselves.
     function: `module:function`, imported only by the job that runs it. It takes the evidence of a
     replicate and the keywords `options`, and returns an `IdentifiedModel`.
-    options: keys of the `identification` settings, `threshold` (its own, or None), `rng` (of the
-    replicate) and `seed` (of the study).
+    options: its own section of the `identification` settings, keywords of the function. given:
+    further keywords: `degree` of the library, `seed` of the study, `rng` of the replicate.
     takes: what a protocol may measure: RATES, STATES, DISPLACEMENTS.
     needs_uniform: whether the samples must be equally spaced, which random subsets are not.
     """
@@ -32,10 +34,11 @@ class Method:
     family: str
     evidence: str | None
     function: str
-    options: tuple[str, ...]
+    options: type[Section]
     takes: tuple[str, ...]
     needs_uniform: bool
     summary: str
+    given: tuple[str, ...] = ()
 
     @property
     def protocols(self) -> tuple[str, ...]:
@@ -57,16 +60,13 @@ class Method:
         identification: that section. seed: of the study. The options without `rng`, which the job
         makes from `seed` and the name of each replicate; no seed where the method draws nothing.
         """
-        available = {
-            **identification,
-            "threshold": identification["thresholds"].get(self.name),
-            "seed": seed,
-        }
+        available = {"degree": identification["degree"], "seed": seed}
+        given = {key: available[key] for key in self.given if key != "rng"}
         return {
             "evidence": self.evidence,
             "function": self.function,
-            "options": {key: available[key] for key in self.options if key != "rng"},
-            "seed": seed if "rng" in self.options else None,
+            "options": {**identification.get(self.name, {}), **given},
+            "seed": seed if "rng" in self.given else None,
         }
 
 
@@ -76,7 +76,7 @@ METHODS = (
         family="sparse",
         evidence=REGRESSION,
         function="galloping.identification.sparse.stlsq:normalised",
-        options=("threshold", "path_length"),
+        options=Scanned,
         takes=(RATES, STATES),
         needs_uniform=False,
         summary="sequentially thresholded least squares on normalised columns",
@@ -86,7 +86,7 @@ METHODS = (
         family="sparse",
         evidence=REGRESSION,
         function="galloping.identification.sparse.stlsq:raw",
-        options=("threshold", "path_length"),
+        options=Scanned,
         takes=(RATES, STATES),
         needs_uniform=False,
         summary="the same on columns as they are, as the paper most likely did",
@@ -96,7 +96,7 @@ METHODS = (
         family="sparse",
         evidence=REGRESSION,
         function="galloping.identification.sparse.lasso:lasso",
-        options=("threshold",),
+        options=Thresholded,
         takes=(RATES, STATES),
         needs_uniform=False,
         summary="least squares with an l1 penalty",
@@ -106,7 +106,8 @@ METHODS = (
         family="sparse",
         evidence=REGRESSION,
         function="galloping.identification.sparse.ensemble:ensemble",
-        options=("threshold", "path_length", "ensemble_models", "rng"),
+        options=Ensemble,
+        given=("rng",),
         takes=(RATES, STATES),
         needs_uniform=False,
         summary="median of thresholded fits to bootstrap samples of the recording",
@@ -116,7 +117,8 @@ METHODS = (
         family="sparse",
         evidence=None,
         function="galloping.identification.sparse.weak:weak",
-        options=("degree", "threshold", "path_length", "weak", "seed"),
+        options=WeakForm,
+        given=("degree", "seed"),
         takes=(STATES,),
         needs_uniform=True,
         summary="weak form: integrals against test functions in place of derivatives",
@@ -126,7 +128,7 @@ METHODS = (
         family="likelihood",
         evidence=START,
         function="galloping.identification.likelihood.methods:weak_gls",
-        options=(),
+        options=NoOptions,
         takes=(STATES, DISPLACEMENTS),
         needs_uniform=False,
         summary="weak form by generalised least squares, with the kinematic identity as rows",
@@ -136,7 +138,7 @@ METHODS = (
         family="likelihood",
         evidence=START,
         function="galloping.identification.likelihood.methods:maximum_likelihood",
-        options=(),
+        options=NoOptions,
         takes=(RATES, STATES, DISPLACEMENTS),
         needs_uniform=False,
         summary="multiple shooting with selection: the Cramer-Rao bound",

@@ -15,7 +15,7 @@ import numpy as np
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
-from galloping.identification.likelihood.instrument import faults
+from galloping.identification.likelihood.instrument import FORCES, faults
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
@@ -40,6 +40,7 @@ WINDOWS_PER_PERIOD = 12  # of the shortest period; the projections of a window l
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 PATIENCE = 5  # passes with free segments, after which they are matched, however bad the fit
 MOST_PASSES = 20
+SHORTER = 4  # lengths of segments that are tried, each half the one before
 HOPELESS = 6  # passes, where the data cannot tell the terms apart, after which they stay open
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
@@ -159,7 +160,13 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     )
     fit = step.fit
     unseen = bool(np.linalg.eigvalsh(step.information * largest * largest[:, None])[0] < 1.0)
-    fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
+    try:
+        fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
+    except FloatingPointError as error:
+        causes = _causes(problem, condensed, segments, step.fit, penalty)
+        if not causes and step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
+            causes = [f"followed in pieces, not as a whole: {FORCES}"]
+        raise FloatingPointError("; ".join([*causes, str(error)])) from error
     remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
@@ -175,12 +182,10 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
     objection, doubt = shown.objection([problem.states[k] for k in observed]), ""
     if step.settled:
-        causes = faults(
-            problem, condensed, step.segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
-        )
+        causes = _causes(problem, condensed, step.segments, fit, penalty)
         if objection and not causes:
             raise FloatingPointError(objection)
-        objection = "; ".join([fault.cause for fault in causes[:1]] + [objection] * bool(objection))
+        objection = "; ".join(filter(None, [*causes, objection]))
     else:  # what it leaves in the residuals is that it is not the best fit
         objection, doubt = "", "many models follow the data alike"
     return judged(
@@ -200,6 +205,16 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
             "removed_share": 1.0 - kept / samples,
         },
     )  # fmt: skip
+
+
+def _causes(
+    problem: Problem, condensed: Condensed, segments: Segments, fit: Fit, penalty: float
+) -> list[str]:
+    """The clearest fault of the recording, or none."""
+    shown = faults(
+        problem, condensed, segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
+    )
+    return [fault.cause for fault in shown[:1]]
 
 
 def _remaining(
@@ -249,9 +264,9 @@ def _followed(
     terms, each held to its `largest` size. Raises FloatingPointError where that diverges too.
     """
     best = None
-    for halving in range(2 * MOST_HALVINGS):
-        periods = PERIODS_PER_SEGMENT / 2 ** (halving % MOST_HALVINGS)
-        if halving == MOST_HALVINGS:
+    for halving in range(2 * SHORTER):
+        periods = PERIODS_PER_SEGMENT / 2 ** (halving % SHORTER)
+        if halving == SHORTER:
             if best is not None:
                 return best
             scaled = start.information * largest * largest[:, None] + np.eye(len(largest))

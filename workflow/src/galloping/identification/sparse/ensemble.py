@@ -21,7 +21,7 @@ def ensemble(
     *,
     threshold: float | None,
     path_length: int,
-    ensemble_models: int,
+    models: int,
     rng: np.random.Generator,
 ) -> IdentifiedModel:
     """Bagging on the rows of the reduced regression, a term stays if most models have it.
@@ -36,7 +36,7 @@ def ensemble(
     thresholds = normalised(unit, threshold=threshold, path_length=path_length).thresholds
     library, targets = _mixed(unit.library), _mixed(unit.targets)
     # targets in units of their threshold, as in stlsq.fit
-    medians = bagged_medians(library, targets / thresholds, ensemble_models, rng)
+    medians = bagged_medians(library, targets / thresholds, models, rng)
     medians = medians * thresholds[:, np.newaxis]
     support = (np.abs(medians) >= NEGLIGIBLE)[:, np.newaxis]
     coefficients = refit(unit.library, unit.targets, support)[:, 0]

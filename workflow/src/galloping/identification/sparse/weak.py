@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -22,12 +22,14 @@ def weak(
     degree: int,
     threshold: float | None,
     path_length: int,
-    weak: Mapping[str, float],
+    domains: int,
+    half_width: float,
+    order: int,
     seed: int,
 ) -> IdentifiedModel:
     """Integrates against polynomial bumps instead of differentiating, then STLSQ.
 
-    weak: `domains` bumps at random times, of `half_width` s and polynomial `order`; the same
+    `domains` bumps at random times, of `half_width` s and polynomial `order`; the same
     ones for every recording on one time grid, since their weights cost more than the fit.
     Raises ValueError for irregular or missing samples.
     """
@@ -37,7 +39,7 @@ def weak(
             raise ValueError("weak: needs a regularly sampled recording")
         if not np.all(np.isfinite(recording.values)):
             raise ValueError("weak: needs every state at every sample")
-        library = _bumps(tuple(recording.time), degree, *weak.values(), seed)
+        library = _bumps(tuple(recording.time), degree, domains, half_width, order, seed)
         library.fit([recording.values])
         theta = np.asarray(library.transform([recording.values])[0])
         integrals = np.asarray(library.convert_u_dot_integral(recording.values))

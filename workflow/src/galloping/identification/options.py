@@ -1,0 +1,45 @@
+"""The settings of each method: its own typed section, empty where it has none."""
+
+from __future__ import annotations
+
+from galloping.configuration.fields import Section, real, setting, whole
+
+Positive = real(gt=0)
+
+
+class NoOptions(Section):
+    """A method without settings."""
+
+
+class Thresholded(Section):
+    """A threshold on terms."""
+
+    threshold: Positive | None = setting(
+        None,
+        "in the method's unit; null: each equation chooses its own from the data",
+        "1",
+    )
+
+
+class Scanned(Thresholded):
+    """A threshold, chosen out of a path of candidates."""
+
+    path_length: whole(ge=5, le=1000) = setting(
+        30, "candidate thresholds scanned where the data choose", "1"
+    )
+
+
+class Ensemble(Scanned):
+    """An ensemble."""
+
+    models: whole(ge=2, le=1000) = setting(20, "bagged models of an ensemble", "1")
+
+
+class WeakForm(Scanned):
+    """Test functions of the weak form."""
+
+    domains: whole(ge=10, le=100_000) = setting(200, "number of test functions", "1")
+    half_width: Positive = setting(
+        1.2, "half the length of a test function", "s", rule="below half the record"
+    )
+    order: whole(ge=1, le=12) = setting(4, "order of the test functions at their ends", "1")

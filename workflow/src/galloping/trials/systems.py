@@ -1,0 +1,276 @@
+"""Fits to recordings of published polynomial systems, periodic and chaotic.
+
+Equations and parameters are those of the sources named; parameters and initial states of the
+chaotic flows are as in the collection of Gilpin (NeurIPS 2021, `dysts`), on their attractors. A
+recording lasts thirty of a system's periods, whatever its number of samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from galloping.bounds.information import Experiment, state_bound
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.smoothing import shortest_period
+from galloping.identification.likelihood.weak_gls import weak_gls
+from galloping.identification.model import IdentifiedModel
+from galloping.polynomial import PolynomialModel, library
+from galloping.recording import Recording
+from galloping.seeds import generator
+from galloping.simulation import Simulator
+from galloping.trials.scores import claims
+
+DEGREE = 3
+PERIODS = 30
+REMEMBERED = 4  # periods of a chaotic flow from which its bound is formed
+
+
+@dataclass(frozen=True)
+class System:
+    """A published system: equations by state and term, an initial state, a period.
+
+    chaotic: whether it forgets its initial state, so that its bound is that of short pieces.
+    """
+
+    source: str
+    equations: Mapping[str, Mapping[str, float]]
+    start: tuple[float, ...]
+    period: float
+    chaotic: bool = True
+
+    @property
+    def model(self) -> PolynomialModel:
+        """On the library of all terms up to the third degree."""
+        states = tuple(self.equations)
+        terms = library(len(states), DEGREE)
+        names = PolynomialModel(states, terms, np.zeros((len(states), len(terms)))).term_names
+        unknown = {term for row in self.equations.values() for term in row} - set(names)
+        if unknown:
+            raise ValueError(f"terms {sorted(unknown)} are not in the library")
+        rows = [[row.get(name, 0.0) for name in names] for row in self.equations.values()]
+        return PolynomialModel(states, terms, np.array(rows))
+
+
+def _sprott(case: str, start: tuple, period: float, x: dict, y: dict, z: dict) -> System:
+    source = f"Sprott, Physical Review E 50 (1994), case {case}"
+    return System(source, {"x": x, "y": y, "z": z}, start, period)
+
+
+SYSTEMS = {
+    # oscillators
+    "van_der_pol": System(
+        "van der Pol, Philosophical Magazine 2 (1926)",
+        {"x": {"y": 1}, "y": {"x": -1, "y": 1, "x^2 y": -1}}, (0.5, 0), 6.66, False),
+    "relaxation": System(
+        "van der Pol, Philosophical Magazine 2 (1926), damping of 5",
+        {"x": {"y": 1}, "y": {"x": -1, "y": 5, "x^2 y": -5}}, (0.5, 0), 11.6, False),
+    "rayleigh": System(
+        "Rayleigh, The Theory of Sound (1877)",
+        {"x": {"y": 1}, "y": {"x": -1, "y": 1, "y^3": -1 / 3}}, (0.5, 0), 6.66, False),
+    "duffing": System(
+        "Duffing, Erzwungene Schwingungen (1918)",
+        {"x": {"y": 1}, "y": {"x": -1, "y": -0.05, "x^3": -1}}, (2, 0), 4.0, False),
+    "cubic_damped": System(
+        "Brunton, Proctor and Kutz, PNAS 113 (2016), cubic oscillator",
+        {"x": {"x^3": -0.1, "y^3": 2}, "y": {"x^3": -2, "y^3": -0.1}}, (2, 0), 0.9, False),
+    "stuart_landau": System(
+        "Stuart, Journal of Fluid Mechanics 9 (1960)",
+        {"x": {"x": 0.2, "y": -1, "x^3": -1, "x y^2": -1},
+         "y": {"x": 1, "y": 0.2, "x^2 y": -1, "y^3": -1}}, (0.01, 0), 6.28, False),
+    "wake": System(
+        "Noack et al., Journal of Fluid Mechanics 497 (2003), mean-field model",
+        {"x": {"x": 0.1, "y": -1, "x z": -1}, "y": {"x": 1, "y": 0.1, "y z": -1},
+         "z": {"x^2": 1, "y^2": 1, "z": -1}}, (0.01, 0, 0), 6.28, False),
+    "linear": System(
+        "Brunton, Proctor and Kutz, PNAS 113 (2016), linear oscillator",
+        {"x": {"x": -0.1, "y": 2}, "y": {"x": -2, "y": -0.1}}, (2, 0), 1.2, False),
+    "sel_kov": System(
+        "Sel'kov, European Journal of Biochemistry 4 (1968), glycolysis",
+        {"x": {"x": -1, "y": 0.08, "x^2 y": 1}, "y": {"1": 0.6, "y": -0.08, "x^2 y": -1}},
+        (1, 1), 7.0, False),
+    "brusselator": System(
+        "Prigogine and Lefever, Journal of Chemical Physics 48 (1968)",
+        {"x": {"1": 1, "x": -4, "x^2 y": 1}, "y": {"x": 3, "x^2 y": -1}}, (1, 1), 7.2, False),
+    # populations
+    "lotka_volterra": System(
+        "Lotka, PNAS 6 (1920)",
+        {"x": {"x": 1, "x y": -0.5}, "y": {"y": -1, "x y": 0.25}}, (6, 3), 6.6, False),
+    "three_competitors": System(
+        "May and Leonard, SIAM Journal on Applied Mathematics 29 (1975)",
+        {"x": {"x": 1, "x^2": -1, "x y": -0.8, "x z": -1.3},
+         "y": {"y": 1, "y^2": -1, "y z": -0.8, "x y": -1.3},
+         "z": {"z": 1, "z^2": -1, "x z": -0.8, "y z": -1.3}}, (0.5, 0.3, 0.2), 20.0, False),
+    "four_species": System(
+        "Vano et al., Nonlinearity 19 (2006)",
+        {"x": {"x": 1, "x^2": -1, "x y": -1.09, "x z": -1.52},
+         "y": {"y": 0.72, "y^2": -0.72, "y z": -0.3168, "y w": -0.9792},
+         "z": {"z": 1.53, "x z": -3.5649, "z^2": -1.53, "z w": -0.7191},
+         "w": {"w": 1.27, "x w": -1.5367, "y w": -0.6477, "z w": -0.4445, "w^2": -1.27}},
+        (0.3013, 0.4586, 0.1307, 0.3557), 15.0),
+    # neurons
+    "fitzhugh_nagumo": System(
+        "FitzHugh, Biophysical Journal 1 (1961)",
+        {"x": {"1": 0.5, "x": 1, "x^3": -1 / 3, "y": -1},
+         "y": {"1": 0.056, "x": 0.08, "y": -0.064}}, (-1, 1), 39.5, False),
+    "hindmarsh_rose": System(
+        "Hindmarsh and Rose, Proceedings of the Royal Society B 221 (1984)",
+        {"x": {"1": 3, "y": 1, "x^2": 3, "x^3": -1, "z": -1},
+         "y": {"1": 1, "x^2": -5, "y": -1}, "z": {"1": 0.0384, "x": 0.024, "z": -0.006}},
+        (-1.3, -7.5, 3.0), 12.0),
+    # chaotic flows
+    "lorenz": System(
+        "Lorenz, Journal of the Atmospheric Sciences 20 (1963)",
+        {"x": {"x": -10, "y": 10}, "y": {"x": 28, "y": -1, "x z": -1},
+         "z": {"x y": 1, "z": -8 / 3}}, (-9.79, -15.04, 20.53), 1.5),
+    "rossler": System(
+        "Rossler, Physics Letters A 57 (1976)",
+        {"x": {"y": -1, "z": -1}, "y": {"x": 1, "y": 0.2},
+         "z": {"1": 0.2, "x z": 1, "z": -5.7}}, (6.51, 0.477, 0.342), 5.91),
+    "chen": System(
+        "Chen and Ueta, International Journal of Bifurcation and Chaos 9 (1999)",
+        {"x": {"x": -35, "y": 35}, "y": {"x": -7, "y": 28, "x z": -1},
+         "z": {"x y": 1, "z": -3}}, (3.27, 5.3, 19.4), 0.587),
+    "halvorsen": System(
+        "Sprott, Elegant Chaos (2010)",
+        {"x": {"x": -1.4, "y": -4, "z": -4, "y^2": -1},
+         "y": {"y": -1.4, "z": -4, "x": -4, "z^2": -1},
+         "z": {"z": -1.4, "x": -4, "y": -4, "x^2": -1}}, (-8.68, -2.47, 0.07), 1.49),
+    "rucklidge": System(
+        "Rucklidge, Journal of Fluid Mechanics 237 (1992)",
+        {"x": {"x": -2, "y": 6.7, "y z": -1}, "y": {"x": 1}, "z": {"y^2": 1, "z": -1}},
+        (1.93, 3.19, 5.78), 6.07),
+    "nose_hoover": System(
+        "Nose, Journal of Chemical Physics 81 (1984)",
+        {"x": {"y": 1}, "y": {"x": -1, "y z": 1}, "z": {"1": 1.5, "y^2": -1}},
+        (-1.98, 0.25, 0.79), 5.87),
+    "genesio_tesi": System(
+        "Genesio and Tesi, Automatica 28 (1992)",
+        {"x": {"y": 1}, "y": {"z": 1}, "z": {"x": -1, "y": -1.1, "z": -0.44, "x^2": 1}},
+        (-0.054, -0.26, 0.335), 5.94),
+    "arneodo": System(
+        "Arneodo, Coullet and Tresser, Physics Letters A 79 (1980)",
+        {"x": {"y": 1}, "y": {"z": 1}, "z": {"x": 5.5, "y": -4.5, "z": -1, "x^3": -1}},
+        (-2.75, 0.19, 3.47), 3.16),
+    "shimizu_morioka": System(
+        "Shimizu and Morioka, Physics Letters A 76 (1980)",
+        {"x": {"y": 1}, "y": {"x": 1, "y": -0.85, "x z": -1}, "z": {"z": -0.5, "x^2": 1}},
+        (0.017, 0.035, 0.35), 12.0),
+    "circulation": System(
+        "Lorenz, Tellus 36A (1984)",
+        {"x": {"x": -0.25, "1": 2.0, "y^2": -1, "z^2": -1},
+         "y": {"x y": 1, "x z": -4, "y": -1, "1": 1},
+         "z": {"x y": 4, "x z": 1, "z": -1}}, (1.37, 0.93, 0.64), 1.45),
+    "rabinovich_fabrikant": System(
+        "Rabinovich and Fabrikant, Soviet Physics JETP 50 (1979)",
+        {"x": {"y z": 1, "y": -1, "x^2 y": 1, "x": 0.87},
+         "y": {"x z": 3, "x": 1, "x^3": -1, "y": 0.87}, "z": {"z": -2.2, "x y z": -2}},
+        (-1.82, 0.83, 0.21), 2.34),
+    "rikitake": System(
+        "Rikitake, Proceedings of the Cambridge Philosophical Society 54 (1958)",
+        {"x": {"x": -1, "y z": 1}, "y": {"y": -1, "x": -1, "x z": 1}, "z": {"1": 1, "x y": -1}},
+        (-0.78, -0.63, 2.67), 5.9),
+    "moore_spiegel": System(
+        "Moore and Spiegel, Astrophysical Journal 143 (1966)",
+        {"x": {"y": 1}, "y": {"z": 1}, "z": {"z": -1, "y": 5, "x^2 y": -9, "x": -4}},
+        (-0.35, 1.97, -0.38), 4.0),
+    "hyperchaos": System(
+        "Rossler, Physics Letters A 71 (1979)",
+        {"x": {"y": -1, "z": -1}, "y": {"x": 1, "y": 0.25, "w": 1}, "z": {"1": 3, "x z": 1},
+         "w": {"z": -0.5, "w": 0.05}}, (-20, 0, 0.15, 15), 6.0),
+    "sprott_a": _sprott("A", (1.54, 1.43, -1.53), 6.37,
+        {"y": 1}, {"x": -1, "y z": 1}, {"1": 1, "y^2": -1}),
+    "sprott_b": _sprott("B", (1.69, 1.48, -0.54), 11.05,
+        {"y z": 1}, {"x": 1, "y": -1}, {"1": 1, "x y": -1}),
+    "sprott_c": _sprott("C", (-0.47, -0.27, 1.94), 8.89,
+        {"y z": 1}, {"x": 1, "y": -1}, {"1": 1, "x^2": -1}),
+    "sprott_d": _sprott("D", (-1.34, -0.21, 0.33), 4.83,
+        {"y": -1}, {"x": 1, "z": 1}, {"x z": 1, "y^2": 3}),
+    "sprott_g": _sprott("G", (-0.77, -0.75, 1.31), 8.71,
+        {"x": 0.4, "z": 1}, {"x z": 1, "y": -1}, {"x": -1, "y": 1}),
+    "sprott_m": _sprott("M", (1.6, -1.6, -2.62), 5.36,
+        {"z": -1}, {"x^2": -1, "y": -1}, {"1": 1.7, "x": 1.7, "y": 1}),
+    "sprott_s": _sprott("S", (0.126, 0.123, 1.22), 3.35,
+        {"x": -1, "y": -4}, {"x": 1, "z^2": 1}, {"1": 1, "x": 1}),
+}  # fmt: skip
+
+
+def _weak_form(recordings: list[Recording], terms: tuple) -> IdentifiedModel:
+    """pysindy's weak form as the study sets it, its bumps as wide as a period of the motion."""
+    # pysindy takes seconds to import
+    from galloping.identification.sparse.weak import weak
+
+    bumps = {"domains": 200, "half_width": shortest_period(recordings) / 2.0, "order": 4}
+    return weak(recordings, degree=DEGREE, threshold=None, path_length=25, weak=bumps, seed=0)
+
+
+METHODS: dict[str, Callable[[list[Recording], tuple], IdentifiedModel]] = {
+    "maximum_likelihood": maximum_likelihood,
+    "weak_gls": weak_gls,
+    "weak": _weak_form,
+}
+
+
+def trial(
+    seed: int,
+    names: Sequence[str] = tuple(SYSTEMS),
+    *,
+    samples: int,
+    level: float,
+    replicates: int,
+    methods: Sequence[str] = tuple(METHODS),
+) -> Iterator[dict[str, object]]:
+    """One row for each fit: see `trials.scores`, and error_over_bound.
+
+    level: of the noise, in standard deviations of each state. error_over_bound: root mean square
+    over the true terms of the error in Cramer-Rao standard deviations, NaN unless the terms are
+    exactly right; of a chaotic flow the bound is that of pieces of REMEMBERED periods, each with
+    an unknown beginning, which joined pieces may outdo.
+    """
+    for name in names:
+        system = SYSTEMS[name]
+        true = system.model
+        time = np.linspace(0.0, PERIODS * system.period, samples)
+        start = np.array(system.start, float)
+        trajectory = Simulator(true.states, true.terms)(true, start, time)
+        if trajectory.status != "ok":
+            raise ValueError(f"{name}: {trajectory.status}")
+        x = trajectory.states
+        sigma = level * x.std(axis=0)
+        bound = _bound(system, true, time, x, sigma)
+        for replicate in range(replicates):
+            rng = generator(seed, "systems", name, samples, level, replicate)
+            recording = Recording(time, true.states, x + sigma * rng.standard_normal(x.shape))
+            for method in methods:
+                began = perf_counter()
+                result = METHODS[method]([recording], true.terms)
+                seconds = perf_counter() - began
+                row = claims(true, result)
+                error = (result.model.coefficients - true.coefficients)[true.support] / bound
+                yield {
+                    "system": name,
+                    "states": len(true.states),
+                    "samples": samples,
+                    "level": level,
+                    "method": method,
+                    "seed": seed,
+                    "replicate": replicate,
+                    **row,
+                    "error_over_bound": float(np.sqrt(np.mean(error**2)))
+                    if row["exact"]
+                    else np.nan,
+                    "seconds": seconds,
+                }
+
+
+def _bound(
+    system: System, true: PolynomialModel, time: np.ndarray, x: np.ndarray, sigma: np.ndarray
+) -> np.ndarray:
+    """(n_terms,) Cramer-Rao standard deviations of the true terms."""
+    pieces = PERIODS // REMEMBERED if system.chaotic else 1
+    parts = np.array_split(np.arange(len(time)), pieces)
+    experiments = [Experiment(x[part[0]], time[part], sigma) for part in parts]
+    return state_bound(true, np.argwhere(true.support), experiments).std
