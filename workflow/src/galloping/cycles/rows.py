@@ -293,4 +293,3 @@ def steady_truth(case: Mapping, winds: Sequence[float], simulator: Simulator) ->
     return np.array(
         [m.half_range[:2] if m.kind == "cycle" else np.full(2, np.nan) for m in motions]
     )
-

@@ -178,10 +178,11 @@ def approximation(
     if not made.skill > 0.0:
         return refused(problem, f"{objection}; what comes near it predicts nothing")
     shares = error_shares(made, condensed)
-    names = [problem.states[k] for k in condensed.observed]
+    names = condensed.names(problem.states)
     noise = np.full((len(condensed.counts), len(problem.states)), np.nan)
     inside = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
-    noise[:, condensed.observed] = np.where(condensed.counts > 0, np.sqrt(inside), np.nan)
+    inside = np.where(condensed.counts > 0, np.sqrt(inside), np.nan)
+    noise[:, condensed.observed[~condensed.is_rate]] = inside[:, ~condensed.is_rate]
     named = ", ".join(
         f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
     )
