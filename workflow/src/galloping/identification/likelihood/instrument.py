@@ -37,6 +37,7 @@ CURIOUS = 2.5
 # Mean square, in units of the noise, below which residuals are rounding: exact data are given a
 # least noise, and the projections' own estimate is never this far below the true one.
 ROUNDING = 0.25
+GROWS = "the noise grows with the signal"
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
 
 
@@ -240,7 +241,7 @@ def _variances(
     tested = []
     for cause, signal in (
         ("the sampling times jitter", rates[:, :, 0]),
-        ("the noise grows with the signal", (condensed.targets - residual)[:, :, 0]),
+        (GROWS, (condensed.targets - residual)[:, :, 0]),
     ):
         total, channels = 0.0, 0
         for r in range(len(sigma)):

@@ -197,7 +197,7 @@ def approximation(
         known=problem.known_equations,
         initial_states=made.starts[firsts],
         sigma=noise,
-        chi2=float(np.sum(made.forecast[1]) / np.sum(made.forecast[2])),
+        chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
         status="approximate",
         reason=f"{objection}; forecasts over {PERIODS} periods leave {named}",
         diagnostics={
