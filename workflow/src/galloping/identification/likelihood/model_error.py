@@ -187,6 +187,7 @@ def approximation(
         f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
     )
     firsts = np.unique(segments.recording, return_index=True)[1]
+    noise_power = np.sum(made.forecast[2])
     errors = added_deviation(made.information, made.support)
     errors[made.support] = np.sqrt(np.diag(made.covariance))
     return IdentifiedModel(
