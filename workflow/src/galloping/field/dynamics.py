@@ -7,6 +7,7 @@ from math import floor, log10
 
 import numpy as np
 
+from galloping.cycles.collocation import Orbit
 from galloping.cycles.family import Family
 from galloping.cycles.limit_cycles import settled
 from galloping.cycles.motion import settle
@@ -17,9 +18,9 @@ from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 from galloping.simulation import Simulator
 
-DRAWS = 79  # of which the second least and the second greatest are then the ends of the band
+DRAWS = 39  # of which the least and the greatest are then the ends of the band
 BAND = (0.025, 0.975)
-DURATION, WINDOW = 2000.0, 200.0  # s, of the motion that settles on the limit cycle
+DURATION, FROM_NEARBY, WINDOW = 2000.0, 800.0, 200.0  # s, of the motion that settles on the cycle
 
 
 @dataclass(frozen=True)
@@ -60,17 +61,16 @@ def dynamics(identified: IdentifiedModel, rng: np.random.Generator) -> Dynamics 
         {model.states[i]: _value(best[k, n], sampled[:, k, n]) for n, i in enumerate(pairs)}
         for k in (0, 1)
     )
-    motion = settle(
-        Simulator(model.states, model.terms), model, identified.initial_states[-1],
-        duration=DURATION, window=WINDOW,
-    )  # fmt: skip
+    simulator = Simulator(model.states, model.terms)
+    start = identified.initial_states[-1]
+    motion = settle(simulator, model, start, duration=DURATION, window=WINDOW)
     if motion.kind != "cycle":
         return Dynamics(frequencies, damping, motion.kind, None, {})
     try:
         orbit = settled(Family(lambda _: model), 0.0, motion.time, motion.states, 1.0)[1].solution
     except ValueError as error:
         return Dynamics(frequencies, damping, str(error), None, {})
-    orbits = [near(Family(lambda _, each=each: each), orbit) for each in models]
+    orbits = [_orbit(each, orbit, simulator) for each in models]
     ranges = np.array([each.half_range() for each in orbits if each is not None])
     periods = np.array([each.period for each in orbits if each is not None])
     if len(periods) < 0.9 * DRAWS:  # the band would be that of the tame ones
@@ -80,6 +80,21 @@ def dynamics(identified: IdentifiedModel, rng: np.random.Generator) -> Dynamics 
         frequencies, damping, "cycle", _value(orbit.period, periods),
         {model.states[i]: _value(half[i], ranges[:, i]) for i in pairs},
     )  # fmt: skip
+
+
+def _orbit(model: PolynomialModel, orbit: Orbit, simulator: Simulator) -> Orbit | None:
+    """The limit cycle of another model, near one or where a motion from there ends."""
+    family = Family(lambda _: model)
+    if (close := near(family, orbit)) is not None:
+        return close
+    start = orbit.mesh_states[0]
+    motion = settle(simulator, model, start, duration=FROM_NEARBY, window=WINDOW)
+    if motion.kind != "cycle":
+        return None
+    try:
+        return settled(family, 0.0, motion.time, motion.states, 1.0)[1].solution
+    except ValueError:
+        return None
 
 
 def _value(value: float, samples: np.ndarray) -> Value:

@@ -38,7 +38,8 @@ def forecast(
 
     Each of 100 draws takes coefficients from their covariance, and as its start the state that
     follows the samples of the window best after noise was added to them once more; the noise of a
-    sample is part of the band. Draws that diverge are left out. Raises ValueError where there is
+    sample is part of the band, and so is what forecasts of an approximate model have missed in the
+    recordings. Draws that diverge are left out. Raises ValueError where there is
     no model, or where most draws diverge.
     """
     if identified.status == "refused":
@@ -61,7 +62,10 @@ def forecast(
     if len(motions) < DRAWS // 2:
         raise ValueError(f"{DRAWS - len(motions)} of {DRAWS} draws of the model diverge")
     motions = np.array(motions)
-    seen = motions + sigma * rng.standard_normal(motions.shape)
+    missed = np.array(
+        [identified.diagnostics.get(f"error_share_all_{s}", 0.0) for s in recording.states]
+    ) * np.std(motions, axis=(0, 1))
+    seen = motions + np.hypot(sigma, missed) * rng.standard_normal(motions.shape)
     low, high = np.quantile(seen, (0.05, 0.95), axis=0)
     return Forecast(time, np.median(motions, axis=0), low, high)
 

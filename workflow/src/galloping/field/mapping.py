@@ -33,8 +33,9 @@ class Channel(_Section):
 
     measures: a state, or `d` and the name of one: its rate (`ddq_v`, an acceleration). position:
     m along the span, of a sensor on a line. delay: s by which the column lags behind the time.
-    scale, offset: `unknown` where a camera's scale, or an accelerometer's constant bias and slow
-    drift, are to be identified with the model.
+    scale: `unknown` where a camera's scale is to be told with an accelerometer's help. offset:
+    whether a rate has no constant offset and slow drift, which accelerometers do; `unknown` by
+    default.
     """
 
     column: str
@@ -43,7 +44,7 @@ class Channel(_Section):
     position: float | None = Field(default=None, ge=0)
     delay: float = Field(default=0.0, ge=-3600, le=3600)
     scale: Literal["known", "unknown"] = "known"
-    offset: Literal["known", "unknown"] = "known"
+    offset: Literal["known", "unknown"] = "unknown"
 
 
 class Mapping(_Section):

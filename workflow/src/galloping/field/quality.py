@@ -77,6 +77,7 @@ def _channel(
     sigma = noise(y)
     scale = max(sigma, 1e-9 * float(np.ptp(y)))
     outliers = np.abs(y - median_filter(y, 5)) > OUTLIER * scale + np.abs(np.ptp(y)) * 0.05
+    outliers[[0, 1, -2, -1]] = False  # where a median has no neighbours on one side
     frequency, share = spectrum(t, y, step)
     around = np.convolve(share, np.ones(5), mode="same")
     peaks = find_peaks(around, distance=5, height=0.01)[0]

@@ -37,7 +37,8 @@ CURIOUS = 2.5
 # Mean square, in units of the noise, below which residuals are rounding: exact data are given a
 # least noise, and the projections' own estimate is never this far below the true one.
 ROUNDING = 0.25
-GROWS = "the noise grows with the signal"
+GROWS = "the noise grows with the signal"  # as the residual of a wrong model does, too
+JITTERS = "the sampling times jitter"  # the same
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
 
 
@@ -240,7 +241,7 @@ def _variances(
     weight = np.where(there[:, :, 0], condensed.samplings[:, :, 0, 0], 1.0)
     tested = []
     for cause, signal in (
-        ("the sampling times jitter", rates[:, :, 0]),
+        (JITTERS, rates[:, :, 0]),
         (GROWS, (condensed.targets - residual)[:, :, 0]),
     ):
         total, channels = 0.0, 0

@@ -15,7 +15,7 @@ import numpy as np
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
-from galloping.identification.likelihood.instrument import FORCES, GROWS, faults
+from galloping.identification.likelihood.instrument import FORCES, GROWS, JITTERS, faults
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
@@ -52,7 +52,6 @@ HOPELESS = 6  # passes, where the data cannot tell the terms apart, after which 
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 CONVERGED = 0.01  # squared length of a step, in standard deviations
-OF_THE_MODEL = (FORCES, GROWS)  # what a wrong model shows in recordings of a sound instrument
 DIVERGES = "no model found that follows the data: the iteration diverges"
 MATCHED = 1e-3  # gap between segments, relative to each state
 TRUNCATION = 1e-7  # of the Taylor series, relative to each state
@@ -186,9 +185,11 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     objection, doubt = shown.objection(names), ""
     if step.settled:
         causes = _causes(problem, condensed, step.segments, fit, penalty)
-        sound = not causes or causes[0] in OF_THE_MODEL
+        inadequate = causes[:1] == [FORCES] or (
+            objection and causes[:1] in ([], [GROWS], [JITTERS])
+        )
         objection = "; ".join(filter(None, [*causes, objection]))
-        if objection and sound:
+        if inadequate:
             raise FloatingPointError(objection)
     else:  # what it leaves in the residuals is that it is not the best fit
         objection, doubt = "", "many models follow the data alike"
