@@ -1,4 +1,4 @@
-"""A cell of the smoke study on a SLURM cluster of this machine, a job cancelled, beside a local run.
+"""A cell of the smoke study on a SLURM cluster here, with a job cancelled, beside a local run.
 
 The cluster is two nodes on loopback, without systemd, in a folder of its own.
 """

@@ -30,9 +30,6 @@ FILES = {
     "base.py": "ONE = 1\n",
     "other.py": "OTHER = 1\n",
     "method.py": "import package.other\n",
-    "relative/__init__.py": "from . import one\n",
-    "relative/one.py": "from .two import TWO\nfrom ..other import OTHER\n",
-    "relative/two.py": "TWO = 2\n",
 }
 
 
@@ -69,12 +66,9 @@ def forget():
     ("name", "old", "new"),
     [
         ("stage.py", '"""Works."""', '"""Works hard."""'),
-        ("stage.py", '    """Works."""\n', ""),
         ("stage.py", '"""A stage."""\n', ""),
         ("stage.py", "return 2 * LIMIT", "return 2 * LIMIT  # twice"),
         ("stage.py", "return 2 * LIMIT", "return (\n        2 * LIMIT\n    )"),
-        ("part/deep.py", "LIMIT = base.ONE", "# one\nLIMIT = base.ONE"),
-        ("base.py", "ONE = 1", '"""Base."""\n\nONE = 1'),
         ("script.py", '    """Works."""\n', "    # works\n"),
     ],
 )
@@ -85,45 +79,13 @@ def test_words_do_not_change_the_digest(package, name, old, new):
     assert package(name, text.replace(old, new)) == before
 
 
-MOVED = """
-from package.part.deep import OTHER, LIMIT
-import json
-
-
-class Stage:
-    limit = LIMIT
-
-
-def work():
-    return 2 * LIMIT
-"""
-
-
-def test_where_imports_and_definitions_stand_does_not_change_the_digest(package):
-    before = package()
-    assert package("stage.py", MOVED) == before
-    assert package("stage.py", MOVED.replace("2 *", "3 *")) != before
-
-
-@pytest.mark.parametrize("again", ["def work():\n    return 0\n", "work = print\n"])
-def test_where_a_definition_stands_counts_if_another_has_its_name(package, again):
-    assert package("stage.py", f"{MOVED}\n{again}") != package("stage.py", f"{again}\n{MOVED}")
-
-
-def test_where_a_statement_stands_counts(package):
-    first, second = "ONE = 1\nTWO = ONE\nONE = 2\n", "ONE = 1\nONE = 2\nTWO = ONE\n"
-    assert package("base.py", first) != package("base.py", second)
-
-
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
         ("script.py", "work(sys.argv)", "work()"),
         ("stage.py", "2 * LIMIT", "3 * LIMIT"),
         ("stage.py", "return 2 * LIMIT", "text = '''words'''\n    return 2 * LIMIT"),
-        ("part/deep.py", "base.ONE", "base.ONE + 1"),
         ("base.py", "ONE = 1", "ONE = 1.0"),
-        ("__init__.py", '"""A package."""\n', "import os\n"),
         ("part/__init__.py", "", "import os\n"),
     ],
 )
@@ -137,13 +99,6 @@ def test_a_template_beside_a_module_counts(package):
     package("part/page.jinja", "one")
     before = package()
     assert package("part/page.jinja", "two") != before
-
-
-def test_relative_imports_count(package):
-    before = package(modules=["package.relative"])
-    assert package("relative/two.py", "TWO = 3\n", modules=["package.relative"]) != before
-    before = package(modules=["package.relative"])
-    assert package("other.py", "OTHER = 2\n", modules=["package.relative"]) != before
 
 
 def test_modules_that_a_script_does_not_use_do_not_count(package):
@@ -167,19 +122,6 @@ def test_modules_imported_by_name_count_when_named(package):
     assert before != package()
     assert package("other.py", "OTHER = 2\n", modules=["package.method"]) != before
     assert package(modules=["package.method:work"]) == package(modules=["package.method"])
-
-
-def test_packages_around_a_module_imported_by_name_count(package):
-    before = package(modules=["package.relative.two"])
-    assert (
-        package("relative/__init__.py", "THREE = 3\n", modules=["package.relative.two"]) != before
-    )
-
-
-def test_a_renamed_module_changes_the_digest(package):
-    before = package()
-    package("basis.py", FILES["base.py"])
-    assert package("part/deep.py", FILES["part/deep.py"].replace("base", "basis")) != before
 
 
 def test_a_misspelt_module_is_named(package):

@@ -31,7 +31,7 @@ from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, extended, library
 from galloping.simulation import Simulator, Trajectory
-from galloping.tables.claims import CLAIMS, Claim, claims_table, verdict
+from galloping.tables.claims import CLAIMS, VERDICTS, Claim, claims_table, verdict
 from galloping.tables.coefficients import identified_terms, table3
 from galloping.tables.data_amount import data_amount
 from galloping.tables.noise import noise_coefficients, noise_r2
@@ -428,25 +428,32 @@ def test_scores_of_cells_stand_in_one_order():
 
 
 @pytest.mark.parametrize(
-    ("kind", "median", "low", "high", "expected"),
+    ("kind", "met", "expected"),
     [
-        ("value", 5.0, 4.0, 6.0, "better"),
-        ("value", 9.0, 8.0, 10.5, "reproduced"),
-        ("value", 10.0, 10.0, 10.0, "reproduced"),
-        ("value", 20.0, 10.0, INF, "reproduced"),
-        ("value", 20.0, 10.1, 30.0, "not reproduced"),
-        ("value", INF, INF, INF, "not reproduced"),
-        ("at_least", 10.0, 0.0, 11.0, "reproduced"),
-        ("at_least", 9.9, 0.0, 11.0, "not reproduced"),
-        ("at_least", -INF, -INF, -INF, "not reproduced"),
-        ("at_most", 10.0, 0.0, 99.0, "reproduced"),
-        ("at_most", 10.1, 0.0, 99.0, "not reproduced"),
-        ("at_most", INF, INF, INF, "not reproduced"),
+        ("value", 20, "better"),
+        ("value", 19, "reproduced"),
+        ("value", 11, "reproduced"),
+        ("at_least", 20, "reproduced"),
+        ("at_least", 11, "reproduced"),
+        ("at_least", 10, "in reach"),
+        ("at_least", 1, "in reach"),
+        ("at_least", 0, "not reproduced"),
+        ("at_most", 20, "reproduced"),
+        ("at_most", 1, "in reach"),
+        ("at_most", 0, "not reproduced"),
     ],
 )
-def test_verdicts(kind, median, low, high, expected):
+@pytest.mark.parametrize("bad", [0.1, INF, np.nan])
+def test_verdicts_count_the_draws_that_meet_the_claim(kind, met, expected, bad):
     claim = Claim("a claim", "a quantity", 10.0, kind, "column")
-    assert verdict(claim, median, low, high) == expected
+    sign = -1 if kind == "at_least" else 1
+    values = 10.0 - sign * np.where(np.arange(20) < met, 0.1, -bad)
+    assert verdict(claim, values) == expected
+
+
+def test_a_draw_at_the_printed_number_meets_it_and_is_not_better():
+    for kind in ("value", "at_least", "at_most"):
+        assert verdict(Claim("", "", 10.0, kind, ""), np.full(20, 10.0)) == "reproduced"
 
 
 def test_claims_hold_the_paper_s_numbers():
@@ -482,9 +489,9 @@ def test_claims_table_is_complete_and_says_what_was_not_run():
     not_run = table["verdict"] == "not run"
     assert set(table.loc[not_run, "claim"]) == {c.name for c in CLAIMS} - ran
     assert (table.loc[not_run, "replicates"] == 0).all()
-    assert table.loc[not_run, ["study_value", "low", "high"]].isna().all(axis=None)
+    assert table.loc[not_run, ["study_value", "low", "high", "met_by"]].isna().all(axis=None)
     assert (table.loc[~not_run, "replicates"] == 4).all()
-    assert set(table.loc[~not_run, "verdict"]) <= {"better", "reproduced", "not reproduced"}
+    assert set(table.loc[~not_run, "verdict"]) <= {*VERDICTS} - {"not run"}
 
 
 def test_only_the_papers_lines_are_judged():
@@ -510,6 +517,7 @@ def test_claims_read_the_scores_of_their_cell():
     rows = claims_of(scores).query("claim == 'mean error of cubic terms at 0.05'")
     row = rows[rows["method"] == "stlsq"].iloc[0]
     assert (row["study_value"], row["low"], row["high"]) == interval(values)
+    assert row["met_by"] == np.mean(values <= 21.05)
     assert row["paper_value"] == 21.05
 
 
@@ -532,8 +540,9 @@ def test_failures_reproduce_no_claim():
         elif column.startswith("r2"):
             scores[column] = -INF
     scores["missing"], scores["true_positive_ratio"] = 16, 0.0
-    verdicts = claims_of(scores)["verdict"]
-    assert set(verdicts) == {"not reproduced", "not run"}
+    table = claims_of(scores)
+    assert set(table["verdict"]) == {"not reproduced", "not run"}
+    assert set(table["met_by"].dropna()) == {0.0}
 
 
 # --- tables of parameters and coefficients ---

@@ -7,7 +7,6 @@ import sys
 from dataclasses import asdict
 
 import pytest
-import yaml
 
 from galloping.reproducibility.receipts import Receipt, receipt_path
 from galloping.storage import write_json
@@ -52,22 +51,6 @@ def test_a_number_of_cores_that_is_none_is_one_line(root, cores):
         1,
         [f"CORES: {cores!r} is not a number of cores; must be all or a whole number >= 1"],
     )
-
-
-def test_the_profiles_agree_and_that_for_slurm_names_every_rule(fresh):
-    run = fresh.snakemake("--list-rules", "--quiet", "all")
-    assert run.returncode == 0, run.stdout
-    default, slurm = (
-        yaml.safe_load((fresh.folder / f"workflow/profiles/{name}/config.yaml").read_text())
-        for name in ("default", "slurm")
-    )
-    rules = set(slurm["groups"])
-    assert rules == set(slurm["set-resources"])
-    assert rules | {"all"} == {line for line in run.stdout.splitlines() if line.isidentifier()}
-    shared = default.keys() & slurm.keys() - {"cores"}
-    assert len(shared) > 3 and {key: default[key] for key in shared} == {
-        k: slurm[k] for k in shared
-    }
 
 
 def test_pruning_shows_what_it_would_remove(fresh, tmp_path):

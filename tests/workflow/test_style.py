@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+import yaml
 
 
 @pytest.mark.parametrize(
@@ -26,3 +27,20 @@ def test_style(root, command):
         check=False,
     )
     assert run.returncode == 0, run.stdout
+
+
+@pytest.mark.slow
+def test_the_profiles_agree_and_that_for_slurm_names_every_rule(fresh):
+    run = fresh.snakemake("--list-rules", "--quiet", "all")
+    assert run.returncode == 0, run.stdout
+    default, slurm = (
+        yaml.safe_load((fresh.folder / f"workflow/profiles/{name}/config.yaml").read_text())
+        for name in ("default", "slurm")
+    )
+    rules = set(slurm["groups"])
+    assert rules == set(slurm["set-resources"])
+    assert rules | {"all"} == {line for line in run.stdout.splitlines() if line.isidentifier()}
+    shared = default.keys() & slurm.keys() - {"cores"}
+    assert len(shared) > 3 and {key: default[key] for key in shared} == {
+        k: slurm[k] for k in shared
+    }

@@ -1,10 +1,10 @@
 """The study's tables beside the reference."""
 
 from galloping.reproducibility.job import run
-from galloping.reproducibility.processor import processor
-from galloping.reproducibility.reference import DIFFERENCE_COLUMNS, Origin, compare_study
 from galloping.storage import write_rows
 from galloping.study.loading import load
+from galloping.tables.reference.processor import processor
+from galloping.tables.reference.study import DIFFERENCE_COLUMNS, Origin, compare_study
 
 
 def main() -> None:

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from galloping.reproducibility.audit import audit
 from galloping.reproducibility.plan import planning
-from galloping.reproducibility.processor import processor
-from galloping.reproducibility.reference import Origin
 from galloping.storage import replacing, write_json
+from galloping.tables.reference.processor import processor
+from galloping.tables.reference.study import Origin
 
 
 def main() -> None:

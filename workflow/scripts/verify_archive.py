@@ -16,11 +16,10 @@ from galloping.publication.restoration import (
     NotRestorable,
     changed_settings,
     check_digest,
-    differences,
     faults,
     settings,
-    tables,
 )
+from galloping.tables.reference.folders import table_differences, tables
 
 
 def main() -> None:
@@ -49,9 +48,10 @@ def verify(folder: Path, study: dict) -> None:
     if not tables(Path(results)):
         print(f"{results}: no study here, so that no numbers were compared")
         return
-    for line in changed_settings(settings(folder), study):
+    published = settings(folder)
+    for line in changed_settings(published, study):
         print(f"Other settings: {line}")
-    lines = list(differences(folder, results))
+    lines = list(table_differences(folder / published["results"], results))
     print(*lines, f"{results}: {'differs from' if lines else 'agrees with'} the archive", sep="\n")
     sys.exit(bool(lines))
 

@@ -13,11 +13,9 @@ from galloping.reproducibility.plan import planning
 
 FAULTS = {
     "damaged": "not what its job wrote: `{repair}` makes it again",
-    "lost": "was made and is gone: `{run}` makes it again",
-    "outdated": "made with other settings or code: `{run}` makes it again",
-    "inconsistent": "made from another version of an input: `{run}` makes it again",
+    "missing": "not here: `{run}` makes it",
+    "outdated": "made with other settings, code or inputs: `{run}` makes it again",
     "unknown": "has no receipt that can be read: `{repair}` makes it again",
-    "absent": "not made yet: `{run}` makes it",
 }
 
 

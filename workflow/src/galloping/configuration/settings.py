@@ -462,22 +462,6 @@ class Settings(Section):
 
     @field_validator("identification")
     @classmethod
-    def _test_functions_fit_the_record(
-        cls, identification: Identification, info: ValidationInfo
-    ) -> Identification:
-        if simulation := info.data.get("simulation"):
-            half_width, longest = identification.weak.half_width, simulation.duration / 2
-            if half_width >= longest:
-                raise problem(
-                    f"{show(half_width)} does not fit the record ({show(simulation.duration)} s); "
-                    f"must be > 0 and < {show(longest)} s",
-                    "weak",
-                    "half_width",
-                )
-        return identification
-
-    @field_validator("identification")
-    @classmethod
     def _something_to_identify(
         cls, identification: Identification, info: ValidationInfo
     ) -> Identification:

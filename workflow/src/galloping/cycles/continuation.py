@@ -50,7 +50,7 @@ class Problem(Protocol):
         """Solution and tangent in a better discretisation, or None where it is good."""
 
     def ended(self, solution: Any, start: Any) -> str:
-        """Why the branch cannot go on, or ''."""
+        """Why the branch cannot go on at a solution just found, or ''."""
 
     def signature(self, solution: Any) -> np.ndarray:
         """Numbers that tell two solutions at one value of the parameter apart."""
@@ -87,7 +87,7 @@ class Branch:
     """Points in order, the bifurcations between them, and how it ended.
 
     complete: whether it ended where it was meant to: at a bound of the parameter, at an
-    equilibrium or where it began. reason: how it ended, in words.
+    equilibrium, at a period doubling or where it began. reason: how it ended, in words.
     """
 
     points: tuple[Point, ...]
@@ -176,12 +176,14 @@ def follow(problem: Problem, start: Point, span: Range, first_step: float = 0.1)
             except NotConverged as failure:
                 reason = f"continuation failed at the bound {bound:g}: {failure}"
                 return _branch(points, bifurcations, False, reason)
-        bifurcations += _bifurcations(problem, last, point, step)
+        reason = problem.ended(point.solution, start.solution)
+        if not reason:
+            bifurcations += _bifurcations(problem, last, point, step)
         points.append(point)
+        if reason:
+            return _branch(points, bifurcations, True, reason)
         if beyond:
             return _branch(points, bifurcations, True, f"reached {bound:g}")
-        if reason := problem.ended(point.solution, start.solution):
-            return _branch(points, bifurcations, True, reason)
         if len(points) > 4 and _returned(problem, start, last, point):
             return _branch(points, bifurcations, True, "returned to its start")
         step = min(1.5 * step, largest)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,15 +14,23 @@ from galloping.cycles.equilibria import equilibrium_branch, hopf_points
 from galloping.cycles.family import Family
 from galloping.cycles.limit_cycles import (
     BRANCH_POINT,
+    ENDED_DOUBLED,
     PERIOD_DOUBLING,
     from_branching,
     from_hopf,
+    from_motion,
 )
+
+PLACE = ("value", "period")
 
 
 @dataclass(frozen=True)
 class Named:
-    """A branch of limit cycles and where it comes from, such as `Hopf 1, period doubling 1`."""
+    """A branch of limit cycles and where it comes from, such as `Hopf 1, period doubling 1`.
+
+    Side 1 leads to lower values of the parameter and side 2 to higher ones; from a branch point,
+    they are its two directions.
+    """
 
     name: str
     branch: Branch
@@ -40,37 +50,89 @@ class Diagram:
 
 
 def diagram(
-    family: Family, span: Range, n_states: int, depth: int = 1, ceiling: float = np.inf
+    family: Family,
+    span: Range,
+    n_states: int,
+    depth: int = 1,
+    ceiling: float = np.inf,
+    motion: tuple[float, np.ndarray, np.ndarray] | None = None,
 ) -> Diagram:
     """The diagram of the equilibrium near the origin, over the range `span`.
 
     depth: how many period doublings and branch points in a row are followed. ceiling: size (root
-    mean square, units of the states) beyond which orbits are not followed. Raises ValueError where
+    mean square, units of the states) beyond which orbits are not followed. motion: where no Hopf
+    bifurcation lies in the range, a settled motion to start from: the parameter's value, times
+    (n,) in s and states (n, n_states). Raises ValueError where
     there is no equilibrium near the origin.
     """
     equilibria = equilibrium_branch(family, np.zeros(n_states), span.low, span)
+    hopfs = enumerate(hopf_points(equilibria), start=1)
+    queue = [
+        _Start(f"Hopf {k}", 0, lambda at=hopf: (from_hopf(family, at, span, ceiling=ceiling),))
+        for k, hopf in hopfs
+    ]
+    if not queue and motion is not None:
+        follow = partial(from_motion, family, *motion, span, ceiling=ceiling)
+        queue = [_Start(f"from {motion[0]:g}", 0, follow)]
     cycles, failures = [], []
-    queue: list[tuple[str, Sequence[Branch], int]] = []
-    for k, hopf in enumerate(hopf_points(equilibria), start=1):
-        try:
-            queue.append((f"Hopf {k}", (from_hopf(family, hopf, span, ceiling=ceiling),), 0))
-        except ValueError as failure:
-            failures.append(f"Hopf {k}: {failure}")
     while queue:
-        name, branches, level = queue.pop(0)
-        for side, branch in enumerate(branches):
-            full = name if len(branches) == 1 else f"{name} side {side + 1}"
-            cycles.append(Named(full, branch))
-            if level == depth:
-                continue
-            for kind in (PERIOD_DOUBLING, BRANCH_POINT):
-                found = [b for b in branch.bifurcations if b.name == kind]
-                for k, at in enumerate(found, start=1):
-                    origin = f"{full}, {kind} {k}"
-                    try:
-                        leaving = from_branching(family, at, span, ceiling=ceiling)
-                    except ValueError as failure:
-                        failures.append(f"{origin}: {failure}")
-                    else:
-                        queue.append((origin, leaving, level + 1))
+        start = queue.pop(0)
+        if _passed(cycles, start.value, start.period):
+            continue
+        try:
+            branches = start.follow()
+        except ValueError as failure:
+            failures.append(f"{start.name}: {failure}")
+            continue
+        for side, branch in enumerate(branches, start=1):
+            name = start.name if len(branches) == 1 else f"{start.name}, side {side}"
+            cycles.append(Named(name, branch))
+            queue += _leaving(family, branch, name, start.level, depth, span, ceiling)
     return Diagram(family, equilibria, tuple(cycles), tuple(failures))
+
+
+@dataclass(frozen=True)
+class _Start:
+    """Branches yet to be followed, and an orbit of theirs by which they may be known already."""
+
+    name: str
+    level: int
+    follow: Callable[[], Sequence[Branch]]
+    value: float = np.nan
+    period: float = np.nan
+
+
+def _leaving(
+    family: Family, branch: Branch, name: str, level: int, depth: int, span: Range, ceiling: float
+) -> Iterator[_Start]:
+    """Branches that leave a branch, and the one on which a doubled branch ends."""
+    if branch.reason == ENDED_DOUBLED:
+        last = branch.points[-1].solution
+        phase = np.linspace(0, 1, 401)
+        both = (last.at(phase) + last.at(phase + 0.5)) / 2  # two turns of one orbit
+        turns = last.value, phase * last.period, both
+        follow = partial(from_motion, family, *turns, span, ceiling=ceiling)
+        yield _Start(f"{name}, halved", level, follow, last.value, last.period / 2)
+    if level == depth:
+        return
+    for kind in (PERIOD_DOUBLING, BRANCH_POINT):
+        places = [b for b in branch.bifurcations if b.name == kind]
+        for k, at in enumerate(places, start=1):
+            follow = partial(from_branching, family, at, span, ceiling=ceiling)
+            orbit = at.point.solution
+            known = (orbit.value, 2 * orbit.period) if kind == PERIOD_DOUBLING else ()
+            yield _Start(f"{name}, {kind} {k}", level + 1, follow, *known)
+
+
+def _passed(cycles: Sequence[Named], value: float, period: float) -> bool:
+    """Whether a branch goes by an orbit of this period at this value of the parameter."""
+    for one in cycles:
+        for before, after in pairwise(one.branch.points):
+            first, second = before.solution, after.solution
+            (left, right), (low, high) = (
+                sorted((getattr(first, name), getattr(second, name))) for name in PLACE
+            )
+            margin = right - left
+            if left - margin <= value <= right + margin and 0.99 * low < period < 1.01 * high:
+                return True
+    return False

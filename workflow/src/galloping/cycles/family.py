@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -73,6 +74,7 @@ class VectorField:
         )
 
 
+@cache
 def _derivative_tables(
     terms: tuple[Exponents, ...],
 ) -> tuple[tuple[Exponents, ...], np.ndarray, np.ndarray]:

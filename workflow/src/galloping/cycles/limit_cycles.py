@@ -26,6 +26,7 @@ from galloping.cycles.family import Family, VectorField
 
 FOLD, BRANCH_POINT = "fold of cycles", "branch point"
 PERIOD_DOUBLING, NEIMARK_SACKER = "period doubling", "Neimark-Sacker"
+ENDED_DOUBLED = "ended at a period doubling"
 
 INTERVALS, MOST_INTERVALS = 20, 400
 DEFECT = 1e-7  # of the trivial multiplier, beyond which the mesh is refined
@@ -155,10 +156,22 @@ class CycleProblem:
     def ended(self, orbit: Orbit, start: Orbit) -> str:
         if orbit.spread > self.ceiling:
             return f"grew beyond {self.ceiling:g}"
+        if np.sum(_halves(orbit) * _halves(self.reference)) < 0:
+            return ENDED_DOUBLED
         return "ended at an equilibrium" if orbit.spread < VANISHED * self.largest else ""
 
     def signature(self, orbit: Orbit) -> np.ndarray:
         return np.array([orbit.period, orbit.spread])
+
+
+def _halves(orbit: Orbit) -> np.ndarray:
+    """(n, n_states) by how much the second half of an orbit differs from the first.
+
+    A branch of doubled period ends where both are one orbit; what continuation finds beyond is
+    the branch again, with the halves exchanged.
+    """
+    phase = np.arange(INTERVALS) / (2 * INTERVALS)
+    return orbit.at(phase + 0.5) - orbit.at(phase)
 
 
 def from_hopf(
@@ -232,6 +245,7 @@ def from_motion(
     states: np.ndarray,
     span: Range,
     resolution: float = 0.0,
+    ceiling: float = np.inf,
 ) -> tuple[Branch, Branch]:
     """The limit cycles below and above the one that a motion has settled on.
 
@@ -240,7 +254,10 @@ def from_motion(
     """
     resolution = resolution or (span.high - span.low) / 50
     problem, start = settled(family, value, time, states, resolution)
-    down = replace(start, tangent=start.tangent.scaled(-1.0))
+    problem = replace(problem, ceiling=ceiling).moved(start.solution)
+    linearisation = problem.linearise(start.solution)
+    back = problem.across(start.tangent.scaled(-1.0))
+    down = point_at(problem, start.solution, linearisation, back)
     return follow(problem, down, span), follow(problem, start, span)
 
 

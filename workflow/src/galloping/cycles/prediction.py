@@ -60,7 +60,16 @@ class Split:
         parts = (self.values if values is None else values) * wind**self.powers
         coefficients = self.fixed.copy()
         np.add.at(coefficients, tuple(self.entries.T), parts)
-        return PolynomialModel(self.states, self.terms, coefficients)
+        present = self.present
+        terms = tuple(term for term, kept in zip(self.terms, present, strict=True) if kept)
+        return PolynomialModel(self.states, terms, coefficients[:, present])
+
+    @property
+    def present(self) -> np.ndarray:
+        """(n_terms,) boolean: the terms that its models have, fewer than the library costs less."""
+        present = np.any(self.fixed, axis=0)
+        present[self.entries[:, 1]] = True
+        return present
 
     def family(self, values: np.ndarray | None = None) -> Family:
         return Family(lambda wind: self.model(float(wind), values), "wind speed", "m/s")
@@ -104,7 +113,8 @@ def split(
     velocities = [k for k, state in enumerate(first.states) if state[1:] in first.states]
     entries, powers = [], []
     for i, j in np.argwhere(support).tolist():
-        order = sum(first.terms[j][k] for k in velocities)
+        # only equations of motion hold loads; d(q)/dt = dq does not depend on the wind
+        order = sum(first.terms[j][k] for k in velocities) if i in velocities else 0
         entries.append((i, j))
         powers.append(2 - order if order else 0)
         if (i, j) in free:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,11 +29,32 @@ SIMULATION = "simulation"
 CEILING = 2.0  # sags: a larger orbit is no line's any more
 
 
-def line_diagram(case: Mapping, name: str, low: float, high: float) -> Diagram:
-    """The diagram of a case along a parameter. Raises ValueError for one that cannot be varied."""
+def line_diagram(
+    case: Mapping, name: str, low: float, high: float, simulator: Simulator
+) -> Diagram:
+    """The diagram of a case along a parameter.
+
+    Where no Hopf bifurcation lies in the range, it starts from what the case settles to in the
+    middle of the range; a range without a limit cycle says so among the failures. Raises
+    ValueError for a parameter that cannot be varied.
+    """
     family = line_family(case, name)
     ceiling = CEILING * Line.from_case(case).sag
-    return diagram(family, Range(low, high), len(STATES), ceiling=ceiling)
+    along = diagram(family, Range(low, high), len(STATES), ceiling=ceiling)
+    if along.cycles or along.failures:
+        return along
+    middle = (low + high) / 2
+    settled = settle(
+        simulator, family.model(middle), initial_state(parameter(name).at(case, middle))
+    )
+    if settled.kind != "cycle":
+        reason = (
+            f"no limit cycle: no Hopf bifurcation in {low:g}..{high:g} {family.unit}, and at "
+            f"{middle:g} the motion ends as: {settled.kind}"
+        )
+        return replace(along, failures=(reason,))
+    motion = middle, settled.time, settled.states
+    return diagram(family, Range(low, high), len(STATES), ceiling=ceiling, motion=motion)
 
 
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
@@ -160,7 +182,7 @@ def map_rows(
             line = Line.from_case(inner)
             omega_v, omega_w, *_ = frequencies(line, *modes(inner, line))
             start = initial_state(inner)
-            motion = settle(simulator, family.model(x), start, duration=2000, window=500)
+            motion = settle(simulator, family.model(x), start)
             rows.append(
                 {
                     "case": label,

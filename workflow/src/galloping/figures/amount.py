@@ -25,10 +25,11 @@ def draw_data_amount(table: pd.DataFrame, settings: Mapping) -> Figure:
     table: data_amount.csv. settings: cases, protocols, methods in the study's order; level of the
     noise.
     """
-    cases, columns = settings["cases"], settings["protocols"]
+    columns = settings["protocols"]
     shown = [(quantity, state) for quantity in QUANTITIES for state in STATES]
+    cases, height = panels.fitting(settings["cases"], 0.8, 1.08 * len(shown))
     rows = [(case, *pair) for case in cases for pair in shown]
-    figure = Figure(figsize=(DOUBLE, 0.8 + 1.08 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
     grids = panels.case_grids(figure, cases, len(shown), len(columns))
     places = panels.LogAxis.of(table["points"])
     marks = set()
@@ -52,6 +53,7 @@ def draw_data_amount(table: pd.DataFrame, settings: Mapping) -> Figure:
         paper.handles(value="value" in marks, bound="at_least" in marks),
         columns=4,
     )
+    panels.note_left_out(figure, settings["cases"][len(cases) :], "data_amount.csv")
     return figure
 
 

@@ -21,6 +21,7 @@ GAPS = {"none": 0.36, "error": 0.66, "r2": 0.66}  # below a group: its axis, the
 VERDICTS = {  # marker and colour
     "better": ("^", "#2fa86a"),
     "reproduced": ("o", "#2fa86a"),
+    "in reach": ("D", "#e69f00"),
     "not reproduced": ("x", "#111111"),
     "not run": ("_", "#9a9a9a"),
 }
@@ -204,8 +205,12 @@ def _cells(axes: Axes, table: pd.DataFrame, group: Group, pairs: list[tuple[str,
             axes.plot(j + 0.08, k, marker=marker, color=color, ms=4, mew=1.2)
             if found["replicates"]:
                 axes.text(
-                    j + 0.2, k, _number(found["study_value"], digits), va="center",
+                    j + 0.2, k - 0.17, _number(found["study_value"], digits), va="center",
                     fontsize="x-small",
+                )  # fmt: skip
+                axes.text(
+                    j + 0.2, k + 0.27, f"{100 * found['met_by']:.0f} %", va="center",
+                    fontsize="xx-small", color="#5f5f5f",
                 )  # fmt: skip
 
 

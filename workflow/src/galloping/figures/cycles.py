@@ -32,8 +32,8 @@ def draw_limit_cycles(
     cycles, bifurcations: limit_cycles.csv and bifurcations.csv. settings: cases, parameter, label
     and, where the axis is to end before the largest, `highest` (m).
     """
-    cases = settings["cases"]
-    figure = Figure(figsize=(DOUBLE, 0.7 + 2.2 * len(cases)), layout="constrained")
+    cases, height = panels.fitting(settings["cases"], 0.7, 2.2)
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
     grids = panels.case_grids(figure, cases, 1, len(COLUMNS))
     for row, case in enumerate(cases):
         of_case = [
@@ -47,9 +47,11 @@ def draw_limit_cycles(
             )
             _panel(axes, *of_case, name)
             axes.set(xlabel=settings["label"], ylabel="half range, m")
+            axes.set_xlim(0, 1.03 * cycles["value"].max())
             if "highest" in settings:
                 axes.set_ylim(-0.02 * settings["highest"], settings["highest"])
     _legend(figure, bifurcations)
+    panels.note_left_out(figure, settings["cases"][len(cases) :], "limit_cycles.csv")
     return figure
 
 

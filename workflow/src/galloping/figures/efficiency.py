@@ -24,8 +24,9 @@ def draw_efficiency(table: pd.DataFrame, settings: Mapping) -> Figure:
     Recordings that share a model stand at the right of those taken alone.
     table: efficiency.csv. settings: cases, protocols, methods in the study's order.
     """
-    cases, columns = settings["cases"], settings["protocols"]
-    figure = Figure(figsize=(DOUBLE, 0.8 + 2.2 * len(cases)), layout="constrained")
+    columns = settings["protocols"]
+    cases, height = panels.fitting(settings["cases"], 0.8, 2.2)
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
     grids = panels.case_grids(figure, cases, 1, len(columns))
     whole = table[table["points"] == table["points"].max()]
     for row, case in enumerate(cases):
@@ -40,6 +41,7 @@ def draw_efficiency(table: pd.DataFrame, settings: Mapping) -> Figure:
                 _panel(axes, chosen, _places(axes, of_case), settings["methods"], limits)
         grids[case][0, 0].set_ylabel("rms error / bound")
     panels.method_legend(figure, panels.in_order(table, "method", settings["methods"]), columns=4)
+    panels.note_left_out(figure, settings["cases"][len(cases) :], "efficiency.csv")
     return figure
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ from galloping.measurement.protocols import Protocol
 from galloping.physics.equations import EQUATIONS, STATES, TERMS
 from galloping.polynomial import term_name
 
+ACROSS, TITLE_WIDTH = 4, 20  # panels beside each other; letters in a line of their titles
 LEAST = 1e3  # times below the limit: what is less stands at the edge
 SYMBOLS = {  # of the paper, by equation and term
     (EQUATIONS[row], term_name(exponents, STATES)): symbol
@@ -27,26 +29,31 @@ SYMBOLS = {  # of the paper, by equation and term
 
 
 def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """t = |c| / bound of each term, a panel for each case.
+    """t = |c| / bound of each term, a panel for each case, at most ACROSS beside each other.
 
     Symbols stand at the noise level closest to the wanted one, bars reach over all levels; open
     symbols are several recordings together.
     table: identifiability.csv. settings: cases, protocols; level, the wanted one.
     """
-    cases = settings["cases"]
     whole = table[table["points"] == table["points"].max()]
     present = set(zip(whole["equation"], whole["term"], strict=True))
     terms = [term for term in SYMBOLS if term in present]
-    figure = Figure(figsize=(DOUBLE, 1.2 + 0.24 * max(len(terms), 6)), layout="constrained")
-    row = figure.subplots(1, len(cases), squeeze=False, sharex=True, sharey=True)[0]
+    count = -(-len(settings["cases"]) // ACROSS)
+    rows, height = panels.fitting(range(count), 1.2, 0.24 * max(len(terms), 6))
+    cases = settings["cases"][: ACROSS * len(rows)]
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
+    across = -(-len(cases) // len(rows))
+    grid = figure.subplots(len(rows), across, squeeze=False, sharex=True, sharey=True)
     if not terms:
-        for axes in row:
-            panels.nothing(axes, "this study has no noisy recordings")
+        for axes in grid.flat:
+            panels.nothing(axes, "this study has\nno noisy recordings")
         return figure
+    for axes in grid.flat[len(cases) :]:
+        axes.remove()
     joint = False
-    for k, (case, axes) in enumerate(zip(cases, row, strict=True)):
+    for k, (case, axes) in enumerate(zip(cases, grid.flat, strict=False)):
         _prepare(axes, terms, whole["t"])
-        panels.letter(axes, k, spoken(case))
+        panels.letter(axes, k, fill(spoken(case), TITLE_WIDTH if across > 2 else 40))
         of_case = whole[whole["case"] == case]
         joint |= bool((of_case["recordings"] > 1).any())
         for j, protocol in enumerate(settings["protocols"]):
@@ -58,6 +65,7 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
         loc="outside upper center",
         ncols=3,
     )
+    panels.note_left_out(figure, settings["cases"][len(cases) :], "identifiability.csv")
     return figure
 
 

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import panels
-from galloping.figures.style import DOUBLE, MODEL, PAPER
+from galloping.figures.style import DOUBLE, MODEL, PAPER, spoken
 
 QUANTITIES = {
     "v_m": "vertical half range, m",
@@ -27,13 +28,14 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
     cases = settings["cases"]
     rows = max(len(table[table["case"] == case]) for case in cases)
     figure = Figure(figsize=(DOUBLE, len(cases) * (0.7 + 0.2 * rows)), layout="constrained")
-    grids = panels.case_grids(figure, cases, 1, len(QUANTITIES))
-    for row, case in enumerate(cases):
+    blocks = figure.subfigures(len(cases), 1, squeeze=False)[:, 0]
+    for row, (case, block) in enumerate(zip(cases, blocks, strict=True)):
+        block.suptitle(spoken(case), x=0.01, ha="left", weight="bold", size=rcParams["font.size"])
+        grid = block.subplots(1, len(QUANTITIES), sharey=True)
         of_case = table[table["case"] == case].sort_values("rank", ascending=False)
-        for column, (axes, name) in enumerate(zip(grids[case][0], QUANTITIES, strict=True)):
-            panels.letter(axes, row * len(QUANTITIES) + column, "")
+        for column, (axes, name) in enumerate(zip(grid, QUANTITIES, strict=True)):
+            panels.letter(axes, row * len(QUANTITIES) + column, QUANTITIES[name])
             _panel(axes, of_case, name)
-            axes.set_xlabel(QUANTITIES[name])
     return figure
 
 

@@ -22,9 +22,10 @@ def draw_noise_coefficients(table: pd.DataFrame, settings: Mapping) -> Figure:
 
     table: noise_coefficients.csv. settings: cases, protocols, methods in the study's order.
     """
-    cases, columns = settings["cases"], settings["protocols"]
+    columns = settings["protocols"]
+    cases, height = panels.fitting(settings["cases"], 0.8, 1.3 * len(ORDERS))
     rows = [(case, order) for case in cases for order in ORDERS]
-    figure = Figure(figsize=(DOUBLE, 0.8 + 1.3 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
     grids = panels.case_grids(figure, cases, len(ORDERS), len(columns))
     places = panels.LogAxis.of(table["level"])
     marked = False
@@ -48,6 +49,7 @@ def draw_noise_coefficients(table: pd.DataFrame, settings: Mapping) -> Figure:
         line[0].set_ylabel("mean error, %")
     present = panels.in_order(table, "method", settings["methods"])
     panels.method_legend(figure, present, paper.handles(value=marked, bound=False), columns=4)
+    panels.note_left_out(figure, settings["cases"][len(cases) :], "noise_coefficients.csv")
     return figure
 
 
@@ -98,9 +100,10 @@ def draw_noise_r2(table: pd.DataFrame, settings: Mapping) -> Figure:
 
     table: noise_r2.csv. settings: cases, protocols, methods in the study's order.
     """
-    cases, columns = settings["cases"], settings["protocols"]
+    columns = settings["protocols"]
+    cases, height = panels.fitting(settings["cases"], 0.8, 1.75 * len(STATES))
     rows = [(case, state) for case in cases for state in STATES]
-    figure = Figure(figsize=(DOUBLE, 0.8 + 1.75 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
     grids = panels.case_grids(figure, cases, len(STATES), len(columns))
     places = panels.LogAxis.of(table["level"])
     marked = False
@@ -127,6 +130,7 @@ def draw_noise_r2(table: pd.DataFrame, settings: Mapping) -> Figure:
         line[0].set_ylabel(f"$R^2$ of {STATES[state]}")
     present = panels.in_order(table, "method", settings["methods"])
     panels.method_legend(figure, present, paper.handles(value=False, bound=marked), columns=4)
+    panels.note_left_out(figure, settings["cases"][len(cases) :], "noise_r2.csv")
     return figure
 
 

@@ -12,23 +12,30 @@ from matplotlib.figure import Figure
 from galloping.figures import panels, paper
 from galloping.figures.style import PAPER, SINGLE, method_style
 from galloping.study.kinds import BOUND, NOISE, OURS
+from galloping.tables.peers import ORACLE, mean_error
 from galloping.tables.summary import interval, of_kind
 
 PAPERS_METHOD = "stlsq_raw"
-PYSINDY = ("stlsq", "stlsq_raw", "lasso", "ensemble", "weak")
+PYSINDY = ("stlsq", "stlsq_raw", "lasso", "frols", "ensemble", "weak")
+ORACLES = "oracle"  # how the best settings of pysindy are drawn
 ORDERS = ("linear", "quadratic", "cubic")
 
 
-def draw_overview(table: pd.DataFrame, settings: Mapping) -> Figure:
+def draw_overview(
+    table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame | None = None
+) -> Figure:
     """Mean coefficient error over the orders against noise: the paper's method, the best of
-    pysindy, ours, and the bound; those that the study has.
+    pysindy, its oracle, ours, and the bound; those that the study has.
 
-    table: scores.csv. settings: case and protocol to show.
+    table: scores.csv. peers: peers.csv, or None to draw no oracle. settings: case and protocol to
+    show.
     """
     case, protocol = settings["case"], settings["protocol"]
     figure = Figure(figsize=(SINGLE, 3.3), layout="constrained")
     axes = figure.subplots()
     errors = _errors(table, case, protocol)
+    if peers is not None:
+        errors = pd.concat([errors, _oracle(peers, case, protocol)])
     if errors.empty:
         panels.nothing(axes, "this study has no noisy recordings to show")
         return figure
@@ -56,6 +63,8 @@ def draw_overview(table: pd.DataFrame, settings: Mapping) -> Figure:
             textcoords="offset points", ha="right" if above else "center",
             va="bottom" if above else "top", color=PAPER, fontsize="small",
         )  # fmt: skip
+    if levels := beaten_at(errors):
+        axes.set_title(f"the oracle is better than ours at {levels}", fontsize="small")
     figure.legend(handles=panels.method_handles(shown), loc="outside upper left", handlelength=3)
     return figure
 
@@ -70,14 +79,32 @@ def best_of_pysindy(table: pd.DataFrame) -> str | None:
     return min(medians, key=medians.get) if medians else None
 
 
+def beaten_at(table: pd.DataFrame) -> str:
+    """The noise levels where the oracle's median is below ours, or ''."""
+    medians = table.pivot_table(index="level", columns="method", values="median")
+    if not {ORACLES, OURS} <= set(medians):
+        return ""
+    return ", ".join(f"{level:g}" for level in medians.index[medians[ORACLES] < medians[OURS]])
+
+
+def _oracle(peers: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
+    """The lowest oracle of pysindy's methods at each level, as `_errors` without intervals."""
+    chosen = peers[
+        (peers["case"] == case) & (peers["protocol"] == protocol) & (peers["level"] > 0)
+        & (peers["setting"] == ORACLE) & peers["method"].isin(PYSINDY)
+    ]  # fmt: skip
+    least = chosen.groupby("level", as_index=False)["mean_error_percent"].min()
+    columns = dict.fromkeys(("median", "low", "high"), least["mean_error_percent"])
+    return least[["level"]].assign(method=ORACLES, **columns)
+
+
 def _errors(scores: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
     """method, level, median, low, high over replicates, at the levels above zero."""
     cells = of_kind(scores, NOISE)
     cells = cells[(cells["case"] == case) & (cells["protocol"] == protocol) & (cells["level"] > 0)]
-    columns = [name for order in ORDERS if (name := f"mean_error_{order}_percent") in cells]
     return pd.DataFrame(
         [
-            (*names, *interval(cell[columns].mean(axis=1)))
+            (*names, *interval(mean_error(cell)))
             for names, cell in cells.groupby(["method", "level"], sort=True)
         ],
         columns=["method", "level", "median", "low", "high"],
@@ -87,12 +114,17 @@ def _errors(scores: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
 def _shown(table: pd.DataFrame) -> dict[str, str]:
     """Names for the legend of the methods to draw, those of them that the study has."""
     best = best_of_pysindy(table)
-    names = {PAPERS_METHOD: "paper's method", OURS: "ours", BOUND: ""}
+    names = {
+        PAPERS_METHOD: "paper's method",
+        ORACLES: "pysindy as the truth would set it",
+        OURS: "ours",
+        BOUND: "",
+    }
     if best == PAPERS_METHOD:
         names[best] += ", best of pysindy"
     elif best:
         names[best] = "best of pysindy"
-    ordered = [PAPERS_METHOD, best, OURS, BOUND]
+    ordered = [PAPERS_METHOD, best, ORACLES, OURS, BOUND]
     present = set(table["method"])
     return {
         name: f"{names[name]}: {method_style(name).label}".removeprefix(": ")

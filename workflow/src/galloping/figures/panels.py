@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import fill
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,9 @@ from matplotlib.ticker import NullFormatter, NullLocator
 
 from galloping.figures.style import method_style, spoken
 
+TALLEST = 12.0  # inches: what a page of a report shows at once
+SHRUNK = 0.8  # of its wanted height has a case at least, where there are many
+NOTE_WIDTH = 115  # letters in a line of the double width
 R2_LIMITS = (0.0, 0.9999)
 R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
 
@@ -30,6 +34,24 @@ def nothing(axes: Axes, reason: str) -> None:
 def letter(axes: Axes, index: int, text: str) -> None:
     """(a), (b), ... and what the panel shows."""
     axes.set_title(f"({chr(ord('a') + index % 26)}) {text}", loc="left")
+
+
+def fitting(cases: Sequence[str], head: float, each: float) -> tuple[Sequence[str], float]:
+    """The first cases, as many as fit into one figure, and its height in inches.
+
+    head: height without any case. each: wanted height of one, of which SHRUNK is the least.
+    """
+    room = TALLEST - head
+    shown = cases[: max(1, int(room / (SHRUNK * each)))]
+    return shown, head + min(each * len(shown), room)
+
+
+def note_left_out(figure: Figure, left: Sequence[str], where: str) -> None:
+    """A line below the panels that names the cases without any. where: what holds their values."""
+    if left:
+        names = ", ".join(map(spoken, left))
+        text = fill(f"Not drawn, for want of room: {names}. Their values: {where}.", NOTE_WIDTH)
+        figure.supxlabel(text, x=0.01, ha="left", size=0.85 * rcParams["font.size"])
 
 
 def case_grids(

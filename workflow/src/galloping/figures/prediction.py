@@ -17,7 +17,8 @@ AXES = {"v": "q_v", "w": "q_w"}
 
 
 def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Amplitude against wind for one replicate: truth, prediction and 95 % band.
+    """Amplitude against wind for one replicate: truth, prediction and 95 % band; below each panel
+    the same as deviation from the truth, of the first method.
 
     table: prediction.csv. settings: case, protocols, method, replicate, recorded (wind speed of
     the recording, m/s) and, where another method is to be compared, peer.
@@ -26,12 +27,16 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     chosen = table[
         (table["case"] == settings["case"]) & (table["replicate"] == settings["replicate"])
     ]
-    figure = Figure(figsize=(DOUBLE, 0.8 + 2.2 * len(protocols)), layout="constrained")
-    grid = figure.subplots(len(protocols), len(AXES), squeeze=False, sharex=True)
+    figure = Figure(figsize=(DOUBLE, 0.8 + 2.7 * len(protocols)), layout="constrained")
+    grid = figure.subplots(
+        2 * len(protocols), len(AXES), squeeze=False, sharex=True,
+        height_ratios=[2, 1] * len(protocols),
+    )  # fmt: skip
     methods = [settings["method"], *([settings["peer"]] if settings.get("peer") else [])]
     for row, protocol in enumerate(protocols):
         for column, direction in enumerate(AXES):
-            axes, state = grid[row, column], AXES[direction]
+            axes, below = grid[2 * row : 2 * row + 2, column]
+            state = AXES[direction]
             panels.letter(
                 axes,
                 row * len(AXES) + column,
@@ -39,10 +44,14 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
             )
             of_panel = chosen[(chosen["protocol"] == protocol) & (chosen["direction"] == direction)]
             _panel(axes, of_panel, methods)
-            axes.axvline(settings["recorded"], color="#9a9a9a", lw=0.8, ls=":")
-            axes.set_ylabel("half range, m")
+            _deviation(below, of_panel[of_panel["method"] == settings["method"]])
+            for pane in (axes, below):
+                pane.axvline(settings["recorded"], color="#9a9a9a", lw=0.8, ls=":")
+            if column == 0:
+                axes.set_ylabel("half range, m")
+                below.set_ylabel("deviation, %")
             if row == len(protocols) - 1:
-                axes.set_xlabel("wind speed, m/s")
+                below.set_xlabel("wind speed, m/s")
     figure.legend(
         handles=[
             Line2D([], [], color=TRUE, lw=4, label="truth"),
@@ -79,3 +88,16 @@ def _panel(axes: Axes, table: pd.DataFrame, methods: list[str]) -> None:
             wind, line["predicted_m"], color=style.color, ls=style.line, marker=style.marker,
             lw=1.0, zorder=3,
         )  # fmt: skip
+
+
+def _deviation(axes: Axes, table: pd.DataFrame) -> None:
+    line = table.sort_values("wind_m_s")
+    wind = line["wind_m_s"]
+    low, value, high = (
+        100 * (line[name] / line["true_m"] - 1) for name in ("low_m", "predicted_m", "high_m")
+    )
+    axes.axhline(0, color=TRUE, lw=2, zorder=1)
+    axes.fill_between(wind, low, high, color=BAND, ec="#a8741a", lw=0.8, zorder=2)
+    for method in line["method"].unique():
+        style = method_style(method)
+        axes.plot(wind, value, color=style.color, ls=style.line, marker=style.marker, lw=1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -35,15 +36,15 @@ def draw_recovery(
     trajectories: motions by case, of which the first counts. reconstructions: by case and method,
     of the cell at the lowest level. settings: cases, protocol, method and level.
     """
-    cases = settings["cases"]
-    figure = Figure(figsize=(DOUBLE, 0.6 + 2.9 * len(cases)), layout="constrained")
+    cases, height = panels.fitting(settings["cases"], 0.6, 2.9)
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
     grid = figure.subplots(2 * len(cases), 3, squeeze=False, width_ratios=(2, 2, 1.25))
     for k, case in enumerate(cases):
         true, motion = trajectories[case][0], reconstructions[case][settings["method"]]
         for j, state in enumerate(STATES):
             row = grid[2 * k + j]
             _row(row, true, motion, j)
-            panels.letter(row[0], 3 * (2 * k + j), f"{spoken(case)}, {DIRECTIONS[state]}")
+            panels.letter(row[0], 3 * (2 * k + j), fill(f"{spoken(case)}, {DIRECTIONS[state]}", 32))
             panels.letter(row[1], 3 * (2 * k + j) + 1, _distance(true, motion, j))
             panels.letter(row[2], 3 * (2 * k + j) + 2, "phase portrait")
             row[0].set_ylabel(f"{STATES[state]}, m")
@@ -62,6 +63,8 @@ def draw_recovery(
         loc="outside upper center",
         ncols=2,
     )  # fmt: skip
+    left = settings["cases"][len(cases) :]
+    panels.note_left_out(figure, left, "scores.csv, and trajectories/ in the results")
     return figure
 
 

@@ -35,9 +35,17 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         ratio = table.pivot(index="y", columns="x", values="frequency_ratio").to_numpy()
         lines = axes.contour(x, y, ratio, levels=[2.0], colors="white", linewidths=1.4)
         axes.clabel(lines, fmt=r"$\omega_v = 2\,\omega_w$")
-        irregular = table[table["kind"] == "irregular"]
-        axes.plot(irregular["x"], irregular["y"] / scale, ls="", marker="x", ms=4, mec=PAPER)
-        lost = table[~np.isfinite(table[name])]
-        axes.plot(lost["x"], lost["y"] / scale, ls="", marker="v", ms=4, mfc="white", mec=PAPER)
+        for marker, chosen, text in (
+            ("x", table["kind"] == "irregular", "does not repeat, or settles very slowly"),
+            ("v", ~np.isfinite(table[name]), "no bounded motion"),
+        ):
+            at = table[chosen]
+            axes.plot(
+                at["x"], at["y"] / scale, ls="", marker=marker, ms=4, mfc="white", mec=PAPER,
+                label=text if len(at) else None,
+            )  # fmt: skip
         axes.set(xlabel=settings["x_label"], ylabel=settings["y_label"])
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure

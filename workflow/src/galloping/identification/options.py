@@ -33,13 +33,3 @@ class Ensemble(Scanned):
     """An ensemble."""
 
     models: whole(ge=2, le=1000) = setting(20, "bagged models of an ensemble", "1")
-
-
-class WeakForm(Scanned):
-    """Test functions of the weak form."""
-
-    domains: whole(ge=10, le=100_000) = setting(200, "number of test functions", "1")
-    half_width: Positive = setting(
-        1.2, "half the length of a test function", "s", rule="below half the record"
-    )
-    order: whole(ge=1, le=12) = setting(4, "order of the test functions at their ends", "1")

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from galloping.configuration.fields import Section
-from galloping.identification.options import Ensemble, NoOptions, Scanned, Thresholded, WeakForm
+from galloping.identification.options import Ensemble, NoOptions, Scanned, Thresholded
 from galloping.measurement import protocols
 from galloping.measurement.protocols import DISPLACEMENTS, RATES, STATES, Protocol
 
 PROTOCOLS = tuple(protocol.name for protocol in protocols.PROTOCOLS)
 REGRESSION = "galloping.identification.sparse.reduction:reduce"
+WEAK_FORM = "galloping.identification.sparse.weak:reduce"
 START = "galloping.identification.likelihood.methods:start"
 
 
@@ -102,6 +103,16 @@ METHODS = (
         summary="least squares with an l1 penalty",
     ),
     Method(
+        name="frols",
+        family="sparse",
+        evidence=REGRESSION,
+        function="galloping.identification.sparse.frols:frols",
+        options=NoOptions,
+        takes=(RATES, STATES),
+        needs_uniform=False,
+        summary="forward regression by orthogonal least squares",
+    ),
+    Method(
         name="ensemble",
         family="sparse",
         evidence=REGRESSION,
@@ -115,10 +126,9 @@ METHODS = (
     Method(
         name="weak",
         family="sparse",
-        evidence=None,
-        function="galloping.identification.sparse.weak:weak",
-        options=WeakForm,
-        given=("degree", "seed"),
+        evidence=WEAK_FORM,
+        function="galloping.identification.sparse.stlsq:normalised",
+        options=Scanned,
         takes=(STATES,),
         needs_uniform=True,
         summary="weak form: integrals against test functions in place of derivatives",

@@ -105,7 +105,7 @@ def measure(kind: str, **settings: object) -> Measure:
 def usual(case: Mapping) -> tuple[Measure, ...]:
     """Measures of a size that practice uses, for a case."""
     span, mass = case["line"]["span"], case["spacers"]["mass"]
-    thirds = [round(share * span, 3) for share in (2 / 9, 4 / 9, 7 / 9)]
+    thirds = [float(round(share * span)) for share in (2 / 9, 4 / 9, 7 / 9)]
     return (
         tension(1.2),
         tension(0.8),

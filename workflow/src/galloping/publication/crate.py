@@ -6,7 +6,6 @@ Profile: Workflow Run Crate 0.5 (https://w3id.org/ro/wfrun/workflow/0.5), on RO-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from datetime import datetime, timedelta
 from pathlib import Path
 
 from rocrate.model.contextentity import ContextEntity
@@ -15,7 +14,7 @@ from rocrate.rocrate import ROCrate
 
 from galloping.publication.archive import files_of
 from galloping.publication.provenance import Commit
-from galloping.reproducibility.receipts import Receipt, digest
+from galloping.reproducibility.receipts import digest
 from galloping.storage import write_json
 
 METADATA = "ro-crate-metadata.json"
@@ -52,12 +51,11 @@ def write_crate(
     commit: Commit | None,
     remarks: Sequence[str],
     versions: Mapping,
-    made: Sequence[Receipt],
 ) -> None:
     """Describe all files in `folder` in a metadata file beside them.
 
     results: the results folder in it. citation: the content of CITATION.cff. remarks: what was not
-    as it should be. versions: of Python and packages. made: receipts of the study.
+    as it should be. versions: of Python and packages.
     """
     crate = ROCrate(version="1.1")
     root = crate.root_dataset
@@ -108,7 +106,6 @@ def write_crate(
         object=files[CONFIGURATION],
         result=[entity for path, entity in files.items() if path.startswith(shown)],
         actionStatus="http://schema.org/CompletedActionStatus",
-        **_times(made),
     )
     write_json(folder / METADATA, crate.metadata.generate())
 
@@ -118,16 +115,6 @@ def _add_author(crate: ROCrate, author: Mapping[str, str]) -> Entity:
     name = author.get("name") or f"{author['given-names']} {author['family-names']}"
     identifier = author.get("orcid") or f"#{name.lower().replace(' ', '-')}"
     return _add(crate, identifier, "Organization" if "name" in author else "Person", name=name)
-
-
-def _times(made: Sequence[Receipt]) -> dict[str, str]:
-    """When the first job started and the last one ended, where that was recorded."""
-    ends = [(datetime.fromisoformat(one.finished), one.seconds) for one in made if one.finished]
-    if not ends:
-        return {}
-    start = min(end - timedelta(seconds=seconds) for end, seconds in ends)
-    times = {"startTime": start, "endTime": max(ends)[0]}
-    return {name: time.isoformat(timespec="seconds") for name, time in times.items()}
 
 
 def _properties(folder: Path, path: str) -> dict[str, str]:

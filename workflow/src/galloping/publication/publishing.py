@@ -74,13 +74,9 @@ def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator
         yield "dirty", "git knows no commit of this folder"
     for kind, paths, fault in (
         ("dirty", present.changes if present else (), "not as in the commit"),
-        ("incomplete", (*checked.lost, *checked.absent), "not made yet"),
+        ("incomplete", checked.missing, "not here"),
         ("incomplete", checked.unknown, "without a receipt of how it was made"),
-        (
-            "outdated",
-            (*checked.outdated, *checked.inconsistent),
-            "made with other settings, code or inputs",
-        ),
+        ("outdated", checked.outdated, "made with other settings, code or inputs"),
         ("damaged", checked.damaged, "not what its job wrote"),
         ("empty", () if shown else (str(results),), "no table or figure is made yet"),
     ):
@@ -120,4 +116,4 @@ def _write_records(
         folder / "publication.json",
         {"version": citation["version"], "commit": told, "remarks": remarks},
     )
-    write_crate(folder, plan.results, citation, present, remarks, versions, list(made.values()))
+    write_crate(folder, plan.results, citation, present, remarks, versions)

@@ -6,11 +6,10 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
 from pydantic import TypeAdapter, ValidationError
 
 from galloping.configuration.load import ConfigurationError, load, plain, read
@@ -19,7 +18,6 @@ from galloping.publication.crate import CONFIGURATION
 from galloping.publication.manifest import manifest_faults
 from galloping.publication.publishing import RECEIPTS
 from galloping.reproducibility.audit import audit
-from galloping.reproducibility.comparison import compare_tables, describe
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import (
     Receipt,
@@ -30,11 +28,10 @@ from galloping.reproducibility.receipts import (
     write_receipt,
 )
 from galloping.reproducibility.recovery import adopt, set_aside
-from galloping.reproducibility.reference import flat
 from galloping.storage import partial_prefix
+from galloping.tables.reference.folders import table_differences
+from galloping.tables.reference.study import flat
 
-SHOWN = 10  # differences of one table that are told one by one
-OF_REFERENCE = ("reference_summary", "reference_differences")  # about other numbers than the run's
 PLACES = ("results", "reference")  # settings on which no number depends
 RECEIPT_LIST = TypeAdapter(list[Receipt])
 
@@ -79,9 +76,8 @@ def published_receipts(folder: Path) -> dict[str, Receipt]:
 
 def faults(folder: Path) -> Iterator[str]:
     """One line for everything in an unpacked publication that contradicts its own records."""
-    found = list(manifest_faults(folder))
-    yield from found
-    if found:  # then receipts would say the same again
+    if lines := list(manifest_faults(folder)):
+        yield from lines  # receipts would say the same again
         return
     try:
         made, study = published_receipts(folder), settings(folder)
@@ -95,30 +91,6 @@ def faults(folder: Path) -> Iterator[str]:
                 yield f"{name}: without a receipt of how it was made"
             elif digest(folder / name) != made[name].sha256:
                 yield f"{name}: not what its receipt says"
-
-
-def differences(folder: Path, results: str, only: Collection[str] | None = None) -> Iterator[str]:
-    """One line for each number or text in which the tables of a publication and a run differ.
-
-    results: the results folder of the run. only: of these files of it; by default all tables of
-    both. Tolerances: `reproducibility.comparison`.
-    """
-    published, here = tables(folder / settings(folder)["results"]), tables(Path(results))
-    for name in sorted(published.keys() | here.keys()):
-        if only is not None and f"{results}/{name}" not in only:
-            continue
-        if name not in here:
-            yield f"{name}: not in {results}"
-        elif name not in published:
-            yield f"{name}: not in the archive"
-        else:
-            yield from (f"{name}: {line}" for line in _differences(published[name], here[name]))
-
-
-def tables(results: Path) -> dict[str, Path]:
-    """The tables of a study that do not tell of other studies, by name."""
-    present = (results / "tables").glob("*.csv")
-    return {f"tables/{path.name}": path for path in present if path.stem not in OF_REFERENCE}
 
 
 def changed_settings(published: Mapping, present: Mapping) -> Iterator[str]:
@@ -151,7 +123,7 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
                 f"results: {published['results']!r} in the archive, not {results!r}"
             )
         if not list(changed_settings(published, plan.settings)):
-            lines = list(differences(folder, results, only=audit(plan).sound))
+            lines = list(table_differences(folder / results, results, only=audit(plan).sound))
             if lines:
                 why = "the same study, computed here, has other numbers: see `make verify`"
                 raise NotRestorable("\n".join([*lines, why]))
@@ -186,16 +158,3 @@ def _present(plan: Plan) -> list[str]:
     """The files of the study that are in place: planned, or made."""
     known = {*plan.maker, *receipts(plan.results)}
     return sorted(path for path in known if Path(path).exists())
-
-
-def _differences(published: Path, here: Path) -> Iterator[str]:
-    try:
-        rows = compare_tables(
-            *(pd.read_csv(path, dtype=str, keep_default_na=False) for path in (published, here))
-        )
-    except ValueError as error:
-        yield " ".join(str(error).split())
-        return
-    yield from (describe(row) for _, row in rows.head(SHOWN).iterrows())
-    if len(rows) > SHOWN:
-        yield f"{len(rows) - SHOWN} more differences"

@@ -16,19 +16,17 @@ class Audit:
     """Files by state; each planned file is in exactly one of all but the last.
 
     sound: as planned and as written. elsewhere: the same, but the file was left elsewhere on
-    purpose. damaged: not what its job wrote. lost: made once, gone now. outdated: made with other
-    settings or code, or from other files. inconsistent: made from another version of an input.
-    unknown: without a receipt. absent: never made. left_over: made, no longer planned.
+    purpose. damaged: not what its job wrote. missing: never made, or gone. outdated: made with
+    other settings or code, or from other inputs. unknown: without a receipt. left_over: made, no
+    longer planned.
     """
 
     sound: tuple[str, ...] = ()
     elsewhere: tuple[str, ...] = ()
     damaged: tuple[str, ...] = ()
-    lost: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
     outdated: tuple[str, ...] = ()
-    inconsistent: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
-    absent: tuple[str, ...] = ()
     left_over: tuple[Receipt, ...] = ()
 
 
@@ -40,15 +38,13 @@ def audit(plan: Plan) -> Audit:
 
     def state(path: str) -> str:
         if path not in known:
-            return "unknown" if Path(path).exists() else "absent"
+            return "unknown" if Path(path).exists() else "missing"
         if path in findings.missing:
-            return "lost"
+            return "missing"
         if path in findings.damaged:
             return "damaged"
-        if not maker[path].made(known[path]):
+        if not (maker[path].made(known[path]) and consistent(known[path], known)):
             return "outdated"
-        if not consistent(known[path], known):
-            return "inconsistent"
         return "sound" if Path(path).exists() else "elsewhere"
 
     states: dict[str, list[str]] = {}

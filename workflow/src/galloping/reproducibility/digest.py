@@ -1,9 +1,8 @@
 """Digest of the code that a script runs, so that Snakemake reruns what an edit touches.
 
 Snakemake tracks a rule's script by its time, and not at all what the script imports. The digest
-covers the script and its imports from this package, transitively. It leaves out what does not
-change what they do: comments, docstrings, layout, and where imports and definitions stand; and
-modules that run a script's work but have no part in it.
+covers the script and its imports from this package, transitively. It leaves out comments,
+docstrings and layout, and modules that run a script's work but have no part in it.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from __future__ import annotations
 import ast
 import hashlib
 import sys
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -23,8 +21,7 @@ SOURCE = Path(__file__).parents[2]
 PACKAGE = Path(__file__).parents[1].name
 # Logs, receipts and messages: no number depends on them.
 UNCOUNTED = (f"{PACKAGE}.reproducibility.job",)
-DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
-DOCUMENTED = (ast.Module, *DEFINITIONS)
+DOCUMENTED = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 IMPORTS = (ast.Import, ast.ImportFrom)
 
 
@@ -81,13 +78,13 @@ def _parse(path: Path) -> _Module:
     names: set[str] = set()
     for node in (tree, *_statements(tree)):
         if isinstance(node, IMPORTS):
-            names |= _imported(node, path)
+            names |= _imported(node)
         elif isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             del node.body[0]
     tops = {name.partition(".")[0] for name in names}
     files = {file for name in names if name.partition(".")[0] == PACKAGE for file in _files(name)}
     return _Module(
-        content=_content(tree),
+        content=ast.dump(tree),
         modules=tuple(sorted(files)),
         libraries=frozenset(tops - {PACKAGE} - sys.stdlib_module_names),
     )
@@ -101,13 +98,14 @@ def _statements(node: ast.AST) -> Iterator[ast.AST]:
             yield from _statements(child)
 
 
-def _imported(node: ast.Import | ast.ImportFrom, path: Path) -> set[str]:
-    """Full names of the modules that a statement imports, and of what may be modules."""
+def _imported(node: ast.Import | ast.ImportFrom) -> set[str]:
+    """Full names of the modules that a statement imports, and of what may be modules.
+
+    Imports within the package are absolute: ruff refuses others.
+    """
     if isinstance(node, ast.Import):
         return {alias.name for alias in node.names}
-    parts = path.relative_to(SOURCE).parts[: -node.level] if node.level else ()
-    module = ".".join([*parts, *filter(None, [node.module])])
-    return {module, *(f"{module}.{alias.name}" for alias in node.names)}
+    return {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
 
 
 def _files(name: str) -> list[Path]:
@@ -124,46 +122,3 @@ def _find(name: str) -> Path | None:
         if path.is_file():
             return path
     return None
-
-
-def _content(tree: ast.Module) -> str:
-    """A module as text; where no name is bound twice, its imports and definitions sorted."""
-    if not _binds_once(tree.body):
-        return ast.dump(tree)
-    movable, rest = [], []
-    for node in tree.body:
-        if isinstance(node, IMPORTS):
-            node.names.sort(key=lambda alias: alias.name)
-        (movable if isinstance(node, (*DEFINITIONS, *IMPORTS)) else rest).append(ast.dump(node))
-    return "\n".join(sorted(movable) + rest)
-
-
-def _binds_once(body: list[ast.stmt]) -> bool:
-    """Whether the order of the definitions in a module's body cannot matter once it runs."""
-    # `import a.b` and `import a.c` both bind a, to the same module
-    packages = {
-        alias.name.partition(".")[0]
-        for node in body
-        if isinstance(node, ast.Import)
-        for alias in node.names
-        if not alias.asname
-    }
-    bound = Counter([*packages, *(name for node in body for name in _bound(node))])
-    return all(count == 1 for count in bound.values())
-
-
-def _bound(node: ast.stmt) -> Iterator[str]:
-    if isinstance(node, DEFINITIONS):
-        yield node.name
-    elif isinstance(node, IMPORTS):
-        yield from (
-            alias.asname or alias.name
-            for alias in node.names
-            if alias.asname or isinstance(node, ast.ImportFrom)
-        )
-    else:
-        for part in ast.walk(node):
-            if isinstance(part, ast.Name) and not isinstance(part.ctx, ast.Load):
-                yield part.id
-            elif isinstance(part, (*DEFINITIONS, *IMPORTS)) and part is not node:
-                yield from _bound(part)

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import platform
 from collections.abc import Iterable
 from functools import cache
-from importlib import metadata, util
-from pathlib import Path
+from importlib import metadata
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 # Distributions that are not named as what is imported of them.
-DISTRIBUTIONS = {
-    "rocrate_validator": "roc-validator",
-    "sklearn": "scikit-learn",
-    "yaml": "PyYAML",
-}
+DISTRIBUTIONS = {"sklearn": "scikit-learn", "yaml": "PyYAML"}
 
 
 def versions(imported: Iterable[str]) -> dict[str, str]:
@@ -29,23 +23,25 @@ def versions(imported: Iterable[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     for name in imported:
         distribution = canonicalize_name(DISTRIBUTIONS.get(name, name))
-        if _distribution(distribution):
-            found |= _with_requirements(distribution)
-        elif digest := _files(name):
-            found[name] = digest
+        found |= _with_requirements(distribution)
     return {"python": ".".join(platform.python_version_tuple()[:2]), **dict(sorted(found.items()))}
 
 
 @cache
 def _with_requirements(distribution: str) -> dict[str, str]:
-    """Versions of a distribution and of all it requires, by name."""
-    found, seen, waiting = {}, set(), [(distribution, "")]
+    """Versions of an installed distribution and of all it requires on this platform, by name."""
+    found: dict[str, str] = {}
+    waiting = [distribution]
     while waiting:
-        name, extra = one = waiting.pop()
-        if one not in seen and (described := _distribution(name)):
+        name = waiting.pop()
+        if name not in found and (described := _distribution(name)):
             found[name] = described["Version"]
-            waiting += _requirements(name, extra)
-        seen.add(one)
+            required = map(Requirement, described.get_all("Requires-Dist") or [])
+            waiting += [
+                canonicalize_name(requirement.name)
+                for requirement in required
+                if requirement.marker is None or requirement.marker.evaluate({"extra": ""})
+            ]
     return found
 
 
@@ -55,27 +51,3 @@ def _distribution(name: str) -> metadata.PackageMetadata | None:
         return metadata.distribution(name).metadata
     except metadata.PackageNotFoundError:
         return None
-
-
-@cache
-def _requirements(name: str, extra: str) -> list[tuple[str, str]]:
-    """Names and extras of what an installed distribution requires on this platform."""
-    requirements = map(Requirement, _distribution(name).get_all("Requires-Dist") or [])
-    return [
-        (canonicalize_name(requirement.name), wanted)
-        for requirement in requirements
-        if requirement.marker is None or requirement.marker.evaluate({"extra": extra})
-        for wanted in ("", *requirement.extras)
-    ]
-
-
-@cache
-def _files(name: str) -> str | None:
-    """Digest of the top-level files of a package that no installer has recorded, as with conda."""
-    spec = util.find_spec(name)
-    if spec is None or spec.origin is None:
-        return None
-    origin = Path(spec.origin)
-    files = sorted(origin.parent.glob("*.py")) if spec.submodule_search_locations else [origin]
-    content = b"".join(file.name.encode() + file.read_bytes() for file in files)
-    return hashlib.sha256(content).hexdigest()[:16]

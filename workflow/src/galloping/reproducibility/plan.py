@@ -44,7 +44,6 @@ class PlannedJob:
     settings: dict
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    benchmark: str
 
     def made(self, receipt: Receipt | None) -> bool:
         """Whether a receipt is of this very job: settings, code and the inputs by name."""
@@ -153,10 +152,7 @@ class Executor(AbstractExecutor):
         if job.output:  # all but the rule that only collects
             settings = ast.literal_eval(job.format_wildcards("{params.settings!r}"))
             inputs, outputs = (tuple(map(str, files)) for files in (job.input, job.output))
-            planned = PlannedJob(
-                job.name, as_written(settings), inputs, outputs, str(job.benchmark)
-            )
-            self.jobs.append(planned)
+            self.jobs.append(PlannedJob(job.name, as_written(settings), inputs, outputs))
         submitted = SubmittedJobInfo(job=job)
         self.report_job_submission(submitted)
         self.report_job_success(submitted)

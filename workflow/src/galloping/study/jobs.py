@@ -110,7 +110,7 @@ def compare_reference(study: Study) -> Job:
         "reference": {n: sources.as_written(str(p)) for n, p in kept.items() if p.exists()},
     }
     if (origin := folder / "origin.json").exists():
-        reads["origin"] = Source(str(origin), "galloping.reproducibility.reference:read_origin")
+        reads["origin"] = Source(str(origin), "galloping.tables.reference.study:read_origin")
     others = ("results", "reference", "figures")  # on which no number depends
     settings = {"study": {k: v for k, v in study.plain.items() if k not in others}}
     return _reading(reads, settings)

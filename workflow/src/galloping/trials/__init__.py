@@ -1,1 +1,1 @@
-"""Trials of the methods where no study has a true model to compare coefficients with."""
+"""Independent trials of what the identification claims of its models."""

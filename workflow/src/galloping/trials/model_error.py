@@ -148,6 +148,8 @@ def answer(
     """Amplitudes of the motion from `start` (4,) after STEADY s, and the modes at rest.
 
     Intervals are those of models drawn with the covariance of the coefficients; NaN without one.
+    An amplitude is of the motion, not of the model alone: what an approximate model says that it
+    leaves of the motion is added.
     """
     model = identified.model
 
@@ -168,6 +170,8 @@ def answer(
         # half of the middle 68 %: a few draws that diverge do not count
         low, high = np.nanquantile(sampled, [0.16, 0.84], axis=0)
         widths = NORMAL * (high - low) / 2.0
+        left = [identified.diagnostics.get(f"error_share_all_{q}", 0.0) for q in STATES[:2]]
+        widths[:2] = np.hypot(widths[:2], left * values[:2])
     return Answer(values, widths)
 
 

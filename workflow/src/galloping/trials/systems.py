@@ -15,7 +15,6 @@ import numpy as np
 
 from galloping.bounds.information import Experiment, state_bound
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel, library
@@ -199,12 +198,12 @@ SYSTEMS = {
 
 
 def _weak_form(recordings: list[Recording], terms: tuple) -> IdentifiedModel:
-    """pysindy's weak form as the study sets it, its bumps as wide as a period of the motion."""
+    """pysindy's weak form as the study sets it."""
     # pysindy takes seconds to import
-    from galloping.identification.sparse.weak import weak
+    from galloping.identification.sparse import weak
+    from galloping.identification.sparse.stlsq import normalised
 
-    bumps = {"domains": 200, "half_width": shortest_period(recordings) / 2.0, "order": 4}
-    return weak(recordings, degree=DEGREE, threshold=None, path_length=25, weak=bumps, seed=0)
+    return normalised(weak.reduce(recordings, terms), threshold=None, path_length=30)
 
 
 METHODS: dict[str, Callable[[list[Recording], tuple], IdentifiedModel]] = {

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import norm
 
@@ -15,6 +14,7 @@ from galloping.identification.likelihood.constants import (
     FALSE_DOUBT_RATE,
     FALSE_TERM_RATE,
     MISS_RATE,
+    TAIL,
 )
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import Tableau, Whitened, tableau
@@ -65,8 +65,7 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
             known.setdefault(other.tobytes(), (value, other))
     ranked = sorted(known.values(), key=lambda entry: entry[0])
     supports = np.array([other for _, other in ranked[:CHANGES]])
-    fits = [_fit(whitened, other) for other in supports]
-    chi2, coefficients, variances = (np.array(column) for column in zip(*fits, strict=True))
+    chi2, coefficients, variances = _fits(whitened, supports)
     criterion = chi2 + cost * supports.sum(axis=1)
     weight = np.exp(-(criterion - criterion.min()) / 2.0)
     return Plausible(supports, chi2, weight / weight.sum(), coefficients, variances)
@@ -95,32 +94,43 @@ def _changes(here: Tableau, support: np.ndarray, cost: float) -> tuple[np.ndarra
     return here.chi2 + cost * len(kept) + rise[best], others[:, :-1]
 
 
-def _fit(whitened: Whitened, support: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """chi^2, and coefficients (n,) with variances (n,) in the original units."""
-    kept = np.flatnonzero(support)
-    q, r = np.linalg.qr(whitened.columns[:, kept])
-    inverse = solve_triangular(r, np.eye(len(kept)), check_finite=False)
-    along = q.T @ whitened.target
-    rest = whitened.target - q @ along
-    coefficients, variances = np.zeros((2, len(support)))
-    unit = whitened.unit[kept]
-    coefficients[kept] = inverse @ along * unit
-    variances[kept] = np.sum(inverse**2, axis=1) * unit**2
-    return float(rest @ rest), coefficients, variances
+def _fits(whitened: Whitened, supports: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """chi^2 (m,), and coefficients and variances (m, n) in the original units; supports: (m, n)."""
+    chi2 = np.full(len(supports), whitened.target @ whitened.target)
+    coefficients, variances = np.zeros((2, *supports.shape))
+    sizes = supports.sum(axis=1)
+    for size in np.unique(sizes[sizes > 0]):  # those of one size in one call
+        rows = np.flatnonzero(sizes == size)[:, None]
+        kept = np.nonzero(supports[rows[:, 0]])[1].reshape(-1, size)
+        q, r = np.linalg.qr(np.moveaxis(whitened.columns[:, kept], 1, 0))
+        inverse = np.linalg.inv(r)
+        along = np.einsum("mij,i->mj", q, whitened.target)
+        rest = whitened.target - np.einsum("mij,mj->mi", q, along)
+        chi2[rows[:, 0]] = np.sum(rest**2, axis=1)
+        unit = whitened.unit[kept]
+        coefficients[rows, kept] = np.einsum("mij,mj->mi", inverse, along) * unit
+        variances[rows, kept] = np.sum(inverse**2, axis=2) * unit**2
+    return chi2, coefficients, variances
 
 
 def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndarray:
-    """(n,) root mean square distance of each coefficient from the selected one.
+    """(n,) standard error of each coefficient about the selected one, the support not trusted.
 
     Of a term found: over all plausible supports. Of an absent one: over those that have it, or,
-    where none has, its `deviation` (n,) were it alone added.
+    where none has, its `deviation` (n,) were it alone added. It is the root mean square distance,
+    or more where the distance has a heavy tail: four of it hold all but a share of TAIL.
     """
-    selected = plausible.coefficients[0]
-    squares = plausible.variances + (plausible.coefficients - selected) ** 2
-    weight = plausible.weight[:, None] * (plausible.supports | plausible.supports[0])
-    total = weight.sum(axis=0)
-    mean = np.sum(weight * squares, axis=0) / np.where(total > 0.0, total, 1.0)
-    return np.where(plausible.supports[0], np.sqrt(mean), np.fmax(np.sqrt(mean), deviation))
+    selected = plausible.supports[0]
+    distance = np.abs(plausible.coefficients - plausible.coefficients[0])
+    weight = plausible.weight[:, None] * (plausible.supports | selected)
+    weight = weight / np.maximum(weight.sum(axis=0), np.finfo(float).tiny)
+    mean = np.sqrt(np.sum(weight * (plausible.variances + distance**2), axis=0))
+    edge = distance + 2.0 * np.sqrt(plausible.variances)
+    order = np.argsort(edge, axis=0, kind="stable")
+    reached = np.cumsum(np.take_along_axis(weight, order, 0), axis=0) >= 1.0 - TAIL
+    tail = np.take_along_axis(edge, order, 0)[np.argmax(reached, axis=0), np.arange(len(selected))]
+    error = np.maximum(mean, tail / 4.0)
+    return np.where(selected, error, np.fmax(error, deviation))
 
 
 def detection_limits(errors: np.ndarray, support: np.ndarray, penalty: float) -> np.ndarray:

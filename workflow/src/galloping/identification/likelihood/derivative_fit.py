@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from galloping.identification.likelihood.constants import SMALLEST_RATE_NOISE
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.result import judged
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording
-
-SMALLEST_NOISE = 1e-7
 
 
 def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
@@ -37,7 +36,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             rows, rate = theta[good], rate[good]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
             gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
-            floor = SMALLEST_NOISE * np.abs(rate).max() + np.finfo(float).tiny
+            floor = SMALLEST_RATE_NOISE * np.abs(rate).max() + np.finfo(float).tiny
             sigma[r, i] = max(np.sqrt(gap @ gap / (len(rate) - n_terms)), floor)
             information[block, block] += rows.T @ rows / sigma[r, i] ** 2
             right[block] += rate @ rows / sigma[r, i] ** 2

@@ -37,9 +37,9 @@ CURIOUS = 2.5
 # Mean square, in units of the noise, below which residuals are rounding: exact data are given a
 # least noise, and the projections' own estimate is never this far below the true one.
 ROUNDING = 0.25
-GROWS = "the noise grows with the signal"  # as the residual of a wrong model does, too
-JITTERS = "the sampling times jitter"  # the same
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
+JITTER = "the sampling times jitter"
+GROWING = "the noise grows with the signal"
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,19 @@ class Fault:
 
     cause: str
     z: float
+
+
+def of_the_model(causes: list[Fault], coloured: bool = False) -> bool:
+    """Whether the model may be what is wrong: forces are missing, and no sensor is the clearest.
+
+    Residuals of a wrong model are larger where the motion is, like noise that grows with it.
+    coloured: whether they are correlated from sample to sample, which such noise and the errors
+    of a clock are not.
+    """
+    if not causes:
+        return True
+    missing = coloured or any(fault.cause == FORCES for fault in causes)
+    return missing and causes[0].cause in (FORCES, JITTER, GROWING)
 
 
 def faults(
@@ -241,8 +254,8 @@ def _variances(
     weight = np.where(there[:, :, 0], condensed.samplings[:, :, 0, 0], 1.0)
     tested = []
     for cause, signal in (
-        (JITTERS, rates[:, :, 0]),
-        (GROWS, (condensed.targets - residual)[:, :, 0]),
+        (JITTER, rates[:, :, 0]),
+        (GROWING, (condensed.targets - residual)[:, :, 0]),
     ):
         total, channels = 0.0, 0
         for r in range(len(sigma)):

@@ -15,7 +15,7 @@ import numpy as np
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
-from galloping.identification.likelihood.instrument import FORCES, GROWS, JITTERS, faults
+from galloping.identification.likelihood.instrument import FORCES, Fault, faults, of_the_model
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
@@ -150,7 +150,8 @@ def _from_states(problem: Problem, recordings: list[Recording], begun: Start) ->
 def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
     """The model that follows the data to the noise; refused where an instrument is at fault.
 
-    Raises FloatingPointError where no model of the library does.
+    Raises FloatingPointError where no model of the library does, ValueError where that is because
+    an instrument is at fault.
     """
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
@@ -163,10 +164,14 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     try:
         fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
     except FloatingPointError as error:
-        causes = _causes(problem, condensed, segments, step.fit, penalty)
+        causes = []
+        if step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
+            causes = _causes(problem, condensed, segments, step.fit, penalty)
+        named = [fault.cause for fault in causes[:1]]
         if not causes and step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
-            causes = [f"followed in pieces, not as a whole: {FORCES}"]
-        raise FloatingPointError("; ".join([*causes, str(error)])) from error
+            named = [f"followed in pieces, not as a whole: {FORCES}"]
+        kind = FloatingPointError if of_the_model(causes) else ValueError
+        raise kind("; ".join([*named, str(error)])) from error
     remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
@@ -185,11 +190,8 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     objection, doubt = shown.objection(names), ""
     if step.settled:
         causes = _causes(problem, condensed, step.segments, fit, penalty)
-        inadequate = causes[:1] == [FORCES] or (
-            objection and causes[:1] in ([], [GROWS], [JITTERS])
-        )
-        objection = "; ".join(filter(None, [*causes, objection]))
-        if inadequate:
+        objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
+        if objection and of_the_model(causes, shown.coloured):
             raise FloatingPointError(objection)
     else:  # what it leaves in the residuals is that it is not the best fit
         objection, doubt = "", "many models follow the data alike"
@@ -215,12 +217,11 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
 
 def _causes(
     problem: Problem, condensed: Condensed, segments: Segments, fit: Fit, penalty: float
-) -> list[str]:
-    """The clearest fault of the recording, or none."""
-    shown = faults(
+) -> list[Fault]:
+    """The faults of the recording, the clearest first."""
+    return faults(
         problem, condensed, segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
     )
-    return [fault.cause for fault in shown[:1]]
 
 
 def _remaining(

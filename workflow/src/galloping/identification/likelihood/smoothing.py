@@ -7,6 +7,7 @@ where samples are few, or where one of them is not measured or has gaps.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import factorial
 
@@ -24,7 +25,9 @@ LEAST_KNOTS_PER_PERIOD = 5
 GRID_PER_PERIOD = 24
 SAMPLES_PER_KNOT = 3
 LEAST_SAMPLES = 8
+STRETCH = 2**15  # samples whose spectrum is taken at once: longer ones have more to resolve
 GAP = 0.4
+EDGE = 0.5
 ACCURACY = 3e-4
 ROUGHNESS = 5e-4
 
@@ -68,14 +71,14 @@ def shortest_period(recordings: list[Recording]) -> float:
     where no channel varies.
     """
     highest = 0.0
-    for recording in recordings:
-        duration = recording.time[-1] - recording.time[0]
-        for channel in recording.values.T:
+    for time, values in _stretches(recordings):
+        duration = time[-1] - time[0]
+        for channel in values.T:
             good = np.isfinite(channel)
             if good.sum() < LEAST_SAMPLES:
                 continue
-            grid = np.linspace(recording.time[0], recording.time[-1], min(good.sum(), 2**13))
-            signal = np.interp(grid, recording.time[good], channel[good])
+            grid = np.linspace(time[0], time[-1], min(good.sum(), 2**13))
+            signal = np.interp(grid, time[good], channel[good])
             signal = (signal - signal.mean()) * np.hanning(len(signal))
             power = np.abs(np.fft.rfft(signal)) ** 2
             power = np.where(power > 20.0 * np.median(power), power, 0.0)[1:]
@@ -86,6 +89,17 @@ def shortest_period(recordings: list[Recording]) -> float:
     if highest == 0.0:
         raise ValueError("no channel varies above its noise")
     return 1.0 / highest
+
+
+def _stretches(recordings: list[Recording]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Times and values of pieces of the recordings, of at most STRETCH samples."""
+    for recording in recordings:
+        pieces = -(-len(recording.time) // STRETCH)
+        yield from zip(
+            np.array_split(recording.time, pieces),
+            np.array_split(recording.values, pieces),
+            strict=True,
+        )
 
 
 def smooth(recording: Recording, period: float) -> Smooth:
@@ -112,6 +126,7 @@ def smooth(recording: Recording, period: float) -> Smooth:
         )
         states[:, curve] = fitted
         valid &= _near(recording, curve, time, GAP * period)
+        valid &= _away(recording, curve, time, period)
         noise[curve] = deviation
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
     return Smooth(time, states, sigma, derived, noise, residual, valid)
@@ -197,6 +212,16 @@ def _near(recording: Recording, curve: list[int], grid: np.ndarray, distance: fl
     to_next = sampled[np.minimum(after, len(sampled) - 1)] - grid
     to_last = grid - sampled[np.maximum(after - 1, 0)]
     return np.minimum(np.abs(to_next), np.abs(to_last)) <= distance
+
+
+def _away(recording: Recording, curve: list[int], grid: np.ndarray, period: float) -> np.ndarray:
+    """(n_grid,) whether a gap longer than a period is EDGE periods away: a curve ends badly."""
+    sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
+    away = np.ones(len(grid), bool)
+    for last in np.flatnonzero(np.diff(sampled) > period):
+        before, after = sampled[last] - EDGE * period, sampled[last + 1] + EDGE * period
+        away &= (grid < before) | (grid > after)
+    return away
 
 
 @njit(cache=True)

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
-
-COLOURED = 2.0
-MOST_COLOUR = 2.0
-SIGNIFICANCE = 1e-6
-NEIGHBOURS = 15
-ROUNDING = 1e-5
+from galloping.identification.likelihood.constants import (
+    COLOURED,
+    MOST_COLOUR,
+    NEIGHBOURS,
+    RESIDUAL_RATE,
+    ROUNDING,
+    SPREADS,
+)
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     band, band_allowed = np.nan, np.nan
     if low:
         band = float(sum(low) / bins[0] / (sum(high) / bins[1]))
-        band_allowed = float(1.0 + 5.0 * np.sqrt(np.sum(1.0 / bins)))
+        band_allowed = float(1.0 + SPREADS * np.sqrt(np.sum(1.0 / bins)))
     line_allowed = _expected_peak(int(condensed.first[-1]))
     return Residue(
         chi2, chi2_allowed, band, band_allowed, band_power, line, line_allowed, frequency, channel
@@ -112,7 +114,9 @@ def _misfit(condensed: Condensed, residual: np.ndarray, parameters: int) -> tupl
     share = parameters / max(int(np.count_nonzero(condensed.counts)), 1)
     freedom = np.maximum(condensed.rows[measured] - share, 1.0)
     spread = np.sqrt(2.0 / np.sum(freedom) + 2.0 / np.sum(spare[measured]))
-    return float(np.sum(squares[measured] / inside) / np.sum(freedom)), float(1.0 + 5.0 * spread)
+    return float(np.sum(squares[measured] / inside) / np.sum(freedom)), float(
+        1.0 + SPREADS * spread
+    )
 
 
 def _line(power: np.ndarray) -> tuple[float, int]:
@@ -125,9 +129,9 @@ def _line(power: np.ndarray) -> tuple[float, int]:
 
 
 def _expected_peak(windows: int) -> float:
-    """Ratio exceeded with probability SIGNIFICANCE by the highest of that many bins of noise.
+    """Ratio exceeded with probability RESIDUAL_RATE by the highest of that many bins of noise.
 
     A bin over the mean of m = 2 NEIGHBOURS - 4 others is F-distributed with (2, 2 m) degrees.
     """
     m = 2 * NEIGHBOURS - 4
-    return m * ((SIGNIFICANCE / (2.0 * windows)) ** (-1.0 / m) - 1.0)
+    return m * ((RESIDUAL_RATE / (2.0 * windows)) ** (-1.0 / m) - 1.0)

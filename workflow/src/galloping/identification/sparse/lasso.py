@@ -4,37 +4,68 @@ from __future__ import annotations
 
 import numpy as np
 from pysindy.optimizers import WrappedOptimizer
-from sklearn.linear_model import LassoLars, lars_path
+from sklearn.linear_model import LassoLars, lars_path, lars_path_gram
 
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.sparse.reduction import Regression
-from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit, scores
+from galloping.identification.sparse.cross_validation import judge
+from galloping.identification.sparse.reduction import Evidence
+from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit, scores, solve
+
+PENALTIES = np.geomspace(1, NEGLIGIBLE**2, 60)  # of unit columns, in units of the first to act
 
 
-def lasso(problem: Regression, *, threshold: float | None) -> IdentifiedModel:
-    """The l1 penalty of each equation is a kink of its path: the one that EBIC prefers.
+def lasso(evidence: Evidence, *, threshold: float | None) -> IdentifiedModel:
+    """The l1 penalty of each equation: cross-validated, or the kink of its path that EBIC prefers.
 
     threshold: penalty alpha on unit columns and targets, or None to choose it. Terms whose
     refitted share is NEGLIGIBLE are dropped.
     """
+    problem = evidence.tuned
     library, targets = compact(problem)
     scale, lengths = np.linalg.norm(targets, axis=0), np.linalg.norm(library, axis=0)
     library, targets = library / lengths, targets / scale
-    rows, chosen = [], []
-    for i in range(targets.shape[1]):
+    if threshold is not None:
+        alphas = np.full(targets.shape[1], threshold)
+    elif problem.held_out is None:
+        alphas = _informed(library, targets, problem.observations)
+    else:
+        judged = judge(problem, supports_along)
+        alphas = PENALTIES[judged.chosen()] / len(library)
+    rows = []
+    for i, alpha in enumerate(alphas):
         target = targets[:, [i]]
-        alpha = threshold
-        if alpha is None:
-            alphas, _, path = lars_path(library, target[:, 0], method="lasso")
-            supports = _prune(library, target, (path.T != 0)[np.newaxis])
-            judged = scores(library, target, supports, problem.observations[[i]])
-            alpha = alphas[np.argmin(judged[0])]
         optimizer = WrappedOptimizer(LassoLars(alpha=alpha, fit_intercept=False))
         support = optimizer.fit(library, target).coef_ != 0
         support = _prune(library, target, support[np.newaxis])
         rows.append(refit(library, target, support)[0, 0])
-        chosen.append(alpha)
-    return problem.model(np.stack(rows) * scale[:, np.newaxis] / lengths, np.array(chosen))
+    return problem.model(np.stack(rows) * scale[:, np.newaxis] / lengths, alphas)
+
+
+def supports_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """Supports (f, m, k, p) at PENALTIES, of problems with unit columns and targets."""
+    supports = np.zeros((*moments.shape[:2], len(PENALTIES), moments.shape[2]), dtype=bool)
+    for f, m in np.ndindex(moments.shape[:2]):
+        kinks, _, path = lars_path_gram(moments[f, m], grams[f], n_samples=1, method="lasso")
+        for place, penalty in enumerate(PENALTIES):
+            # the coefficients that are not zero between two kinks are those of either
+            after = np.searchsorted(-kinks, -penalty)
+            supports[f, m, place] = np.any(path[:, max(after - 1, 0) : after + 1], axis=1)
+            supports[f, m, place] &= penalty < kinks[0]
+        shares = solve(grams[f], moments[[f], m], supports[f, [m]])[0]
+        supports[f, m] &= np.abs(shares) >= NEGLIGIBLE
+    return supports
+
+
+def _informed(library: np.ndarray, targets: np.ndarray, observations: np.ndarray) -> np.ndarray:
+    """The kink of each target's path that EBIC prefers."""
+    alphas = []
+    for i in range(targets.shape[1]):
+        target = targets[:, [i]]
+        kinks, _, path = lars_path(library, target[:, 0], method="lasso")
+        supports = _prune(library, target, (path.T != 0)[np.newaxis])
+        judged = scores(library, target, supports, observations[[i]])
+        alphas.append(kinks[np.argmin(judged[0])])
+    return np.array(alphas)
 
 
 def _prune(library: np.ndarray, target: np.ndarray, supports: np.ndarray) -> np.ndarray:

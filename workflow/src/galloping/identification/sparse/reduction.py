@@ -1,99 +1,54 @@
-"""One QR per recording: all that least squares can learn from it, in 39 rows instead of 30,001.
-
-The rows of [Theta(X) | dX/dt] enter a regression only through their inner products, and an
-orthogonal transformation keeps those. Identification therefore works on the triangular factor.
-"""
+"""What sparse regression sees of recordings: derivatives, measured or smoothed, on a library."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.sparse.regression import Regression, regression, stretches
+from galloping.identification.sparse.settings import best_setting, smoothings
 from galloping.identification.sparse.smoothing import smooth
-from galloping.polynomial import Exponents, PolynomialModel, design_matrix
+from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
-
-# Contiguous stretches of a recording that are reduced separately, for the bootstrap.
-BLOCKS = 10
 
 
 @dataclass(frozen=True)
-class Regression:
-    """A reduced regression dX/dt = Theta c.
+class Evidence:
+    """What the methods that regress derivatives on states see of the recordings of one replicate.
 
-    library: (rows, n_terms), targets: (rows, n_states), rows of the stacked block factors.
-    observations: (n_states,) effective number of independent observations of each target.
-    states, terms: names of the targets' states, and the candidate library.
+    plain: derivatives as measured, or those of a spline that generalised cross-validation made as
+    smooth as each channel asks for. tuned: by the smoothing that predicts held-out stretches best,
+    or `plain` where there is none to choose. settings: every smoothing that was tried.
     """
 
-    library: np.ndarray
-    targets: np.ndarray
-    observations: np.ndarray
-    states: tuple[str, ...]
-    terms: tuple[Exponents, ...]
-
-    def model(self, coefficients: np.ndarray, thresholds: np.ndarray) -> IdentifiedModel:
-        """What a method makes of it: (n_states, n_terms) coefficients, without a verdict."""
-        model = PolynomialModel(self.states, self.terms, coefficients)
-        return IdentifiedModel(model, "unjudged", thresholds=thresholds)
+    plain: Regression
+    tuned: Regression
+    settings: tuple[Regression, ...] = ()
 
 
-def stretches(n: int) -> list[slice]:
-    """The rows of each block: at most BLOCKS contiguous stretches of n rows."""
-    edges = np.linspace(0, n, min(BLOCKS, n) + 1).astype(int)
-    return [slice(a, b) for a, b in pairwise(edges)]
+def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evidence:
+    """The regressions of recordings of one system on the candidate library `terms`.
 
-
-def regression(
-    blocks: Iterable[tuple[np.ndarray, np.ndarray]],
-    observations: np.ndarray,
-    states: tuple[str, ...],
-    terms: tuple[Exponents, ...],
-) -> Regression:
-    """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
-    libraries, targets = [], []
-    for library, target in blocks:
-        p = library.shape[1]
-        factor = _triangle(np.column_stack([library, target]))
-        libraries.append(factor[:, :p])
-        targets.append(factor[:, p:])
-    library, target = np.concatenate(libraries), np.concatenate(targets)
-    return Regression(library, target, np.asarray(observations), states, terms)
-
-
-def _triangle(rows: np.ndarray) -> np.ndarray:
-    """R of the QR factorisation, square; in cache-sized panels first, three times faster."""
-    columns = rows.shape[1]
-    panel = 8 * columns
-    whole = len(rows) // panel
-    if whole > 1:
-        tops = np.linalg.qr(rows[: whole * panel].reshape(whole, panel, columns), mode="r")
-        rows = np.concatenate([tops.reshape(-1, columns), rows[whole * panel :]])
-    factor = np.linalg.qr(rows, mode="r")
-    return np.pad(factor, ((0, columns - len(factor)), (0, 0)))
-
-
-def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regression:
-    """The regression of recordings of one system on the candidate library `terms`.
-
-    Where no derivatives were measured they come from `smooth`, and so do the states. Recordings
-    without any sample, as of a line that diverges, give NaN, which no method can solve.
-    Raises ValueError where a value is missing.
+    Where no derivatives were measured they come from smoothing, and so do the states: it is chosen
+    where the samples are equally spaced. Recordings without any sample, as of a line that diverges,
+    give NaN, which no method can solve. Raises ValueError where a value is missing.
     """
     states = recordings[0].states
     if any(np.isnan(recording.values).all() for recording in recordings):
         theta, targets = np.full((1, len(terms)), np.nan), np.full((1, len(states)), np.nan)
-        return Regression(theta, targets, np.zeros(len(states)), states, terms)
+        nothing = Regression(theta, targets, np.zeros(len(states)), states, terms)
+        return Evidence(nothing, nothing)
     parts = [_differentiated(recording) for recording in recordings]
     x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
     observations = sum(part[2] for part in parts)
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
-    return regression(blocks, observations, states, terms)
+    plain = regression(blocks, observations, states, terms)
+    settings = smoothings(recordings, terms)
+    tuned = settings[best_setting(settings)] if settings else plain
+    return Evidence(plain, tuned, tuple(settings))
 
 
 def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import pysindy as ps
 from sklearn import config_context
 
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.sparse.reduction import Regression
+from galloping.identification.sparse.cross_validation import judge
+from galloping.identification.sparse.reduction import Evidence
+from galloping.identification.sparse.regression import Regression
 from galloping.identification.sparse.selection import (
     NEGLIGIBLE,
     best_threshold,
@@ -16,42 +20,75 @@ from galloping.identification.sparse.selection import (
     thresholded_supports,
 )
 
+# Of unit columns: a ridge keeps nearly collinear ones from large coefficients of opposite sign
+# while thresholds act; the last step is least squares without it.
+RIDGES = (0.0, 1e-4)
 
-def normalised(
-    problem: Regression, *, threshold: float | None, path_length: int
-) -> IdentifiedModel:
+
+def normalised(evidence: Evidence, *, threshold: float | None, path_length: int) -> IdentifiedModel:
     """Thresholds act on each term's share of the state derivative.
 
-    threshold: share in (0, 1), or None to choose one for each equation by EBIC out of
-    `path_length` between NEGLIGIBLE and 1.
+    threshold: share in (0, 1), or None to choose one for each equation out of `path_length`
+    between NEGLIGIBLE and 1: by cross-validation, or where nothing is held out by EBIC.
     """
+    problem = evidence.tuned
     library, targets = compact(problem)
     scale = np.linalg.norm(targets, axis=0)
     lengths = np.linalg.norm(library, axis=0)
-    unit_library, unit_targets = library / lengths, targets / scale
-    if threshold is None:
-        candidates = np.tile(np.geomspace(NEGLIGIBLE, 1, path_length), (targets.shape[1], 1))
-        chosen = _scan(unit_library, unit_targets, candidates, problem.observations)
+    library, targets = library / lengths, targets / scale
+    path, ridges = np.geomspace(NEGLIGIBLE, 1, path_length), np.zeros(len(scale))
+    if threshold is not None:
+        chosen = np.full(len(scale), threshold)
+    elif problem.held_out is None:
+        candidates = np.tile(path, (len(scale), 1))
+        chosen = _scan(library, targets, candidates, problem.observations)
     else:
-        chosen = np.full(targets.shape[1], threshold)
-    coefficients = fit(unit_library, unit_targets, chosen)
+        chosen, ridges = _cross_validated(problem, path_length)
+    coefficients = np.zeros((len(scale), library.shape[1]))
+    for ridge in np.unique(ridges):
+        rows = ridges == ridge
+        coefficients[rows] = fit(library, targets[:, rows], chosen[rows], ridge)
     return problem.model(coefficients * scale[:, np.newaxis] / lengths, chosen)
 
 
-def raw(problem: Regression, *, threshold: float | None, path_length: int) -> IdentifiedModel:
+def raw(evidence: Evidence, *, threshold: float | None, path_length: int) -> IdentifiedModel:
     """Thresholds act on the coefficients as they are, in SI units, as the paper most likely did.
 
     threshold: in the coefficients' units, or None to choose one for each equation by EBIC out
     of `path_length` from NEGLIGIBLE times the largest coefficient of least squares up to it.
     """
-    library, targets = compact(problem)
+    library, targets = compact(evidence.plain)
     if threshold is None:
         largest = np.abs(np.linalg.lstsq(library, targets, rcond=None)[0]).max(axis=0)
         candidates = largest[:, np.newaxis] * np.geomspace(NEGLIGIBLE, 1, path_length)
-        chosen = _scan(library, targets, candidates, problem.observations)
+        chosen = _scan(library, targets, candidates, evidence.plain.observations)
     else:
         chosen = np.full(targets.shape[1], threshold)
-    return problem.model(fit(library, targets, chosen), chosen)
+    return evidence.plain.model(fit(library, targets, chosen), chosen)
+
+
+def supports_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """Supports (f, m, k, p) of problems with unit columns, at all RIDGES and thresholds (path)."""
+    thresholds = np.tile(path, (moments.shape[1], 1))
+    unit = np.eye(grams.shape[1])
+    return np.stack(
+        [
+            np.hstack([thresholded_supports(g + r * unit, right, thresholds) for r in RIDGES])
+            for g, right in zip(grams, moments, strict=True)
+        ]
+    )
+
+
+@lru_cache(maxsize=1)  # ensembles ask again
+def _cross_validated(problem: Regression, path_length: int) -> tuple[np.ndarray, np.ndarray]:
+    """The threshold and the ridge of each equation that held-out stretches prefer."""
+    path = np.geomspace(NEGLIGIBLE, 1, path_length)
+    judged = judge(problem, lambda *products: supports_along(path, *products))
+    ridges, places = np.divmod(judged.chosen(), len(path))
+    supports = judged.supports.reshape(len(ridges), len(RIDGES), len(path), -1)
+    supports = supports[np.arange(len(ridges)), ridges]
+    thresholds = [best_threshold(path, *each) for each in zip(supports, places, strict=True)]
+    return np.array(thresholds), np.array(RIDGES)[ridges]
 
 
 def _scan(
@@ -60,18 +97,20 @@ def _scan(
     """The threshold of each equation, of (m, k) candidates, that EBIC prefers."""
     lengths = np.linalg.norm(library, axis=0)
     unit = library / lengths  # the same supports and fits, better conditioned
-    supports = thresholded_supports(unit, targets, candidates, 1 / lengths)
-    judged = scores(unit, targets, supports, observations)
+    supports = thresholded_supports(unit.T @ unit, targets.T @ unit, candidates, 1 / lengths)
+    judged = scores(unit, targets, supports, observations).argmin(axis=1)
     return np.array(list(map(best_threshold, candidates, supports, judged)))
 
 
-def fit(library: np.ndarray, targets: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
+def fit(
+    library: np.ndarray, targets: np.ndarray, thresholds: np.ndarray, ridge: float = 0
+) -> np.ndarray:
     """pysindy's STLSQ of each target at its own threshold: (m, p) coefficients.
 
     Targets in units of their threshold let one threshold of 1 serve them all. Without a ridge
     STLSQ's last step is least squares already, there is no bias to remove.
     """
-    optimizer = ps.STLSQ(threshold=1, alpha=0, unbias=False)
+    optimizer = ps.STLSQ(threshold=1, alpha=ridge, unbias=ridge > 0)
     with config_context(assume_finite=True, skip_parameter_validation=True):
         scaled = optimizer.fit(library, targets / thresholds).coef_
     return scaled * thresholds[:, np.newaxis]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from galloping.reproducibility.comparison import COLUMNS, WHOLE, compare_tables, compare_values
 from galloping.storage import read_json
+from galloping.tables.reference.comparison import COLUMNS, WHOLE, compare_tables, compare_values
 
 # What stands among the tables by these names: what the numbers were made with.
 SETTINGS, PROCESSOR = "settings", "processor"

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from galloping.reproducibility.reference import (
+from galloping.tables.reference.study import (
     AGREES,
     DIFFERENCE_COLUMNS,
     DIFFERS,

@@ -1,0 +1,142 @@
+"""Tables of sweep points and their figures: what is in them, and that nothing stops them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from galloping.configuration.load import load, plain
+from galloping.cycles.collocation import circle
+from galloping.cycles.line_family import LIBRARY
+from galloping.cycles.prediction import Prediction
+from galloping.cycles.ranking import Design, derived, ranked
+from galloping.cycles.rows import (
+    bifurcation_rows,
+    clearance_rows,
+    limit_cycle_rows,
+    line_diagram,
+    map_rows,
+    measure_rows,
+    prediction_rows,
+    simulation_rows,
+    steady_truth,
+)
+from galloping.figures.animation import write_animation
+from galloping.figures.cycles import draw_limit_cycles
+from galloping.figures.measures import draw_measures
+from galloping.figures.orbit import draw_orbits
+from galloping.figures.prediction import draw_prediction
+from galloping.figures.resonance_map import draw_resonance_map
+from galloping.figures.write import write_figure
+from galloping.physics.equations import STATES
+from galloping.physics.measures import ice_removal, pendulum
+from galloping.simulation import Simulator
+
+START = np.array([0.1, 0.1, 0, 0])
+
+
+@pytest.fixture(scope="module")
+def case():
+    return plain(load({}))["cases"]["internal_resonance"]
+
+
+@pytest.fixture(scope="module")
+def simulator():
+    return Simulator(STATES, LIBRARY)
+
+
+def drawn(tmp_path, draw):
+    svg, png = tmp_path / "figure.svg", tmp_path / "figure.png"
+    write_figure(svg, png, draw, dpi=50, font_size=8)
+    return svg.read_text()
+
+
+def test_diagram(tmp_path, case, simulator):
+    along = line_diagram(case, "wind_speed", 4, 9, simulator)
+    simulated = simulation_rows("line", case, "wind_speed", [4, 8], simulator)
+    assert [row["kind"] for row in simulated] == ["rest", "cycle"]
+    cycles = pd.DataFrame(limit_cycle_rows("line", "wind_speed", along) + simulated)
+    assert set(cycles["unit"]) == {"m/s"} and cycles["trivial_defect"].max() <= 1e-6
+    changes = pd.DataFrame(bifurcation_rows("line", "wind_speed", along, case))
+    (hopf,) = changes[changes["name"] == "Hopf"].to_dict("records")
+    assert hopf["value"] == pytest.approx(hopf["closed_form"], rel=1e-9)
+    ends = changes[changes["name"] == "end"]
+    assert list(ends["note"]) == ["reached 9"] * 3
+    settings = {"cases": ["line"], "parameter": "wind_speed", "label": "wind speed, m/s"}
+    drawn(tmp_path, lambda: draw_limit_cycles(cycles, changes, settings))
+
+
+def test_parameters_without_a_hopf_bifurcation_in_their_range(case, simulator):
+    along = line_diagram(case, "tension", 18e3, 34e3, simulator)
+    cycles = pd.DataFrame(limit_cycle_rows("line", "tension", along))
+    assert set(cycles["unit"]) == {"N"} and {18e3, 34e3} <= set(cycles["value"])
+    assert list(cycles["branch"].unique()) == [
+        "from 26000, side 1", "from 26000, side 2",  # of two vertical swings, about resonance
+        "from 26000, side 1, halved, side 1", "from 26000, side 1, halved, side 2",
+    ]  # fmt: skip
+    changes = pd.DataFrame(bifurcation_rows("line", "tension", along, case))
+    doublings = changes.loc[changes["name"] == "period doubling", "value"]
+    assert sorted(doublings) == pytest.approx([21434.1, 28031.9], abs=0.1)
+    assert not changes["note"].str.contains("incomplete").any()
+    calm = line_diagram(case, "wind_speed", 2, 4, simulator)
+    rows = bifurcation_rows("line", "wind_speed", calm, case)
+    assert rows[-1]["note"].startswith("no limit cycle: no Hopf bifurcation in 2..4 m/s, and at 3")
+    with pytest.raises(ValueError, match="it can vary wind_speed"):
+        line_diagram(case, "phase_of_the_moon", 0, 1, simulator)
+
+
+def test_map_and_orbits(tmp_path, case, simulator):
+    table = pd.DataFrame(
+        map_rows(
+            "line", case, ("wind_speed", [8.0, 30.0]), ("tension", [22e3, 25e3, 28e3]), simulator
+        )
+    )
+    assert table["frequency_ratio"].is_monotonic_decreasing
+    assert not np.isfinite(table["v_m"]).all()  # 30 m/s is too much for the model
+    settings = {"case": "line", "x_label": "x", "y_label": "y", "y_scale": 1000}
+    drawn(tmp_path, lambda: draw_resonance_map(table, settings))
+    angle = np.linspace(0, 6.28, 50)
+    orbits = {"line": {8.0: np.column_stack([np.cos(angle), np.sin(2 * angle)])}}
+    drawn(tmp_path, lambda: draw_orbits({"line": case}, orbits))
+
+
+def test_clearance_and_measures(tmp_path, case, simulator):
+    rows = clearance_rows("line", case, [12.0], (0.0, 8.0), 3.0, simulator)
+    assert [row["what"] for row in rows] == ["Davison", "Toye", "CIGRE 322", "cycle"]
+    assert rows[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3) and rows[-1]["kept"]
+    design, parts = Design(12.0, START, (0.0, 8.0), 3.0), derived(case)
+    outcomes = ranked(
+        parts, case, [ice_removal(), pendulum(20.0, (100.0,))], design, simulator,
+        np.zeros((0, len(parts.values))),
+    )  # fmt: skip
+    table = pd.DataFrame(measure_rows("line", outcomes, design))
+    assert table["measure"][0] == "ice removed" and "torsion" in " ".join(table["note"])
+    drawn(tmp_path, lambda: draw_measures(table, {"cases": ["line"]}))
+
+
+def test_prediction(tmp_path, case, simulator):
+    true = steady_truth(case, [8.0, 12.0], simulator)
+    near = np.column_stack([true, true])
+    wide = Prediction(np.array([8.0, 12.0]), near, 0.9 * near, 1.1 * near, np.zeros(2))
+    cell = {"case": "line", "protocol": "state", "method": "maximum_likelihood", "replicate": 0}
+    rows = prediction_rows(cell, wide, true, "not identifiable: q_v^3")
+    assert len(rows) == 4 and all(row["inside"] for row in rows)
+    nothing = np.full((2, 4), np.nan)
+    lost = Prediction(wide.winds, nothing, nothing, nothing, np.ones(2), "it does not settle")
+    rows += prediction_rows({**cell, "method": "stlsq"}, lost, true, "unjudged")
+    assert not any(row["inside"] for row in rows[4:])
+    settings = {"case": "line", "protocols": ["state"], "method": "maximum_likelihood",
+                "replicate": 0, "recorded": 12.0, "peer": "stlsq"}  # fmt: skip
+    drawn(tmp_path, lambda: draw_prediction(pd.DataFrame(rows), settings))
+
+
+def test_animation_is_the_same_twice_and_small(tmp_path, case):
+    swing = circle(np.zeros(4), np.array([1.0, 0.5j, 0, 0]), 2.4, 12.0, 8)
+    files = [tmp_path / name for name in ("one.gif", "two.gif")]
+    for path in files:
+        write_animation(path, case, swing, "line", frames=3)
+    assert files[0].read_bytes() == files[1].read_bytes()
+    with Image.open(files[0]) as image:
+        assert image.n_frames == 3
+    assert files[0].stat().st_size < 100_000
+    assert sorted(tmp_path.iterdir()) == files

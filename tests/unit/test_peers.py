@@ -1,0 +1,209 @@
+"""pysindy tuned from the data: its own filters, held-out errors, and the oracle beside it."""
+
+import numpy as np
+import pandas as pd
+import pysindy as ps
+import pytest
+
+from galloping.evaluation.oracle import oracles
+from galloping.figures.overview import beaten_at
+from galloping.identification.sparse import reduction, stlsq
+from galloping.identification.sparse.alternatives import PATHS, alternatives
+from galloping.identification.sparse.cross_validation import FOLDS, Judged, judge
+from galloping.identification.sparse.drawing import seeded
+from galloping.identification.sparse.filters import Filtered, savitzky_golay, weak_form
+from galloping.identification.sparse.regression import Regression
+from galloping.identification.sparse.selection import forward_supports
+from galloping.measurement.measuring import measure
+from galloping.measurement.motion import Motion
+from galloping.physics.equations import EQUATIONS
+from galloping.polynomial import PolynomialModel, library
+from galloping.tables.peers import CHOSEN, ORACLE, peers
+
+STEP = 0.02
+TERMS = library(4, 3)
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    rng = np.random.default_rng(11)
+    time = STEP * np.arange(400)
+    return np.column_stack([np.sin(3 * time), np.cos(2 * time)]) + rng.normal(0, 0.1, (400, 2))
+
+
+# --- the filters are pysindy's ---
+
+
+@pytest.mark.parametrize(("window", "order"), [(31, 3), (51, 5)])
+def test_smoothing_is_that_of_pysindy(noisy, window, order):
+    half, rows = window // 2, np.arange(60, 340)
+    state, slope = (
+        Filtered(noisy, window)(kernel, rows) for kernel in savitzky_golay(window, order, STEP)
+    )
+    smoother = ps.SmoothedFiniteDifference(
+        smoother_kws={"window_length": window, "polyorder": order}
+    )
+    smoother(noisy, t=STEP)
+    assert state == pytest.approx(np.asarray(smoother.smoothed_x_)[rows], abs=1e-10)
+    sindy = ps.SINDyDerivative(
+        kind="savitzky_golay", left=half, right=half, order=order, iwindow=True
+    )
+    assert slope == pytest.approx(np.asarray(sindy(noisy, t=STEP))[rows], rel=1e-3, abs=1e-3)
+
+
+@pytest.mark.parametrize(("half", "order"), [(10, 2), (40, 8)])
+def test_test_functions_are_those_of_pysindy(noisy, half, order):
+    with seeded(np.random.default_rng(3)):
+        weak = ps.WeakPDELibrary(
+            function_library=ps.PolynomialLibrary(degree=1, include_bias=False),
+            spatiotemporal_grid=STEP * np.arange(400), K=20, H_xt=STEP * (half + 0.25), p=order,
+        )  # fmt: skip
+    cells = [np.asarray(cell[0]) for cell in weak.inds_k]
+    same = np.array([len(cell) == 2 * half + 1 for cell in cells])
+    assert same.any()
+    centres = np.array([cell[half] for cell, chosen in zip(cells, same, strict=True) if chosen])
+    states, slopes = (
+        Filtered(noisy, 2 * half + 1)(kernel, centres) for kernel in weak_form(half, order, STEP)
+    )
+    weak.fit([noisy])
+    assert states == pytest.approx(np.asarray(weak.transform([noisy])[0])[same], abs=1e-12)
+    assert slopes == pytest.approx(weak.convert_u_dot_integral(noisy)[same], abs=1e-12)
+
+
+# --- held-out errors ---
+
+
+def problem(blocks=10, noise=0.3):
+    """y = 2 x_0 - x_3 on six columns, with other rows held out."""
+    rng = np.random.default_rng(5)
+    rows = rng.standard_normal((2, blocks, 7, 6))
+    targets = rows @ np.array([2, 0, 0, -1, 0, 0]) + noise * rng.standard_normal((2, blocks, 7))
+    seen, held_out = (np.dstack([x, y]) for x, y in zip(rows, targets, strict=True))
+    return Regression(
+        rows[0].reshape(-1, 6), targets[0].reshape(-1, 1), np.array([7 * blocks]), ("x",), (),
+        held_out.transpose(0, 2, 1) @ held_out,
+    ), seen, held_out  # fmt: skip
+
+
+def test_errors_are_those_of_rows_that_were_not_fitted():
+    reduced, seen, held_out = problem()
+    judged = judge(reduced, lambda grams, moments: forward_supports(grams, moments, 3))
+    assert judged.supports[0, 2].tolist() == [True, False, False, True, False, False]
+    fold = np.arange(10) % FOLDS
+    for f in range(FOLDS):
+        train = np.concatenate(seen[fold != f])[:, [0, 3, 6]]
+        test = np.concatenate(held_out[fold == f])[:, [0, 3, 6]]
+        c = np.linalg.lstsq(train[:, :2], train[:, 2], rcond=None)[0]
+        expected = np.sum((test[:, 2] - test[:, :2] @ c) ** 2)
+        assert judged.errors[f, 0, 2] == pytest.approx(expected)
+
+
+def test_forward_supports_take_the_best_next_term():
+    rng = np.random.default_rng(8)
+    x = rng.standard_normal((40, 6)) + rng.standard_normal((40, 1))
+    y = rng.standard_normal(40)
+    supports = forward_supports((x.T @ x)[np.newaxis], (x.T @ y)[np.newaxis, np.newaxis], 4)[0, 0]
+    taken = []
+    for step in range(1, 5):
+        rss = {
+            j: np.linalg.lstsq(x[:, [*taken, j]], y, rcond=None)[1][0]
+            for j in range(6)
+            if j not in taken
+        }
+        taken.append(min(rss, key=rss.get))
+        assert np.flatnonzero(supports[step]).tolist() == sorted(taken)
+
+
+def test_the_sparsest_within_one_standard_error_is_chosen():
+    supports = np.tri(4, 3, -1, dtype=bool)[np.newaxis]  # 0 to 3 terms
+    spread = np.array([-1.0, 1, -1, 1, 0])[:, np.newaxis, np.newaxis]
+    errors = np.array([90.0, 10.4, 10, 10]) + spread * np.array([0, 1.0, 0.1, 0])
+    assert Judged(supports, errors).chosen().tolist() == [1]
+    errors = np.array([90.0, 10.4, 10, 10]) + spread * np.array([0, 0.1, 0.1, 0])
+    assert Judged(supports, errors).chosen().tolist() == [2]
+
+
+# --- a noisy line ---
+
+
+@pytest.fixture
+def line(resonant):
+    model, trajectory = resonant
+    motion = Motion(model.states, trajectory.time, trajectory.states, model(trajectory.states))
+    ((recording,),) = measure(
+        [motion], protocol="state", level=0.05, relative=True, samples=len(motion.time),
+        recordings=1, replicates=1, seed=71, name=("a_case", "state", "a_cell"),
+    )  # fmt: skip
+    return model.on_library(TERMS), reduction.reduce([recording], TERMS)
+
+
+def error(true, coefficients):
+    rows = list(EQUATIONS)
+    off = np.abs(coefficients - true.coefficients)[rows] / np.abs(true.coefficients[rows])
+    return off[true.support[rows]].mean()
+
+
+def test_tuned_smoothing_is_better_than_a_spline_and_worse_than_the_oracle(line):
+    true, evidence = line
+    options = {"threshold": None, "path_length": 30}
+    tuned = stlsq.normalised(evidence, **options).model.coefficients
+    plain = stlsq.normalised(
+        reduction.Evidence(evidence.plain, evidence.plain), **options
+    ).model.coefficients
+    assert error(true, tuned) < 0.6 * error(true, plain)
+    models = alternatives(evidence, PATHS["stlsq"](30))
+    assert error(true, oracles(true, models)[0]) < error(true, tuned)
+
+
+# --- the oracle, its table and its warning ---
+
+
+def test_an_oracle_knows_the_truth():
+    true = PolynomialModel(
+        ("q_v", "q_w", "dq_v", "dq_w"), ((1, 0, 0, 0), (2, 0, 0, 0)),
+        np.array([[1.0, 0], [1, 0], [2, 4], [0, 1]]),
+    )  # fmt: skip
+    one = [np.array([[1.0, 0]])] * 2
+    vertical = np.array([[2.0, 3.9], [2.5, 4.0], [0, 4.0]])
+    horizontal = np.array([[0.1, 1.0], [0, 1.1]])
+    least, right = oracles(true, [*one, vertical, horizontal])
+    assert least[2:].tolist() == [[2.0, 3.9], [0.1, 1.0]]
+    assert right[2:].tolist() == [[2.0, 3.9], [0, 1.1]]
+
+
+def scored(method, replicate, error, spurious, r2, **more):
+    return {
+        "case": "line", "protocol": "state", "level": 0.05, "kind": "noise", "method": method,
+        "replicate": replicate, "mean_error_linear_percent": error,
+        "mean_error_cubic_percent": error + 2, "missing": 0, "spurious": spurious,
+        "r2_q_v": r2, "r2_q_w": r2, **more,
+    }  # fmt: skip
+
+
+def test_the_oracle_is_never_worse_than_what_was_chosen():
+    scores = pd.DataFrame(
+        scored(method, k, 10 + k, 1, 0.5) for method in ("stlsq", "ours") for k in range(3)
+    )
+    best = pd.DataFrame(
+        row
+        for k in range(3)
+        for row in (
+            scored("stlsq", k, 3 + k, 5, -np.inf, choice="least error"),
+            scored("stlsq", k, 20, 0, 0.4, choice="right terms"),
+        )
+    )
+    table = peers(scores, best, {}).set_index(["method", "setting"])
+    numbers = ["mean_error_percent", "exact", "r2_q_v", "r2_q_w"]
+    assert table.loc[("stlsq", CHOSEN), numbers].tolist() == [12, 0, 0.5, 0.5]
+    assert table.loc[("stlsq", ORACLE), numbers].tolist() == [5, 1, 0.5, 0.5]
+    assert ("ours", ORACLE) not in table.index
+
+
+def test_the_figure_says_where_the_oracle_is_better():
+    table = pd.DataFrame(
+        [("oracle", 0.05, 2.0), ("oracle", 0.1, 3.0), ("maximum_likelihood", 0.05, 1.0),
+         ("maximum_likelihood", 0.1, 4.0)],
+        columns=["method", "level", "median"],
+    )  # fmt: skip
+    assert beaten_at(table) == "0.1"
+    assert beaten_at(table[table["method"] == "oracle"]) == ""

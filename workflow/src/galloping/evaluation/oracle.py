@@ -1,0 +1,76 @@
+"""The best that any setting of a method could do, chosen with the truth and so out of its reach."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from galloping.evaluation.cell import evaluate
+from galloping.evaluation.coefficients import ORDERS
+from galloping.evaluation.score import UNKNOWN, Truth
+from galloping.identification.model import IdentifiedModel
+from galloping.identification.registry import BY_NAME, REGRESSION, WEAK_FORM
+from galloping.identification.sparse import reduction, weak
+from galloping.identification.sparse.alternatives import PATHS, alternatives
+from galloping.polynomial import PolynomialModel
+from galloping.recording import Recording
+
+CHOICES = ("least error", "right terms")
+
+
+def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients (n_states, n_terms) with the lowest mean error, and of the right terms if any.
+
+    true: on the candidate library. models: (k, n_terms) for each equation, one a setting. The mean
+    error is that over the orders; the second model takes the right terms wherever some setting
+    finds them, with the lowest error among those.
+    """
+    least, right = np.empty_like(true.coefficients), np.empty_like(true.coefficients)
+    for i, (candidates, weights) in enumerate(zip(models, _weights(true), strict=True)):
+        errors = np.abs(candidates - true.coefficients[i]) @ weights
+        exact = np.all((candidates != 0) == true.support[i], axis=1)
+        least[i] = candidates[np.argmin(errors)]
+        right[i] = candidates[np.argmin(np.where(exact | ~exact.any(), errors, np.inf))]
+    return least, right
+
+
+def _weights(true: PolynomialModel) -> np.ndarray:
+    """(n_states, n_terms) of each absolute error in the mean over orders of relative errors."""
+    degree = np.array([sum(term) for term in true.terms])
+    judged = true.support.copy()
+    judged[[i for i in range(len(judged)) if i not in UNKNOWN]] = False
+    weights = np.zeros(judged.shape)
+    for order in ORDERS.values():
+        terms = judged & (degree == order)
+        weights[terms] = 1 / (max(terms.sum(), 1) * np.abs(true.coefficients[terms]))
+    # the kinematic equations do not enter the mean error: their own relative errors
+    rest = true.support & ~judged
+    weights[rest] = 1 / np.abs(true.coefficients[rest])
+    return weights
+
+
+def oracle_rows(
+    truth: Truth, replicates: Iterable[Sequence[Recording]], path_length: int
+) -> list[dict]:
+    """Scores of the oracles of pysindy's methods: rows of `evaluation.cell` with their `choice`.
+
+    truth: its model is on the candidate library. replicates: recordings of each. path_length: of
+    the thresholds tried.
+    """
+    choices: dict[str, dict[str, list[IdentifiedModel]]] = {name: {} for name in CHOICES}
+    for recordings in replicates:
+        tuned = {REGRESSION: reduction.reduce, WEAK_FORM: weak.reduce}
+        evidence = {name: make(recordings, truth.model.terms) for name, make in tuned.items()}
+        for method, path in PATHS.items():
+            models = alternatives(evidence[BY_NAME[method].evidence], path(path_length))
+            for choice, coefficients in zip(CHOICES, oracles(truth.model, models), strict=True):
+                model = replace(truth.model, coefficients=coefficients)
+                choices[choice].setdefault(method, []).append(IdentifiedModel(model, "unjudged"))
+    unknown = np.full((1, *truth.model.coefficients.shape), np.nan)
+    return [
+        {"choice": choice, **row}
+        for choice, models in choices.items()
+        for row in evaluate(truth, models, unknown)[0]
+    ]

@@ -1,0 +1,47 @@
+"""Forward regression by orthogonal least squares (Billings 2013; pysindy's FROLS)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from galloping.identification.model import IdentifiedModel
+from galloping.identification.sparse.cross_validation import judge
+from galloping.identification.sparse.reduction import Evidence
+from galloping.identification.sparse.selection import (
+    NEGLIGIBLE,
+    compact,
+    forward_supports,
+    refit,
+    scores,
+    solve,
+)
+
+STEPS = 20  # the largest model of an equation
+
+
+def frols(evidence: Evidence) -> IdentifiedModel:
+    """The term that explains most is added until held-out stretches, or EBIC, ask for no more.
+
+    Terms that their successors have made NEGLIGIBLE are dropped.
+    """
+    problem = evidence.tuned
+    library, targets = compact(problem)
+    lengths, scale = np.linalg.norm(library, axis=0), np.linalg.norm(targets, axis=0)
+    library, targets = library / lengths, targets / scale
+    if problem.held_out is None:
+        products = library.T @ library, targets.T @ library
+        (supports,) = supports_along(*(each[np.newaxis] for each in products))
+        places = scores(library, targets, supports, problem.observations).argmin(axis=1)
+    else:
+        judged = judge(problem, supports_along)
+        supports, places = judged.supports, judged.chosen()
+    support = supports[np.arange(len(places)), places]
+    coefficients = refit(library, targets, support[:, np.newaxis])[:, 0]
+    return problem.model(coefficients * scale[:, np.newaxis] / lengths)
+
+
+def supports_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """Supports (f, m, k, p) of 0 to STEPS terms, of problems with unit columns and targets."""
+    supports = forward_supports(grams, moments, min(STEPS, grams.shape[1]))
+    shares = np.stack([solve(*each) for each in zip(grams, moments, supports, strict=True)])
+    return supports & (np.abs(shares) >= NEGLIGIBLE)

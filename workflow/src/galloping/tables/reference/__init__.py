@@ -1,0 +1,1 @@
+"""Tables of two runs, compared: with the reference, or with those of an archive."""

@@ -1,0 +1,99 @@
+"""One tidy row for each fit of a trial, and their summary: do the claims hold?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from galloping.evaluation.coefficients import NORMAL_95
+from galloping.identification.model import IdentifiedModel
+from galloping.polynomial import PolynomialModel
+
+FAR = 4.0  # standard errors beyond which a coefficient is wrong
+KEYS = ["group", "case", "protocol", "level"]
+
+
+def claims(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
+    """What is stated and whether it holds, for one fit; counts are of the true terms.
+
+    true: on the library of `result`. Nothing is counted where there is no model. `ok_and_wrong`
+    is an `ok` model with a false term, without one above its stated limit, or with a coefficient
+    more than four unconditional errors off; `off_given_terms` counts those of its coefficients
+    that are more than four off by the errors that trust the terms.
+    """
+    terms = true.support.copy()
+    terms[list(result.known)] = False
+    row: dict[str, object] = {
+        "status": result.status,
+        "exact": bool(np.array_equal(result.support, terms)),
+        "ok_and_wrong": False,
+        "false_terms": 0,
+        "above_limit": 0,
+        "off": 0,
+        "off_given_terms": 0,
+        "terms": 0,
+        "terms_found": 0,
+        "holding_given_terms": 0,
+        "holding_unconditional": 0,
+        "width_ratio": np.nan,
+        "reason": result.reason,
+    }
+    if result.status == "refused":
+        return row
+    distance = np.abs(result.model.coefficients - true.coefficients)
+    present = result.support
+    absent = terms & ~present
+    row["false_terms"] = int(np.sum(present & ~terms))
+    row["above_limit"] = int(
+        np.sum(np.abs(true.coefficients[absent]) > result.detection_limits[absent])
+    )
+    row["off"] = int(np.sum(distance[present] > FAR * result.unconditional_errors[present]))
+    row["off_given_terms"] = int(np.sum(distance[present] > FAR * result.standard_errors[present]))
+    wrong = row["false_terms"] or row["above_limit"] or row["off"]
+    row["ok_and_wrong"] = bool(result.status == "ok" and wrong)
+    row["terms"], row["terms_found"] = int(terms.sum()), int(np.sum(terms & present))
+    both = terms & present
+    row["holding_given_terms"] = int(
+        np.sum(distance[both] <= NORMAL_95 * result.standard_errors[both])
+    )
+    row["holding_unconditional"] = int(
+        np.sum(distance[terms] <= NORMAL_95 * result.unconditional_errors[terms])
+    )
+    ratios = (result.unconditional_errors / result.standard_errors)[present]
+    row["width_ratio"] = float(np.median(ratios)) if ratios.size else np.nan
+    return row
+
+
+def trust(rows: Sequence[Mapping[str, object]], keys: Sequence[str] = KEYS) -> pd.DataFrame:
+    """The table of a trial: one row for each group, case, protocol and level.
+
+    rows: those of `claims` with the names in `keys`, `seconds`, and `cause_named`, whether the
+    reason names the fault that was put in (NaN where none was). coverage_given_terms: of the
+    terms found; coverage_unconditional: of all true terms, of all fits with a model.
+    """
+    table = pd.DataFrame(rows)
+    summary = []
+    for names, fits in table.groupby(list(keys), sort=True):
+        status = fits["status"].value_counts()
+        stated = max(int(fits["terms"].sum()), 1)
+        summary.append(
+            {
+                **dict(zip(keys, names, strict=True)),
+                "fits": len(fits),
+                "exact": int(fits["exact"].sum()),
+                "ok": int(status.get("ok", 0)),
+                "ok_and_wrong": int(fits["ok_and_wrong"].sum()),
+                "not_identifiable": int(status.get("not identifiable", 0)),
+                "approximate": int(status.get("approximate", 0)),
+                "refused": int(status.get("refused", 0)),
+                "coverage_given_terms": fits["holding_given_terms"].sum()
+                / max(int(fits["terms_found"].sum()), 1),
+                "coverage_unconditional": fits["holding_unconditional"].sum() / stated,
+                "width_ratio": float(fits["width_ratio"].median()),
+                "cause_named": fits["cause_named"].sum(min_count=1),
+                "seconds_median": float(fits["seconds"].median()),
+            }
+        )
+    return pd.DataFrame(summary)
