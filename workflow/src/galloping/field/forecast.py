@@ -38,8 +38,8 @@ def forecast(
 
     Each of 100 draws takes coefficients from their covariance, and as its start the state that
     follows the samples of the window best after noise was added to them once more; the noise of a
-    sample is part of the band, and so is what forecasts of an approximate model have missed in the
-    recordings. Draws that diverge are left out. Raises ValueError where there is
+    sample is part of the band; of an approximate model, all that it leaves of the window counts as
+    noise. Draws that diverge are left out. Raises ValueError where there is
     no model, or where most draws diverge.
     """
     if identified.status == "refused":
@@ -51,6 +51,11 @@ def forecast(
     guess = first_guess(recording, begin)
     follow = Following(simulator, sampled, sigma)
     fitted = follow.start(identified.model, guess, values)
+    if identified.status == "approximate" and fitted is not None:
+        left = values - simulator(identified.model, fitted, sampled).states
+        count = np.maximum(np.isfinite(left).sum(axis=0), 1)
+        sigma = np.where(sigma > 0, np.sqrt(np.nansum(left**2, axis=0) / count), 0.0)
+        follow = Following(simulator, sampled, sigma)
     motions = []
     for model in drawn(identified, DRAWS, rng):
         noisy = values + sigma * rng.standard_normal(values.shape)
@@ -62,10 +67,7 @@ def forecast(
     if len(motions) < DRAWS // 2:
         raise ValueError(f"{DRAWS - len(motions)} of {DRAWS} draws of the model diverge")
     motions = np.array(motions)
-    missed = np.array(
-        [identified.diagnostics.get(f"error_share_all_{s}", 0.0) for s in recording.states]
-    ) * np.std(motions, axis=(0, 1))
-    seen = motions + np.hypot(sigma, missed) * rng.standard_normal(motions.shape)
+    seen = motions + sigma * rng.standard_normal(motions.shape)
     low, high = np.quantile(seen, (0.05, 0.95), axis=0)
     return Forecast(time, np.median(motions, axis=0), low, high)
 
