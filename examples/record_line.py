@@ -6,6 +6,7 @@ The span is the continuous line on seven modes a direction: no polynomial model 
 from pathlib import Path
 
 import numpy as np
+
 from galloping.configuration.load import load, plain
 from galloping.physics.continuous import continuous_line, release, simulate
 from galloping.physics.sensors import QUARTERS, readings

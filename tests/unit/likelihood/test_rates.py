@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from galloping import Recording, derive, maximum_likelihood, polynomial_library, simulate
 from galloping.identification.likelihood.condense import condense
 

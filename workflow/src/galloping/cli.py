@@ -60,14 +60,12 @@ def _mapping_options(command):
 
 
 def _mapping(time_column, states, measures, units, span, decimal, map_file):
-    import yaml
-
-    from galloping.field.mapping import MappingError, channel_of, validated
+    from galloping.field.mapping import MappingError, channel_of, read_mapping, validated
 
     if map_file:
         if states or measures:
             raise MappingError("--map stands alone: leave --states and --measure out")
-        return validated(yaml.safe_load(Path(map_file).read_text(encoding="utf-8")))
+        return read_mapping(map_file)
     named = [name.strip() for name in states.split(",")] if states else []
     channels = [channel_of(text) for text in measures]
     if not channels:

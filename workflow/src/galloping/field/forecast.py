@@ -68,7 +68,7 @@ def forecast(
         raise ValueError(f"{DRAWS - len(motions)} of {DRAWS} draws of the model diverge")
     motions = np.array(motions)
     seen = motions + sigma * rng.standard_normal(motions.shape)
-    low, high = np.quantile(seen, (0.05, 0.95), axis=0)
+    low, high = np.quantile(seen, (0.05, 0.95), axis=0, method="weibull")
     return Forecast(time, np.median(motions, axis=0), low, high)
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Literal
 
+import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 NAME = re.compile(r"[^\W\d]\w*")
@@ -107,6 +109,14 @@ def validated(content: object) -> Mapping:
             message = problem["msg"].removeprefix("Value error, ")
             lines.append(f"{place}: {message}" if place else message)
         raise MappingError("\n".join(lines)) from error
+
+
+def read_mapping(path: str | Path) -> Mapping:
+    """A mapping from a YAML file. Raises MappingError, the lines of which begin with its name."""
+    try:
+        return validated(yaml.safe_load(Path(path).read_text(encoding="utf-8")))
+    except (MappingError, yaml.YAMLError) as error:
+        raise MappingError(f"{path}: {error}") from error
 
 
 def channel_of(text: str) -> dict:

@@ -225,11 +225,10 @@ def write_outputs(
     )
     write_rows(folder / "model.csv", model_rows(identified), list(MODEL_COLUMNS))
     tables = {"model.csv": MODEL_COLUMNS}
-    if parts := _parts(trial, ahead):
-        rows = [row for part in parts for row in forecast_rows(part, states)]
-        write_rows(folder / "forecast.csv", rows)
-        units = {f"{s}{end}": state_unit(s) for s in states for end in ("", "_low", "_high")}
-        tables["forecast.csv"] = {"time_s": "s", **units}
+    rows = [row for part in _parts(trial, ahead) for row in forecast_rows(part, states)]
+    units = {f"{s}{end}": state_unit(s) for s in states for end in ("", "_low", "_high")}
+    tables["forecast.csv"] = {"time_s": "s", **units}
+    write_rows(folder / "forecast.csv", rows, list(tables["forecast.csv"]))
     describe_tables(folder, tables)
     said = sentences(of_line) if of_line else ()
     write_text(
@@ -249,12 +248,14 @@ def write_figures(
     from galloping.figures.write import write_figure
 
     last = field.recordings[-1]
-    drawn = {"quality": lambda: figures.draw_quality(field.series, field.reports, field.mapping)}
-    if shown:
-        drawn["fit"] = lambda: figures.draw_fit(last, shown)
-    if parts := _parts(trial, ahead):
-        length = PERIODS * field.period
-        drawn["forecast"] = lambda: figures.draw_forecast(last, parts, last.time[-1], length)
+    length = 0.0 if not shown else np.ptp(shown[0][0])
+    drawn = {
+        "quality": lambda: figures.draw_quality(field.series, field.reports, field.mapping),
+        "fit": lambda: figures.draw_fit(last, shown),
+        "forecast": lambda: figures.draw_forecast(
+            last, _parts(trial, ahead), last.time[-1], length
+        ),
+    }
     for name, draw in drawn.items():
         write_figure(folder / f"{name}.svg", folder / f"{name}.png", draw, DPI, FONT_SIZE)
 

@@ -64,6 +64,8 @@ def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarra
     motions: of each stretch the times (n,), s, and the states (n, n_states) of the model.
     """
     shown = [k for k in range(len(recording.states)) if np.isfinite(recording.values[:, k]).any()]
+    if not motions:
+        return _empty("the recording gives no model to draw beside it")
     figure = Figure(figsize=(DOUBLE, 0.6 + ROW * len(shown)), layout="constrained")
     grid = figure.subplots(len(shown), len(motions), squeeze=False, sharex="col", sharey="row")
     for row, k in zip(grid, shown, strict=True):
@@ -87,6 +89,8 @@ def draw_forecast(
     held_out: s, where the held-out part begins. length: s, of what is shown of each part.
     """
     states = [k for k in range(len(recording.states)) if np.isfinite(recording.values[:, k]).any()]
+    if not parts:
+        return _empty("the recording gives no model to forecast with")
     figure = Figure(figsize=(DOUBLE, 0.6 + ROW * len(states)), layout="constrained")
     grid = figure.subplots(len(states), len(parts), squeeze=False, sharey="row", sharex="col")
     for row, k in zip(grid, states, strict=True):
@@ -115,6 +119,12 @@ def draw_forecast(
         Line2D([], [], color=PAPER, lw=0.8, ls=":", label="begin of the forecast"),
     ]
     _legend(figure, handles)
+    return figure
+
+
+def _empty(reason: str) -> Figure:
+    figure = Figure(figsize=(DOUBLE, ROW))
+    panels.nothing(figure.subplots(), reason)
     return figure
 
 
