@@ -388,7 +388,9 @@ Identification = create_model(
 class Recordings(Section):
     """Recordings of one system, in files of its instruments."""
 
-    files: selection(FolderPath) = setting((), "files, all read by one mapping")
+    files: selection(FolderPath) = setting(
+        (), "files, all read by one mapping", rule="a list of one or more distinct paths"
+    )
     mapping: FolderPath = setting(
         "mapping.yaml",
         "file that says what the columns measure, as examples/span.yaml does",
@@ -398,7 +400,9 @@ class Recordings(Section):
     method: Literal["maximum_likelihood", "weak_gls"] = setting(
         "maximum_likelihood", "how the model is found"
     )
-    known: listing(str) = setting((), "known equations, such as `dq_w=-9.2 q_w - 0.03 dq_w`, SI")
+    known: listing(str) = setting(
+        (), "known equations, SI units", rule="such as [dq_w=-9.2 q_w - 0.03 dq_w]"
+    )
     seed: whole(ge=0) = setting(0, "seed of the draws behind intervals and forecasts")
 
 
