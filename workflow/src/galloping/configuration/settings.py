@@ -388,9 +388,7 @@ Identification = create_model(
 class Recordings(Section):
     """Recordings of one system, in files of its instruments."""
 
-    files: selection(FolderPath) = setting(
-        (), "files, all read by one mapping", rule="a list of one or more distinct paths"
-    )
+    files: selection(FolderPath) = setting((), "files, all read by one mapping", rule="each a path")
     mapping: FolderPath = setting(
         "mapping.yaml",
         "file that says what the columns measure, as examples/span.yaml does",
