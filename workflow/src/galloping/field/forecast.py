@@ -57,9 +57,10 @@ def forecast(
         sigma = np.where(sigma > 0, np.sqrt(np.nansum(left**2, axis=0) / count), 0.0)
         follow = Following(simulator, sampled, sigma)
     motions = []
+    slopes = None if fitted is None else follow.slopes(identified.model, fitted)
     for model in drawn(identified, DRAWS, rng):
         noisy = values + sigma * rng.standard_normal(values.shape)
-        start = None if fitted is None else follow.start(model, fitted, noisy)
+        start = None if fitted is None else follow.start(model, fitted, noisy, slopes)
         if start is not None:
             motion = simulator(model, start, np.concatenate([sampled, time])).states[len(sampled) :]
             if np.all(np.isfinite(motion)):
@@ -116,29 +117,37 @@ class Following:
     sigma: np.ndarray
 
     def start(
-        self, model: PolynomialModel, guess: np.ndarray, values: np.ndarray
+        self,
+        model: PolynomialModel,
+        guess: np.ndarray,
+        values: np.ndarray,
+        slopes: np.ndarray | None = None,
     ) -> np.ndarray | None:
         """(n_states,) at the first sample, None where the model diverges.
 
-        guess: (n_states,) near it. values: (n, n_states) the samples, NaN where missing.
+        guess: (n_states,) near it. values: (n, n_states) the samples, NaN where missing. slopes:
+        those of a model and start near by, to spare their own.
         """
         sigma = self.sigma
         weight = np.isfinite(values) * np.where(sigma > 0, 1.0 / np.where(sigma > 0, sigma, 1), 0.0)
-        target = np.nan_to_num(values)
-        start = guess
-        size = STEP * (np.abs(start) + np.std(target, axis=0) + 1e-6)
+        target, start = np.nan_to_num(values), guess
         for _ in range(ITERATIONS):
             motion = self.simulator(model, start, self.time).states
-            slopes = np.array(
-                [
-                    (self.simulator(model, start + size * unit, self.time).states - motion)
-                    * (weight / size[k])
-                    for k, unit in enumerate(np.eye(len(start)))
-                ]
-            )
-            if not np.all(np.isfinite(slopes)):
+            own = self.slopes(model, start) if slopes is None else slopes
+            if not (np.all(np.isfinite(motion)) and np.all(np.isfinite(own))):
                 return None
             left = ((target - motion) * weight).ravel()
-            design = slopes.reshape(len(start), -1).T
+            design = (own * weight).reshape(len(start), -1).T
             start = start + np.linalg.lstsq(design, left, rcond=1e-12)[0]
         return start
+
+    def slopes(self, model: PolynomialModel, start: np.ndarray) -> np.ndarray:
+        """(n_states, n, n_states): change of the motion with each state at its start."""
+        motion = self.simulator(model, start, self.time).states
+        size = STEP * (np.abs(start) + np.nanstd(motion, axis=0) + 1e-6)
+        return np.array(
+            [
+                (self.simulator(model, start + size * unit, self.time).states - motion) / size[k]
+                for k, unit in enumerate(np.eye(len(start)))
+            ]
+        )

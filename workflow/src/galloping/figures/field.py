@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import NullLocator
 
 from galloping.field.forecast import Forecast
 from galloping.field.mapping import Mapping
@@ -44,6 +45,7 @@ def draw_quality(series: Sequence[Series], reports: Sequence[dict], mapping: Map
         frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
         share = np.maximum(share, share.max() * 10.0**-DECADES)
         right.semilogy(frequency, share, color=MODEL, lw=0.6)
+        right.yaxis.set_minor_locator(NullLocator())
         described = report["channels"][channel.column]
         for dominant in described["dominant_frequencies_hz"][:1]:
             right.axvline(dominant, color=PAPER, lw=0.8, ls=":")
