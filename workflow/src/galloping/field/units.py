@@ -34,6 +34,8 @@ def factor(unit: str, wanted: str) -> float:
         raise UnitError(f"unit {unit!r} is not known") from error
     except pint.DimensionalityError as error:
         hint = "; an acceleration of gravity is written g_n" if unit == "g" else ""
+        if wanted == "1":
+            hint = "; the displacements of a line are the states q_v and q_w"
         raise UnitError(f"unit {unit!r} does not measure {wanted}{hint}") from error
     except Exception as error:  # pint's parser raises many kinds
         raise UnitError(f"unit {unit!r} cannot be read") from error
