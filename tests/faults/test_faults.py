@@ -191,7 +191,6 @@ def test_without_the_records_of_snakemake_receipts_tell_what_an_edit_made_stale(
     assert status == 0, said
     changed = differing(harmed.sound, contents(harmed.results))
     assert changed and all(name.startswith("figures/") for name in changed)
-    assert sum(name.endswith(".png") for name in changed) > 10
     status, said = end(harmed.start("verify_results"))
     assert status == 0, said
 

@@ -4,7 +4,6 @@ import ast
 
 import pytest
 
-from galloping.identification.registry import METHODS
 from galloping.reproducibility import digest
 
 SCRIPT = '''"""A script."""
@@ -134,32 +133,6 @@ def test_where_the_repository_lies_does_not_count(package, tmp_path, monkeypatch
     moved = (tmp_path / "src").rename(tmp_path / "elsewhere")
     monkeypatch.setattr(digest, "SOURCE", moved)
     assert package() == before
-
-
-def test_scripts_of_the_study_see_their_stages(root):
-    def used(*roots):
-        return {path.stem for path in digest._closure(roots)}
-
-    scripts = root / "workflow" / "scripts"
-    derive = used(scripts / "derive_model.py")
-    assert {"galerkin", "line", "aerodynamics", "storage"} <= derive
-    assert not {"measurement", "simulation", "stlsq"} & derive
-    identify = used(scripts / "identify_models.py")
-    for method in METHODS:
-        module = method.function.partition(":")[0].rpartition(".")[2]
-        assert module not in identify
-        assert module in used(scripts / "identify_models.py", *method.modules)
-
-
-def test_scripts_read_nothing_of_the_package_that_the_digest_leaves_out(root):
-    package = digest.SOURCE / digest.PACKAGE
-    files = [path for path in package.rglob("*") if path.is_file()]
-    assert {path.suffix for path in files if path.parent.name != "__pycache__"} == {".py", ".jinja"}
-    scripts = (root / "workflow" / "scripts").glob("*.py")
-    jobs = tuple(path for path in scripts if "run(main, snakemake)" in path.read_text())
-    assert len(jobs) > 5
-    for path in digest._closure(jobs):
-        assert "__doc__" not in path.read_text()
 
 
 def test_compiled_functions_use_no_other_module_of_the_package():

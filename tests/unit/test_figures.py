@@ -6,6 +6,8 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.reconstruction import Reconstruction
@@ -22,10 +24,11 @@ from galloping.figures.noise import draw_noise_coefficients, draw_noise_r2
 from galloping.figures.overview import best_of_pysindy, draw_overview
 from galloping.figures.panels import shifts
 from galloping.figures.recovery import draw_recovery
-from galloping.figures.style import KNOWN, method_style
+from galloping.figures.style import KNOWN, method_style, styled
 from galloping.figures.write import write_figure
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement.motion import Motion
+from galloping.measurement.protocols import BY_NAME as PROTOCOLS
 from galloping.physics.galerkin import derive
 from galloping.polynomial import library
 from galloping.tables.claims import CLAIMS
@@ -69,6 +72,15 @@ def noise_motion(median):
         for level in (0, 0.05)
         for state in ("q_v", "q_w")
     )  # fmt: skip
+
+
+def amounts(error):
+    return pd.DataFrame(
+        {"case": "line", "protocol": "state", "method": "weak", "points": 1000, "state": state}
+        | values("amplitude_error_percent", 0, error, np.inf)
+        | values("r2", -np.inf, 0.5, 1)
+        for state in ("q_v", "q_w")
+    )
 
 
 def motion(states):
@@ -171,6 +183,64 @@ def scored(methods, error=5.0, levels=(0, 0.01, 0.05)):
     )  # fmt: skip
 
 
+MANY = [f"line {k} with quite a long name" for k in range(8)]
+LEVELS, POINTS = (0, 0.01, 0.03, 0.05, 0.1, 0.15), (1000, 5000, 10000, 30000)
+
+
+def of_many(table, **values):
+    """The rows of a table for each of MANY, each protocol and each of further values."""
+    for name, options in {"case": MANY, "protocol": list(PROTOCOLS), **values}.items():
+        table = pd.concat([table.assign(**{name: option}) for option in options])
+    return table
+
+
+def boxes(figure):
+    """(text, bounding box in pixels) of every label, title and legend of a drawn figure."""
+    texts = [*figure.texts, *(text for block in figure.subfigs for text in block.texts)]
+    for axes in figure.axes:
+        texts += [child for child in axes.get_children() if isinstance(child, Text)]
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+            texts += [axis.label, *(tick.label1 for tick in ticks)]
+    shown = [text for text in texts if text.get_visible() and text.get_text()]
+    drawn = [(text.get_text(), text.get_window_extent()) for text in shown]
+    return [*drawn, *(("legend", legend.get_window_extent()) for legend in figure.legends)]
+
+
+@pytest.mark.parametrize(
+    ("draw", "table"),
+    [
+        (draw_noise_coefficients, lambda: of_many(noise_errors(LEVELS))),
+        (draw_noise_r2, lambda: of_many(noise_motion(0.9), level=LEVELS)),
+        (draw_data_amount, lambda: of_many(amounts(5.0), points=POINTS)),
+        (draw_efficiency, lambda: of_many(efficiencies())),
+        (draw_identifiability, lambda: of_many(identifiable(7.6))),
+        (draw_recovery, None),
+    ],
+)
+def test_eight_cases_keep_to_a_page_without_labels_upon_each_other(draw, table, swing):
+    settings = {**NAMES, "cases": MANY, "protocols": list(PROTOCOLS), "protocol": "state",
+                "methods": ["weak", "maximum_likelihood", "bound"], "method": "weak",
+                "level": 0.05}  # fmt: skip
+    with styled(8):
+        if table:
+            figure = draw(table(), settings)
+        else:
+            motions = {case: {"weak": motion(swing.states)} for case in MANY}
+            figure = draw({case: [swing] for case in MANY}, motions, settings)
+        figure.set_dpi(200)
+        FigureCanvasAgg(figure).draw()
+        placed = [(text, box.padded(-2)) for text, box in boxes(figure)]
+    assert figure.bbox.height <= 2400
+    titles = " ".join(text.replace("\n", " ") for text, _ in placed)
+    assert all(name in titles for name in MANY)  # drawn, or named as left out
+    upon = [(a, b) for (a, one), (b, two) in combinations(placed, 2) if one.overlaps(two)]
+    outside = [text for text, box in placed if not figure.bbox.padded(2).contains(*box.min)
+               or not figure.bbox.padded(2).contains(*box.max)]  # fmt: skip
+    assert len(placed) > 20 and upon == [] and outside == []
+
+
 @pytest.mark.parametrize("error", [5.0, np.inf])
 @pytest.mark.parametrize(
     "methods",
@@ -214,12 +284,7 @@ def test_r2_of_any_size(tmp_path, median):
 
 @pytest.mark.parametrize("error", [0.0, 5.0, np.inf])
 def test_amplitude_errors_of_any_size(tmp_path, error):
-    table = pd.DataFrame(
-        {"case": "line", "protocol": "state", "method": "weak", "points": 1000, "state": state}
-        | values("amplitude_error_percent", 0, error, np.inf)
-        | values("r2", -np.inf, 0.5, 1)
-        for state in ("q_v", "q_w")
-    )
+    table = amounts(error)
     drawn(tmp_path, lambda: draw_data_amount(table, {**NAMES, "level": 0.05}))
     drawn(tmp_path, lambda: draw_data_amount(table[:0], {**NAMES, "level": 0.05}))
 
@@ -260,11 +325,12 @@ def test_claims_with_failures_and_cells_not_run(tmp_path):
         return {
             "claim": claim.name, "case": "line", "quantity": claim.quantity,
             "paper_value": claim.paper_value, "study_value": value, "low": value, "high": value,
+            "met_by": np.nan if verdict == "not run" else 0.5,
             "replicates": 0 if verdict == "not run" else 2, "protocol": "state", "method": "weak",
             "verdict": verdict,
         }  # fmt: skip
 
-    verdicts = [("better", 0.1), ("not run", np.nan), ("not reproduced", np.inf)]
+    verdicts = [("better", 0.1), ("in reach", 1.0), ("not run", np.nan), ("not reproduced", np.inf)]
     table = pd.DataFrame(
         [row(claim, *verdicts[k % len(verdicts)]) for k, claim in enumerate(CLAIMS)]
     )

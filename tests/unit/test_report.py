@@ -53,8 +53,16 @@ def test_the_headline_is_read_from_the_tables():
          for method, error in (("maximum_likelihood", 0.5), ("stlsq", 17.0), ("weak", 30.0))]
     )  # fmt: skip
     about = {"case": "line", "protocol": "state", "paper": ("derivative", "stlsq_raw")}
-    said = headline(claims, efficiency, errors, **about)
+    place = {"case": "line", "parameter": "wind_speed"}
+    cycles = pd.DataFrame(
+        [{**place, "value": value, "stable": stable, "v_m": value / 10, "w_m": 1.0}
+         for value, stable in ((6.0, True), (16.0, True), (18.0, False))]
+    )  # fmt: skip
+    changes = pd.DataFrame([{**place, "name": "Hopf", "value": 5.253}])
+    said = headline(claims, efficiency, errors, cycles, changes, **about)
     assert "2 reproduced, 1 in reach" in said[0]
     assert "20 of 20" in said[1] and "0.5 %, against 17 % by stlsq" in said[1]
     assert "down to 5,000 samples" in said[2]
-    assert headline(claims, efficiency[:0], errors, **about) == said[:1]
+    assert "from a wind of 5.25 m/s" in said[3] and "1.60 m (vertical)" in said[3]
+    less = headline(claims, efficiency[:0], errors, cycles[:0], changes, **about)
+    assert less == said[:1]

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from galloping.reproducibility import claim, inspection, job, recovery
-from galloping.reproducibility.audit import audit, remove
+from galloping.reproducibility.audit import audit
 from galloping.reproducibility.inspection import inspect
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.receipts import (
@@ -285,17 +285,3 @@ def test_each_file_has_one_state():
         assert getattr(checked, name) == (f"{RESULTS}/tables/{name}.csv",)
     assert [receipt.path for receipt in checked.left_over] == [f"{RESULTS}/models/a.json", left]
     assert audit(plan("models/b.json")).missing == (f"{RESULTS}/models/b.json",)
-
-
-def test_pruning_takes_receipt_log_and_benchmark_along():
-    kept = make("models/a.json")
-    make("tables/old.csv")
-    Path(RESULTS, "benchmarks/tables").mkdir(parents=True)
-    Path(RESULTS, "benchmarks/tables/old.csv.tsv").touch()
-    mine = Path(RESULTS, "models/notes.txt")
-    mine.touch()
-    (left,) = audit(plan("models/a.json")).left_over
-    assert len(remove(left)) == 4
-    files = {str(path) for path in Path(RESULTS).rglob("*") if path.is_file()}
-    assert files == {kept, str(receipt_path(kept)), str(mine), f"{RESULTS}/logs/models/a.json.log"}
-    assert not Path(RESULTS, "tables").exists()

@@ -60,6 +60,8 @@ def test_pruning_shows_what_it_would_remove(fresh, tmp_path):
     old = folder / path
     old.parent.mkdir(parents=True)
     old.write_text("1\n")
+    (folder / log).parent.mkdir()
+    (folder / log).touch()
     made = Receipt(path, "evaluate_cell", {}, log, {}, {}, "0" * 64, size=2, seconds=1.0)
     write_json(folder / receipt_path(path), asdict(made))
     options = ("--configfile", "config/smoke.yaml")
@@ -67,5 +69,5 @@ def test_pruning_shows_what_it_would_remove(fresh, tmp_path):
     assert status == 0 and said[0] == path and old.exists()
     assert said[1] == "results/smoke: 1 left over files, 0.0 MB, to be removed by DELETE=yes"
     status, said = script(folder, "prune_results", "--delete", *options)
-    assert status == 0 and said[0].split() == [path, str(receipt_path(path))]
+    assert status == 0 and said[0].split() == [path, str(receipt_path(path)), log]
     assert not old.exists()

@@ -238,7 +238,6 @@ EDITS = {
     "a caption": appended("workflow/report/figures/figure05.rst", "Words.\n"),
     "another version of matplotlib": upgraded("matplotlib"),
     "another version of pysindy": upgraded("pysindy"),
-    "a comment in `requirements.lock`": appended("requirements.lock", "# words\n"),
     "a number in `results/reference`": replaced(
         "results/reference/smoke/table2_spacers.csv",
         "internal_resonance,spacers.mass,m_s,4.8,",

@@ -19,6 +19,7 @@ from galloping.figures.registry import BY_NAME as FIGURES
 from galloping.reproducibility.digest import code
 from galloping.study import jobs
 from galloping.study.cells import Study
+from galloping.study.kinds import OPEN_PARAMETERS
 from galloping.study.paths import CELL
 from galloping.tables.registry import BY_NAME as TABLES
 
@@ -38,6 +39,9 @@ wildcard_constraints:
     cell="|".join(dict.fromkeys(cell.name for cell in STUDY.cells)),
     family="|".join(dict.fromkeys(method.family for method in STUDY.methods)),
     recording="|".join(STUDY.settings.recordings) or "none",
+    sweep="|".join(sweep.name for sweep in STUDY.sweeps) or "none",
+    block=r"[a-z_0-9.+-]+",
+    parameter="|".join(OPEN_PARAMETERS),
     table="|".join(TABLES),
     figure="|".join(FIGURES),
 

@@ -1,4 +1,4 @@
-# identified models, and the Cramer-Rao bound -> scores
+# identified models, the Cramer-Rao bound, and the best settings of pysindy -> scores
 
 
 rule evaluate_cell:
@@ -20,3 +20,22 @@ rule evaluate_cell:
         "Evaluating {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
     script:
         "../scripts/evaluate_cell.py"
+
+
+rule find_oracle:
+    input:
+        unpack(inputs("find_oracle")),
+    output:
+        scores=PATHS.oracle,
+    log:
+        log_of(f"find_oracle/{CELL}"),
+    benchmark:
+        benchmark_of(f"find_oracle/{CELL}")
+    conda:
+        "../envs/galloping.yaml"
+    params:
+        settings=settings("find_oracle"),
+    message:
+        "Best settings of pysindy for {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
+    script:
+        "../scripts/find_oracle.py"

@@ -10,6 +10,7 @@ from galloping.storage import write_text
 from galloping.study.loading import load
 
 FIRST = "overview"
+READ = ("claims", "efficiency", "errors", "cycles", "bifurcations")
 
 
 def main() -> None:
@@ -28,9 +29,7 @@ def main() -> None:
     figures = items("figures", settings["labels"])
     page = Page(
         title="Galloping of iced overhead lines",
-        headline=headline(
-            read["claims"], read["efficiency"], read["errors"], **settings["headline"]
-        ),
+        headline=headline(**{name: read[name] for name in READ}, **settings["headline"]),
         first=figures.get(FIRST),
         settings=described(settings["study"]),
         introduction=settings["introduction"],

@@ -97,7 +97,7 @@ def test_map_and_orbits(tmp_path, case, simulator):
     drawn(tmp_path, lambda: draw_resonance_map(table, settings))
     angle = np.linspace(0, 6.28, 50)
     orbits = {"line": {8.0: np.column_stack([np.cos(angle), np.sin(2 * angle)])}}
-    drawn(tmp_path, lambda: draw_orbits({"line": case}, orbits))
+    drawn(tmp_path, lambda: draw_orbits(orbits, {"cases": {"line": case}}))
 
 
 def test_clearance_and_measures(tmp_path, case, simulator):

@@ -175,7 +175,7 @@ def test_known_equations_are_kept() -> None:
 def test_recordings_of_different_systems_are_an_error() -> None:
     values = np.zeros((5, 1))
     time = np.arange(5.0)
-    with pytest.raises(ValueError, match="same states"):
+    with pytest.raises(ValueError, match="must have those of the first"):
         maximum_likelihood(
             [Recording(time, ("x",), values), Recording(time, ("y",), values)], ((0,), (1,))
         )

@@ -46,9 +46,9 @@ def test_noise_correlated_over_a_few_samples_widens_the_intervals() -> None:
 
 
 @pytest.mark.parametrize("correlation", [0.98, 0.999])
-def test_noise_correlated_over_a_period_is_refused(correlation: float) -> None:
+def test_noise_correlated_over_a_period_is_never_exact(correlation: float) -> None:
     found = identify(coloured(correlation))
-    assert found.status == "refused"
+    assert found.status in ("approximate", "refused")
     assert "noise correlated" in found.reason
 
 
@@ -120,13 +120,14 @@ def test_a_library_without_the_cubic_terms_is_never_right() -> None:
     assert "no model found that follows the data" in found.reason or "chi2/n" in found.reason
 
 
-def test_a_term_outside_the_library_is_refused() -> None:
+def test_a_term_outside_the_library_leaves_an_approximate_model() -> None:
     def rate(_: float, x: np.ndarray) -> np.ndarray:
         return LINE(x[None])[0] - 0.01 * np.array([0.0, 0.0, x[0] ** 5, np.tanh(3.0 * x[3])])
 
     x = solve_ivp(rate, (0.0, 300.0), RELEASE, "DOP853", TIME, rtol=1e-8, atol=1e-9).y.T
     found = identify(noisy(LINE, x, TIME, LEVEL, 0).values)
-    assert found.status == "refused"
+    assert found.status == "approximate"
+    assert found.diagnostics["forecast_r2"] > 0.95
     assert "model inadequate" in found.reason
 
 

@@ -35,7 +35,7 @@ def test_the_cells_of_the_default_study(default):
     assert default.cell("non_resonant", "state", "points_1000").samples == 1000
     families = default.cell("internal_resonance", "state", "noise_0").families
     assert {name: len(methods) for name, methods in families.items()} == {
-        "sparse": 5, "likelihood": 2,
+        "sparse": 6, "likelihood": 2,
     }  # fmt: skip
     assert "weak" not in [m.name for m in default.cells[0].methods]  # exact states need none
 
@@ -99,6 +99,7 @@ def test_every_table_and_figure_reads_what_some_job_writes(settings):
     for cell in described.cells:
         named = (paths.bounds, paths.scores, paths.reconstructions)
         written |= {path.format(**cell.wildcards) for path in named}
+        written |= {paths.oracle.format(**cell.wildcards)} if cell.name != "noise_0" else set()
         written |= {
             paths.identified.format(**cell.wildcards, family=family) for family in cell.families
         }

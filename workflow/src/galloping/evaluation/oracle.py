@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,10 +14,13 @@ from galloping.identification.model import IdentifiedModel
 from galloping.identification.registry import BY_NAME, REGRESSION, WEAK_FORM
 from galloping.identification.sparse import reduction, weak
 from galloping.identification.sparse.alternatives import PATHS, alternatives
+from galloping.identification.sparse.cross_validation import Path
+from galloping.identification.sparse.reduction import Evidence
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
 CHOICES = ("least error", "right terms")
+EVIDENCE = {REGRESSION: reduction.reduce, WEAK_FORM: weak.reduce}
 
 
 def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -61,16 +64,34 @@ def oracle_rows(
     """
     choices: dict[str, dict[str, list[IdentifiedModel]]] = {name: {} for name in CHOICES}
     for recordings in replicates:
-        tuned = {REGRESSION: reduction.reduce, WEAK_FORM: weak.reduce}
-        evidence = {name: make(recordings, truth.model.terms) for name, make in tuned.items()}
-        for method, path in PATHS.items():
-            models = alternatives(evidence[BY_NAME[method].evidence], path(path_length))
-            for choice, coefficients in zip(CHOICES, oracles(truth.model, models), strict=True):
-                model = replace(truth.model, coefficients=coefficients)
-                choices[choice].setdefault(method, []).append(IdentifiedModel(model, "unjudged"))
+        for evidence, make in EVIDENCE.items():
+            paths = {m: path for m, path in PATHS.items() if BY_NAME[m].evidence == evidence}
+            for method, models in _chosen(truth.model, recordings, make, paths, path_length):
+                for choice, model in zip(CHOICES, models, strict=True):
+                    choices[choice].setdefault(method, []).append(model)
     unknown = np.full((1, *truth.model.coefficients.shape), np.nan)
     return [
         {"choice": choice, **row}
         for choice, models in choices.items()
         for row in evaluate(truth, models, unknown)[0]
     ]
+
+
+def _chosen(
+    true: PolynomialModel,
+    recordings: Sequence[Recording],
+    make: Callable[..., Evidence],
+    paths: Mapping[str, Callable[[int], Path]],
+    path_length: int,
+) -> Iterator[tuple[str, list[IdentifiedModel]]]:
+    """The models of both CHOICES by each method that works on the same evidence."""
+    try:
+        evidence = make(recordings, true.terms)
+        models = {m: alternatives(evidence, path(path_length)) for m, path in paths.items()}
+    except (ValueError, np.linalg.LinAlgError) as error:
+        nothing = IdentifiedModel.refused(true.states, true.terms, f"oracle: {error}")
+        yield from ((method, [nothing] * len(CHOICES)) for method in paths)
+        return
+    for method, each in models.items():
+        chosen = (replace(true, coefficients=c) for c in oracles(true, each))
+        yield method, [IdentifiedModel(model, "unjudged") for model in chosen]

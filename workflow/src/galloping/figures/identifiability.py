@@ -50,10 +50,12 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
         return figure
     for axes in grid.flat[len(cases) :]:
         axes.remove()
+    for axes in grid.flat[len(cases) - across : -across]:  # with no panel below that has the labels
+        axes.tick_params(labelbottom=True)
     joint = False
     for k, (case, axes) in enumerate(zip(cases, grid.flat, strict=False)):
         _prepare(axes, terms, whole["t"])
-        panels.letter(axes, k, fill(spoken(case), TITLE_WIDTH if across > 2 else 40))
+        panels.letter(axes, k, fill(spoken(case), TITLE_WIDTH))
         of_case = whole[whole["case"] == case]
         joint |= bool((of_case["recordings"] > 1).any())
         for j, protocol in enumerate(settings["protocols"]):

@@ -22,18 +22,16 @@ LOOKS = {
 }
 
 
-def draw_orbits(
-    cases: Mapping[str, Mapping], orbits: Mapping[str, Mapping[float, np.ndarray]]
-) -> Figure:
+def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapping) -> Figure:
     """Lissajous figures at mid-span, one panel for each case, equal scales in both directions.
 
-    cases: `cases` sections by name. orbits: of each case, by wind speed in m/s, (n, 2) places
-    (w, v) in m about rest.
+    orbits: of each case, by wind speed in m/s, (n, 2) places (w, v) in m about rest. settings:
+    cases, sections of the configuration by name.
     """
+    cases = settings["cases"]
     figure = Figure(figsize=(DOUBLE, 4.2), layout="constrained")
-    reach = 1.35 * max(
-        np.max(np.abs(places[:, 0])) for of_case in orbits.values() for places in of_case.values()
-    )
+    places = [places for of_case in orbits.values() for places in of_case.values()]
+    reach = 1.35 * max((np.max(np.abs(each[:, 0])) for each in places), default=1.0)
     panes = figure.subplots(1, len(cases), squeeze=False, sharex=True, sharey=True)[0]
     for k, (axes, (name, case)) in enumerate(zip(panes, cases.items(), strict=True)):
         panels.letter(axes, k, spoken(name))

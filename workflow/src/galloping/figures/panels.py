@@ -18,7 +18,7 @@ from galloping.figures.style import method_style, spoken
 
 TALLEST = 12.0  # inches: what a page of a report shows at once
 SHRUNK = 0.8  # of its wanted height has a case at least, where there are many
-NOTE_WIDTH = 115  # letters in a line of the double width
+NOTE_WIDTH = 135  # letters in a line of the double width
 R2_LIMITS = (0.0, 0.9999)
 R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
 
@@ -32,8 +32,8 @@ def nothing(axes: Axes, reason: str) -> None:
 
 
 def letter(axes: Axes, index: int, text: str) -> None:
-    """(a), (b), ... and what the panel shows."""
-    axes.set_title(f"({chr(ord('a') + index % 26)}) {text}", loc="left")
+    """(a), (b), ..., (z), (aa), (bb), ... and what the panel shows."""
+    axes.set_title(f"({chr(ord('a') + index % 26) * (1 + index // 26)}) {text}", loc="left")
 
 
 def fitting(cases: Sequence[str], head: float, each: float) -> tuple[Sequence[str], float]:

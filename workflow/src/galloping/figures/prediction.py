@@ -76,6 +76,9 @@ def _panel(axes: Axes, table: pd.DataFrame, methods: list[str]) -> None:
         if line.empty:
             continue
         wind, style = line["wind_m_s"], method_style(method)
+        if line["predicted_m"].isna().all():
+            axes.text(0.97, 0.05, f"{style.label}: no limit cycle", ha="right", color=style.color,
+                      transform=axes.transAxes)  # fmt: skip
         if k == 0:
             axes.plot(wind, line["true_m"], color=TRUE, lw=4, zorder=1)
             axes.fill_between(wind, line["low_m"], line["high_m"], color=BAND, zorder=2, lw=0.8,

@@ -181,6 +181,55 @@ def _overview(study: Study) -> dict:
     }
 
 
+def _limit_cycles(study: Study) -> Sources:
+    return {name: sources.table(study, of) for name, of in LIMIT_CYCLES.items()}
+
+
+OPEN_LABELS = {
+    "wind_speed": "wind speed, m/s",
+    "damping_ratio": "damping ratio",
+    "bundle_dimension": "bundle, m",
+    "initial_displacement": "release, m",
+}
+LIMIT_CYCLES = {"cycles": "limit_cycles", "bifurcations": "bifurcations"}
+
+
+def _cases(study: Study) -> dict:
+    return {"cases": [case.name for case in study.cases]}
+
+
+def _wind(study: Study) -> dict:
+    return _cases(study) | {"parameter": "wind_speed", "label": "wind speed, m/s"}
+
+
+def _resonance(study: Study) -> dict:
+    return {
+        "case": shown.first_case(study).name,
+        "x_label": "wind speed, m/s",
+        "y_label": "tension of a sub-conductor, kN",
+        "y_scale": 1000,
+    }
+
+
+def _orbits(study: Study) -> Sources:
+    return {"orbits": {case.name: sources.orbits(study, case.name) for case in study.cases}}
+
+
+def _predicted(study: Study) -> dict:
+    case = shown.first_case(study)
+    cells = shown.predicted_cells(study, case.name)
+    first = next(iter(cells.values()), None)
+    methods = shown.predicting_methods(first) if first else [""]
+    return {
+        "case": case.name,
+        "protocols": list(cells),
+        "method": methods[0],
+        "replicate": 0,
+        "recorded": case.line["wind"]["speed"],
+        **({"peer": methods[1]} if len(methods) > 1 else {}),
+    }
+
+
 FIGURES = (
     Figure(
         "figure01",
@@ -255,7 +304,7 @@ FIGURES = (
         "overview",
         "overview: error against noise, and the bound",
         "galloping.figures.overview:draw_overview",
-        _table("scores"),
+        lambda study: _table("scores")(study) | {"peers": sources.table(study, "peers")},
         _overview,
     ),
     Figure(
@@ -271,6 +320,48 @@ FIGURES = (
         "galloping.figures.identifiability:draw_identifiability",
         _table("identifiability"),
         _with_subset_level,
+    ),
+    Figure(
+        "limit_cycles",
+        "from which wind on, and how far",
+        "galloping.figures.cycles:draw_limit_cycles",
+        _limit_cycles,
+        _wind,
+    ),
+    Figure(
+        "resonance_map",
+        "where the 2:1 resonance lies",
+        "galloping.figures.resonance_map:draw_resonance_map",
+        _table("resonance_map"),
+        _resonance,
+    ),
+    Figure(
+        "orbits",
+        "orbits at mid-span",
+        "galloping.figures.orbit:draw_orbits",
+        _orbits,
+        lambda study: {"cases": {case.name: case.released for case in study.cases}},
+    ),
+    Figure(
+        "prediction",
+        "other wind speeds, from an identified model",
+        "galloping.figures.prediction:draw_prediction",
+        _table("prediction"),
+        _predicted,
+    ),
+    Figure(
+        "measures",
+        "what stops it",
+        "galloping.figures.measures:draw_measures",
+        _table("measures"),
+        _cases,
+    ),
+    Figure(
+        "reproduction",
+        "what the missing parameters decide",
+        "galloping.figures.reproduction:draw_reproduction",
+        _table("reproduction"),
+        lambda study: {"labels": OPEN_LABELS},
     ),
 )
 BY_NAME = {figure.name: figure for figure in FIGURES}

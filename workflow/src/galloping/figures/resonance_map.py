@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from galloping.figures import panels
 from galloping.figures.style import DIRECTIONS, DOUBLE, PAPER, STATES
 
+HIGHEST = 6.0  # m: larger motions, a sag or more, are drawn alike
 QUANTITIES = {"v_m": "q_v", "w_m": "q_w"}
 
 
@@ -29,9 +30,10 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         grid = table.pivot(index="y", columns="x", values=name)
         x, y = grid.columns.to_numpy(float), grid.index.to_numpy(float) / scale
         shown = axes.pcolormesh(
-            x, y, grid.to_numpy(), cmap="cividis", vmin=0, shading="nearest", rasterized=True
-        )
-        figure.colorbar(shown, ax=axes, label="half range, m", pad=0.02)
+            x, y, grid.to_numpy(), cmap="cividis", vmin=0, vmax=HIGHEST, shading="nearest",
+            rasterized=True,
+        )  # fmt: skip
+        figure.colorbar(shown, ax=axes, label="half range, m", pad=0.02, extend="max")
         ratio = table.pivot(index="y", columns="x", values="frequency_ratio").to_numpy()
         lines = axes.contour(x, y, ratio, levels=[2.0], colors="white", linewidths=1.4)
         axes.clabel(lines, fmt=r"$\omega_v = 2\,\omega_w$")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from base64 import b64encode
 from dataclasses import dataclass
 from importlib.resources import files
@@ -12,6 +13,7 @@ from docutils.core import publish_parts
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
+ENLARGED = 2.0  # px of the page for a pt of the print
 MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".csv": "text/csv"}
 
 
@@ -36,6 +38,14 @@ class Item:
         """The whole file as a data URI."""
         content = b64encode(self.path.read_bytes()).decode()
         return f"data:{MEDIA[self.path.suffix]};base64,{content}"
+
+    @property
+    def width(self) -> str:
+        """Of an SVG on the page, its printed size enlarged for a screen; '' of other files."""
+        if self.path.suffix != ".svg":
+            return ""
+        found = re.search(r'<svg[^>]* width="([\d.]+)pt"', self.path.read_text(encoding="utf-8"))
+        return f"{ENLARGED * float(found[1]):.0f}px" if found else ""
 
     @property
     def rows(self) -> pd.DataFrame:

@@ -14,6 +14,7 @@ from galloping.measurement import protocols
 from galloping.measurement.protocols import Protocol
 from galloping.study.kinds import JOINT, NOISE, SUBSET
 from galloping.study.paths import Paths
+from galloping.study.sweeps import Sweep, sweep
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,11 @@ class Case:
     name: str
     line: Mapping
     releases: tuple[Mapping[str, float], ...]
+
+    @property
+    def released(self) -> dict:
+        """The line with the state that it is first released from."""
+        return {**self.line, "initial_state": dict(self.releases[0])}
 
 
 @dataclass(frozen=True)
@@ -174,6 +180,13 @@ class Study:
             seed=measurement.seed if drawn else 0,
             methods=tuple(m for m in self.methods if m.can_use(protocol, uniform=kind != SUBSET)),
         )
+
+    @cached_property
+    def sweeps(self) -> tuple[Sweep, ...]:
+        return tuple(sweep(name, of) for name, of in self.settings.sweeps.items())
+
+    def sweep(self, name: str) -> Sweep:
+        return next(each for each in self.sweeps if each.name == name)
 
     def options(self, method: Method) -> dict:
         """What a method reads of the settings."""

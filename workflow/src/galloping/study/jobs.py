@@ -9,10 +9,13 @@ from pathlib import Path
 from galloping.figures import registry as figures
 from galloping.study import shown, sources
 from galloping.study.cells import Study
+from galloping.study.kinds import OURS_FAMILY
 from galloping.study.sources import Source, Sources
 from galloping.tables import registry as tables
 
 COMPARISONS = ["reference_summary", "reference_differences"]  # of compare_reference
+MOST_DRAWS = 3  # of each variant of a line, enough to tell most draws from some
+ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
 RELEASE_HEIGHTS = [1.0, 2.0, 3.0]  # m, of the further recordings that are compared
 
 
@@ -91,6 +94,103 @@ def evaluate_cell(study: Study, case: str, protocol: str, cell: str) -> Job:
     return _reading(reads, settings)
 
 
+def follow_cycles(study: Study, case: str, sweep: str) -> Job:
+    along = study.sweep(sweep)
+    settings = {
+        "case": study.case(case).released,
+        "parameter": along.parameter,
+        "range": [along.values[0], along.values[-1]],
+    }
+    return Job({}, settings)
+
+
+def simulate_sweep(study: Study, case: str, sweep: str, block: str) -> Job:
+    along = study.sweep(sweep)
+    values = next(each for each in along.blocks if each.name == block)
+    settings = {
+        "case": study.case(case).released,
+        "parameter": along.parameter,
+        "values": list(values.values),
+        "second": along.second,
+        "second_value": values.second,
+    }
+    return Job({}, settings)
+
+
+def assess_line(study: Study, case: str) -> Job:
+    """Clearance, orbits and measures, these with the intervals that an identification leaves."""
+    assessment = study.plain["assessment"]
+    cell = shown.assessed_cell(study, case)
+    reads = {"identified": sources.identified(study, cell, OURS_FAMILY)} if cell else {}
+    settings = {
+        "case": study.case(case).released,
+        "replicate": 0,
+        "seed": study.settings.measurement.seed,
+        **{key: assessment[key] for key in ("design_wind", "phase_distance", "clearance")},
+        "winds": assessment["winds"],
+        "measures": list(assessment["measures"].values()),
+    }
+    return _reading(reads, settings)
+
+
+def predict_winds(study: Study, case: str, protocol: str) -> Job:
+    cell = shown.predicted_cells(study, case)[protocol]
+    settings = {
+        "case": study.case(case).released,
+        "winds": study.plain["assessment"]["winds"],
+        "methods": shown.predicting_methods(cell),
+        "seed": study.settings.measurement.seed,
+    }
+    reads = {"identified": {f: sources.identified(study, cell, f) for f in shown.families_of(cell)}}
+    return _reading(reads, settings)
+
+
+def vary_parameter(study: Study, parameter: str) -> Job:
+    """What a parameter that the paper leaves open decides of its claims."""
+    protocol, method = shown.paper_pair(study)
+    case, measurement = shown.first_case(study), study.settings.measurement
+    simulation = study.settings.simulation
+    plan = {
+        "case": case.name,
+        "protocol": protocol.name,
+        "method": method.name,
+        "options": study.options(method),
+        "levels": list(measurement.levels),
+        "points": list(measurement.subsets.points),
+        "subset_level": measurement.subsets.level,
+        "replicates": min(measurement.replicates, MOST_DRAWS),
+        "seed": measurement.seed,
+        "degree": study.settings.identification.degree,
+        "duration": simulation.duration,
+        "sampling_rate": simulation.sampling_rate,
+        "steady": list(simulation.steady_window),
+    }
+    return Job({}, {"case": case.released, "parameter": parameter, "plan": plan}, method.modules)
+
+
+def animate_line(study: Study) -> Job:
+    case = shown.first_case(study)
+    wind = study.settings.assessment.design_wind
+    return Job({}, {"case": case.released, "name": case.name, "wind": wind})
+
+
+def find_oracle(study: Study, case: str, protocol: str, cell: str) -> Job:
+    measured = study.cell(case, protocol, cell)
+    reads = {
+        "model": sources.model(study, case),
+        "trajectory": sources.trajectory(study, case),
+    }
+    replicates = min(ORACLE_REPLICATES, measured.replicates)
+    settings = {
+        "columns": measured.columns,
+        "measurement": {**measured.measurement, "replicates": replicates},
+        "degree": study.settings.identification.degree,
+        "path_length": study.settings.identification.stlsq.path_length,
+        "steady_window": list(study.settings.simulation.steady_window),
+    }
+    return _reading(reads, settings)
+
+
 def make_table(study: Study, table: str) -> Job:
     described = tables.BY_NAME[table]
     settings = {"function": described.function, "shown": dict(described.settings(study))}
@@ -136,6 +236,8 @@ def write_report(study: Study) -> Job:
         "claims": sources.table(study, "claims"),
         "efficiency": sources.table(study, "efficiency"),
         "errors": sources.table(study, "noise_coefficients"),
+        "cycles": sources.table(study, "limit_cycles"),
+        "bifurcations": sources.table(study, "bifurcations"),
     }
     protocol, method = shown.paper_pair(study)
     settings = {

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from galloping.identification.registry import Method
-from galloping.measurement.protocols import STATES, Protocol
+from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
+from galloping.measurement.protocols import DISPLACEMENTS, STATES, Protocol
 from galloping.study.cells import Case, Cell, Study
-from galloping.study.kinds import NOISE, OURS, SUBSET
+from galloping.study.kinds import JOINT, NOISE, OURS, OURS_FAMILY, SUBSET
 
 Pair = tuple[Protocol, Method]
 
@@ -66,6 +66,57 @@ def noise_cells(study: Study, pair: Pair, wanted: Iterable[float]) -> list[Cell]
 def amount_cells(study: Study, pair: Pair) -> list[Cell]:
     """Subsets of the first case that a pair can use, the smallest first."""
     return _cells(study, first_case(study), pair, SUBSET)
+
+
+def assessed_cell(study: Study, case: str) -> Cell | None:
+    """Whose models say how sure an assessment is: sensors at the level of the subsets, all
+    recordings of the case together where it has several; None where ours does not run.
+    """
+    level = study.settings.measurement.subsets.level
+    chosen = [
+        cell
+        for cell in study.cells
+        if (cell.case.name, cell.protocol) == (case, sensor_protocol(study))
+        and cell.kind in (NOISE, JOINT)
+        and cell.level == level
+        and any(method.name == OURS for method in cell.methods)
+    ]
+    return max(chosen, key=lambda cell: cell.recordings, default=None)
+
+
+def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
+    """Whole records of sensors at the level of the subsets, by protocol, that ours can use."""
+    level = study.settings.measurement.subsets.level
+    return {
+        cell.protocol.name: cell
+        for cell in study.cells
+        if cell.case.name == case
+        and (cell.kind, cell.level) == (NOISE, level)
+        and cell.protocol.measures in (STATES, DISPLACEMENTS)
+        and any(method.name == OURS for method in cell.methods)
+    }
+
+
+def predicting_methods(cell: Cell) -> list[str]:
+    """Ours, and the first other method beside it."""
+    others = [method.name for method in cell.methods if method.family != OURS_FAMILY]
+    return [OURS, *others[:1]]
+
+
+def families_of(cell: Cell) -> list[str]:
+    """Of the methods that predict."""
+    names = predicting_methods(cell)
+    return list(dict.fromkeys(m.family for m in cell.methods if m.name in names))
+
+
+def oracle_cells(study: Study) -> list[Cell]:
+    """Whole noisy records of all states that a method of pysindy is tuned on."""
+    return [
+        cell
+        for cell in study.cells
+        if cell.kind == NOISE and cell.level > 0 and cell.protocol.measures == STATES
+        and any(method.evidence in (REGRESSION, WEAK_FORM) for method in cell.methods)
+    ]  # fmt: skip
 
 
 def _cells(study: Study, case: Case, pair: Pair, kind: str) -> list[Cell]:

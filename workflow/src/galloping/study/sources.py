@@ -46,6 +46,10 @@ def scores(study: Study, cell: Cell) -> Source:
     return Source(study.paths.scores.format(**cell.wildcards), f"{FILES}.tables:read")
 
 
+def oracle(study: Study, cell: Cell) -> Source:
+    return Source(study.paths.oracle.format(**cell.wildcards), f"{FILES}.tables:read")
+
+
 def reconstructions(study: Study, cell: Cell) -> Source:
     path = study.paths.reconstructions.format(**cell.wildcards)
     return Source(path, f"{FILES}.reconstructions:read")
@@ -53,6 +57,15 @@ def reconstructions(study: Study, cell: Cell) -> Source:
 
 def table(study: Study, name: str) -> Source:
     return Source(study.paths.table.format(table=name), f"{FILES}.tables:read")
+
+
+def swept(study: Study, pattern: str, **names: str) -> Source:
+    """A table of a sweep or an assessment. pattern: a field of `Paths`."""
+    return Source(getattr(study.paths, pattern).format(**names), f"{FILES}.tables:read")
+
+
+def orbits(study: Study, case: str) -> Source:
+    return Source(study.paths.orbits.format(case=case), f"{FILES}.orbits:read")
 
 
 def as_written(path: str) -> Source:

@@ -12,7 +12,7 @@ from galloping.tables.summary import of_kind
 CHOSEN, ORACLE = "as chosen", "oracle"
 COLUMNS = (
     "case", "protocol", "level", "method", "setting", "mean_error_percent", "exact",
-    "r2_q_v", "r2_q_w",
+    "r2_q_v", "r2_q_w", "replicates",
 )  # fmt: skip
 
 
@@ -26,16 +26,23 @@ def mean_error(scores: pd.DataFrame) -> pd.Series:
     return scores[columns].mean(axis=1)
 
 
-def peers(scores: pd.DataFrame, oracles: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+def peers(
+    scores: pd.DataFrame, oracles: Mapping[str, pd.DataFrame], settings: Mapping
+) -> pd.DataFrame:
     """Medians over replicates of error and R2 of whole records, and the share of exact supports.
 
-    scores: of all cells. oracles: rows of the same columns for the oracle's models, `choice` of
-    which is `least error` or `right terms`. Each number of a replicate's oracle is the best of the
-    two and of the model as chosen. settings: none are read.
+    scores: of all cells, of which those with an oracle are shown. oracles: by cell, rows of the
+    same columns for the oracle's models of some replicates, `choice` of which is `least error` or
+    `right terms`. Each number of a replicate's oracle is the best of the two and of the model as
+    chosen. settings: none are read.
     """
+    if not oracles:
+        return pd.DataFrame(columns=COLUMNS)
     keys = ["case", "protocol", "level", "method"]
+    oracle = _numbers(pd.concat(oracles.values()))
     chosen = _numbers(of_kind(scores, NOISE))
-    oracle = _numbers(of_kind(oracles, NOISE))
+    shown = pd.MultiIndex.from_frame(oracle[keys[:3]])
+    chosen = chosen[pd.MultiIndex.from_frame(chosen[keys[:3]]).isin(shown)]
     known = chosen.set_index([*keys, "replicate"]).index
     wanted = oracle.set_index([*keys, "replicate"]).index
     both = pd.concat([oracle, chosen[known.isin(wanted)]])
@@ -47,6 +54,7 @@ def peers(scores: pd.DataFrame, oracles: pd.DataFrame, settings: Mapping) -> pd.
     table = table.groupby([*keys, "setting"], as_index=False).agg(
         mean_error_percent=("mean_error_percent", "median"),
         exact=("exact", "mean"), r2_q_v=("r2_q_v", "median"), r2_q_w=("r2_q_w", "median"),
+        replicates=("replicate", "nunique"),
     )  # fmt: skip
     return table[list(COLUMNS)]
 

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 
 from galloping.configuration.settings import paper_cases_in
 from galloping.study import shown, sources
-from galloping.study.cells import Cell, Study
+from galloping.study.cells import Case, Cell, Study
+from galloping.study.kinds import OPEN_PARAMETERS
 from galloping.study.sources import Sources
+from galloping.study.sweeps import Sweep
 
 
 def _nothing(study: Study) -> dict:
@@ -45,6 +47,11 @@ def _scores(study: Study) -> Sources:
 
 def _scores_of_cells(study: Study) -> Sources:
     return {"cells": {cell.id: sources.scores(study, cell) for cell in study.cells}}
+
+
+def _peers(study: Study) -> Sources:
+    cells = shown.oracle_cells(study)
+    return _scores(study) | {"oracles": {cell.id: sources.oracle(study, cell) for cell in cells}}
 
 
 def _least_noise(study: Study) -> dict[str, Cell]:
@@ -104,6 +111,65 @@ def _rankings(study: Study) -> Sources:
     return {"rankings": {case.name: sources.ranking(study, case.name) for case in study.cases}}
 
 
+def _along(study: Study) -> list:
+    return [sweep for sweep in study.sweeps if not sweep.is_map]
+
+
+def _limit_cycles(study: Study) -> Sources:
+    """Branches of limit cycles, then the long simulations."""
+    parts = {}
+    for case in study.cases:
+        for sweep in _along(study):
+            names = {"case": case.name, "sweep": sweep.name}
+            parts[f"{case.name}/{sweep.name}"] = sources.swept(study, "cycles", **names)
+            parts |= _blocks(study, case, sweep)
+    return {"parts": parts}
+
+
+def _blocks(study: Study, case: Case, sweep: Sweep) -> dict:
+    return {
+        f"{case.name}/{sweep.name}/{block.name}": sources.swept(
+            study, "block", case=case.name, sweep=sweep.name, block=block.name
+        )
+        for block in sweep.blocks
+    }
+
+
+def _bifurcations(study: Study) -> Sources:
+    names = [{"case": c.name, "sweep": s.name} for c in study.cases for s in _along(study)]
+    return {
+        "parts": {"/".join(n.values()): sources.swept(study, "bifurcations", **n) for n in names}
+    }
+
+
+def _maps(study: Study) -> Sources:
+    """Of the first case: lines that differ in what is varied have the same map."""
+    case = shown.first_case(study)
+    parts = [_blocks(study, case, sweep) for sweep in study.sweeps if sweep.is_map]
+    return {"parts": {name: block for part in parts for name, block in part.items()}}
+
+
+def _of_cases(pattern: str) -> Callable[[Study], Sources]:
+    return lambda study: {
+        "parts": {c.name: sources.swept(study, pattern, case=c.name) for c in study.cases}
+    }
+
+
+def _predictions(study: Study) -> Sources:
+    case = shown.first_case(study).name
+    protocols = shown.predicted_cells(study, case)
+    return {
+        "parts": {
+            name: sources.swept(study, "prediction", case=case, protocol=name) for name in protocols
+        }
+    }
+
+
+def _openness(study: Study) -> Sources:
+    return {"parts": {p: sources.swept(study, "openness", parameter=p) for p in OPEN_PARAMETERS}}
+
+
+TOGETHER = "galloping.tables.assessment:together"
 TABLES = (
     Table("table1_conductor", "galloping.tables.parameters:conductor", settings=_cases),
     Table("table2_spacers", "galloping.tables.parameters:spacers", settings=_cases),
@@ -122,8 +188,16 @@ TABLES = (
         "galloping.tables.bounds:efficiency",
         lambda study: _scores(study) | {"identifiability": sources.table(study, "identifiability")},
     ),
+    Table("peers", "galloping.tables.peers:peers", _peers),
     Table("identifiability", "galloping.tables.bounds:identifiability", _bounds, _identifiability),
     Table("further_recordings", "galloping.tables.bounds:further_recordings", _rankings),
+    Table("limit_cycles", TOGETHER, _limit_cycles),
+    Table("bifurcations", TOGETHER, _bifurcations),
+    Table("resonance_map", TOGETHER, _maps),
+    Table("prediction", TOGETHER, _predictions),
+    Table("clearance", TOGETHER, _of_cases("clearance")),
+    Table("measures", TOGETHER, _of_cases("measures")),
+    Table("reproduction", TOGETHER, _openness),
     Table(
         "scores",
         "galloping.tables.summary:all_scores",

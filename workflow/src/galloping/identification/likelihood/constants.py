@@ -49,3 +49,24 @@ MOST_COLOUR = 2.0
 ROUNDING = 1e-5
 # Noise of a derivative relative to its size below which rounding is not weighed as noise.
 SMALLEST_RATE_NOISE = 1e-7
+
+# Segments and chains.
+UNDETERMINED = 3e-7  # relative singular value below which a direction of a state is not solved for
+# A chain of growth G gives an information matrix of condition G^2 or more: with rounding of
+# 1e-16, what it says about a term is known better than IMITATED where G^2 < IMITATED / 1e-16.
+GROWTH = 2e3
+
+# Faults of the instrument.
+# Probability that a recording without any fault is accused of one.
+FALSE_ALARM = 5e-3
+# Segments joined into one free stretch in the tests for unknown forces: a force that comes and
+# goes shows in short stretches, a phase that wanders in long ones.
+STRETCHES = (1, 2, 4)
+# Share of a parameter's information, of what it has alone, that the terms must leave it.
+DISTINCT = 1e-6
+# z from which terms are looked for that only imitate a fault; a sound recording has one a few
+# times in a hundred, which costs a pass of the fit and no more.
+CURIOUS = 2.5
+# Mean square, in units of the noise, below which residuals are rounding: exact data are given a
+# least noise, and the projections' own estimate is never this far below the true one.
+EXACT = 0.25

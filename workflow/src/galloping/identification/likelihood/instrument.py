@@ -14,6 +14,13 @@ import numpy as np
 from scipy.stats import norm
 
 from galloping.identification.likelihood.condense import Condensed, of_rates
+from galloping.identification.likelihood.constants import (
+    CURIOUS,
+    DISTINCT,
+    EXACT,
+    FALSE_ALARM,
+    STRETCHES,
+)
 from galloping.identification.likelihood.problem import Problem, velocity_pairs
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import (
@@ -24,19 +31,6 @@ from galloping.identification.likelihood.shooting import (
     residuals,
 )
 
-# Probability that a recording without any fault is accused of one.
-FALSE_ALARM = 5e-3
-# Segments joined into one free stretch in the tests for unknown forces: a force that comes and
-# goes shows in short stretches, a phase that wanders in long ones.
-STRETCHES = (1, 2, 4)
-# Share of a parameter's information, of what it has alone, that the terms must leave it.
-DISTINCT = 1e-6
-# z from which terms are looked for that only imitate a fault; a sound recording has one a few
-# times in a hundred, which costs a pass of the fit and no more.
-CURIOUS = 2.5
-# Mean square, in units of the noise, below which residuals are rounding: exact data are given a
-# least noise, and the projections' own estimate is never this far below the true one.
-ROUNDING = 0.25
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
 JITTER = "the sampling times jitter"
 GROWING = "the noise grows with the signal"
@@ -50,17 +44,12 @@ class Fault:
     z: float
 
 
-def of_the_model(causes: list[Fault], coloured: bool = False) -> bool:
-    """Whether the model may be what is wrong: forces are missing, and no sensor is the clearest.
+def of_the_model(causes: list[Fault]) -> bool:
+    """Whether the model may be what is wrong, for the clearest fault is not one of calibration.
 
     Residuals of a wrong model are larger where the motion is, like noise that grows with it.
-    coloured: whether they are correlated from sample to sample, which such noise and the errors
-    of a clock are not.
     """
-    if not causes:
-        return True
-    missing = coloured or any(fault.cause == FORCES for fault in causes)
-    return missing and causes[0].cause in (FORCES, JITTER, GROWING)
+    return not causes or causes[0].cause in (FORCES, JITTER, GROWING)
 
 
 def faults(
@@ -266,7 +255,7 @@ def _variances(
                 size = np.repeat((signal[:, o] / weight[:, o])[:, None] ** 2, 3, axis=1)[inside]
                 size = size - size.mean()
                 own = square[:, o][inside]
-                if own.mean() < ROUNDING:
+                if own.mean() < EXACT:
                     continue
                 own = own / own.mean()
                 spread = np.sqrt(2.0 * np.sum(size**2))

@@ -150,8 +150,7 @@ def _from_states(problem: Problem, recordings: list[Recording], begun: Start) ->
 def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
     """The model that follows the data to the noise; refused where an instrument is at fault.
 
-    Raises FloatingPointError where no model of the library does, ValueError where that is because
-    an instrument is at fault.
+    Raises FloatingPointError where no model of the library does.
     """
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
@@ -164,14 +163,16 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     try:
         fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
     except FloatingPointError as error:
-        causes = []
-        if step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
-            causes = _causes(problem, condensed, segments, step.fit, penalty)
+        rows = float(np.sum(condensed.rows))
+        followed = step.fit.cost < CLOSE * rows
+        # where nothing follows the data, a fault must explain most of what is left
+        causes = _causes(
+            problem, condensed, segments, step.fit, penalty, 0.0 if followed else rows / 2
+        )
         named = [fault.cause for fault in causes[:1]]
-        if not causes and step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
+        if followed and not causes:
             named = [f"followed in pieces, not as a whole: {FORCES}"]
-        kind = FloatingPointError if of_the_model(causes) else ValueError
-        raise kind("; ".join([*named, str(error)])) from error
+        raise FloatingPointError("; ".join([*named, str(error)])) from error
     remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
@@ -191,7 +192,7 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     if step.settled:
         causes = _causes(problem, condensed, step.segments, fit, penalty)
         objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
-        if objection and of_the_model(causes, shown.coloured):
+        if objection and of_the_model(causes):
             raise FloatingPointError(objection)
     else:  # what it leaves in the residuals is that it is not the best fit
         objection, doubt = "", "many models follow the data alike"
@@ -216,12 +217,18 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
 
 
 def _causes(
-    problem: Problem, condensed: Condensed, segments: Segments, fit: Fit, penalty: float
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    fit: Fit,
+    penalty: float,
+    least: float = 0.0,
 ) -> list[Fault]:
-    """The faults of the recording, the clearest first."""
-    return faults(
+    """The faults of the recording that explain `least` of chi^2, the clearest first."""
+    shown = faults(
         problem, condensed, segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
     )
+    return [fault for fault in shown if fault.z**2 >= least]
 
 
 def _remaining(

@@ -16,16 +16,16 @@ from itertools import pairwise
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
+from galloping.identification.likelihood.constants import (
+    GROWTH,
+    UNDETERMINED,
+)
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.sensitivity import integrate
 from galloping.identification.likelihood.taylor import system
 
 HUGE = 1e30
 BATCH = 64  # segments integrated together: what they need is held at once
-UNDETERMINED = 3e-7  # relative singular value below which a direction of a state is not solved for
-# A chain of growth G gives an information matrix of condition G^2 or more: with rounding of
-# 1e-16, what it says about a term is known better than IMITATED where G^2 < IMITATED / 1e-16.
-GROWTH = 2e3
 
 
 @dataclass(frozen=True)

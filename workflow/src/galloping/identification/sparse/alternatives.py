@@ -23,6 +23,8 @@ def alternatives(evidence: Evidence, path: Path) -> list[np.ndarray]:
         p = problem.library.shape[1]
         products = problem.products.sum(axis=0)
         lengths = np.sqrt(np.diagonal(products))
+        if not np.all(lengths > 0):
+            raise ValueError("a state or a derivative is zero throughout the recording")
         unit = products / np.outer(lengths, lengths)
         supports = path(unit[np.newaxis, :p, :p], unit[np.newaxis, p:, :p])[0]
         for i, each in enumerate(supports):

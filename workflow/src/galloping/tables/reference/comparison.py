@@ -20,8 +20,8 @@ ABSOLUTE_TOLERANCE = 1e-6  # in the column's own unit
 KEYS = frozenset(
     (
         *("case", "claim", "quantity", "key", "symbol", "equation", "term", "release"),
-        *("recordings", "protocol", "cell", "level", "points", "method", "replicate"),
-        *("order", "state"),
+        *("recordings", "protocol", "cell", "level", "points", "method", "setting"),
+        *("replicate", "order", "state"),
     )
 )
 COLUMNS = ("row", "column", "reference", "found", "difference", "tolerance")

@@ -1,0 +1,27 @@
+"""The first line at the highest wind speed at which it settles to a cycle, moving."""
+
+import numpy as np
+
+from galloping.cycles.limit_cycles import settled
+from galloping.cycles.line_family import LIBRARY, initial_state, line_family
+from galloping.cycles.motion import settle
+from galloping.figures.animation import write_animation
+from galloping.figures.style import spoken
+from galloping.physics.equations import STATES
+from galloping.reproducibility.job import run
+from galloping.simulation import Simulator
+
+
+def main() -> None:
+    settings = snakemake.params.settings
+    case, wind = settings["case"], settings["wind"]
+    family = line_family(case, "wind_speed")
+    start = np.array(initial_state(case))
+    motion = settle(Simulator(STATES, LIBRARY), family.model(wind), start)
+    if motion.kind == "cycle":
+        _, point = settled(family, wind, motion.time, motion.states, resolution=1.0)
+        title = f"{spoken(settings['name'])}, wind {wind:g} m/s"
+        write_animation(snakemake.output.animation, case, point.solution, title)
+
+
+run(main, snakemake)
