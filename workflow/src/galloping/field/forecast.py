@@ -13,6 +13,7 @@ from galloping.simulation import Simulator
 
 DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
 ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
+ORIGINS, PARTS = 8, 4  # of forecasts that tell how wrong an approximate model is
 STEP = 1e-5  # of finite differences of the start, relative to each state's size
 SLOPE_SAMPLES = 9  # for the first guess of a velocity that is not measured
 
@@ -37,10 +38,10 @@ def forecast(
     """Forecast the states at `time` from the last `window` seconds of a recording.
 
     Each of 100 draws takes coefficients from their covariance, and as its start the state that
-    follows the samples of the window best after noise was added to them once more; the noise of a
-    sample is part of the band; of an approximate model, all that it leaves of the window counts as
-    noise. Draws that diverge are left out. Raises ValueError where there is
-    no model, or where most draws diverge.
+    follows the samples of the window best after noise was added to them once more. The noise of a
+    sample is part of the band; that of an approximate model is as wide as its forecasts from
+    earlier times of the recording were wrong. Draws that diverge are left out. Raises ValueError
+    where there is no model, or where most draws diverge.
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
@@ -51,11 +52,9 @@ def forecast(
     guess = first_guess(recording, begin)
     follow = Following(simulator, sampled, sigma)
     fitted = follow.start(identified.model, guess, values)
-    if identified.status == "approximate" and fitted is not None:
-        left = values - simulator(identified.model, fitted, sampled).states
-        count = np.maximum(np.isfinite(left).sum(axis=0), 1)
-        sigma = np.where(sigma > 0, np.sqrt(np.nansum(left**2, axis=0) / count), 0.0)
-        follow = Following(simulator, sampled, sigma)
+    missed = np.zeros((len(time), len(sigma)))
+    if identified.status == "approximate":
+        missed = _missed(identified, recording, simulator, time - recording.time[-1], window)
     motions = []
     slopes = None if fitted is None else follow.slopes(identified.model, fitted)
     for model in drawn(identified, DRAWS, rng):
@@ -68,9 +67,42 @@ def forecast(
     if len(motions) < DRAWS // 2:
         raise ValueError(f"{DRAWS - len(motions)} of {DRAWS} draws of the model diverge")
     motions = np.array(motions)
-    seen = motions + sigma * rng.standard_normal(motions.shape)
+    seen = motions + np.maximum(sigma, missed) * rng.standard_normal(motions.shape)
     low, high = np.quantile(seen, (0.05, 0.95), axis=0, method="weibull")
     return Forecast(time, np.median(motions, axis=0), low, high)
+
+
+def _missed(
+    identified: IdentifiedModel,
+    recording: Recording,
+    simulator: Simulator,
+    ahead: np.ndarray,
+    window: float,
+) -> np.ndarray:
+    """(n, n_states) root mean square errors, noise included, of forecasts from earlier windows.
+
+    ahead: (n,) s, of what is forecast. The forecasts begin at `ORIGINS` times of the recording,
+    the later half of it; their errors are taken together in `PARTS` of the time ahead.
+    """
+    time, values = recording.time, recording.values
+    sigma = np.nan_to_num(identified.sigma[-1])
+    horizon = min(ahead[-1], (time[-1] - time[0]) / 4)
+    squares, counts = np.zeros((2, PARTS, values.shape[1]))
+    for origin in np.linspace(time[0] + (time[-1] - time[0]) / 2, time[-1] - horizon, ORIGINS):
+        begin, now, end = np.searchsorted(time, (origin - window, origin, origin + horizon))
+        follow = Following(simulator, time[begin:now], sigma)
+        start = follow.start(identified.model, first_guess(recording, begin), values[begin:now])
+        if start is None:
+            continue
+        motion = simulator(identified.model, start, time[begin:end]).states[now - begin :]
+        part = np.minimum((PARTS * (time[now:end] - origin) / horizon).astype(int), PARTS - 1)
+        error = values[now:end] - motion
+        known = np.isfinite(error)
+        np.add.at(squares, part, np.where(known, error, 0.0) ** 2)
+        np.add.at(counts, part, known)
+    missed = np.sqrt(squares / np.maximum(counts, 1))
+    centres = (np.arange(PARTS) + 0.5) / PARTS * horizon
+    return np.column_stack([np.interp(ahead, centres, each) for each in missed.T])
 
 
 def drawn(
