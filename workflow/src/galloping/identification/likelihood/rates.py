@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import legvander
 
 from galloping.identification.likelihood.problem import velocity_pairs
@@ -18,6 +19,8 @@ from galloping.identification.likelihood.weak_gls import Start
 from galloping.recording import Recording
 
 DRIFT = 3  # degree of the drift over a recording
+FEWEST = 20  # integrals that tell a scale
+TEST = Polynomial([1.0, 0.0, -1.0]) ** 5  # zero at -1 and 1, with four derivatives
 OUTLIER = 8.0  # robust deviations about the slope of the smooth curve
 MARGIN = 1.0  # periods at the ends of stretches of samples, where that slope is rough
 
@@ -46,21 +49,18 @@ def channel_noise(
 def with_rates(start: Start, recordings: list[Recording]) -> Start:
     """The start, its recordings with the rates of the given ones, without offsets and outliers.
 
-    Raises ValueError where a scale is unknown, and no channel tells it.
+    Raises ValueError where an offset cannot be told.
     """
     pairs = zip(start.recordings, recordings, start.smoothed, strict=True)
     return replace(start, recordings=[_without_offsets(*each, start.period) for each in pairs])
 
 
 def scaled(recordings: list[Recording], start: Start) -> list[Recording]:
-    """The recordings with values of unknown scale divided by it.
+    """The recordings with values of unknown scale divided by it, told by the rates beside them.
 
-    The scale is that at which the slope of a velocity's curve is the rate measured beside it.
+    Raises ValueError where no channel tells it.
     """
-    return [
-        _scaled(recording, one, start.period)
-        for recording, one in zip(recordings, start.smoothed, strict=True)
-    ]
+    return [_scaled(recording, start.period) for recording in recordings]
 
 
 def _rates(recording: Recording) -> np.ndarray:
@@ -117,20 +117,48 @@ def _without_offsets(
     return replace(recording, rates=rates)
 
 
-def _scaled(recording: Recording, smoothed: Smooth, period: float) -> Recording:
+def _scaled(recording: Recording, period: float) -> Recording:
     if recording.unknown_scales is None or not recording.unknown_scales.any():
         return recording
     values, pairs = recording.values.copy(), velocity_pairs(recording.states)
-    slopes, rates = _slopes(recording, smoothed), _rates(recording)
     for k in np.flatnonzero(recording.unknown_scales):
-        velocity = pairs.get(int(k), int(k))
-        good = _inside(recording, smoothed, period) & np.isfinite(rates[:, velocity])
-        if good.sum() < 100:
+        velocity, order = (pairs[int(k)], 2) if int(k) in pairs else (int(k), 1)
+        own, other = _weak(
+            recording.time, values[:, k], _rates(recording)[:, velocity], order, period
+        )
+        if len(own) < FEWEST:
             raise ValueError(
                 f"the scale of {recording.states[k]} cannot be told: no channel of known scale "
                 f"measures d{recording.states[velocity]}"
             )
-        own, other = slopes[good, velocity], rates[good, velocity]
-        scale = (own - own.mean()) @ (other - other.mean()) / np.sum((other - other.mean()) ** 2)
-        values[:, k] /= scale
+        values[:, k] /= np.polyfit(other, own, 1)[0]  # the constant is the offset of the rate
     return replace(recording, values=values, unknown_scales=None)
+
+
+def _weak(
+    time: np.ndarray, values: np.ndarray, rates: np.ndarray, order: int, length: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Integrals of values and of their derivative of some order, each against test functions.
+
+    Integration by parts takes the derivatives to the test functions, bumps of two `length`, so
+    that both are equal but for scale, offset and noise. Stretches with gaps are left out.
+    """
+    known = np.isfinite(values) & np.isfinite(rates)
+    time, values, rates = time[known], values[known], rates[known]
+    if len(time) < 2:
+        return np.empty(0), np.empty(0)
+    step = np.median(np.diff(time))
+    shape = TEST.deriv(order) * (-1.0) ** order / length**order
+    pairs = []
+    for centre in np.arange(time[0] + length, time[-1] - length, length / 2):
+        inside = slice(*np.searchsorted(time, (centre - length, centre + length)))
+        t = time[inside]
+        if len(t) > 8 and np.max(np.diff(t, prepend=centre - length)) < 2.5 * step:
+            u = (t - centre) / length
+            pairs.append(
+                [
+                    np.trapezoid(shape(u) * values[inside], t),
+                    np.trapezoid(TEST(u) * rates[inside], t),
+                ]
+            )
+    return tuple(np.array(pairs).reshape(-1, 2).T)
