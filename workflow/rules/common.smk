@@ -14,6 +14,7 @@ try:
     from galloping.configuration.load import ConfigurationError, load, merged, read
 except ModuleNotFoundError as error:  # a workflow that was read from a host
     sys.exit(f"{error}: install the library of this workflow with pip, or use a clone")
+from galloping.field import OUTPUTS
 from galloping.figures.registry import BY_NAME as FIGURES
 from galloping.reproducibility.digest import code
 from galloping.study import jobs
@@ -37,6 +38,7 @@ wildcard_constraints:
     protocol="|".join(protocol.name for protocol in STUDY.protocols),
     cell="|".join(dict.fromkeys(cell.name for cell in STUDY.cells)),
     family="|".join(dict.fromkeys(method.family for method in STUDY.methods)),
+    recording="|".join(STUDY.settings.recordings) or "none",
     sweep="|".join(sweep.name for sweep in STUDY.sweeps) or "none",
     block=r"[a-z_0-9.+-]+",
     parameter="|".join(OPEN_PARAMETERS),

@@ -18,3 +18,25 @@ rule identify_models:
         "Identifying {wildcards.case} from {wildcards.protocol}, {wildcards.cell}: {wildcards.family}"
     script:
         "../scripts/identify_models.py"
+
+
+# files of instruments -> model, forecast, summary
+
+
+rule identify_recordings:
+    input:
+        unpack(inputs("identify_recordings")),
+    output:
+        expand(PATHS.field, file=OUTPUTS, allow_missing=True),
+    log:
+        log_of("identify_recordings/{recording}"),
+    benchmark:
+        benchmark_of("identify_recordings/{recording}")
+    conda:
+        "../envs/galloping.yaml"
+    params:
+        settings=settings("identify_recordings"),
+    message:
+        "Identifying the recordings of {wildcards.recording}"
+    script:
+        "../scripts/identify_recordings.py"

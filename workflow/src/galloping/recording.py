@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,10 @@ class Recording:
     values: (n, n_states), measured states, NaN where a sample or a whole channel is missing.
     derivatives: (n, n_states) measured state derivatives, or None where none was measured;
     when given, the values are exact and the derivatives carry the noise (protocol `derivative`).
+    rates: (n, n_states) what accelerometers and the like measure, the noisy rate of a state beside
+    noisy values; NaN where missing, None where nothing measures one. unknown_offsets: (n_states,)
+    whether a rate has an unknown constant offset that drifts slowly. unknown_scales: (n_states,)
+    whether a value is known up to a factor only. Both None where there is none.
     Raises ValueError for anything else, in one line.
     """
 
@@ -25,6 +29,9 @@ class Recording:
     states: tuple[str, ...]
     values: np.ndarray
     derivatives: np.ndarray | None = None
+    rates: np.ndarray | None = None
+    unknown_offsets: np.ndarray | None = None
+    unknown_scales: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         states = self.states
@@ -35,7 +42,7 @@ class Recording:
         time = increasing("recording: time", self.time)
         shape = len(time), len(states)
         checked = {"time": time, "states": tuple(states)}
-        for name in ("values", "derivatives"):
+        for name in ("values", "derivatives", "rates"):
             if (given := getattr(self, name)) is not None:
                 array = checked[name] = floats(f"recording: {name}", given, shape)
                 if np.isinf(array).any():
@@ -62,6 +69,12 @@ class Recording:
         if len({len(frame[time]), *map(len, columns)}) > 1:
             raise ValueError("recording: columns differ in length")
         return cls(frame[time], states, np.array(columns).T.reshape(-1, len(states)))
+
+    def __getitem__(self, rows: slice) -> Recording:
+        """The samples of a slice, such as `recording[:100]`, two or more."""
+        own = ("values", "derivatives", "rates")
+        cut = {name: array[rows] for name in own if (array := getattr(self, name)) is not None}
+        return replace(self, time=self.time[rows], **cut)
 
     @property
     def is_uniform(self) -> bool:

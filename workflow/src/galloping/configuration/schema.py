@@ -96,7 +96,7 @@ def _items(node: dict) -> str:
     count = "one or more distinct " if "uniqueItems" in node else ""
     if "prefixItems" in node:
         count = f"{node['minItems']} "
-    kind = "whole numbers" if one["type"] == "integer" else "numbers"
+    kind = {"integer": "whole numbers", "string": "texts"}.get(one["type"], "numbers")
     return f"{count}{kind} {_bounds(one)}".strip()
 
 

@@ -401,6 +401,25 @@ Identification = create_model(
 )
 
 
+class Recordings(Section):
+    """Recordings of one system, in files of its instruments."""
+
+    files: selection(FolderPath) = setting((), "files, all read by one mapping", rule="each a path")
+    mapping: FolderPath = setting(
+        "mapping.yaml",
+        "file that says what the columns measure, as examples/span.yaml does",
+        rule="a path of letters, digits, '_', '-' and '.', from the root or the working folder",
+    )
+    degree: whole(ge=1, le=5) = setting(3, "largest degree of the polynomial library")
+    method: Literal["maximum_likelihood", "weak_gls"] = setting(
+        "maximum_likelihood", "how the model is found"
+    )
+    known: listing(str) = setting(
+        (), "known equations, SI units", rule="such as [dq_w=-9.2 q_w - 0.03 dq_w]"
+    )
+    seed: whole(ge=0) = setting(0, "seed of the draws behind intervals and forecasts")
+
+
 class Sweep(Section):
     """One parameter of every line over a range, or two."""
 
@@ -529,6 +548,11 @@ class Settings(Section):
     simulation: Simulation = section(Simulation)
     measurement: Measurement = section(Measurement)
     identification: Identification = section(Identification)
+    recordings: dict[CaseName, Recordings] = Field(
+        default_factory=dict,
+        description="recordings from the field, by name",
+        json_schema_extra={"rule": NAME_RULE},
+    )
     sweeps: dict[CaseName, Sweep] = Field(
         default_factory=lambda: {
             "wind": Sweep(),

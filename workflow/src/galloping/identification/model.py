@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from dataclasses import dataclass, field
 from math import floor, log10
 from typing import TYPE_CHECKING
@@ -120,8 +121,32 @@ class IdentifiedModel:
         simulator = Simulator(self.model.states, self.model.terms)
         return simulator(self.model, np.asarray(initial_state, float), np.asarray(time, float))
 
-    def save(self, path: str | os.PathLike) -> None:
-        """Everything as JSON; numbers that are not finite are text."""
+    def latex(self) -> str:
+        """The equations as LaTeX, for amsmath; a velocity dX is written as X with a dot."""
+        states, lines = self.model.states, []
+        names = [_latex(state, states) for state in states]
+        for name, row, errors in zip(
+            names, self.model.coefficients, self.standard_errors, strict=True
+        ):
+            parts = []
+            for j in np.flatnonzero(row):
+                number = _number(row[j], errors[j]).replace("±", r"\pm")
+                factors = [
+                    f"{factor}^{{{power}}}" if power > 1 else factor
+                    for factor, power in zip(names, self.model.terms[j], strict=True)
+                    if power
+                ]
+                parts.append(r" \, ".join([_power_of_ten(number), *factors]))
+            right = " + ".join(parts) or "0"
+            lines.append(rf"\frac{{\mathrm{{d}} {name}}}{{\mathrm{{d}} t}} &= {right}")
+        body = " \\\\\n".join(lines)
+        return f"\\begin{{aligned}}\n{body}\n\\end{{aligned}}"
+
+    def save(self, path: str | os.PathLike, **about: object) -> None:
+        """Everything as JSON; numbers that are not finite are text.
+
+        about: further plain values, such as units, which `load` leaves aside.
+        """
         arrays = (*BY_TERM, "covariance", "initial_states", "sigma", "thresholds", "chi2")
         content = {
             "states": self.model.states,
@@ -132,6 +157,7 @@ class IdentifiedModel:
             **{name: _plain(getattr(self, name)) for name in arrays},
             "known": [int(i) for i in self.known],
             "diagnostics": {name: _plain(value) for name, value in self.diagnostics.items()},
+            **about,
         }
         write_json(path, content)
 
@@ -170,6 +196,18 @@ def _number(value: float, error: float) -> str:
     if not 0 <= decimals <= 9:
         return f"({value:.6g} ± {error:.2g})"
     return f"({value:.{decimals}f} ± {error:.{decimals}f})"
+
+
+def _latex(state: str, states: tuple[str, ...]) -> str:
+    dotted = state[:1] == "d" and state[1:] in states
+    stem, _, index = (state[1:] if dotted else state).partition("_")
+    symbol = rf"\dot {stem}" if dotted else stem
+    return f"{symbol}_{{{index}}}" if index else symbol
+
+
+def _power_of_ten(number: str) -> str:
+    """A printed number with its exponents as LaTeX."""
+    return re.sub(r"e([+-]?\d+)", lambda match: rf" \cdot 10^{{{int(match[1])}}}", number)
 
 
 def _plain(values: np.ndarray | float) -> object:

@@ -69,6 +69,13 @@ def identify_models(study: Study, case: str, protocol: str, cell: str, family: s
     return _reading({"trajectory": sources.trajectory(study, case)}, settings, modules)
 
 
+def identify_recordings(study: Study, recording: str) -> Job:
+    """From files of instruments to all that they tell, as `galloping identify` does."""
+    settings = study.plain["recordings"][recording]
+    files = {f"file_{k}": path for k, path in enumerate(settings["files"])}
+    return Job({**files, "mapping": settings["mapping"]}, settings)
+
+
 def evaluate_cell(study: Study, case: str, protocol: str, cell: str) -> Job:
     measured = study.cell(case, protocol, cell)
     reads = {
@@ -211,7 +218,7 @@ def compare_reference(study: Study) -> Job:
     }
     if (origin := folder / "origin.json").exists():
         reads["origin"] = Source(str(origin), "galloping.tables.reference.study:read_origin")
-    others = ("results", "reference", "figures")  # on which no number depends
+    others = ("results", "reference", "recordings", "figures")  # on which no number depends
     settings = {"study": {k: v for k, v in study.plain.items() if k not in others}}
     return _reading(reads, settings)
 

@@ -15,6 +15,7 @@ class Paths:
     trajectory: str = "trajectories/{case}.npz"
     ranking: str = "bounds/{case}/further_recordings.csv"
     recordings: str = f"recordings/{CELL}.npz"
+    field: str = "recordings/{recording}/{file}"
     identified: str = f"identified/{CELL}/{{family}}.npz"
     bounds: str = f"bounds/{CELL}.npz"
     scores: str = f"scores/{CELL}.csv"

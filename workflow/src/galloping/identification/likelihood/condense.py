@@ -8,6 +8,7 @@ it. This works for any sampling: irregular times, missing samples, missing chann
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,7 @@ class Condensed:
 
     step: length of a window, s. first: (n_recordings + 1,) first window of each recording.
     observed: (n_observed,) index of the state that each channel measures.
+    is_rate: (n_observed,) whether it measures the rate of that state.
     functionals: (n_windows, n_observed, ROWS, ORDER + 1), from Taylor coefficients in the time
     scaled by the window to the expected projections; zero rows where a window has few samples.
     targets: (n_windows, n_observed, ROWS) the projections of the samples, in the state's unit.
@@ -33,11 +35,33 @@ class Condensed:
     step: float
     first: np.ndarray
     observed: np.ndarray
+    is_rate: np.ndarray
     functionals: np.ndarray
     targets: np.ndarray
     counts: np.ndarray
     rows: np.ndarray
     remainder: np.ndarray
+
+    def names(self, states: Sequence[str]) -> list[str]:
+        """What each channel measures: a state, or d and the name of one."""
+        pairs = zip(self.observed, self.is_rate, strict=True)
+        return [f"d{states[k]}" if rate else states[k] for k, rate in pairs]
+
+    @property
+    def samplings(self) -> np.ndarray:
+        """(n_windows, n_observed, ROWS, ORDER): the functionals on what a channel measures."""
+        own = self.functionals[..., :-1].copy()
+        powers = self.step / np.arange(1, self.functionals.shape[3])
+        rates = np.flatnonzero(self.is_rate)
+        own[:, rates] = self.functionals[:, rates, :, 1:] * powers
+        return own
+
+
+def of_rates(functionals: np.ndarray, step: float) -> np.ndarray:
+    """Functionals of a state's Taylor coefficients that read its rate in place of itself."""
+    shifted = np.zeros_like(functionals)
+    shifted[..., 1:] = functionals[..., :-1] * (np.arange(1, functionals.shape[-1]) / step)
+    return shifted
 
 
 @njit(cache=True)
@@ -102,12 +126,17 @@ def window_count(time: np.ndarray, step: float) -> int:
 
 
 def condense(
-    times: list[np.ndarray], values: list[np.ndarray], observed: np.ndarray, step: float
+    times: list[np.ndarray],
+    values: list[np.ndarray],
+    observed: np.ndarray,
+    step: float,
+    is_rate: np.ndarray | None = None,
 ) -> Condensed:
     """Condense recordings that measure the same channels.
 
     times: per recording (n,), s, increasing. values: per recording (n, n_observed), NaN where a
     sample is missing. observed: (n_observed,) state index of each channel. step: window, s.
+    is_rate: (n_observed,) whether a channel measures the rate of its state; none does by default.
     """
     windows = [window_count(time, step) for time in times]
     first = np.concatenate([[0], np.cumsum(windows)])
@@ -132,7 +161,9 @@ def condense(
             rows[r],
             remainder[r],
         )
+    rates = np.zeros(n_observed, bool) if is_rate is None else np.asarray(is_rate)
+    functionals[:, rates] = of_rates(functionals[:, rates], step)
     return Condensed(
-        step, first, np.asarray(observed), functionals, targets, counts, rows,
+        step, first, np.asarray(observed), rates, functionals, targets, counts, rows,
         np.maximum(remainder, 0.0),
     )  # fmt: skip

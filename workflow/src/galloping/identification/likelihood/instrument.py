@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm
 
-from galloping.identification.likelihood.condense import Condensed
+from galloping.identification.likelihood.condense import Condensed, of_rates
 from galloping.identification.likelihood.constants import (
     CURIOUS,
     DISTINCT,
@@ -107,8 +107,9 @@ def _parameters(
     problem: Problem, condensed: Condensed, rates: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[_Test]]:
     """Parameters of faults: coefficients of known equations, and columns as in `linearise`."""
-    names = [problem.states[k] for k in condensed.observed]
-    channel = {int(k): o for o, k in enumerate(condensed.observed)}
+    names = condensed.names(problem.states)
+    channel = {int(condensed.observed[o]): int(o) for o in np.flatnonzero(~condensed.is_rate)}
+    samplings = condensed.samplings
     pairs = {
         i: v for i, v in velocity_pairs(problem.states).items() if i in channel or v in channel
     }
@@ -117,7 +118,7 @@ def _parameters(
     units = np.eye(len(problem.states), dtype=int)
     entries = [(i, term[tuple(int(e) for e in units[v])]) for i, v in kinematic]
     time = condensed.step * np.arange(len(rates))[:, None, None]
-    trend = time * condensed.functionals[..., 0] + condensed.step * condensed.functionals[..., 1]
+    trend = time * samplings[..., 0] + condensed.step * samplings[..., 1]
     count = len(names)
     columns = np.zeros((*rates.shape, 2 * count))
     for o in range(count):
@@ -151,11 +152,12 @@ def _rates(
     starts: np.ndarray,
 ) -> np.ndarray:
     """(n_windows, n_observed, n_rows) projections of the solution's time derivatives."""
-    powers = np.arange(1, condensed.functionals.shape[3]) / condensed.step
-    shifted = np.zeros_like(condensed.functionals)
-    shifted[..., 1:] = condensed.functionals[..., :-1] * powers
-    of_rates = replace(condensed, functionals=shifted, targets=np.zeros_like(condensed.targets))
-    return -residuals(problem, of_rates, segments, free, starts)[0]
+    shifted = replace(
+        condensed,
+        functionals=of_rates(condensed.functionals, condensed.step),
+        targets=np.zeros_like(condensed.targets),
+    )
+    return -residuals(problem, shifted, segments, free, starts)[0]
 
 
 def _score(information: np.ndarray, right: np.ndarray, n: int, mixture: np.ndarray) -> float:
@@ -238,7 +240,7 @@ def _variances(
     owner = np.repeat(segments.recording, np.diff(segments.first))
     there = np.any(condensed.functionals != 0.0, axis=3)
     square = (residual / sigma[owner][:, :, None]) ** 2
-    weight = np.where(there[:, :, 0], condensed.functionals[:, :, 0, 0], 1.0)
+    weight = np.where(there[:, :, 0], condensed.samplings[:, :, 0, 0], 1.0)
     tested = []
     for cause, signal in (
         (JITTER, rates[:, :, 0]),

@@ -19,6 +19,13 @@ from galloping.identification.likelihood.instrument import FORCES, Fault, faults
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
+from galloping.identification.likelihood.rates import (
+    channel_noise,
+    channel_values,
+    channels,
+    scaled,
+    with_rates,
+)
 from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import (
@@ -117,7 +124,11 @@ def maximum_likelihood(
     try:
         if all(recording.derivatives is not None for recording in recordings):
             return derivative_fit(problem, recordings)
-        return _from_states(problem, recordings, begin(problem, recordings))
+        begun = begin(problem, recordings)
+        rescaled = scaled(recordings, begun)
+        if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
+            begun = begin(problem, rescaled)
+        return _from_states(problem, recordings, with_rates(begun, rescaled))
     except (ValueError, FloatingPointError, np.linalg.LinAlgError) as error:
         return refused(problem, str(error))
 
@@ -126,22 +137,14 @@ def _from_states(problem: Problem, recordings: list[Recording], begun: Start) ->
     try:
         return _exact(problem, recordings, begun)
     except FloatingPointError as objection:
-        observed = _observed(begun.recordings)
         condensed, segments, fit = _prepare(
-            problem, begun.recordings, begun.smoothed, observed, begun.period, begun.fit,
-            PERIODS_PER_SEGMENT,
-        )  # fmt: skip
+            problem, begun.recordings, begun.smoothed, begun.period, begun.fit, PERIODS_PER_SEGMENT
+        )
         states, _ = _window_states(condensed, begun.recordings, begun.smoothed)
         return approximation(
             problem, condensed, segments, states, fit.free, fit.sigma, fit.floor, begun.penalty,
             str(objection),
         )  # fmt: skip
-
-
-def _observed(recordings: list[Recording]) -> np.ndarray:
-    """Indices of the states that are measured in some recording."""
-    measured = [np.isfinite(recording.values).any(axis=0) for recording in recordings]
-    return np.flatnonzero(np.any(measured, axis=0))
 
 
 def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
@@ -153,11 +156,8 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
     kept = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     penalty, start = begun.penalty, begun.fit
-    observed = _observed(recordings)
     largest = _largest(problem, smoothed)
-    condensed, segments, step = _followed(
-        problem, recordings, smoothed, observed, period, start, largest
-    )
+    condensed, segments, step = _followed(problem, recordings, smoothed, period, start, largest)
     fit = step.fit
     unseen = bool(np.linalg.eigvalsh(step.information * largest * largest[:, None])[0] < 1.0)
     try:
@@ -185,8 +185,10 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     parameters = int(fit.support.sum()) + (step.segments.chains[-1] + 1) * len(problem.states)
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
-    sigma[:, observed] = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
-    objection, doubt = shown.objection([problem.states[k] for k in observed]), ""
+    total = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
+    sigma[:, condensed.observed[~condensed.is_rate]] = total[:, ~condensed.is_rate]
+    names = condensed.names(problem.states)
+    objection, doubt = shown.objection(names), ""
     if step.settled:
         causes = _causes(problem, condensed, step.segments, fit, penalty)
         objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
@@ -209,6 +211,7 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
             "residual_line": shown.line,
             "residual_line_allowed": shown.line_allowed,
             "removed_share": 1.0 - kept / samples,
+            **{f"noise_{names[o]}": total[-1, o] for o in np.flatnonzero(condensed.is_rate)},
         },
     )  # fmt: skip
 
@@ -263,7 +266,6 @@ def _followed(
     problem: Problem,
     recordings: list[Recording],
     smoothed: list[Smooth],
-    observed: np.ndarray,
     period: float,
     start: WeakFit,
     largest: np.ndarray,
@@ -285,7 +287,7 @@ def _followed(
             start = replace(start, free=free, support=np.ones(len(free), bool))
         try:
             condensed, segments, fit = _prepare(
-                problem, recordings, smoothed, observed, period, start, periods
+                problem, recordings, smoothed, period, start, periods
             )
             previous = fit
             for _ in range(PATIENCE):
@@ -307,7 +309,6 @@ def _prepare(
     problem: Problem,
     recordings: list[Recording],
     smoothed: list[Smooth],
-    observed: np.ndarray,
     period: float,
     start: WeakFit,
     periods: float,
@@ -317,7 +318,13 @@ def _prepare(
     Windows are halved until the Taylor series is accurate over one, segments until the start
     does not diverge within one. Raises FloatingPointError where neither is enough.
     """
-    noise = np.array([one.noise[observed] for one in smoothed])
+    observed, is_rate = channels(recordings)
+    noise = np.array(
+        [
+            channel_noise(recording, one, observed, is_rate)
+            for recording, one in zip(recordings, smoothed, strict=True)
+        ]
+    )
     size = np.array([np.std(one.states[:, observed], axis=0) for one in smoothed])
     floor = SMALLEST_NOISE * np.where(size > 0.0, size, 1.0)
     noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
@@ -326,9 +333,10 @@ def _prepare(
     for _ in range(MOST_HALVINGS):
         condensed = condense(
             [recording.time for recording in recordings],
-            [recording.values[:, observed] for recording in recordings],
+            [channel_values(recording, observed, is_rate) for recording in recordings],
             observed,
             period / windows,
+            is_rate,
         )
         states, valid = _window_states(condensed, recordings, smoothed)
         segments = cut(condensed, length, valid, chained=False)

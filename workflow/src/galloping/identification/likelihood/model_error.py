@@ -178,14 +178,16 @@ def approximation(
     if not made.skill > 0.0:
         return refused(problem, f"{objection}; what comes near it predicts nothing")
     shares = error_shares(made, condensed)
-    names = [problem.states[k] for k in condensed.observed]
+    names = condensed.names(problem.states)
     noise = np.full((len(condensed.counts), len(problem.states)), np.nan)
     inside = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
-    noise[:, condensed.observed] = np.where(condensed.counts > 0, np.sqrt(inside), np.nan)
+    inside = np.where(condensed.counts > 0, np.sqrt(inside), np.nan)
+    noise[:, condensed.observed[~condensed.is_rate]] = inside[:, ~condensed.is_rate]
     named = ", ".join(
         f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
     )
     firsts = np.unique(segments.recording, return_index=True)[1]
+    noise_power = np.sum(made.forecast[2])
     errors = added_deviation(made.information, made.support)
     errors[made.support] = np.sqrt(np.diag(made.covariance))
     return IdentifiedModel(
@@ -196,7 +198,7 @@ def approximation(
         known=problem.known_equations,
         initial_states=made.starts[firsts],
         sigma=noise,
-        chi2=float(np.sum(made.forecast[1]) / np.sum(made.forecast[2])),
+        chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
         status="approximate",
         reason=f"{objection}; forecasts over {PERIODS} periods leave {named}",
         diagnostics={

@@ -1,0 +1,114 @@
+"""The command, from the example of a monitored span to its forecast."""
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from galloping import IdentifiedModel, derive
+from galloping.cli import main
+from galloping.field import OUTPUTS
+from galloping.field.equations import known_model
+from galloping.polynomial import library
+from galloping.storage import write_text
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+SPAN, MAP = str(EXAMPLES / "span.csv"), ["--map", str(EXAMPLES / "span.yaml")]
+LIMIT_CYCLE = {"q_v": 1.125, "q_w": 2.215}  # m, of the continuous line after 1500 s
+
+
+def run(*arguments, code=0):
+    result = CliRunner().invoke(main, [str(each) for each in arguments])
+    assert result.exit_code == code, result.output
+    return result.stdout if code == 0 else result.output
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("span")
+    run("identify", SPAN, *MAP, "--output", folder)
+    return folder
+
+
+def test_inspect_names_gaps_and_frequencies():
+    report = json.loads(run("inspect", SPAN, *MAP, "--json"))
+    assert report["sampling"]["gaps_total"] == 1
+    assert report["channels"]["v150"]["dominant_frequencies_hz"][0] == pytest.approx(0.41, abs=0.02)
+    assert report["channels"]["v150"]["noise"] == pytest.approx(0.020, rel=0.1)
+    assert "4938 samples" in run("inspect", SPAN, *MAP)
+
+
+@pytest.mark.slow
+def test_the_example_gives_the_limit_cycle_of_the_span(example):
+    assert sorted(path.name for path in example.iterdir()) == sorted(OUTPUTS)
+    identified = IdentifiedModel.load(example / "model.json")
+    assert identified.status in ("ok", "not identifiable", "approximate")
+    time = np.arange(0, 1500, 0.05)
+    motion = identified.simulate(identified.initial_states[0], time).states[-4000:]
+    for k, state in enumerate(LIMIT_CYCLE):
+        assert np.ptp(motion[:, k]) / 2 == pytest.approx(LIMIT_CYCLE[state], rel=0.05)
+    summary = (example / "summary.md").read_text(encoding="utf-8")
+    assert identified.verdict in summary and "limit cycle" in summary
+    with (example / "forecast.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert all(float(row["q_v_low"]) < float(row["q_v_high"]) for row in rows)
+
+
+@pytest.mark.slow
+def test_a_model_is_shown_simulated_and_forecasts(example):
+    model = example / "model.json"
+    assert run("show", model, "--latex").count(r"\frac") == 4
+    assert {row["equation"] for row in json.loads(run("show", model, "--json"))} >= {"dq_v", "dq_w"}
+    assert len(run("simulate", model, "--duration", 2, "--rate", 10).splitlines()) == 22
+    assert len(run("forecast", model, SPAN, *MAP, "--duration", 1).splitlines()) == 26
+
+
+def test_derive_prints_the_equations_of_a_case(tmp_path):
+    write_text(tmp_path / "case.yaml", "wind: {speed: 14}\n")
+    printed = json.loads(run("derive", tmp_path / "case.yaml", "--json"))
+    line = derive(wind={"speed": 14})
+    assert printed["dq_v"]["q_v"] == line.coefficients[2, line.term_names.index("q_v")]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["inspect", "absent.csv", *MAP], 1, "absent.csv: no such file"),
+        (
+            ["inspect", SPAN, "--states", "v150"],
+            1,
+            "unit 'mm' does not measure 1; the displacements",
+        ),
+        (["inspect", SPAN, "--states", "v150", "--measure", "v150"], 1, "expected STATE=COLUMN"),
+        (["show", SPAN], 1, "not an identified model"),
+        (["identify", SPAN], 2, "Missing option '--output'"),
+    ],
+)
+def test_errors_are_one_line(arguments, code, said):
+    printed = run(*arguments, code=code)
+    assert said in printed
+    assert code == 2 or len(printed.splitlines()) == 1
+
+
+def test_known_equations_are_read_as_they_are_printed():
+    states, terms = ("q", "dq"), library(2, 3)
+    model, named = known_model(["dq=-3.5 q - 2e-2*dq + q^2 dq"], states, terms)
+    assert named == ("dq",)
+    row = dict(zip(model.term_names, model.coefficients[1], strict=True))
+    assert {n: c for n, c in row.items() if c} == {"q": -3.5, "dq": -0.02, "q^2 dq": 1.0}
+    for wrong in ("dq", "x=q", "dq=2 y", "dq=q q q q", "dq=q dq 3"):
+        with pytest.raises(ValueError, match="--known"):
+            known_model([wrong], states, terms)
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys; from galloping.cli import main; print(*sys.modules)"
+    modules = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert not {"numpy", "pandas", "matplotlib", "heyoka", "numba"} & set(modules)

@@ -1,0 +1,245 @@
+"""Files of instruments: every kind is read alike, every bad one is refused in one line."""
+
+import json
+import pickle
+import zipfile
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import netcdf_file, savemat
+
+from galloping.field.mapping import MappingError, channel_of, validated
+from galloping.field.project import recording
+from galloping.field.quality import quality
+from galloping.field.read import FEWEST, read_series
+from galloping.field.tables import LARGEST, FileError, read_table
+
+TIME = np.arange(500) * 0.04
+V, W = np.sin(2.6 * TIME), np.cos(1.3 * TIME)
+MAPPING = {
+    "time": {"column": "t", "unit": "s"},
+    "states": ["q_v", "q_w", "dq_v", "dq_w"],
+    "channels": [
+        {"column": "v", "measures": "q_v", "unit": "mm"},
+        {"column": "w", "measures": "q_w", "unit": "m"},
+    ],
+}
+
+
+def write(path, frame):
+    columns = {name: frame[name].to_numpy() for name in frame}
+    if path.suffix == ".csv":
+        frame.to_csv(path, index=False)
+    elif path.suffix == ".txt":
+        frame.to_csv(path, index=False, sep=" ")
+    elif path.suffix == ".parquet":
+        frame.to_parquet(path)
+    elif path.suffix == ".mat":
+        savemat(path, columns)
+    elif path.suffix == ".h5":
+        with h5py.File(path, "w") as file:
+            for name, values in columns.items():
+                file[name] = values
+    elif path.suffix == ".nc":
+        with netcdf_file(path, "w") as file:
+            file.createDimension("n", len(frame))
+            for name, values in columns.items():
+                file.createVariable(name, "d", ("n",))[:] = values
+    return path
+
+
+@pytest.fixture
+def frame():
+    return pd.DataFrame({"t": TIME, "v": 1000 * V, "w": W})
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".txt", ".parquet", ".h5", ".nc", ".mat"])
+def test_every_kind_of_file_gives_the_same_recording(tmp_path, frame, suffix):
+    mapping = validated(MAPPING)
+    read = recording(read_series(write(tmp_path / f"a{suffix}", frame), mapping), mapping)
+    np.testing.assert_allclose(read.time, TIME, atol=1e-12)
+    np.testing.assert_allclose(read.values[:, :2], np.column_stack([V, W]), atol=1e-12)
+    assert np.isnan(read.values[:, 2:]).all()
+
+
+def test_units_come_from_the_file_where_it_says_them(tmp_path, frame):
+    plain = {**MAPPING, "time": {"column": "t"}, "channels": [
+        {"column": "v", "measures": "q_v"}, {"column": "w", "measures": "q_w"}]}  # fmt: skip
+    mapping = validated(plain)
+    named = tmp_path / "a.csv"
+    frame.set_axis(["t [s]", "v [mm]", "w [m]"], axis=1).to_csv(named, index=False)
+    described = write(tmp_path / "b.csv", frame)
+    fields = [{"name": n, "unit": u} for n, u in (("t", "s"), ("v", "mm"), ("w", "m"))]
+    package = {"resources": [{"path": "b.csv", "schema": {"fields": fields}}]}
+    (tmp_path / "datapackage.json").write_text(json.dumps(package))
+    stored = tmp_path / "c.h5"
+    with h5py.File(write(stored, frame), "a") as file:
+        for name, unit in (("t", "s"), ("v", "mm"), ("w", "m")):
+            file[name].attrs["units"] = unit
+    for path in (named, described, stored):
+        np.testing.assert_allclose(read_series(path, mapping).values[:, 0], V, atol=1e-12)
+
+
+@pytest.mark.parametrize("stamp", ["2026-01-31T12:00:00", "2026-01-31T12:00:00+01:00"])
+def test_times_may_be_dates(tmp_path, frame, stamp):
+    frame["t"] = [t.isoformat() for t in pd.Timestamp(stamp) + pd.to_timedelta(TIME, "s")]
+    series = read_series(
+        write(tmp_path / "a.csv", frame), validated({**MAPPING, "time": {"column": "t"}})
+    )
+    np.testing.assert_allclose(series.time, TIME, atol=1e-9)
+    assert series.start.startswith("2026-01-31")
+
+
+def test_what_is_safe_is_mended_and_said(tmp_path, frame):
+    frame.loc[100:104, "v"] = np.nan
+    mixed = pd.concat([frame[:200], frame[199:200], frame[250:], frame[200:250]])
+    series = read_series(write(tmp_path / "a.csv", mixed), validated(MAPPING))
+    np.testing.assert_allclose(series.time, TIME, atol=1e-12)
+    assert np.isnan(series.values[100:105, 0]).all()
+    assert [note.split(":")[-1].strip() for note in series.notes][:1] == ["sorted"]
+    assert "repeated rows were dropped" in series.notes[1]
+
+
+def bad_files(folder):
+    """(name, what the message says) of files that cannot be used."""
+    header = "t,v,w\n"
+    rows = "".join(f"{t},{v},{w}\n" for t, v, w in zip(TIME, V, W, strict=True))
+    texts = {
+        "empty": ("", "empty"),
+        "header": (header, "no rows"),
+        "text": (header + "0,a,1\n" + rows, "row 2, column 'v': 'a' is not a number"),
+        "comma": ("t;v;w\n" + rows.replace(",", ";").replace(".", ","), "decimal comma"),
+        "huge": (header + "0,1e308,1\n" + rows, "1e+308 is no measurement"),
+        "zero": (header + "".join(f"{t},0,1\n" for t in TIME), "throughout"),
+        "twice": ("t,v,v\n" + rows, "two columns are named 'v'"),
+        "short": (header + "".join(rows.splitlines(True)[: FEWEST - 1]), "fewer than"),
+        "headless": (rows, "must name the columns"),
+        "clock": (header + rows + "0.0,77,1\n", "a time that was there before"),
+        "other": ("t,u,w\n" + rows, "no column 'v'; it has 't', 'u', 'w'"),
+    }
+    for name, (text, message) in texts.items():
+        (folder / f"{name}.csv").write_text(text)
+        yield f"{name}.csv", message
+    (folder / "latin.csv").write_bytes(header.encode() + "é".encode("latin-1"))
+    yield "latin.csv", "not UTF-8"
+    (folder / "pickle.csv").write_bytes(pickle.dumps({"t": TIME}))
+    yield "pickle.csv", "pickle, which is never loaded"
+    with zipfile.ZipFile(folder / "zip.csv", "w") as archive:
+        archive.writestr("a", "b")
+    yield "zip.csv", "zip archive"
+    with (folder / "large.csv").open("wb") as file:
+        file.truncate(LARGEST + 1)
+    yield "large.csv", "more than"
+    (folder / "folder.csv").mkdir()
+    yield "folder.csv", "not a file"
+    yield "absent.csv", "no such file"
+    yield "a.xlsx", "suffix '.xlsx' is not one of"
+    (folder / "broken.parquet").write_bytes(b"PAR1")
+    yield "broken.parquet", "cannot be read"
+    (folder / "broken.h5").write_bytes(b"\x89HDF\r\n\x1a\n")
+    yield "broken.h5", "cannot be read"
+
+
+def test_a_bad_file_is_refused_in_one_line(tmp_path):
+    for name, message in bad_files(tmp_path):
+        with pytest.raises(FileError) as error:
+            read_series(tmp_path / name, validated(MAPPING))
+        assert message in str(error.value) and "\n" not in str(error.value), name
+        assert str(tmp_path / name) in str(error.value)
+
+
+def test_byte_order_mark_and_formulas_are_harmless(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("\ufefft,v,note\n0,1,=1+1\n1,2,@x\n", encoding="utf-8")
+    table = read_table(path)
+    assert list(table.columns) == ["t", "v", "note"]
+    assert list(table.columns["note"]) == ["=1+1", "@x"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"states": ["q v"]}, "'q v' is not a name"),
+        ({"states": ["x", "x"]}, "x is named twice"),
+        ({"channels": []}, "at least 1"),
+        ({"channels": [{"column": "v", "measures": "z"}]}, "measures 'z', which is neither"),
+        ({"channels": [{"column": "v", "measures": "q_v", "position": 3}]}, "needs the span"),
+        (
+            {"span": 2, "channels": [{"column": "v", "measures": "q_v", "position": 3}]},
+            "not inside",
+        ),
+        ({"speed": 3}, "speed: Extra inputs"),
+        ({"decimal": ";"}, "decimal: Input should be"),
+    ],
+)
+def test_a_bad_mapping_is_refused_by_name(change, message):
+    with pytest.raises(MappingError, match=message):
+        validated({**MAPPING, **change})
+
+
+@pytest.mark.parametrize("unit", [None, "s", "furlongs/", "g"])
+def test_a_unit_is_never_guessed(tmp_path, frame, unit):
+    channel = {"column": "v", "measures": "q_v", "unit": unit}
+    mapping = validated({**MAPPING, "channels": [channel]})
+    with pytest.raises(FileError, match=r"column 'v'.*unit"):
+        read_series(write(tmp_path / "a.csv", frame), mapping)
+
+
+def test_short_form_of_a_channel():
+    assert channel_of("ddq_v=acc mid[g_n]@150") == {
+        "measures": "ddq_v", "column": "acc mid", "unit": "g_n", "position": "150",
+    }  # fmt: skip
+    with pytest.raises(MappingError, match="expected"):
+        channel_of("acc")
+
+
+def test_three_sensors_separate_the_first_mode_from_two_others(tmp_path):
+    places = (75.0, 150.0, 225.0)
+    modes = [np.sin(2.6 * TIME), 0.3 * np.sin(5 * TIME), 0.2 * np.cos(4 * TIME)]
+    columns = {
+        f"s{k}": sum(m * np.sin((j + 1) * np.pi * place / 300) for j, m in enumerate(modes))
+        for k, place in enumerate(places)
+    }
+    path = write(tmp_path / "a.csv", pd.DataFrame({"t": TIME, **columns}))
+    channels = [
+        {"column": f"s{k}", "measures": "q_v", "unit": "m", "position": place}
+        for k, place in enumerate(places)
+    ]
+    mapping = validated({**MAPPING, "channels": channels, "span": 300})
+    read = recording(read_series(path, mapping), mapping)
+    np.testing.assert_allclose(read.values[:, 0], modes[0], atol=1e-12)
+
+
+def test_a_delayed_channel_is_moved_to_when_it_was_true(tmp_path):
+    late = np.sin(2.6 * (TIME - 0.12))
+    path = write(tmp_path / "a.csv", pd.DataFrame({"t": TIME, "v": 1000 * V, "w": late}))
+    channels = [*MAPPING["channels"][:1],
+                {"column": "w", "measures": "q_w", "unit": "m", "delay": 0.12}]  # fmt: skip
+    mapping = validated({**MAPPING, "channels": channels})
+    read = recording(read_series(path, mapping), mapping)
+    both = np.isfinite(read.values[:, :2]).all(axis=1)
+    assert both.sum() > 400
+    np.testing.assert_allclose(read.values[both, 0], read.values[both, 1], atol=1e-9)
+
+
+def test_quality_tells_noise_frequency_outliers_gaps_and_clipping(tmp_path):
+    rng = np.random.default_rng(1)
+    time = np.arange(0, 300, 0.04)
+    values = 1000 * np.sin(2.6 * time) + 50 * rng.standard_normal(len(time))
+    values[7] = 1e5
+    frame = pd.DataFrame({"t": time, "v": values, "w": np.clip(np.cos(1.3 * time), -1, 0.9)})
+    path = write(tmp_path / "a.csv", frame.drop(index=range(2000, 2100)))
+    mapping = validated(MAPPING)
+    report = quality(read_series(path, mapping), mapping)
+    assert report["sampling"]["gaps"][0] == {
+        "row": 2001, "from_s": pytest.approx(79.96), "length_s": pytest.approx(4.04),
+    }  # fmt: skip
+    v = report["channels"]["v"]
+    assert v["noise"] == pytest.approx(0.05, rel=0.05)
+    assert v["dominant_frequencies_hz"][0] == pytest.approx(2.6 / (2 * np.pi), abs=0.004)
+    said = {(p["column"], p["row"], p["what"].split()[0]) for p in report["problems"]}
+    assert ("v", 9, "1") in said
+    assert any(column == "w" and what == "clipped" for column, _, what in said)
+    json.dumps(report, allow_nan=False)

@@ -1,0 +1,19 @@
+"""What recordings from the field tell, as the command `galloping identify` says it."""
+
+from pathlib import Path
+
+from galloping.field.mapping import read_mapping
+from galloping.field.study import Question, analyse
+from galloping.reproducibility.job import run
+
+
+def main() -> None:
+    settings = snakemake.params.settings
+    question = Question(
+        settings["degree"], settings["method"], tuple(settings["known"]), settings["seed"]
+    )
+    folder = Path(snakemake.output[0]).parent
+    analyse(settings["files"], read_mapping(settings["mapping"]), question, folder)
+
+
+run(main, snakemake)

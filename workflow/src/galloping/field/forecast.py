@@ -1,0 +1,185 @@
+"""Where a recorded motion goes from here, with intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from galloping.identification.model import IdentifiedModel
+from galloping.polynomial import PolynomialModel
+from galloping.recording import Recording
+from galloping.simulation import Simulator
+
+DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
+ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
+ORIGINS, PARTS = 8, 4  # of forecasts that tell how wrong an approximate model is
+STEP = 1e-5  # of finite differences of the start, relative to each state's size
+SLOPE_SAMPLES = 9  # for the first guess of a velocity that is not measured
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """time: (n,) s. median, low, high: (n, n_states), the 90 % band of what sensors will show."""
+
+    time: np.ndarray
+    median: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def forecast(
+    identified: IdentifiedModel,
+    recording: Recording,
+    time: np.ndarray,
+    window: float,
+    rng: np.random.Generator,
+) -> Forecast:
+    """Forecast the states at `time` from the last `window` seconds of a recording.
+
+    Each of 100 draws takes coefficients from their covariance, and as its start the state that
+    follows the samples of the window best after noise was added to them once more. The noise of a
+    sample is part of the band; that of an approximate model is as wide as its forecasts from
+    earlier times of the recording were wrong. Draws that diverge are left out. Raises ValueError
+    where there is no model, or where most draws diverge.
+    """
+    if identified.status == "refused":
+        raise ValueError(f"there is no model to forecast with: {identified.reason}")
+    begin = int(np.searchsorted(recording.time, recording.time[-1] - window))
+    sampled, values = recording.time[begin:], recording.values[begin:]
+    sigma = np.nan_to_num(identified.sigma[-1])
+    simulator = Simulator(identified.model.states, identified.model.terms)
+    guess = first_guess(recording, begin)
+    follow = Following(simulator, sampled, sigma)
+    fitted = follow.start(identified.model, guess, values)
+    missed = np.zeros((len(time), len(sigma)))
+    if identified.status == "approximate":
+        missed = _missed(identified, recording, simulator, time - recording.time[-1], window)
+    motions = []
+    slopes = None if fitted is None else follow.slopes(identified.model, fitted)
+    for model in drawn(identified, DRAWS, rng):
+        noisy = values + sigma * rng.standard_normal(values.shape)
+        start = None if fitted is None else follow.start(model, fitted, noisy, slopes)
+        if start is not None:
+            motion = simulator(model, start, np.concatenate([sampled, time])).states[len(sampled) :]
+            if np.all(np.isfinite(motion)):
+                motions.append(motion)
+    if len(motions) < DRAWS // 2:
+        raise ValueError(f"{DRAWS - len(motions)} of {DRAWS} draws of the model diverge")
+    motions = np.array(motions)
+    seen = motions + np.maximum(sigma, missed) * rng.standard_normal(motions.shape)
+    low, high = np.quantile(seen, (0.05, 0.95), axis=0, method="weibull")
+    return Forecast(time, np.median(motions, axis=0), low, high)
+
+
+def _missed(
+    identified: IdentifiedModel,
+    recording: Recording,
+    simulator: Simulator,
+    ahead: np.ndarray,
+    window: float,
+) -> np.ndarray:
+    """(n, n_states) root mean square errors, noise included, of forecasts from earlier windows.
+
+    ahead: (n,) s, of what is forecast. The forecasts begin at `ORIGINS` times of the recording,
+    the later half of it; their errors are taken together in `PARTS` of the time ahead.
+    """
+    time, values = recording.time, recording.values
+    sigma = np.nan_to_num(identified.sigma[-1])
+    horizon = min(ahead[-1], (time[-1] - time[0]) / 4)
+    squares, counts = np.zeros((2, PARTS, values.shape[1]))
+    for origin in np.linspace(time[0] + (time[-1] - time[0]) / 2, time[-1] - horizon, ORIGINS):
+        begin, now, end = np.searchsorted(time, (origin - window, origin, origin + horizon))
+        follow = Following(simulator, time[begin:now], sigma)
+        start = follow.start(identified.model, first_guess(recording, begin), values[begin:now])
+        if start is None:
+            continue
+        motion = simulator(identified.model, start, time[begin:end]).states[now - begin :]
+        part = np.minimum((PARTS * (time[now:end] - origin) / horizon).astype(int), PARTS - 1)
+        error = values[now:end] - motion
+        known = np.isfinite(error)
+        np.add.at(squares, part, np.where(known, error, 0.0) ** 2)
+        np.add.at(counts, part, known)
+    missed = np.sqrt(squares / np.maximum(counts, 1))
+    centres = (np.arange(PARTS) + 0.5) / PARTS * horizon
+    return np.column_stack([np.interp(ahead, centres, each) for each in missed.T])
+
+
+def drawn(
+    identified: IdentifiedModel, count: int, rng: np.random.Generator
+) -> list[PolynomialModel]:
+    """Models with coefficients drawn from their covariance."""
+    model, support = identified.model, tuple(np.argwhere(identified.support).T)
+    values, vectors = np.linalg.eigh(identified.covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    models = []
+    for _ in range(count):
+        coefficients = model.coefficients.copy()
+        if len(root):
+            coefficients[support] += root @ rng.standard_normal(len(root))
+        models.append(PolynomialModel(model.states, model.terms, coefficients))
+    return models
+
+
+def first_guess(recording: Recording, begin: int) -> np.ndarray:
+    """A state near the sample `begin`: interpolated values, slopes for unmeasured velocities."""
+    time, states = recording.time, recording.states
+    guess = np.zeros(len(states))
+    for k, name in enumerate(states):
+        known = np.isfinite(recording.values[:, k])
+        if known.any():
+            guess[k] = np.interp(time[begin], time[known], recording.values[known, k])
+        elif name[1:] in states:
+            source = recording.values[:, states.index(name[1:])]
+            known = np.isfinite(source)
+            near = np.abs(time[known] - time[begin]).argsort()[:SLOPE_SAMPLES]
+            guess[k] = np.polyfit(time[known][near] - time[begin], source[known][near], 1)[0]
+    return guess
+
+
+@dataclass(frozen=True)
+class Following:
+    """Finds where a motion must begin to follow samples best.
+
+    time: (n,) s, of the samples. sigma: (n_states,) their noise, zero where not measured.
+    """
+
+    simulator: Simulator
+    time: np.ndarray
+    sigma: np.ndarray
+
+    def start(
+        self,
+        model: PolynomialModel,
+        guess: np.ndarray,
+        values: np.ndarray,
+        slopes: np.ndarray | None = None,
+    ) -> np.ndarray | None:
+        """(n_states,) at the first sample, None where the model diverges.
+
+        guess: (n_states,) near it. values: (n, n_states) the samples, NaN where missing. slopes:
+        those of a model and start near by, to spare their own.
+        """
+        sigma = self.sigma
+        weight = np.isfinite(values) * np.where(sigma > 0, 1.0 / np.where(sigma > 0, sigma, 1), 0.0)
+        target, start = np.nan_to_num(values), guess
+        for _ in range(ITERATIONS):
+            motion = self.simulator(model, start, self.time).states
+            own = self.slopes(model, start) if slopes is None else slopes
+            if not (np.all(np.isfinite(motion)) and np.all(np.isfinite(own))):
+                return None
+            left = ((target - motion) * weight).ravel()
+            design = (own * weight).reshape(len(start), -1).T
+            start = start + np.linalg.lstsq(design, left, rcond=1e-12)[0]
+        return start
+
+    def slopes(self, model: PolynomialModel, start: np.ndarray) -> np.ndarray:
+        """(n_states, n, n_states): change of the motion with each state at its start."""
+        motion = self.simulator(model, start, self.time).states
+        size = STEP * (np.abs(start) + np.nanstd(motion, axis=0) + 1e-6)
+        return np.array(
+            [
+                (self.simulator(model, start + size * unit, self.time).states - motion) / size[k]
+                for k, unit in enumerate(np.eye(len(start)))
+            ]
+        )

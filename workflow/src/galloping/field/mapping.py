@@ -1,0 +1,132 @@
+"""What the columns of a file measure: states or their rates, units, places along the span."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+NAME = re.compile(r"[^\W\d]\w*")
+SHORT = re.compile(
+    r"(?P<measures>[^=\s]+)=(?P<column>[^\[@]+?)(\[(?P<unit>[^\]]*)\])?(@(?P<position>[^@]+))?"
+)
+
+
+class MappingError(ValueError):
+    """A mapping that makes no sense; one line."""
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class TimeColumn(_Section):
+    """The column of times; unit: s, ms, min, ..., or none where the times are ISO 8601."""
+
+    column: str
+    unit: str | None = None
+
+
+class Channel(_Section):
+    """One column of a file.
+
+    measures: a state, or `d` and the name of one: its rate (`ddq_v`, an acceleration). position:
+    m along the span, of a sensor on a line. delay: s by which the column lags behind the time.
+    scale: `unknown` where a camera's scale is to be told with an accelerometer's help. offset:
+    whether a rate has no constant offset and slow drift, which accelerometers do; `unknown` by
+    default.
+    """
+
+    column: str
+    measures: str
+    unit: str | None = None
+    position: float | None = Field(default=None, ge=0)
+    delay: float = Field(default=0.0, ge=-3600, le=3600)
+    scale: Literal["known", "unknown"] = "known"
+    offset: Literal["known", "unknown"] = "unknown"
+
+
+class Mapping(_Section):
+    """How to read recordings of one system from files.
+
+    states: of the system; a state named dX is the rate of X. span: m, where channels have
+    positions. decimal: the decimal mark of text files.
+    """
+
+    time: TimeColumn
+    states: tuple[str, ...] = Field(min_length=1, max_length=12)
+    channels: tuple[Channel, ...] = Field(min_length=1)
+    span: float | None = Field(default=None, gt=0)
+    decimal: Literal[".", ","] = "."
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Mapping:
+        for name in self.states:
+            if not NAME.fullmatch(name):
+                raise ValueError(f"states: {name!r} is not a name")
+            if self.states.count(name) > 1:
+                raise ValueError(f"states: {name} is named twice")
+        seen = set()
+        for channel in self.channels:
+            self.target(channel)
+            if channel.column in seen:
+                raise ValueError(f"channels: column {channel.column!r} is named twice")
+            seen.add(channel.column)
+            if channel.position is not None and self.span is None:
+                raise ValueError(
+                    f"channels: {channel.column!r} has a position, so the mapping needs the span"
+                )
+            if channel.position is not None and not 0 < channel.position < self.span:
+                raise ValueError(
+                    f"channels: position {channel.position:g} m of {channel.column!r} is not "
+                    f"inside the span of {self.span:g} m"
+                )
+        return self
+
+    def target(self, channel: Channel) -> tuple[int, bool]:
+        """Index of the state that a channel is about, and whether it measures its rate."""
+        if channel.measures in self.states:
+            return self.states.index(channel.measures), False
+        if channel.measures[:1] == "d" and channel.measures[1:] in self.states:
+            return self.states.index(channel.measures[1:]), True
+        raise ValueError(
+            f"channels: {channel.column!r} measures {channel.measures!r}, which is neither a state "
+            f"({', '.join(self.states)}) nor d and the name of one"
+        )
+
+
+def validated(content: object) -> Mapping:
+    """A mapping from plain values. Raises MappingError with one line a problem."""
+    try:
+        return Mapping.model_validate(content)
+    except ValidationError as error:
+        lines = []
+        for problem in error.errors():
+            place = ".".join(map(str, problem["loc"]))
+            message = problem["msg"].removeprefix("Value error, ")
+            lines.append(f"{place}: {message}" if place else message)
+        raise MappingError("\n".join(lines)) from error
+
+
+def read_mapping(path: str | Path) -> Mapping:
+    """A mapping from a YAML file. Raises MappingError, the lines of which begin with its name."""
+    try:
+        return validated(yaml.safe_load(Path(path).read_text(encoding="utf-8")))
+    except (MappingError, yaml.YAMLError) as error:
+        raise MappingError(f"{path}: {error}") from error
+
+
+def channel_of(text: str) -> dict:
+    """A channel from `STATE=COLUMN[UNIT]@POSITION`, unit and position optional, as plain values.
+
+    Raises MappingError where the text has another form.
+    """
+    match = SHORT.fullmatch(text.strip())
+    if not match:
+        raise MappingError(
+            f"{text!r}: expected STATE=COLUMN[UNIT]@POSITION, such as q_v=mid[mm]@150"
+        )
+    return {key: value for key, value in match.groupdict().items() if value is not None}

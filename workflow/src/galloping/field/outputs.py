@@ -1,0 +1,169 @@
+"""What comes out of a user's recordings: tables, and a summary in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from galloping.field.forecast import Forecast
+from galloping.field.units import state_unit
+from galloping.identification.model import IdentifiedModel
+from galloping.polynomial import term_name
+from galloping.storage import write_json
+
+MODEL_COLUMNS = {  # with the unit of each
+    "equation": "", "term": "", "coefficient": "of the row", "unit": "",
+    "standard_error": "of the row", "low": "of the row", "high": "of the row", "verdict": "",
+}  # fmt: skip
+NORMAL_95 = 1.959964
+MEANING = {
+    "ok": "The terms below are the right ones, and every absent one is smaller than its limit.",
+    "not identifiable": "The model follows the recording, but the recording leaves open which "
+    "terms there are: others would follow it as well.",
+    "approximate": "No model of the library follows the recording to its noise; this one comes "
+    "near, and its intervals are widened by what it misses.",
+    "refused": "The recording gives no model that could be trusted.",
+    "unjudged": "This method does not judge its model.",
+}
+
+
+def coefficient_unit(state: str, exponents: Sequence[int], states: Sequence[str]) -> str:
+    """SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2, or `1`."""
+    metres, seconds = _dimension(state)
+    seconds -= 1
+    for name, power in zip(states, exponents, strict=True):
+        m, s = _dimension(name)
+        metres, seconds = metres - power * m, seconds - power * s
+    parts = [f"{symbol}^{power}" for symbol, power in (("m", metres), ("s", seconds)) if power]
+    return " ".join(parts).replace("^1 ", " ").removesuffix("^1") or "1"
+
+
+def _dimension(name: str) -> tuple[int, int]:
+    """Powers of m and s of a state."""
+    return {"1": (0, 0), "m": (1, 0), "m/s": (1, -1), "m/s^2": (1, -2)}[state_unit(name)]
+
+
+def model_rows(identified: IdentifiedModel) -> list[dict]:
+    """Rows of model.csv: one for each present term, and each absent one with a limit.
+
+    An equation is named by the state whose derivative it gives, a term as pysindy names it.
+    """
+    model, rows = identified.model, []
+    for i, state in enumerate(model.states):
+        for j, term in enumerate(model.terms):
+            value, error = model.coefficients[i, j], identified.standard_errors[i, j]
+            limit = identified.detection_limits[i, j]
+            present = np.isfinite(value) and value != 0
+            if not present and not np.isfinite(limit):
+                continue
+            known = i in identified.known
+            half = NORMAL_95 * error if present else limit
+            rows.append(
+                {
+                    "equation": state,
+                    "term": term_name(term, model.states),
+                    "coefficient": float(value),
+                    "unit": coefficient_unit(state, term, model.states),
+                    "standard_error": float(error) if present else np.nan,
+                    "low": float(value - half),
+                    "high": float(value + half),
+                    "verdict": "known" if known else "present" if present else "absent",
+                }
+            )
+    return rows
+
+
+def forecast_rows(predicted: Forecast, states: Sequence[str]) -> list[dict]:
+    """Rows of forecast.csv: time and, for each state, median and 90 % band."""
+    rows = []
+    for k, time in enumerate(predicted.time):
+        row = {"time_s": float(time)}
+        for i, state in enumerate(states):
+            row[state] = float(predicted.median[k, i])
+            row[f"{state}_low"] = float(predicted.low[k, i])
+            row[f"{state}_high"] = float(predicted.high[k, i])
+        rows.append(row)
+    return rows
+
+
+def describe_tables(folder: Path, tables: dict[str, dict[str, str]]) -> None:
+    """Write the Frictionless `datapackage.json` of a folder.
+
+    tables: for each CSV file its columns with their units.
+    """
+    resources = [
+        {
+            "name": Path(file).stem,
+            "path": file,
+            "schema": {
+                "fields": [
+                    {"name": name, **({"unit": unit} if unit else {})}
+                    for name, unit in columns.items()
+                ]
+            },
+        }
+        for file, columns in tables.items()
+    ]
+    write_json(folder / "datapackage.json", {"name": "galloping", "resources": resources})
+
+
+def summary(
+    identified: IdentifiedModel,
+    reports: Sequence[dict],
+    dynamics: Sequence[str],
+    skill: str,
+) -> str:
+    """summary.md: status and why, the equations, what the recordings cannot tell.
+
+    reports: of `quality`. dynamics: sentences on frequencies, damping, limit cycle. skill: of the
+    forecast, a sentence.
+    """
+    lines = ["# Summary", "", f"**{identified.verdict}.** {MEANING[identified.status]}", ""]
+    if identified.status != "refused":
+        lines += ["## Equations", "", "```", *identified.equations(), "```", ""]
+    if dynamics:
+        lines += ["## The line", "", *(f"- {sentence}" for sentence in dynamics), ""]
+    if skill:
+        lines += ["## Forecast", "", skill, ""]
+    lines += ["## Recordings", ""]
+    for report in reports:
+        head, *rest = report_lines(report)
+        lines += [f"- {head}", *(f"  - {line.strip()}" for line in rest)]
+    if absent := _largest_limits(identified):
+        lines += ["", "## What the recordings cannot tell", "", *absent]
+    return "\n".join(lines) + "\n"
+
+
+def report_lines(report: dict) -> list[str]:
+    """A report of `quality` as text: the file, then a line for each channel, note and problem."""
+    sampling = report["sampling"]
+    lines = [
+        f"{report['file']}: {sampling['samples']} samples over {sampling['duration_s']:.1f} s "
+        f"({sampling['rate_hz']:.3g} Hz), {sampling['gaps_total']} gaps"
+    ]
+    for column, channel in report["channels"].items():
+        frequencies = ", ".join(f"{f:.3g}" for f in channel["dominant_frequencies_hz"])
+        lines.append(
+            f"  {column} measures {channel['measures']}: deviation "
+            f"{channel['standard_deviation']:.3g}, noise {channel['noise']:.2g}, "
+            f"{channel['missing_percent']:.1f} % missing, mostly at {frequencies or 'no'} Hz"
+        )
+    lines += [f"  {note}" for note in report["notes"]]
+    return lines + [f"  {p['column']}, row {p['row']}: {p['what']}" for p in report["problems"]]
+
+
+def _largest_limits(identified: IdentifiedModel) -> list[str]:
+    """The three absent terms of which the most could be there, with their limits."""
+    limits = np.where(np.isfinite(identified.detection_limits), identified.detection_limits, -1.0)
+    if identified.initial_states is None or not (limits > 0).any():
+        return []
+    model = identified.model
+    flat = np.argsort(-limits, axis=None)[:3]
+    return [
+        f"- {term_name(model.terms[j], model.states)} in d({model.states[i]})/dt, up to "
+        f"{limits[i, j]:.3g} {coefficient_unit(model.states[i], model.terms[j], model.states)}"
+        for i, j in zip(*np.unravel_index(flat, limits.shape), strict=True)
+        if limits[i, j] > 0
+    ]

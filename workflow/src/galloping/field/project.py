@@ -1,0 +1,89 @@
+"""From the channels of a file to a recording of states: delays, places along the span, modes."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from galloping.field.mapping import Channel, Mapping
+from galloping.field.read import Series
+from galloping.recording import Recording
+
+
+def recording(series: Series, mapping: Mapping) -> Recording:
+    """The recording that identification sees.
+
+    Sensors of one quantity at m places along the span are projected on its first m sine modes, of
+    which the first is kept: q = sum_i P_1i y_i with P the inverse of sin(k pi s_i / l). A single
+    sensor is divided by sin(pi s / l). Samples of a delayed channel are moved to the times when
+    they were true. Raises ValueError where places do not tell the modes apart.
+    """
+    columns = [series.values[:, k] for k in range(len(mapping.channels))]
+    delays = {channel.delay for channel in mapping.channels}
+    time = series.time
+    if delays != {0.0}:
+        time, columns = _aligned(series, mapping)
+    n = len(mapping.states)
+    values, rates = np.full((2, len(time), n), np.nan)
+    offsets, scales = np.zeros(n, bool), np.zeros(n, bool)
+    for measures in dict.fromkeys(channel.measures for channel in mapping.channels):
+        group = [k for k, channel in enumerate(mapping.channels) if channel.measures == measures]
+        channels = [mapping.channels[k] for k in group]
+        state, is_rate = mapping.target(channels[0])
+        weights = _weights(channels, mapping.span)
+        combined = np.column_stack(_together(time, [columns[k] for k in group])) @ weights
+        (rates if is_rate else values)[:, state] = combined
+        (offsets if is_rate else scales)[state] |= any(
+            (channel.offset if is_rate else channel.scale) == "unknown" for channel in channels
+        )
+    return Recording(
+        time, mapping.states, values,
+        rates=rates if np.isfinite(rates).any() else None,
+        unknown_offsets=offsets, unknown_scales=scales,
+    )  # fmt: skip
+
+
+def _weights(channels: list[Channel], span: float | None) -> np.ndarray:
+    """(m,) what the sensors of one quantity are weighed with for its first mode."""
+    if all(channel.position is None for channel in channels):
+        return np.full(len(channels), 1.0 / len(channels))
+    if any(channel.position is None for channel in channels):
+        names = ", ".join(repr(channel.column) for channel in channels)
+        raise ValueError(
+            f"channels: {names} measure the same; give all of them a position, or none"
+        )
+    places = np.array([channel.position for channel in channels]) / span
+    modes = np.sin(np.pi * np.outer(places, np.arange(1, len(places) + 1)))
+    if np.linalg.cond(modes) > 1e3:
+        at = ", ".join(f"{channel.position:g}" for channel in channels)
+        raise ValueError(f"channels: sensors at {at} m do not tell {len(places)} modes apart")
+    return np.linalg.inv(modes)[0]
+
+
+def _together(time: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
+    """Columns with values at the times of the first one; interpolated where theirs differ."""
+    times = [np.isfinite(column) for column in columns]
+    if all(np.count_nonzero(times[0] & own) >= 0.5 * own.sum() for own in times[1:]):
+        return columns
+    step = np.median(np.diff(time[times[0]]))
+    together = [columns[0]]
+    for column, own in zip(columns[1:], times[1:], strict=True):
+        known = time[own]
+        between = CubicSpline(known, column[own], extrapolate=False)(time)
+        after = np.minimum(np.searchsorted(known, time), len(known) - 1)
+        apart = known[after] - known[np.maximum(after - 1, 0)]
+        together.append(np.where(apart < 2.5 * step, between, np.nan))
+    return together
+
+
+def _aligned(series: Series, mapping: Mapping) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The channels at their own times, on the union of these times."""
+    tick = 1e-6 * np.median(np.diff(series.time))  # times that differ by rounding are the same
+    moved = [tick * np.round((series.time - c.delay) / tick) for c in mapping.channels]
+    time = np.unique(np.concatenate(moved))
+    columns = []
+    for own, values in zip(moved, series.values.T, strict=True):
+        column = np.full(len(time), np.nan)
+        column[np.searchsorted(time, own)] = values
+        columns.append(column)
+    return time - time[0], columns

@@ -1,0 +1,120 @@
+"""What a recording is worth before anything is identified: sampling, gaps, noise, spectrum."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.signal import find_peaks
+
+from galloping.field.mapping import Mapping
+from galloping.field.read import Series
+
+OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
+GAP = 3.0  # median steps without a sample
+CLIPPED = 5  # equal samples in a row at an end of the range
+PERIODS = 10  # fewer tell no damping
+SIGNAL = 3.0  # motion over noise below which terms can hardly be told
+
+
+def quality(series: Series, mapping: Mapping) -> dict:
+    """Plain values: `sampling`, one entry of `channels` for each column, `problems`, `notes`.
+
+    A problem names its column, the row in the file where it begins, and what it is. Frequencies in
+    Hz, times in s, values in SI units.
+    """
+    time = series.time
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    gaps = np.flatnonzero(steps > GAP * step)
+    report = {
+        "file": series.path.name,
+        "start": series.start,
+        "sampling": {
+            "samples": len(time),
+            "duration_s": float(time[-1] - time[0]),
+            "rate_hz": 1.0 / step,
+            "irregularity_percent": float(100 * np.std(steps[steps <= GAP * step]) / step),
+            "gaps": [
+                {"row": int(series.rows[k]), "from_s": float(time[k]), "length_s": float(steps[k])}
+                for k in gaps[np.argsort(-steps[gaps])][:20]
+            ],
+            "gaps_total": len(gaps),
+        },
+        "channels": {},
+        "problems": [],
+        "notes": list(series.notes),
+    }
+    for channel, values in zip(mapping.channels, series.values.T, strict=True):
+        described, problems = _channel(time, values, step, series.rows)
+        report["channels"][channel.column] = {"measures": channel.measures, **described}
+        report["problems"] += [{"column": channel.column, **problem} for problem in problems]
+    return report
+
+
+def noise(values: np.ndarray) -> float:
+    """Standard deviation of white noise on a slow signal, from fourth differences.
+
+    values: (n,) equally spaced. Their median size is that of the noise as long as the motion has
+    more than some ten samples a period.
+    """
+    differences = np.diff(values, 4)
+    return float(np.median(np.abs(differences)) / (0.6745 * np.sqrt(70.0)))
+
+
+def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies, Hz, and the share of each in the variance; gaps are bridged by lines."""
+    grid = np.arange(time[0], time[-1], step)
+    signal = np.interp(grid, time, values)
+    power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)))) ** 2
+    return np.fft.rfftfreq(len(signal), step), power / max(power.sum(), np.finfo(float).tiny)
+
+
+def _channel(
+    time: np.ndarray, values: np.ndarray, step: float, rows: np.ndarray
+) -> tuple[dict, list[dict]]:
+    known = np.isfinite(values)
+    t, y, row = time[known], values[known], rows[known]
+    sigma = noise(y)
+    scale = max(sigma, 1e-9 * float(np.ptp(y)))
+    outliers = np.abs(y - median_filter(y, 5)) > OUTLIER * scale + np.abs(np.ptp(y)) * 0.05
+    outliers[[0, 1, -2, -1]] = False  # where a median has no neighbours on one side
+    frequency, share = spectrum(t, y, step)
+    around = np.convolve(share, np.ones(5), mode="same")
+    peaks = find_peaks(around, distance=5, height=0.01)[0]
+    peaks = peaks[np.argsort(-around[peaks])][:4]
+    motion = float(np.std(y))
+    thirds = np.array_split(y, 3)
+    described = {
+        "missing_percent": float(100 * (1 - known.mean())),
+        "mean": float(y.mean()),
+        "standard_deviation": motion,
+        "lowest": float(y.min()),
+        "highest": float(y.max()),
+        "noise": sigma,
+        "outliers": int(outliers.sum()),
+        "dominant_frequencies_hz": [float(frequency[k]) for k in peaks],
+        "shares_of_variance": [float(around[k]) for k in peaks],
+        "standard_deviation_of_thirds": [float(np.std(part)) for part in thirds],
+    }
+    problems = []
+    if outliers.any():
+        problems.append({"row": int(row[outliers][0]), "what": f"{outliers.sum()} outliers"})
+    if (flat := _clipped(y)) is not None:
+        problems.append({"row": int(row[flat]), "what": f"clipped at {y[flat]:g}"})
+    if len(peaks) and (t[-1] - t[0]) * frequency[peaks[0]] < PERIODS:
+        problems.append({"row": int(row[0]), "what": f"less than {PERIODS} periods of the motion"})
+    if motion < SIGNAL * sigma:
+        problems.append({"row": int(row[0]), "what": "hardly more than noise"})
+    if len(peaks) and frequency[peaks[0]] * step > 0.1:
+        problems.append({"row": int(row[0]), "what": "less than 10 samples in a period"})
+    means = np.array([part.mean() for part in thirds])
+    if np.ptp(means) > max(motion, 10 * sigma):
+        problems.append({"row": int(row[0]), "what": "the mean drifts by more than the motion"})
+    return described, problems
+
+
+def _clipped(values: np.ndarray) -> int | None:
+    """Where a run of equal samples at an end of the range begins."""
+    at_end = (values == values.max()) | (values == values.min())
+    run = np.convolve(at_end, np.ones(CLIPPED), mode="valid") >= CLIPPED
+    return int(np.argmax(run)) if run.any() else None

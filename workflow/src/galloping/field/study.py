@@ -1,0 +1,276 @@
+"""From files to everything that is written about them: quality, model, fit, forecast, summary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from galloping import __version__
+from galloping.field.dynamics import Dynamics, dynamics, sentences
+from galloping.field.equations import known_model
+from galloping.field.forecast import Following, Forecast, first_guess, forecast
+from galloping.field.mapping import Mapping
+from galloping.field.outputs import (
+    MODEL_COLUMNS,
+    describe_tables,
+    forecast_rows,
+    model_rows,
+    summary,
+)
+from galloping.field.project import recording
+from galloping.field.quality import quality
+from galloping.field.read import Series, read_series
+from galloping.field.units import state_unit
+from galloping.identification.model import IdentifiedModel
+from galloping.importing import imported
+from galloping.polynomial import library
+from galloping.recording import Recording
+from galloping.simulation import Simulator
+from galloping.storage import write_json, write_rows, write_text
+
+HELD_OUT = 0.1  # of a recording, to try the forecast on
+PERIODS = 6  # of the motion from which a forecast starts
+POINTS = 600  # of a drawn motion
+DPI, FONT_SIZE = 150, 8
+METHODS = {
+    name: f"galloping.identification.likelihood.{name}:{name}"
+    for name in ("maximum_likelihood", "weak_gls")
+}
+
+
+@dataclass(frozen=True)
+class Field:
+    """Recordings of one system as they came from files.
+
+    series, recordings, reports: one of each for each file; reports are those of `quality`.
+    """
+
+    mapping: Mapping
+    series: tuple[Series, ...]
+    recordings: tuple[Recording, ...]
+    reports: tuple[dict, ...]
+
+    @property
+    def period(self) -> float:
+        """Longest period of the motion, s, from the dominant frequencies of its channels."""
+        frequencies = [
+            channel["dominant_frequencies_hz"][0]
+            for report in self.reports
+            for channel in report["channels"].values()
+            if channel["dominant_frequencies_hz"]
+        ]
+        if not frequencies:
+            raise ValueError("no channel oscillates: there is no motion to identify")
+        return 1.0 / min(frequencies)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A forecast of what was held out, with what was measured there.
+
+    skill: (n_states,) R2 of the median. held: (n_states,) share of the samples inside the band.
+    """
+
+    forecast: Forecast
+    measured: np.ndarray
+    skill: np.ndarray
+    held: np.ndarray
+
+
+def read_field(paths: Sequence[str | Path], mapping: Mapping) -> Field:
+    """Files of one system. Raises FileError in one line."""
+    series = tuple(read_series(path, mapping) for path in paths)
+    return Field(
+        mapping,
+        series,
+        tuple(recording(one, mapping) for one in series),
+        tuple(quality(one, mapping) for one in series),
+    )
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of recordings.
+
+    degree: of the polynomial library. method: a name of `METHODS`. known: equations as text, as
+    in `equations.known_model`. seed: of the draws of intervals and forecasts.
+    """
+
+    degree: int = 3
+    method: str = "maximum_likelihood"
+    known: tuple[str, ...] = ()
+    seed: int = 0
+
+
+STEPS = ("identify", "hold out", "forecast", "draw")
+
+
+def analyse(
+    paths: Sequence[str | Path],
+    mapping: Mapping,
+    question: Question,
+    folder: Path,
+    advance: Callable[[str], object] = lambda _: None,
+) -> IdentifiedModel:
+    """From files of one system to everything in `folder`, written when all of it is made.
+
+    advance: told the name of each of the `STEPS` when it is done. Raises ValueError, in one line,
+    for files or a question that make no sense; a recording without a model is no error.
+    """
+    field = read_field(paths, mapping)
+    terms = library(len(mapping.states), question.degree)
+    known, known_states = known_model(question.known, mapping.states, terms)
+    method = imported(METHODS[question.method])
+    rng = np.random.default_rng(question.seed)
+
+    def fitted(recordings: list[Recording]) -> IdentifiedModel:
+        return method(recordings, terms, known, known_states)
+
+    identified = fitted(list(field.recordings))
+    advance("identify")
+    trial = ahead = shown = of_line = None
+    if identified.status != "refused":
+        trial = tried(field, fitted, rng)
+        advance("hold out")
+        last = field.recordings[-1]
+        window = PERIODS * field.period
+        step = float(np.median(np.diff(last.time)))
+        try:
+            ahead = forecast(
+                identified, last, last.time[-1] + np.arange(step, window, step), window, rng
+            )
+        except ValueError:
+            ahead = None
+        advance("forecast")
+        shown = stretches(identified, last, window)
+        of_line = dynamics(identified, rng)
+    write_outputs(folder, field, identified, trial, ahead, of_line)
+    write_figures(folder, field, shown or [], trial, ahead)
+    advance("draw")
+    return identified
+
+
+def tried(
+    field: Field, identify: Callable[[list[Recording]], IdentifiedModel], rng: np.random.Generator
+) -> Trial | None:
+    """Identify without the last part of the last recording, and forecast it.
+
+    None where the shorter recordings give no model.
+    """
+    *others, last = field.recordings
+    cut = int(np.searchsorted(last.time, last.time[-1] - HELD_OUT * np.ptp(last.time)))
+    identified = identify([*others, last[:cut]])
+    if identified.status == "refused":
+        return None
+    try:
+        ahead = forecast(identified, last[:cut], last.time[cut:], PERIODS * field.period, rng)
+    except ValueError:
+        return None
+    measured = last.values[cut:]
+    known = np.isfinite(measured)
+    inside = (measured >= ahead.low) & (measured <= ahead.high)
+    counts = known.sum(axis=0)
+    rest = np.nansum((measured - ahead.median) ** 2, axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.nansum(measured, axis=0) / counts
+        spread = np.nansum((measured - mean) ** 2, axis=0)
+        return Trial(ahead, measured, 1.0 - rest / spread, inside.sum(axis=0) / counts)
+
+
+def stretches(
+    identified: IdentifiedModel, recording: Recording, length: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The model's motion through the begin, the middle and the end of a recording.
+
+    Times (n,) and states (n, n_states) of each stretch of `length` s through which the model can
+    be followed; it starts where it then follows the samples best.
+    """
+    time = recording.time
+    simulator = Simulator(identified.model.states, identified.model.terms)
+    sigma = np.nan_to_num(identified.sigma[-1])
+    motions = []
+    for share in (0.0, 0.5, 1.0):
+        begin = time[0] + share * max(np.ptp(time) - length, 0.0)
+        first, end = np.searchsorted(time, (begin, begin + length))
+        own = time[first:end]
+        if len(own) < 2:
+            continue
+        start = Following(simulator, own, sigma).start(
+            identified.model, first_guess(recording, first), recording.values[first:end]
+        )
+        if start is not None:
+            smooth = np.linspace(own[0], own[-1], POINTS)
+            motions.append((smooth, simulator(identified.model, start, smooth).states))
+    return motions
+
+
+def write_outputs(
+    folder: Path,
+    field: Field,
+    identified: IdentifiedModel,
+    trial: Trial | None,
+    ahead: Forecast | None,
+    of_line: Dynamics | None,
+) -> None:
+    """The tables, the model and `summary.md`."""
+    states = identified.model.states
+    write_json(folder / "quality.json", list(field.reports))
+    identified.save(
+        folder / "model.json",
+        units={state: state_unit(state) for state in states},
+        versions={"galloping": __version__},
+    )
+    write_rows(folder / "model.csv", model_rows(identified), list(MODEL_COLUMNS))
+    tables = {"model.csv": MODEL_COLUMNS}
+    rows = [row for part in _parts(trial, ahead) for row in forecast_rows(part, states)]
+    units = {f"{s}{end}": state_unit(s) for s in states for end in ("", "_low", "_high")}
+    tables["forecast.csv"] = {"time_s": "s", **units}
+    write_rows(folder / "forecast.csv", rows, list(tables["forecast.csv"]))
+    describe_tables(folder, tables)
+    said = sentences(of_line) if of_line else ()
+    write_text(
+        folder / "summary.md", summary(identified, field.reports, said, _skill(trial, states))
+    )
+
+
+def write_figures(
+    folder: Path,
+    field: Field,
+    shown: list[tuple[np.ndarray, np.ndarray]],
+    trial: Trial | None,
+    ahead: Forecast | None,
+) -> None:
+    """quality, fit and forecast, as SVG and PNG."""
+    from galloping.figures import field as figures  # matplotlib
+    from galloping.figures.write import write_figure
+
+    last = field.recordings[-1]
+    length = 0.0 if not shown else np.ptp(shown[0][0])
+    drawn = {
+        "quality": lambda: figures.draw_quality(field.series, field.reports, field.mapping),
+        "fit": lambda: figures.draw_fit(last, shown),
+        "forecast": lambda: figures.draw_forecast(
+            last, _parts(trial, ahead), last.time[-1], length
+        ),
+    }
+    for name, draw in drawn.items():
+        write_figure(folder / f"{name}.svg", folder / f"{name}.png", draw, DPI, FONT_SIZE)
+
+
+def _parts(trial: Trial | None, ahead: Forecast | None) -> list[Forecast]:
+    return [part for part in (trial and trial.forecast, ahead) if part is not None]
+
+
+def _skill(trial: Trial | None, states: Sequence[str]) -> str:
+    if trial is None:
+        return ""
+    said = [
+        f"{state}: R2 {skill:.3f}, {100 * held:.0f} % of the samples inside the 90 % band"
+        for state, skill, held in zip(states, trial.skill, trial.held, strict=True)
+        if np.isfinite(skill)
+    ]
+    length = trial.forecast.time[-1] - trial.forecast.time[0]
+    return f"The last {length:.0f} s, which were held out, were forecast: {'; '.join(said)}."

@@ -1,0 +1,49 @@
+"""Units of columns, in SI. A unit is never guessed."""
+
+from __future__ import annotations
+
+from functools import cache
+
+LENGTH_OF_ORDER = {0: "m", 1: "m/s", 2: "m/s^2"}
+
+
+class UnitError(ValueError):
+    """A unit that is missing, unknown or of the wrong kind; one line."""
+
+
+@cache
+def _registry():
+    from pint import UnitRegistry
+
+    registry = UnitRegistry(autoconvert_offset_to_baseunit=True)
+    return registry
+
+
+def factor(unit: str, wanted: str) -> float:
+    """What values in `unit` are multiplied by to be in `wanted`, an SI unit.
+
+    `1` is a pure number. `g` is gram in SI; for accelerations write `g_n`. Raises UnitError.
+    """
+    import pint
+
+    try:
+        source = _registry().parse_units("" if unit in ("1", "") else unit)
+        target = _registry().parse_units("" if wanted in ("1", "") else wanted)
+        return float(_registry().Quantity(1.0, source).to(target).magnitude)
+    except pint.UndefinedUnitError as error:
+        raise UnitError(f"unit {unit!r} is not known") from error
+    except pint.DimensionalityError as error:
+        hint = "; an acceleration of gravity is written g_n" if unit == "g" else ""
+        if wanted == "1":
+            hint = "; the displacements of a line are the states q_v and q_w"
+        raise UnitError(f"unit {unit!r} does not measure {wanted}{hint}") from error
+    except Exception as error:  # pint's parser raises many kinds
+        raise UnitError(f"unit {unit!r} cannot be read") from error
+
+
+def state_unit(name: str) -> str:
+    """The SI unit of a state of a line, by its name: q_v m, dq_v m/s, ddq_v m/s^2; else `1`."""
+    stem = name.lstrip("d")
+    if stem in ("q_v", "q_w"):
+        return LENGTH_OF_ORDER.get(len(name) - len(stem), "1")
+    return "1"

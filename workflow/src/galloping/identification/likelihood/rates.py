@@ -1,0 +1,164 @@
+"""Channels that measure the rate of a state, such as accelerometers: offsets, scales, noise.
+
+They count as samples of the solution's derivative. Their constant offset and slow drift, and the
+unknown scale of a channel of values, are told from the other channels before the fit: what is slow
+in the difference to the smooth curve's slope is offset, for the curve itself has no such slope.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.polynomial.legendre import legvander
+
+from galloping.identification.likelihood.problem import velocity_pairs
+from galloping.identification.likelihood.smoothing import Smooth
+from galloping.identification.likelihood.weak_gls import Start
+from galloping.recording import Recording
+
+DRIFT = 3  # degree of the drift over a recording
+FEWEST = 20  # integrals that tell a scale
+TEST = Polynomial([1.0, 0.0, -1.0]) ** 5  # zero at -1 and 1, with four derivatives
+OUTLIER = 8.0  # robust deviations about the slope of the smooth curve
+MARGIN = 1.0  # periods at the ends of stretches of samples, where that slope is rough
+
+
+def channels(recordings: list[Recording]) -> tuple[np.ndarray, np.ndarray]:
+    """(n_observed,) state of each channel that some recording has, and whether it is its rate."""
+    values = np.any([np.isfinite(one.values).any(axis=0) for one in recordings], axis=0)
+    rates = np.any([np.isfinite(_rates(one)).any(axis=0) for one in recordings], axis=0)
+    states = np.concatenate([np.flatnonzero(values), np.flatnonzero(rates)])
+    return states, np.arange(len(states)) >= values.sum()
+
+
+def channel_values(recording: Recording, states: np.ndarray, is_rate: np.ndarray) -> np.ndarray:
+    """(n, n_observed) samples of the `channels`."""
+    return np.where(is_rate, _rates(recording)[:, states], recording.values[:, states])
+
+
+def channel_noise(
+    recording: Recording, smoothed: Smooth, states: np.ndarray, is_rate: np.ndarray
+) -> np.ndarray:
+    """(n_observed,) first estimate of the noise of a sample, NaN where not measured."""
+    about = _rates(recording) - _slopes(recording, smoothed)
+    return np.where(is_rate, _deviation(about)[states], smoothed.noise[states])
+
+
+def with_rates(start: Start, recordings: list[Recording]) -> Start:
+    """The start, its recordings with the rates of the given ones, without offsets and outliers.
+
+    Raises ValueError where an offset cannot be told.
+    """
+    pairs = zip(start.recordings, recordings, start.smoothed, strict=True)
+    return replace(start, recordings=[_without_offsets(*each, start.period) for each in pairs])
+
+
+def scaled(recordings: list[Recording], start: Start) -> list[Recording]:
+    """The recordings with values of unknown scale divided by it, told by the rates beside them.
+
+    Raises ValueError where no channel tells it.
+    """
+    return [_scaled(recording, start.period) for recording in recordings]
+
+
+def _rates(recording: Recording) -> np.ndarray:
+    return np.full(recording.values.shape, np.nan) if recording.rates is None else recording.rates
+
+
+def _slopes(recording: Recording, smoothed: Smooth) -> np.ndarray:
+    slopes = np.gradient(smoothed.states, smoothed.time, axis=0)
+    return np.column_stack([np.interp(recording.time, smoothed.time, one) for one in slopes.T])
+
+
+def _deviation(values: np.ndarray) -> np.ndarray:
+    """Robust standard deviation of each column, NaN of one without values."""
+    known = np.isfinite(values).any(axis=0)
+    deviation = np.full(values.shape[1], np.nan)
+    deviation[known] = 1.4826 * np.nanmedian(
+        np.abs(values[:, known] - np.nanmedian(values[:, known], axis=0)), axis=0
+    )
+    return deviation
+
+
+def _inside(recording: Recording, smoothed: Smooth, period: float) -> np.ndarray:
+    """(n,) whether the slope of the curve is sound: no gap and no end is near."""
+    bad = np.flatnonzero(~smoothed.valid)
+    ends = np.concatenate([smoothed.time[[0, -1]], smoothed.time[bad]])
+    ends.sort()
+    place = np.clip(np.searchsorted(ends, recording.time), 1, len(ends) - 1)
+    distance = np.minimum(recording.time - ends[place - 1], ends[place] - recording.time)
+    return distance > MARGIN * period
+
+
+def _without_offsets(
+    recording: Recording, given: Recording, smoothed: Smooth, period: float
+) -> Recording:
+    if given.rates is None:
+        return recording
+    rates = given.rates.copy()
+    difference = rates - _slopes(recording, smoothed)
+    inside = _inside(recording, smoothed, period)
+    span = recording.time[-1] - recording.time[0]
+    slow = legvander(2.0 * (recording.time - recording.time[0]) / span - 1.0, DRIFT)
+    unknown = given.unknown_offsets
+    for k in np.flatnonzero(np.isfinite(rates).any(axis=0)):
+        if unknown is not None and unknown[k]:
+            good = inside & np.isfinite(difference[:, k])
+            if good.sum() <= 10 * (DRIFT + 1):
+                raise ValueError(f"the offset of d{recording.states[k]} cannot be told")
+            fitted = slow @ np.linalg.lstsq(slow[good], difference[good, k], rcond=None)[0]
+            rates[:, k] -= fitted
+            difference[:, k] -= fitted
+        good = inside & np.isfinite(difference[:, k])
+        limit = OUTLIER * _deviation(difference[good, k : k + 1])[0]
+        rates[inside & (np.abs(difference[:, k]) > limit), k] = np.nan
+    return replace(recording, rates=rates)
+
+
+def _scaled(recording: Recording, period: float) -> Recording:
+    if recording.unknown_scales is None or not recording.unknown_scales.any():
+        return recording
+    values, pairs = recording.values.copy(), velocity_pairs(recording.states)
+    for k in np.flatnonzero(recording.unknown_scales):
+        velocity, order = (pairs[int(k)], 2) if int(k) in pairs else (int(k), 1)
+        own, other = _weak(
+            recording.time, values[:, k], _rates(recording)[:, velocity], order, period
+        )
+        if len(own) < FEWEST:
+            raise ValueError(
+                f"the scale of {recording.states[k]} cannot be told: no channel of known scale "
+                f"measures d{recording.states[velocity]}"
+            )
+        values[:, k] /= np.polyfit(other, own, 1)[0]  # the constant is the offset of the rate
+    return replace(recording, values=values, unknown_scales=None)
+
+
+def _weak(
+    time: np.ndarray, values: np.ndarray, rates: np.ndarray, order: int, length: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Integrals of values and of their derivative of some order, each against test functions.
+
+    Integration by parts takes the derivatives to the test functions, bumps of two `length`, so
+    that both are equal but for scale, offset and noise. Stretches with gaps are left out.
+    """
+    known = np.isfinite(values) & np.isfinite(rates)
+    time, values, rates = time[known], values[known], rates[known]
+    if len(time) < 2:
+        return np.empty(0), np.empty(0)
+    step = np.median(np.diff(time))
+    shape = TEST.deriv(order) * (-1.0) ** order / length**order
+    pairs = []
+    for centre in np.arange(time[0] + length, time[-1] - length, length / 2):
+        inside = slice(*np.searchsorted(time, (centre - length, centre + length)))
+        t = time[inside]
+        if len(t) > 8 and np.max(np.diff(t, prepend=centre - length)) < 2.5 * step:
+            u = (t - centre) / length
+            pairs.append(
+                [
+                    np.trapezoid(shape(u) * values[inside], t),
+                    np.trapezoid(TEST(u) * rates[inside], t),
+                ]
+            )
+    return tuple(np.array(pairs).reshape(-1, 2).T)
