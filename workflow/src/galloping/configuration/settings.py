@@ -410,14 +410,14 @@ class Recordings(Section):
         "file that says what the columns measure, as examples/span.yaml does",
         rule="a path of letters, digits, '_', '-' and '.', from the root or the working folder",
     )
-    degree: whole(ge=1, le=5) = setting(3, "largest degree of the polynomial library")
+    degree: whole(ge=1, le=5) = setting(3, "largest degree of the polynomial library", "1")
     method: Literal["maximum_likelihood", "weak_gls"] = setting(
         "maximum_likelihood", "how the model is found"
     )
     known: listing(str) = setting(
         (), "known equations, SI units", rule="such as [dq_w=-9.2 q_w - 0.03 dq_w]"
     )
-    seed: whole(ge=0) = setting(0, "seed of the draws behind intervals and forecasts")
+    seed: whole(ge=0) = setting(0, "seed of the draws behind intervals and forecasts", "1")
 
 
 class Sweep(Section):
