@@ -28,7 +28,6 @@ from galloping.configuration.load import (
 from galloping.configuration.parameters import conductor_parameters, spacer_parameters
 from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import Settings, paper_cases_in
-from galloping.identification.registry import METHODS
 from galloping.physics.galerkin import derive
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
