@@ -124,5 +124,61 @@ def test_claims_come_with_a_verdict_and_its_reason(tables):
     assert len(claims["claim"].unique()) >= 24
 
 
+# wind, case, vertical and horizontal half range over the last 1,000 of 4,000 s, m
+SETTLED = [
+    (6, LINE, 0.223, 0.162),
+    (10, LINE, 0.798, 1.373),
+    (12, LINE, 1.305, 2.132),
+    (14, LINE, 1.805, 2.755),
+    (16, LINE, 2.298, 3.277),
+    (6, "non_resonant", 0.538, 0.097),
+    (8, "non_resonant", 0.969, 0.235),
+    (12, "non_resonant", 1.774, 0.664),
+    (16, "non_resonant", 2.609, 1.386),
+    (20, "non_resonant", 3.573, 2.970),
+]
+
+
+@pytest.mark.parametrize("known", SETTLED, ids=lambda known: f"{known[1]}-{known[0]}")
+def test_lines_settle_to_known_amplitudes_and_their_branches_agree(tables, known):
+    wind, case, *expected = known
+    cycles = tables("limit_cycles")
+    cycles = cycles[(cycles["case"] == case) & (cycles["parameter"] == "wind_speed")]
+    simulated = cycles[(cycles["branch"] == "simulation") & (cycles["value"] == wind)]
+    assert simulated[["v_m", "w_m"]].to_numpy()[0] == pytest.approx(expected, abs=6e-4)
+    stable = cycles[cycles["stable"].astype(str) == "True"].sort_values("value")
+    for name, half in zip(("v_m", "w_m"), expected, strict=True):
+        assert np.interp(wind, stable["value"], stable[name]) == pytest.approx(half, rel=0.02)
+    followed = cycles["trivial_defect"].dropna()
+    assert followed.max() <= 1e-6 and len(followed) > 50
+
+
+def test_galloping_begins_where_the_net_damping_vanishes(tables):
+    changes = tables("bifurcations")
+    onset = changes[(changes["name"] == "Hopf") & (changes["parameter"] == "wind_speed")]
+    assert set(onset["case"]) == {LINE, "non_resonant"}
+    assert onset["value"].to_numpy() == pytest.approx(onset["closed_form"].to_numpy(), rel=1e-6)
+
+
+@pytest.mark.parametrize("protocol", ["state", "displacement"])
+def test_other_wind_speeds_are_predicted_from_one_recording(tables, protocol):
+    rows = tables("prediction")
+    rows = rows[(rows["protocol"] == protocol) & (rows["method"] == "maximum_likelihood")]
+    assert rows["replicate"].nunique() == 20 and rows["wind_m_s"].nunique() == 5
+    assert rows["error_percent"].max() < 5
+    assert rows["inside"].mean() >= 0.9
+
+
+def test_maximum_likelihood_beats_any_setting_of_pysindy(tables):
+    peers, errors = tables("peers"), tables("noise_coefficients")
+    best = (
+        peers[peers["setting"] == "oracle"].groupby(["case", "level"])["mean_error_percent"].min()
+    )
+    ours = errors[(errors["method"] == "maximum_likelihood") & (errors["protocol"] == "state")]
+    ours = ours.groupby(["case", "level"])["mean_error_percent"].mean()
+    for level in (0.01, 0.03, 0.05, 0.1, 0.15):
+        assert ours[LINE, level] < best[LINE, level]
+
+
 def test_the_numbers_of_the_reference_come_out_again(root, hold_to_reference):
     hold_to_reference(root / "results" / "tables", root / "results" / "reference")

@@ -11,7 +11,6 @@ from galloping.evaluation.cell import reconstruct
 from galloping.evaluation.coefficients import ORDERS
 from galloping.evaluation.score import UNKNOWN, Truth, score
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.registry import BY_NAME, REGRESSION, WEAK_FORM
 from galloping.identification.sparse import reduction, weak
 from galloping.identification.sparse.alternatives import PATHS, alternatives
 from galloping.identification.sparse.cross_validation import Path
@@ -20,7 +19,7 @@ from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
 CHOICES = ("least error", "right terms")
-EVIDENCE = {REGRESSION: reduction.reduce, WEAK_FORM: weak.reduce}
+EVIDENCE = ((reduction.reduce, ("stlsq", "frols")), (weak.reduce, ("weak",)))
 
 
 def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -64,8 +63,8 @@ def oracle_rows(
     """
     named, models = [], []
     for replicate, recordings in enumerate(replicates):
-        for evidence, make in EVIDENCE.items():
-            paths = {m: path for m, path in PATHS.items() if BY_NAME[m].evidence == evidence}
+        for make, methods in EVIDENCE:
+            paths = {method: PATHS[method] for method in methods}
             for method, chosen in _chosen(truth.model, recordings, make, paths, path_length):
                 for choice, model in zip(CHOICES, chosen, strict=True):
                     named.append({"choice": choice, "method": method, "replicate": replicate})
