@@ -89,6 +89,12 @@ def test_smoke_changes_only_the_extent_of_the_study():
     }
     expected["measurement"]["subsets"]["points"] = [1000]
     expected["identification"]["methods"] = ["stlsq", "maximum_likelihood"]
+    expected["sweeps"]["wind"]["values"] = [4, 12, 4]
+    expected["sweeps"]["resonance"] |= {
+        "values": [8, 12, 4],
+        "second_values": [24000, 26000, 2000],
+    }
+    expected["assessment"]["winds"] = [10, 12]
     assert plain(load(config)) == expected
 
 

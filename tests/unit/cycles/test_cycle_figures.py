@@ -26,6 +26,7 @@ from galloping.figures.cycles import draw_limit_cycles
 from galloping.figures.measures import draw_measures
 from galloping.figures.orbit import draw_orbits
 from galloping.figures.prediction import draw_prediction
+from galloping.figures.reproduction import draw_reproduction
 from galloping.figures.resonance_map import draw_resonance_map
 from galloping.figures.write import write_figure
 from galloping.physics.equations import STATES
@@ -140,3 +141,14 @@ def test_animation_is_the_same_twice_and_small(tmp_path, case):
         assert image.n_frames == 3
     assert files[0].stat().st_size < 100_000
     assert sorted(tmp_path.iterdir()) == files
+
+
+def test_a_study_without_sweeps_or_models_says_so(tmp_path):
+    nothing = pd.DataFrame(columns=["case"])
+    for draw in (
+        lambda: draw_limit_cycles(nothing, nothing, {}),
+        lambda: draw_resonance_map(nothing, {}),
+        lambda: draw_prediction(nothing, {}),
+        lambda: draw_reproduction(nothing, {}),
+    ):
+        assert "<svg" in drawn(tmp_path, draw)

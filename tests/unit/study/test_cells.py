@@ -12,9 +12,10 @@ from galloping.importing import imported
 from galloping.measurement.motion import Motion
 from galloping.physics.derived import Derived
 from galloping.polynomial import PolynomialModel
-from galloping.study import jobs, sources
+from galloping.study import jobs, shown, sources
 from galloping.study.cells import Study
 from galloping.study.files import models, trajectories
+from galloping.study.kinds import OPEN_PARAMETERS
 from galloping.study.loading import load as load_sources
 from galloping.tables.registry import TABLES
 
@@ -103,6 +104,17 @@ def test_every_table_and_figure_reads_what_some_job_writes(settings):
         written |= {
             paths.identified.format(**cell.wildcards, family=family) for family in cell.families
         }
+    for case in described.cases:
+        assessed = (paths.clearance, paths.measures, paths.orbits)
+        written |= {path.format(case=case.name) for path in assessed}
+        for sweep in described.sweeps:
+            names = {"case": case.name, "sweep": sweep.name}
+            followed = (paths.cycles, paths.bifurcations)
+            written |= {path.format(**names) for path in followed}
+            written |= {paths.block.format(**names, block=block.name) for block in sweep.blocks}
+        for protocol in shown.predicted_cells(described, case.name):
+            written.add(paths.prediction.format(case=case.name, protocol=protocol))
+    written |= {paths.openness.format(parameter=name) for name in OPEN_PARAMETERS}
     read = [jobs.make_table(described, table.name) for table in TABLES]
     read += [jobs.draw_figure(described, figure.name) for figure in FIGURES]
     for job in read:

@@ -32,6 +32,8 @@ def draw_limit_cycles(
     cycles, bifurcations: limit_cycles.csv and bifurcations.csv. settings: cases, parameter, label
     and, where the axis is to end before the largest, `highest` (m).
     """
+    if cycles.empty:
+        return panels.nothing_at_all("this study varies no single parameter")
     cases, height = panels.fitting(settings["cases"], 0.7, 2.2)
     figure = Figure(figsize=(DOUBLE, height), layout="constrained")
     grids = panels.case_grids(figure, cases, 1, len(COLUMNS))

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator
 
-from galloping.figures.style import method_style, spoken
+from galloping.figures.style import DOUBLE, method_style, spoken
 
 TALLEST = 12.0  # inches: what a page of a report shows at once
 SHRUNK = 0.8  # of its wanted height has a case at least, where there are many
@@ -29,6 +29,13 @@ def nothing(axes: Axes, reason: str) -> None:
     axes.tick_params(which="both", **hidden)  # others may share the ticks themselves
     axes.spines[:].set_visible(False)
     axes.text(0.5, 0.5, reason, transform=axes.transAxes, ha="center", va="center", color="#5f5f5f")
+
+
+def nothing_at_all(reason: str) -> Figure:
+    """A figure that says why there is nothing to show."""
+    figure = Figure(figsize=(DOUBLE, 1.2), layout="constrained")
+    nothing(figure.subplots(), reason)
+    return figure
 
 
 def letter(axes: Axes, index: int, text: str) -> None:

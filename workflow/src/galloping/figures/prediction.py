@@ -23,6 +23,8 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     table: prediction.csv. settings: case, protocols, method, replicate, recorded (wind speed of
     the recording, m/s) and, where another method is to be compared, peer.
     """
+    if table.empty:
+        return panels.nothing_at_all("no model of this study states how sure it is")
     protocols = settings["protocols"]
     chosen = table[
         (table["case"] == settings["case"]) & (table["replicate"] == settings["replicate"])

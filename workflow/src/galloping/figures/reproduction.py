@@ -10,6 +10,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from galloping.figures import panels
 from galloping.figures.style import DOUBLE
 
 COLORS = ("#ffffff", "#d9d9d9", "#11115a")  # not run, not met, met
@@ -20,6 +21,8 @@ def draw_reproduction(table: pd.DataFrame, settings: Mapping) -> Figure:
 
     table: of `reproduction_rows`. settings: labels, of the parameters, by name in their order.
     """
+    if table.empty:
+        return panels.nothing_at_all("this study does not have the paper's line")
     names = [name for name in settings["labels"] if name in set(table["parameter"])]
     claims = list(dict.fromkeys(table["claim"]))[::-1]  # the first on top
     widths = [table[table["parameter"] == name]["value"].nunique() for name in names]

@@ -21,6 +21,8 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
     table: rows of `map_rows`. settings: case, x_label, y_label, y_scale (units of the axis in one
     of the table, such as 1000 for kN).
     """
+    if table.empty:
+        return panels.nothing_at_all("this study varies no two parameters")
     table = table[table["case"] == settings["case"]]
     scale = settings["y_scale"]
     figure = Figure(figsize=(DOUBLE, 3.1), layout="constrained")
