@@ -85,7 +85,7 @@ bench: study
 reference: study
 	@$(SCRIPT)/update_reference.py $(OPTIONS)
 ifndef CONFIG
-	cp results/figures/overview.png results/figures/limit_cycles.png results/reference
+	cp results/figures/overview.png results/figures/prediction.png results/reference
 	@$(MAKE) --no-print-directory reference CONFIG=config/smoke.yaml
 endif
 	@$(MAKE) --no-print-directory study

@@ -17,7 +17,7 @@ rule write_report:
             **settings("write_report")(wildcards),
             "introduction": captions(".", "introduction")["introduction"],
             "captions": {
-                "figures": captions("figures", *FIGURES),
+                "figures": captions("figures", *FIGURES, jobs.ANIMATION),
                 "tables": captions("tables", *TABLES, *jobs.COMPARISONS),
             },
         },

@@ -1,7 +1,8 @@
-"""The first line at the highest wind speed at which it settles to a cycle, moving."""
+"""The first line at the design wind, moving on its limit cycle."""
 
 import numpy as np
 
+from galloping.cycles.collocation import circle
 from galloping.cycles.limit_cycles import settled
 from galloping.cycles.line_family import LIBRARY, initial_state, line_family
 from galloping.cycles.motion import settle
@@ -18,10 +19,14 @@ def main() -> None:
     family = line_family(case, "wind_speed")
     start = np.array(initial_state(case))
     motion = settle(Simulator(STATES, LIBRARY), family.model(wind), start)
+    title = f"{spoken(settings['name'])}, wind {wind:g} m/s"
     if motion.kind == "cycle":
         _, point = settled(family, wind, motion.time, motion.states, resolution=1.0)
-        title = f"{spoken(settings['name'])}, wind {wind:g} m/s"
-        write_animation(snakemake.output.animation, case, point.solution, title)
+        orbit = point.solution
+    else:
+        orbit = circle(np.zeros(len(STATES)), np.zeros(len(STATES), complex), 1.0, wind, 8)
+        title += f": no limit cycle ({motion.kind})"
+    write_animation(snakemake.output.animation, case, orbit, title)
 
 
 run(main, snakemake)

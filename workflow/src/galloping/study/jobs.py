@@ -14,6 +14,7 @@ from galloping.study.sources import Source, Sources
 from galloping.tables import registry as tables
 
 COMPARISONS = ["reference_summary", "reference_differences"]  # of compare_reference
+ANIMATION = "galloping"  # the only figure that is not drawn on paper
 MOST_DRAWS = 3  # of each variant of a line, enough to tell most draws from some
 ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
 RELEASE_HEIGHTS = [1.0, 2.0, 3.0]  # m, of the further recordings that are compared
@@ -230,6 +231,7 @@ def write_report(study: Study) -> Job:
     paths = study.paths
     shows = {
         **{f"figures/{name}": paths.figure.format(figure=name, form="svg") for name in drawn},
+        f"figures/{ANIMATION}": paths.animation,
         **{f"tables/{name}": paths.table.format(table=name) for name in names},
     }
     reads = {
@@ -241,7 +243,10 @@ def write_report(study: Study) -> Job:
     }
     protocol, method = shown.paper_pair(study)
     settings = {
-        "labels": {each.name: each.label for each in figures.FIGURES},
+        "labels": {
+            **{each.name: each.label for each in figures.FIGURES},
+            ANIMATION: "the span, moving",
+        },
         "headline": {
             "case": shown.first_case(study).name,
             "protocol": shown.sensor_protocol(study).name,
