@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from galloping.configuration import settings
 
-BLOCK = 6  # values of a sweep that one job simulates
+BLOCK = 13  # values of a sweep that one job simulates
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,72 @@
+"""A study of lines that are not the paper's: one that diverges, one that never gallops."""
+
+import subprocess
+import sys
+
+import pandas as pd
+import pytest
+import yaml
+from studies import copy_repository
+
+pytestmark = [pytest.mark.slow]
+
+LINES = {
+    "results": "results/own",
+    "cases": {
+        "internal_resonance": None,
+        "non_resonant": None,
+        "storm": {"wind": {"speed": 40}},
+        "calm": {"wind": {"speed": 3}},
+    },
+    "simulation": {"duration": 100, "sampling_rate": 50, "steady_window": [60, 100]},
+    "measurement": {
+        "replicates": 1, "protocols": ["state"], "levels": [0.05], "subsets": {"points": [1000]},
+    },
+    "identification": {"degree": 2, "methods": ["stlsq", "maximum_likelihood"]},
+    "sweeps": {
+        "wind": {"values": [2, 6, 4]},
+        "resonance": {"values": [4, 8, 4], "second_values": [24000, 26000, 2000]},
+    },
+    "assessment": {"winds": [4, 8], "design_wind": 3},
+    "figures": {"dpi": 50},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def own(root, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own")
+    copy_repository(root, folder)
+    (folder / "own.yaml").write_text(yaml.safe_dump(LINES), encoding="utf-8")
+    command = [sys.executable, "-m", "snakemake", "--cores", "2", "--configfile", "own.yaml"]
+    run = subprocess.run(
+        command,
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout[-3000:]
+    return lambda name: pd.read_csv(folder / "results" / "own" / "tables" / f"{name}.csv")
+
+
+def test_a_line_that_diverges_is_rows_with_their_reason(own):
+    scores = own("scores")
+    assert set(scores["case"]) == {"storm", "calm"}
+    storm = scores[scores["case"] == "storm"]
+    assert len(storm) and storm["status"].str.startswith("the line itself diverged").all()
+    assert storm["r2_q_v"].isna().all()
+
+
+def test_amplitudes_of_a_line_at_rest_are_undefined(own):
+    calm = own("scores").query("case == 'calm'")
+    assert calm["amplitude_error_q_v_percent"].isna().all()
+
+
+def test_claims_of_the_paper_are_not_about_these_lines(own):
+    assert own("claims").empty
+
+
+def test_nothing_is_reported_of_limit_cycles_that_are_not_there(own):
+    cycles = own("limit_cycles").query("case == 'calm' and branch == 'simulation'")
+    assert set(cycles["kind"]) == {"rest", "cycle"} and len(cycles) == 2
