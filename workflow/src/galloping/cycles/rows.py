@@ -26,6 +26,7 @@ from galloping.physics.line import Line
 from galloping.simulation import Simulator
 
 SIMULATION = "simulation"
+PATIENT = 16000.0  # s: near a bifurcation, 4,000 s leave a third of a percent to settle
 CEILING = 2.0  # sags: a larger orbit is no line's any more
 
 
@@ -311,7 +312,8 @@ def measure_rows(label: str, outcomes: Sequence[Outcome], design: Design) -> lis
 def steady_truth(case: Mapping, winds: Sequence[float], simulator: Simulator) -> np.ndarray:
     """(n_winds, 2) half ranges (v, w) to which a case settles; NaN where it finds no cycle."""
     family = line_family(case, "wind_speed")
-    motions = [settle(simulator, family.model(wind), initial_state(case)) for wind in winds]
+    start = initial_state(case)
+    motions = [settle(simulator, family.model(w), start, duration=PATIENT) for w in winds]
     return np.array(
         [m.half_range[:2] if m.kind == "cycle" else np.full(2, np.nan) for m in motions]
     )

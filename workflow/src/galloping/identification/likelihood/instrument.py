@@ -191,16 +191,25 @@ def _instead(
     test: _Test,
     penalty: float,
 ) -> float:
-    """z of a fault that may replace terms which only imitate it, 0 where the terms are better."""
+    """z of a fault that may replace terms which only imitate it: by how much the data prefer the
+    fault with other terms, selected anew, to the terms without it; 0 where they do not.
+    """
     information, right = _mixed(information, right, test.mixture)
     about = np.append(free, 0.0)
-    starts = [np.append(support, False), np.append(support, True)]
-    chosen = select(information, right, starts, penalty, about)
+    without = np.append(support, False)
+    chosen = select(information, right, [without, np.append(support, True)], penalty, about)
     if not chosen[-1]:
         return 0.0
-    right = right + information @ np.where(chosen, 0.0, about)
-    change, covariance = solve_support(information, right, chosen)
-    return float(abs(change[-1]) / np.sqrt(covariance[-1, -1]))
+
+    def worth(present: np.ndarray) -> float:
+        """chi^2, from that of the fit, and the penalty of the terms and of the fault."""
+        gone = np.where(present, 0.0, -about)
+        rest = right - information @ gone
+        change, _ = solve_support(information, rest, present)
+        moved = gone @ information @ gone - 2.0 * right @ gone
+        return float(moved - change @ rest) + penalty * np.count_nonzero(present)
+
+    return float(np.sqrt(max(worth(without) - worth(chosen), 0.0)))
 
 
 def _gaps(linear: Linearised, segments: Segments, n: int, starts: np.ndarray) -> list[Fault]:
