@@ -59,9 +59,9 @@ def draw_overview(
         above = claim.paper_value == max(other.paper_value for other in claims.values())
         axes.annotate(
             f"paper, {order} terms: {claim.paper_value:g} %",
-            (x, claim.paper_value), (4 if above else 0, 8 if above else -6),
-            textcoords="offset points", ha="right" if above else "center",
-            va="bottom" if above else "top", color=PAPER, fontsize="small",
+            (x, claim.paper_value), (4, 8) if above else (-7, 0),
+            textcoords="offset points", ha="right",
+            va="bottom" if above else "center", color=PAPER, fontsize="small",
         )  # fmt: skip
     if levels := beaten_at(errors):
         axes.set_title(f"the oracle is better than ours at {levels}", fontsize="small")
