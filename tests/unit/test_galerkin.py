@@ -72,7 +72,7 @@ def half_a_digit(text):
 )
 def test_printed_numbers(name, symbol):
     derived = derive(VARIANTS[name])
-    value = (derived | derived["coefficients"])[symbol]
+    value = {**derived.quantities, **derived.coefficients}[symbol]
     text = PRINTED[name][symbol]
     assert value == pytest.approx(float(text), rel=0, abs=half_a_digit(text))
 
@@ -80,9 +80,9 @@ def test_printed_numbers(name, symbol):
 @pytest.mark.parametrize("name", VARIANTS)
 def test_frequency_ratio_and_absent_terms(name):
     derived = derive(VARIANTS[name])
-    ratio = derived["omega_v_rad_s"] / derived["omega_w_rad_s"]
+    ratio = derived.quantities["omega_v_rad_s"] / derived.quantities["omega_w_rad_s"]
     assert ratio == pytest.approx(RATIOS[name], abs=5.1e-6)
-    absent = {symbol for symbol, value in derived["coefficients"].items() if value == 0}
+    absent = {symbol for symbol, value in derived.coefficients.items() if value == 0}
     assert absent == {"kappa_6", "kappa_8", "kappa_9", "kappa_10"}
 
 
@@ -97,7 +97,8 @@ def test_identities_of_the_sine_mode():
 @pytest.mark.parametrize("name", VARIANTS)
 def test_structural_coupling_derives_from_one_potential(name):
     derived = derive(VARIANTS[name])
-    c, m_v, m_w = (derived[k] for k in ("coefficients", "modal_mass_v_kg", "modal_mass_w_kg"))
+    c = derived.coefficients
+    m_v, m_w = (derived.quantities[f"modal_mass_{k}_kg"] for k in "vw")
     assert m_w * c["kappa_3"] == pytest.approx(2 * m_v * c["gamma_4"], rel=1e-12)
     assert m_w * c["kappa_4"] == pytest.approx(m_v * c["gamma_8"], rel=1e-12)
 
@@ -269,8 +270,11 @@ def test_vertical_limit_cycle_by_averaging():
     # without stiffness beyond the linear one, A = (U/omega)(4/3) sqrt((b1 - b_c)/|b3|)
     case = VARIANTS["sine"]
     derived = derive(case)
-    c, omega = derived["coefficients"], derived["omega_v_rad_s"]
-    speed, mass = case["wind"]["speed"], 2 * derived["modal_mass_v_kg"] / case["line"]["span"]
+    c, omega = derived.coefficients, derived.quantities["omega_v_rad_s"]
+    speed, mass = (
+        case["wind"]["speed"],
+        2 * derived.quantities["modal_mass_v_kg"] / case["line"]["span"],
+    )
     b1, _, b3 = aerodynamics.coefficients(case["ice"])[0]
     drag = case["wind"]["air_density"] * case["bundle"]["dimension"] * speed
     damped = 4 * mass * case["damping"]["vertical"] * omega / drag

@@ -402,7 +402,7 @@ def test_bootstraps_are_drawn_by_position(replicates):
 def test_bagging_is_that_of_pysindy(resonant):
     (recording,) = recordings(resonant, "derivative")
     problem = reduce([recording], TERMS)
-    library, targets = problem.library, problem.targets / 1e-3
+    library, targets = problem.plain.library, problem.plain.targets / 1e-3
     optimizer = ps.EnsembleOptimizer(
         ps.STLSQ(threshold=1, alpha=0, unbias=False), bagging=True, n_models=5
     )
