@@ -285,3 +285,15 @@ def test_each_file_has_one_state():
         assert getattr(checked, name) == (f"{RESULTS}/tables/{name}.csv",)
     assert [receipt.path for receipt in checked.left_over] == [f"{RESULTS}/models/a.json", left]
     assert audit(plan("models/b.json")).missing == (f"{RESULTS}/models/b.json",)
+
+
+def test_a_study_in_the_folder_of_another_is_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    small = tmp_path / "results" / "smoke" / "a.csv"
+    small.parent.mkdir(parents=True)
+    small.write_text("1\n")
+    (tmp_path / ".snakemake").mkdir()
+    kept = {"results/smoke/a.csv": [1, 2, 3, 4, "digest"]}
+    inspection.remember("results/smoke", inspection.Findings((), (), (), (), kept))
+    assert inspection.inspect("results", {}).unknown == ()
+    assert inspection.inspect("results/smoke", {}).unknown == ("results/smoke/a.csv",)

@@ -13,7 +13,8 @@ from pathlib import Path
 from galloping.reproducibility.receipts import Receipt, digest
 from galloping.storage import read_json, write_json
 
-# Lies with Snakemake's records, and is lost with them: size, times and digest of what was read.
+# Lies with Snakemake's records, and is lost with them: size, times and digest of what was read, of
+# each study.
 SEEN = Path(".snakemake/digests.json")
 
 
@@ -47,7 +48,7 @@ def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = Fals
     last read.
     """
     states = {path: state for path in known if (state := _state(path))}
-    seen = _seen()
+    seen = _seen().get(results, {})
     read = [p for p, state in states.items() if thorough or seen.get(p, [None])[:-1] != state]
     with ThreadPoolExecutor() as pool:
         digests = dict(zip(read, pool.map(digest, read), strict=True))
@@ -55,11 +56,7 @@ def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = Fals
     return Findings(
         missing=tuple(p for p, receipt in known.items() if receipt.kept and p not in present),
         damaged=tuple(p for p in present if present[p][-1] != known[p].sha256),
-        unknown=tuple(
-            path
-            for path in seen
-            if path.startswith(f"{results}/") and path not in known and Path(path).exists()
-        ),
+        unknown=tuple(path for path in seen if path not in known and Path(path).exists()),
         new=tuple(p for p in present if p not in seen),
         present=present,
     )
@@ -68,8 +65,7 @@ def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = Fals
 def remember(results: str, findings: Findings) -> None:
     """Note what is here, which the next inspection need not read again."""
     seen = _seen()
-    others = {path: entry for path, entry in seen.items() if not path.startswith(f"{results}/")}
-    if (now := others | findings.present) != seen:
+    if (now := seen | {results: findings.present}) != seen:
         with suppress(OSError):  # only costs time: a full disk is told by what must write to it
             write_json(SEEN, now)
 
@@ -83,7 +79,8 @@ def _state(path: str) -> list[int] | None:
     return [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
 
 
-def _seen() -> dict[str, list]:
+def _seen() -> dict[str, dict[str, list]]:
+    """By study, which may lie in the folder of another, and path."""
     try:
         return read_json(SEEN)
     except (OSError, ValueError):
