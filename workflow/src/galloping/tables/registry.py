@@ -191,13 +191,14 @@ TABLES = (
     Table("peers", "galloping.tables.peers:peers", _peers),
     Table("identifiability", "galloping.tables.bounds:identifiability", _bounds, _identifiability),
     Table("further_recordings", "galloping.tables.bounds:further_recordings", _rankings),
-    Table("limit_cycles", TOGETHER, _limit_cycles),
-    Table("bifurcations", TOGETHER, _bifurcations),
+    # where a branch has its points is decided by rounding
+    Table("limit_cycles", TOGETHER, _limit_cycles, is_compared=False),
+    Table("bifurcations", TOGETHER, _bifurcations, is_compared=False),
     Table("resonance_map", TOGETHER, _maps),
     Table("prediction", TOGETHER, _predictions),
     Table("clearance", TOGETHER, _of_cases("clearance")),
     Table("measures", TOGETHER, _of_cases("measures")),
-    Table("reproduction", TOGETHER, _openness),
+    Table("reproduction", TOGETHER, _openness, is_compared=False),
     Table(
         "scores",
         "galloping.tables.summary:all_scores",

@@ -21,7 +21,7 @@ KEYS = frozenset(
     (
         *("case", "claim", "quantity", "key", "symbol", "equation", "term", "release"),
         *("recordings", "protocol", "cell", "level", "points", "method", "setting"),
-        *("replicate", "order", "state"),
+        *("replicate", "order", "state", "x", "y", "wind_m_s", "direction", "what", "measure"),
     )
 )
 COLUMNS = ("row", "column", "reference", "found", "difference", "tolerance")
