@@ -36,7 +36,7 @@ def edited(study, tmp_path):
 def test_another_reference_runs_the_comparison_alone_and_shows(edited, hold_to_reference):
     run = edited.snakemake()
     assert run.returncode == 0, run.stdout
-    assert "2 of 2 steps (100%) done" in run.stdout  # the comparison, and the rule of all
+    assert "3 of 3 steps (100%) done" in run.stdout  # the comparison, the report, the rule of all
     summary = {row["table"]: row for row in table(edited, "reference_summary")}
     rows = int(summary["efficiency"]["rows_compared"])
     assert int(summary["efficiency"]["values_beyond_tolerance"]) >= rows > 10
