@@ -35,7 +35,7 @@ def test_an_environment_that_is_a_link_is_refused_and_its_target_left_alone(root
     for name in ("Makefile", "requirements.lock"):
         shutil.copy(root / name, clone)
     (clone / ".venv").symlink_to(theirs)
-    command = ["make", f"PYTHON={sys.executable}"]
+    command = ["make", "--no-print-directory", f"PYTHON={sys.executable}"]
     run = subprocess.run(command, cwd=clone, capture_output=True, text=True)
     assert run.returncode != 0
     assert run.stdout == (

@@ -16,7 +16,7 @@ configfile: "config.yaml"
 
 rule all:
     input:
-        "claims.txt",
+        "scores.txt",
         "study/tables/reference_summary.csv",
         "study/figures/overview.svg",
 
@@ -31,11 +31,11 @@ module galloping:
 use rule * from galloping as galloping_*
 
 
-rule count_claims:
+rule count_scores:
     input:
-        "study/tables/claims.csv",
+        "study/tables/scores.csv",
     output:
-        "claims.txt",
+        "scores.txt",
     script:
         "count.py"
 """
@@ -116,9 +116,9 @@ def user(finished, clone):
 
 
 def test_it_runs_to_the_end_in_the_users_folder(user):
-    assert int((user.folder / "claims.txt").read_text()) == len(user.table("claims")) > 0
+    assert int((user.folder / "scores.txt").read_text()) == len(user.table("scores")) > 0
     made = {path.name for path in user.folder.iterdir() if not path.name.startswith(".")}
-    assert made == {"Snakefile", "config.yaml", "count.py", "lib", "claims.txt", "study"}
+    assert made == {"Snakefile", "config.yaml", "count.py", "lib", "scores.txt", "study"}
     assert {row["case"] for row in user.table("scores")} == {"windy"}
     assert {row["verdict"] for row in user.table("reference_summary")} == {"no reference"}
 
