@@ -494,7 +494,8 @@ def test_an_absurd_number_anywhere_is_refused_or_can_be_derived_from(value):
 LIMITS = {
     path.removeprefix("cases.<name>."): (node["minimum"], node["maximum"])
     for path, node in leaves()
-    if path.startswith("cases.") and "maximum" in node and "releases" not in path
+    if path.startswith("cases.") and "maximum" in node
+    if not {"releases", "truth"} & set(path.split("."))
 }
 
 

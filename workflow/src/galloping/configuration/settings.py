@@ -53,6 +53,9 @@ SWEPT = (
     "spacer_mass", "bundle_dimension", "ice_vertical_1", "ice_vertical_2", "ice_vertical_3",
     "ice_horizontal_1", "ice_horizontal_2", "ice_horizontal_3",
 )  # fmt: skip
+# Of the continuous line: `galloping.physics.continuous`, `galloping.physics.gusts`.
+AERODYNAMICS = ("small_angle", "relative")
+SPECTRA = ("von_karman", "kaimal")
 # Measures against galloping and what they take: `galloping.physics.measures`.
 MEASURES = {
     "tension": ("factor",),
@@ -245,6 +248,73 @@ class InitialState(Section):
     dq_w: Motion = parameter(0, "horizontal modal velocity", "m/s", "dq_w(0)", "assumed")
 
 
+class Gusts(Section):
+    """The wind about its mean, the same along the span."""
+
+    intensity: real(ge=0, le=0.5) = parameter(
+        0,
+        "standard deviation of the wind speed over its mean",
+        "1",
+        "I",
+        "assumed",
+        why="a hurricane in a city",
+    )
+    length_scale: real(ge=1, le=2000) = parameter(
+        100, "integral length of the turbulence along the wind", "m", "L", "assumed"
+    )
+    spectrum: one_of(SPECTRA) = parameter(
+        "von_karman", "spectrum of the wind speed", "", "S", "assumed"
+    )
+
+
+class Truth(Section):
+    """What moves, and where it is observed."""
+
+    model: Literal["two_mode", "continuous"] = parameter(
+        "two_mode",
+        "what recordings are made of: the paper's equations, or the partial differential equations "
+        "on many modes, which no library contains",
+        "",
+        "",
+        "assumed",
+        rule="the other keys of truth need continuous",
+    )
+    modes: whole(ge=1, le=40) = parameter(
+        9, "sine modes in each direction", "1", "N", "assumed", why="a wave of 15 m in 300 m"
+    )
+    aerodynamics: one_of(AERODYNAMICS) = parameter(
+        "small_angle",
+        "load of the paper (small_angle), or of the full relative wind (relative)",
+        "",
+        "",
+        "assumed",
+    )
+    drag: real(ge=0, le=10) = parameter(
+        0, "static coefficient of the horizontal force", "1", "eta_0", "assumed"
+    )
+    antisymmetric: Motion = parameter(
+        0, "first antisymmetric vertical mode at a quarter of the span, at each release", "m",
+        "q_a(0)", "assumed",
+    )  # fmt: skip
+    gusts: Gusts = section(Gusts)
+    sensors: selection(real(gt=0, lt=1)) = parameter(
+        (0.25, 0.5, 0.75),
+        "places of the sensors, in spans from the left end; as many sine modes are told apart, "
+        "and the first of them is recorded",
+        "1",
+        "s_{}/l",
+        "assumed",
+    )
+
+    @model_validator(mode="after")
+    def _only_what_counts(self) -> Truth:
+        if self.model != "continuous":
+            for name in sorted(self.model_fields_set - {"model"}):
+                if getattr(self, name) != getattr(Truth(), name):
+                    raise problem("must be left out, or the model continuous", name)
+        return self
+
+
 class Case(Section):
     """One line in one wind."""
 
@@ -261,6 +331,7 @@ class Case(Section):
         "further recordings of the same line, each released from a state of its own",
         rule=NAME_RULE,
     )
+    truth: Truth = section(Truth)
     gravity: real(ge=0.1, le=100) = parameter(
         9.81, "gravitational acceleration", "m/s2", "g", "assumed", why="an asteroid to Jupiter"
     )

@@ -101,24 +101,29 @@ COEFFICIENT_LEVELS = (0.01, 0.03, 0.05)
 HISTORY_LEVELS = (0.05, 0.1, 0.15)
 
 
+def _coefficient_cells(study: Study) -> list[Cell]:
+    """None where the first case has no true coefficients."""
+    if shown.first_case(study).is_continuous:
+        return []
+    return shown.noise_cells(study, shown.paper_pair(study), COEFFICIENT_LEVELS)
+
+
 def _coefficient_reads(study: Study) -> Sources:
     pair = shown.paper_pair(study)
-    cells = shown.noise_cells(study, pair, COEFFICIENT_LEVELS)
     return {
         "model": sources.model(study, shown.first_case(study).name),
         "identified": {
-            cell.name: sources.identified(study, cell, pair[1].family) for cell in cells
+            cell.name: sources.identified(study, cell, pair[1].family)
+            for cell in _coefficient_cells(study)
         },
     }
 
 
 def _coefficients(study: Study) -> dict:
-    pair = shown.paper_pair(study)
-    cells = shown.noise_cells(study, pair, COEFFICIENT_LEVELS)
     return {
         "case": shown.first_case(study).name,
-        **_pair(pair),
-        "levels": {cell.name: cell.level for cell in cells},
+        **_pair(shown.paper_pair(study)),
+        "levels": {cell.name: cell.level for cell in _coefficient_cells(study)},
         "degree": study.settings.identification.degree,
     }
 
@@ -348,6 +353,19 @@ FIGURES = (
         "galloping.figures.prediction:draw_prediction",
         _table("prediction"),
         _predicted,
+    ),
+    Figure(
+        "limit_cycle_ahead",
+        "the limit cycle ahead of its time",
+        "galloping.figures.ahead:draw_limit_cycle_ahead",
+        _table("limit_cycle_ahead"),
+        lambda study: {"window": list(study.settings.simulation.steady_window)},
+    ),
+    Figure(
+        "reduction",
+        "what two modes are worth",
+        "galloping.figures.reduction:draw_reduction",
+        _table("reduction"),
     ),
     Figure(
         "measures",

@@ -22,12 +22,18 @@ class Case:
     """One line in one wind.
 
     line: its settings but for the states that it is released from. releases: initial states by
-    state, the one that models are judged by first.
+    state, the one that models are judged by first. truth: what its recordings are made of.
     """
 
     name: str
     line: Mapping
     releases: tuple[Mapping[str, float], ...]
+    truth: Mapping
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether its motion is that of no library's model, so that no coefficients are true."""
+        return self.truth["model"] == "continuous"
 
     @property
     def released(self) -> dict:
@@ -117,8 +123,9 @@ class Study:
         return tuple(
             Case(
                 name,
-                {k: v for k, v in case.items() if k not in ("initial_state", "releases")},
+                {k: v for k, v in case.items() if k not in ("initial_state", "releases", "truth")},
                 (case["initial_state"], *case["releases"].values()),
+                case["truth"],
             )
             for name, case in self.plain["cases"].items()
         )

@@ -17,6 +17,7 @@ COMPARISONS = ["reference_summary", "reference_differences"]  # of compare_refer
 ANIMATION = "galloping"  # the only figure that is not drawn on paper
 MOST_DRAWS = 3  # of each variant of a line, enough to tell most draws from some
 ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
+CONTINUOUS = "galloping.measurement.continuous:motion"  # imports numba: not for all lines
 RELEASE_HEIGHTS = [1.0, 2.0, 3.0]  # m, of the further recordings that are compared
 
 
@@ -38,13 +39,22 @@ def derive_model(study: Study, case: str) -> Job:
 
 
 def simulate_line(study: Study, case: str) -> Job:
-    simulation = study.settings.simulation
+    simulation, moving = study.settings.simulation, study.case(case)
     settings = {
-        "releases": list(study.case(case).releases),
+        "releases": list(moving.releases),
         "duration": simulation.duration,
         "sampling_rate": simulation.sampling_rate,
     }
-    return _reading({"model": sources.model(study, case)}, settings)
+    if not moving.is_continuous:
+        return _reading({"model": sources.model(study, case)}, settings)
+    gusty = moving.truth["gusts"]["intensity"] > 0
+    settings |= {
+        "continuous": CONTINUOUS,
+        "line": moving.line,
+        "truth": moving.truth,
+        "seed": study.settings.measurement.seed if gusty else 0,
+    }
+    return Job({}, settings, (CONTINUOUS,))
 
 
 def rank_releases(study: Study, case: str) -> Job:
@@ -91,6 +101,7 @@ def evaluate_cell(study: Study, case: str, protocol: str, cell: str) -> Job:
         "measurement": measured.measurement,
         "degree": study.settings.identification.degree,
         "steady_window": list(study.settings.simulation.steady_window),
+        "is_continuous": measured.case.is_continuous,
     }
     return _reading(reads, settings)
 

@@ -70,13 +70,15 @@ def amount_cells(study: Study, pair: Pair) -> list[Cell]:
 
 def assessed_cell(study: Study, case: str) -> Cell | None:
     """Whose models say how sure an assessment is: sensors at the level of the subsets, all
-    recordings of the case together where it has several; None where ours does not run.
+    recordings of the case together where it has several; None where ours does not run, or models
+    are not the line's own.
     """
     level = study.settings.measurement.subsets.level
     chosen = [
         cell
         for cell in study.cells
         if (cell.case.name, cell.protocol) == (case, sensor_protocol(study))
+        and not cell.case.is_continuous
         and cell.kind in (NOISE, JOINT)
         and cell.level == level
         and any(method.name == OURS for method in cell.methods)
@@ -85,12 +87,15 @@ def assessed_cell(study: Study, case: str) -> Cell | None:
 
 
 def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
-    """Whole records of sensors at the level of the subsets, by protocol, that ours can use."""
+    """Whole records of sensors at the level of the subsets, by protocol, that ours can use; none
+    of a continuous line, whose motion at other wind speeds is not known.
+    """
     level = study.settings.measurement.subsets.level
     return {
         cell.protocol.name: cell
         for cell in study.cells
         if cell.case.name == case
+        and not cell.case.is_continuous
         and (cell.kind, cell.level) == (NOISE, level)
         and cell.protocol.measures in (STATES, DISPLACEMENTS)
         and any(method.name == OURS for method in cell.methods)
@@ -115,6 +120,7 @@ def oracle_cells(study: Study) -> list[Cell]:
         cell
         for cell in study.cells
         if cell.kind == NOISE and cell.level > 0 and cell.protocol.measures == STATES
+        and not cell.case.is_continuous
         and any(method.evidence in (REGRESSION, WEAK_FORM) for method in cell.methods)
     ]  # fmt: skip
 

@@ -65,7 +65,7 @@ def _verdict(t: float) -> str:
 
 def further_recordings(rankings: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     """The rankings of all cases."""
-    return pd.concat(rankings.values())
+    return pd.concat(rankings.values()) if rankings else pd.DataFrame(columns=["case"])
 
 
 def efficiency(

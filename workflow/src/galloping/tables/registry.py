@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from galloping.configuration.settings import paper_cases_in
 from galloping.study import shown, sources
 from galloping.study.cells import Case, Cell, Study
-from galloping.study.kinds import OPEN_PARAMETERS
+from galloping.study.kinds import NOISE, OPEN_PARAMETERS, OURS, OURS_FAMILY
 from galloping.study.sources import Sources
 from galloping.study.sweeps import Sweep
 
@@ -73,6 +73,7 @@ def _coefficients(study: Study) -> dict:
     protocol, method = shown.paper_pair(study)
     return {
         "cases": [case.name for case in study.cases],
+        "continuous": [case.name for case in study.cases if case.is_continuous],
         "protocol": protocol.name,
         "method": method.name,
         "level": min(study.settings.measurement.levels),
@@ -108,7 +109,8 @@ def _identifiability(study: Study) -> dict:
 
 
 def _rankings(study: Study) -> Sources:
-    return {"rankings": {case.name: sources.ranking(study, case.name) for case in study.cases}}
+    cases = [case.name for case in study.cases if not case.is_continuous]
+    return {"rankings": {case: sources.ranking(study, case) for case in cases}}
 
 
 def _along(study: Study) -> list:
@@ -169,6 +171,43 @@ def _openness(study: Study) -> Sources:
     return {"parts": {p: sources.swept(study, "openness", parameter=p) for p in OPEN_PARAMETERS}}
 
 
+def _reduction(study: Study) -> dict:
+    case = shown.first_case(study)
+    gusts = {key: case.truth["gusts"][key] for key in ("length_scale", "spectrum")}
+    return {"case": case.released, "seed": study.settings.measurement.seed, **gusts}
+
+
+def _ahead_cells(study: Study) -> list[Cell]:
+    """Whole records of the first case that ours can use."""
+    return [
+        cell
+        for cell in study.cells
+        if (cell.case, cell.kind) == (shown.first_case(study), NOISE)
+        and any(method.name == OURS for method in cell.methods)
+    ]
+
+
+def _ahead_reads(study: Study) -> Sources:
+    case = shown.first_case(study).name
+    return {
+        "model": sources.model(study, case),
+        "trajectory": sources.trajectory(study, case),
+        "identified": {
+            cell.id: sources.identified(study, cell, OURS_FAMILY) for cell in _ahead_cells(study)
+        },
+    }
+
+
+def _ahead(study: Study) -> dict:
+    return {
+        "method": OURS,
+        "seed": study.settings.measurement.seed,
+        "steady_window": list(study.settings.simulation.steady_window),
+        "is_continuous": shown.first_case(study).is_continuous,
+        "cells": {cell.id: cell.columns for cell in _ahead_cells(study)},
+    }
+
+
 TOGETHER = "galloping.tables.assessment:together"
 TABLES = (
     Table("table1_conductor", "galloping.tables.parameters:conductor", settings=_cases),
@@ -182,7 +221,12 @@ TABLES = (
     Table("noise_coefficients", "galloping.tables.noise:noise_coefficients", _scores),
     Table("noise_r2", "galloping.tables.noise:noise_r2", _scores),
     Table("data_amount", "galloping.tables.data_amount:data_amount", _scores),
-    Table("claims", "galloping.tables.claims:claims_table", _scores, _claims),
+    Table(
+        "claims",
+        "galloping.tables.claims:claims_table",
+        lambda study: _scores(study) | {"ahead": sources.table(study, "limit_cycle_ahead")},
+        _claims,
+    ),
     Table(
         "efficiency",
         "galloping.tables.bounds:efficiency",
@@ -196,6 +240,13 @@ TABLES = (
     Table("bifurcations", TOGETHER, _bifurcations, is_compared=False),
     Table("resonance_map", TOGETHER, _maps),
     Table("prediction", TOGETHER, _predictions),
+    Table(
+        "limit_cycle_ahead",
+        "galloping.cycles.ahead:limit_cycles_ahead",
+        _ahead_reads,
+        _ahead,
+    ),
+    Table("reduction", "galloping.evaluation.reduction:reduction_table", settings=_reduction),
     Table("clearance", TOGETHER, _of_cases("clearance")),
     Table("measures", TOGETHER, _of_cases("measures")),
     Table("reproduction", TOGETHER, _openness, is_compared=False),

@@ -15,7 +15,9 @@ import numpy as np
 import pandas as pd
 
 from galloping.evaluation.motion import steady_amplitude
+from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.registry import BY_NAME
 from galloping.physics import galerkin
 from galloping.physics.continuous import Span, continuous_line, eigenvalues, release, simulate, span
 from galloping.physics.equations import STATES
@@ -36,6 +38,7 @@ SPECTRUM = "von_karman"
 FORECAST = 15.0  # s: six vertical periods
 DRAWS = 24  # of the coefficients, for the intervals
 NORMAL = 1.96
+Identify = Callable[[Sequence[Recording]], IdentifiedModel]
 QUANTITIES = (
     "amplitude_v", "amplitude_w", "damping_v", "frequency_v", "damping_w", "frequency_w",
 )  # fmt: skip
@@ -191,7 +194,7 @@ def forecast_r2(
 def trial(
     case: Mapping,
     name: str,
-    methods: Mapping[str, Callable[[Sequence[Recording]], IdentifiedModel]],
+    methods: Mapping[str, Identify],
     *,
     seed: int,
     replicates: Sequence[int],
@@ -224,13 +227,9 @@ def trial(
         if not truth.velocities:
             values[:, 2:] = np.nan
         recording = Recording(time, STATES, values)
-        for method, identify in methods.items():
+        for method, identified_from in methods.items():
             begin = clock.perf_counter()
-            try:
-                identified = identify([recording])
-            except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-                terms = library(len(STATES), DEGREE)
-                identified = IdentifiedModel.refused(STATES, terms, str(error))
+            identified = identified_from([recording])
             seconds = clock.perf_counter() - begin
             row = {
                 "truth": name, "sensors": truth.sensors, "method": method,
@@ -238,7 +237,8 @@ def trial(
                 "reason": identified.reason, "seconds": seconds,
             }  # fmt: skip
             if identified.status != "refused":
-                said = answer(identified, steady[0], time, simulator, rng)
+                draws = generator(seed, "model_error", name, replicate, method)
+                said = answer(identified, steady[0], time, simulator, draws)
                 errors = 100.0 * (said.values / true - 1.0)
                 held = np.abs(said.values - true) <= said.widths
                 row |= {
@@ -291,18 +291,14 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def default_methods() -> dict[str, Callable[[Sequence[Recording]], IdentifiedModel]]:
-    """maximum_likelihood, weak_gls, and pysindy's STLSQ on splines, with their defaults."""
-    from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-    from galloping.identification.likelihood.weak_gls import weak_gls
-    from galloping.identification.sparse.reduction import reduce
-    from galloping.identification.sparse.stlsq import normalised
-
+def registered(names: Sequence[str]) -> dict[str, Identify]:
+    """Methods of the study by name, with their default settings."""
     terms = library(len(STATES), DEGREE)
-    return {
-        "maximum_likelihood": lambda recordings: maximum_likelihood(recordings, terms),
-        "weak_gls": lambda recordings: weak_gls(recordings, terms),
-        "stlsq": lambda recordings: normalised(
-            reduce(recordings, terms), threshold=None, path_length=50
-        ),
-    }
+
+    def identifier(name: str) -> Identify:
+        method = BY_NAME[name]
+        options = method.options().model_dump()
+        settings = {name: method.settings({"degree": DEGREE, name: options}, 0)}
+        return lambda recordings: identify(settings, [recordings], terms, ("model_error",))[name][0]
+
+    return {name: identifier(name) for name in names}
