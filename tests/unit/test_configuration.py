@@ -213,7 +213,7 @@ REFUSED = [
     (
         [],
         "configuration: [] is not a section; must be a mapping of results, reference, cases, "
-        "simulation, measurement, identification, recordings, sweeps, assessment, figures",
+        "simulation, measurement, identification, recordings, sweeps, assessment, trials, figures",
     ),
     # results
     *(
@@ -249,7 +249,7 @@ REFUSED = [
     # cases
     (
         {"cases": {}},
-        f"cases: {{}} is not allowed; must be a mapping of one or more names, {NAME_RULE}",
+        "cases: there is none; must hold at least one, or there must be trials",
     ),
     *(
         (
@@ -404,6 +404,24 @@ REFUSED = [
     (
         {"identification": {"lasso": {"threshold": 0}}},
         "identification.lasso.threshold: 0 is not allowed; must be null or > 0",
+    ),
+    # trials
+    (
+        {"trials": {"a": {"kind": "random_line"}}},
+        "trials.a.kind: unknown kind 'random_line'; did you mean 'random_lines'? allowed: "
+        "default_line, random_lines, sensor_faults, long_and_steady, systems",
+    ),
+    (
+        {"trials": {"a": {"kind": "sensor_faults", "samples": [500]}}},
+        "trials.a.samples: is no key of sensor_faults",
+    ),
+    (
+        {"trials": {"a": {"kind": "random_lines", "cases": ["some"]}}},
+        "trials.a.cases: unknown case 'some' of random_lines; allowed: all",
+    ),
+    (
+        {"trials": {"a": {"replicates": 0}}},
+        "trials.a.replicates: 0 is not allowed; must be a whole number 1..100000",
     ),
     # figures
     (
@@ -625,9 +643,9 @@ def test_a_case_set_to_null_is_removed():
     for part in (over, own, over):  # as Snakemake does
         update_config(whole, part)
     assert list(merged(whole, [own, over])["cases"]) == ["second", "third"]
-    for none_left in ({"cases": {"first": None, "second": None}},):
-        with pytest.raises(ConfigurationError, match=r"^cases: every case is set to null; "):
-            merged(none_left, [own, none_left])
+    none_left = {"cases": {"first": None, "second": None}}
+    with pytest.raises(ConfigurationError, match=r"^cases: there is none; "):
+        load(merged(none_left, [own, none_left]))
     # a case that nobody describes is a slip: all its keys may be left out, but not the braces
     with pytest.raises(ConfigurationError, match=r"^cases.forth: null is not a section \(write {}"):
         load(merged({"cases": {"first": {}, "forth": None}}, [own, {"cases": {"forth": None}}]))

@@ -25,6 +25,7 @@ from galloping.configuration.fields import (
 )
 from galloping.identification.registry import METHODS, PROTOCOLS
 from galloping.measurement.protocols import PROTOCOLS as ALL_PROTOCOLS
+from galloping.trials.registry import KINDS
 
 Positive = real(gt=0)
 NonNegative = real(ge=0)
@@ -275,7 +276,7 @@ class Truth(Section):
         "what recordings are made of: the paper's equations, or the partial differential equations "
         "on many modes, which no library contains",
         "",
-        "",
+        "truth",
         "assumed",
         rule="the other keys of truth need continuous",
     )
@@ -286,7 +287,7 @@ class Truth(Section):
         "small_angle",
         "load of the paper (small_angle), or of the full relative wind (relative)",
         "",
-        "",
+        "F",
         "assumed",
     )
     drag: real(ge=0, le=10) = parameter(
@@ -550,6 +551,44 @@ class Measure(Section):
         return self
 
 
+class Trial(Section):
+    """Fits to many recordings whose truth is known."""
+
+    kind: one_of(tuple(KINDS)) = setting("random_lines", "what is recorded and identified")
+    seed: whole(ge=0) = setting(0, "seed from which lines, faults and noise are drawn", "1")
+    replicates: whole(ge=1, le=100_000) = setting(
+        20, "recordings of each case and cell, or random lines", "1"
+    )
+    batch: whole(ge=1) = setting(10, "replicates of a case that one job makes", "1")
+    cases: selection(str) | None = setting(None, "lines, faults or systems, all by default")
+    methods: selection(MethodName) | None = setting(
+        None, "identification methods; by default ours, of systems beside those that it is to beat"
+    )
+    protocols: selection(Protocol) | None = setting(
+        None, "what is measured", rule="of `default_line` and `random_lines`"
+    )
+    levels: selection(NoiseLevel) | None = setting(
+        None, "noise levels, in standard deviations of each state", "1"
+    )
+    samples: selection(whole(ge=100)) | None = setting(
+        None, "lengths of the recordings", "samples", rule="of `systems`"
+    )
+
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> Trial:
+        kind = KINDS[self.kind]
+        for key in ("protocols", "levels", "samples"):
+            if getattr(self, key) is not None and key not in kind.options:
+                raise problem(f"is no key of {self.kind}", key)
+        for case in self.cases or ():
+            if case not in kind.cases:
+                raise problem(
+                    f"unknown case {show(case)} of {self.kind}; allowed: {', '.join(kind.cases)}",
+                    "cases",
+                )
+        return self
+
+
 class Assessment(Section):
     """What a line engineer asks of the lines: how far they gallop, and what stops them."""
 
@@ -611,7 +650,7 @@ class Settings(Section):
         "folder of the numbers that the tables are compared with, if it is there",
         rule="a path of letters, digits, '_', '-' and '.', from the root or the working folder",
     )
-    cases: Annotated[dict[CaseName, Case], Field(min_length=1)] = Field(
+    cases: dict[CaseName, Case] = Field(
         default_factory=paper_cases,
         description="the lines under study, by name",
         json_schema_extra={"rule": NAME_RULE},
@@ -635,6 +674,11 @@ class Settings(Section):
         json_schema_extra={"rule": NAME_RULE},
     )
     assessment: Assessment = section(Assessment)
+    trials: dict[CaseName, Trial] = Field(
+        default_factory=dict,
+        description="trials of what the identification claims, by name",
+        json_schema_extra={"rule": NAME_RULE},
+    )
     figures: Figures = section(Figures)
 
     @field_validator("results")
@@ -676,6 +720,12 @@ class Settings(Section):
                     "methods",
                 )
         return identification
+
+    @model_validator(mode="after")
+    def _something_to_study(self) -> Settings:
+        if not (self.cases or self.trials):
+            raise problem("there is none; must hold at least one, or there must be trials", "cases")
+        return self
 
     @model_validator(mode="after")
     def _results_apart_from_the_reference(self) -> Settings:

@@ -13,6 +13,7 @@ from galloping.study.cells import Cell, Study
 from galloping.study.kinds import BOUND
 from galloping.study.shown import Pair
 from galloping.study.sources import Sources
+from galloping.trials.registry import MODEL_ERROR, TRUST
 
 
 def _nothing(study: Study) -> dict:
@@ -25,7 +26,7 @@ class Figure:
 
     name: of its files. label: in the report. function: `module:function`, imported only by the job
     that draws it; it takes what is read, by name, and `settings`, and returns a matplotlib Figure.
-    reads, settings: of a study, in plain values.
+    reads, settings: of a study, in plain values. belongs: whether a study has it.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Figure:
     function: str
     reads: Callable[[Study], Sources] = _nothing
     settings: Callable[[Study], Mapping] = _nothing
+    belongs: Callable[[Study], bool] = shown.has_lines
 
 
 def _table(name: str) -> Callable[[Study], Sources]:
@@ -381,5 +383,24 @@ FIGURES = (
         _table("reproduction"),
         lambda study: {"labels": OPEN_LABELS},
     ),
+    Figure(
+        "trust",
+        "how often each status is right",
+        "galloping.figures.trust:draw_trust",
+        _table("fits"),
+        belongs=shown.has_trials(TRUST),
+    ),
+    Figure(
+        "model_error",
+        "what a recording of a real line gives",
+        "galloping.figures.model_error:draw_model_error",
+        _table("model_error"),
+        belongs=shown.has_trials(MODEL_ERROR),
+    ),
 )
 BY_NAME = {figure.name: figure for figure in FIGURES}
+
+
+def of_study(study: Study) -> list[Figure]:
+    """Those that a study has."""
+    return [figure for figure in FIGURES if figure.belongs(study)]

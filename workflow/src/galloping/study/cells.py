@@ -15,6 +15,7 @@ from galloping.measurement.protocols import Protocol
 from galloping.study.kinds import JOINT, NOISE, SUBSET
 from galloping.study.paths import Paths
 from galloping.study.sweeps import Sweep, sweep
+from galloping.study.trials import Trial, trial
 
 
 @dataclass(frozen=True)
@@ -194,6 +195,13 @@ class Study:
 
     def sweep(self, name: str) -> Sweep:
         return next(each for each in self.sweeps if each.name == name)
+
+    @cached_property
+    def trials(self) -> tuple[Trial, ...]:
+        return tuple(trial(name, of) for name, of in self.settings.trials.items())
+
+    def trial(self, name: str) -> Trial:
+        return next(each for each in self.trials if each.name == name)
 
     def options(self, method: Method) -> dict:
         """What a method reads of the settings."""

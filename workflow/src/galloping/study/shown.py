@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
 from galloping.measurement.protocols import DISPLACEMENTS, STATES, Protocol
@@ -10,6 +10,16 @@ from galloping.study.cells import Case, Cell, Study
 from galloping.study.kinds import JOINT, NOISE, OURS, OURS_FAMILY, SUBSET
 
 Pair = tuple[Protocol, Method]
+
+
+def has_lines(study: Study) -> bool:
+    """Whether a study is of lines; one of trials alone is not."""
+    return bool(study.cases)
+
+
+def has_trials(table: str) -> Callable[[Study], bool]:
+    """Whether a study has trials that a table sums up."""
+    return lambda study: any(trial.kind.table == table for trial in study.trials)
 
 
 def first_case(study: Study) -> Case:

@@ -14,6 +14,7 @@ from galloping.study.cells import Case, Cell, Study
 from galloping.study.kinds import NOISE, OPEN_PARAMETERS, OURS, OURS_FAMILY
 from galloping.study.sources import Sources
 from galloping.study.sweeps import Sweep
+from galloping.trials.registry import MODEL_ERROR, SYSTEMS, TRUST
 
 
 def _nothing(study: Study) -> dict:
@@ -26,13 +27,14 @@ class Table:
 
     function: `module:function`, imported only by the job that makes it; it takes what is read, by
     name, and `settings`, and returns a DataFrame. reads, settings: of a study, in plain values.
-    is_compared: with the reference. is_shown: in the report.
+    belongs: whether a study has it. is_compared: with the reference. is_shown: in the report.
     """
 
     name: str
     function: str
     reads: Callable[[Study], Sources] = _nothing
     settings: Callable[[Study], Mapping] = _nothing
+    belongs: Callable[[Study], bool] = shown.has_lines
     is_compared: bool = True
     is_shown: bool = True
 
@@ -208,6 +210,11 @@ def _ahead(study: Study) -> dict:
     }
 
 
+def _fits(table: str) -> Callable[[Study], Sources]:
+    """Of all trials that are summed up in a table."""
+    return lambda study: {"parts": sources.trials(study, table)}
+
+
 TOGETHER = "galloping.tables.assessment:together"
 TABLES = (
     Table("table1_conductor", "galloping.tables.parameters:conductor", settings=_cases),
@@ -257,5 +264,32 @@ TABLES = (
         is_compared=False,
         is_shown=False,
     ),
-)
+    Table(
+        "fits", TOGETHER, _fits(TRUST),
+        belongs=shown.has_trials(TRUST), is_compared=False, is_shown=False,
+    ),
+    Table(
+        "trust",
+        "galloping.tables.trials:trust",
+        lambda study: {"fits": sources.table(study, "fits")},
+        belongs=shown.has_trials(TRUST),
+    ),
+    Table(
+        "systems",
+        "galloping.tables.trials:systems",
+        _fits(SYSTEMS),
+        belongs=shown.has_trials(SYSTEMS),
+    ),
+    Table(
+        "model_error",
+        "galloping.tables.trials:model_error",
+        _fits(MODEL_ERROR),
+        belongs=shown.has_trials(MODEL_ERROR),
+    ),
+)  # fmt: skip
 BY_NAME = {table.name: table for table in TABLES}
+
+
+def of_study(study: Study) -> list[Table]:
+    """Those that a study has."""
+    return [table for table in TABLES if table.belongs(study)]
