@@ -1,4 +1,4 @@
-"""Scores of the best settings of STLSQ, FROLS and the weak form in a cell, chosen with the truth."""
+"""Scores of the best settings of STLSQ, FROLS and the weak form of a cell, as the truth has them."""
 
 import pandas as pd
 

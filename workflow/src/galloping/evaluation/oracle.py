@@ -59,7 +59,7 @@ def _weights(true: PolynomialModel) -> np.ndarray:
 def oracle_rows(
     truth: Truth, replicates: Iterable[Sequence[Recording]], path_length: int
 ) -> list[dict]:
-    """Scores of the oracles of STLSQ, FROLS and the weak form: rows of `evaluation.cell` with their `choice`.
+    """Scores of the oracles of STLSQ, FROLS and the weak form: rows of `evaluation.cell`, and `choice`.
 
     truth: its model is on the candidate library. replicates: recordings of each. path_length: of
     the thresholds tried.
