@@ -1,4 +1,4 @@
-"""Scores of the best settings of STLSQ, FROLS and the weak form of a cell, as the truth has them."""
+"""Scores of the oracles of STLSQ, FROLS and the weak form in one cell, chosen with the truth."""
 
 import pandas as pd
 

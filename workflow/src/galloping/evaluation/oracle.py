@@ -59,10 +59,10 @@ def _weights(true: PolynomialModel) -> np.ndarray:
 def oracle_rows(
     truth: Truth, replicates: Iterable[Sequence[Recording]], path_length: int
 ) -> list[dict]:
-    """Scores of the oracles of STLSQ, FROLS and the weak form: rows of `evaluation.cell`, and `choice`.
+    """Scores of the oracles of STLSQ, FROLS and the weak form: rows as of `evaluation.cell`.
 
-    truth: its model is on the candidate library. replicates: recordings of each. path_length: of
-    the thresholds tried.
+    Each has its `choice` of CHOICES. truth: its model is on the candidate library. replicates:
+    recordings of each. path_length: of the thresholds tried.
     """
     named, models = [], []
     for replicate, recordings in enumerate(replicates):
