@@ -18,12 +18,11 @@ WHOLE = {"facecolor": "white", "edgecolor": "#5f5f5f", "linewidth": 0.7, "hatch"
 
 
 def draw_trust(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """A panel for each group of fits, a bar for each status: how many hold what they state.
+    """A panel for each group of fits, a bar for each status: how often it is right.
 
     table: fits.csv. settings: none are read.
     """
-    wrong = table[["false_terms", "above_limit", "off"]].sum(axis=1) > 0
-    table = table.assign(holds=~wrong & (table["status"] != "refused"))
+    table = table.assign(right=_right(table))
     groups = list(dict.fromkeys(table["group"]))
     columns = min(2, len(groups))
     rows = -(-len(groups) // columns)
@@ -39,23 +38,34 @@ def draw_trust(table: pd.DataFrame, settings: Mapping) -> Figure:
         axes.set_xlabel("share of the fits, %")
         axes.tick_params(labelbottom=True)
     handles = [
-        Patch(facecolor=MODEL, label="what is stated holds"),
-        Patch(label="something stated is wrong, or nothing is stated", **WHOLE),
+        Patch(facecolor=MODEL, label="right"),
+        Patch(label="ok and wrong, or a doubt without need", **WHOLE),
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=2)
     return figure
+
+
+def _right(fits: pd.DataFrame) -> pd.Series:
+    """Whether the status of each fit is right: a claim that holds, or a doubt that is due.
+
+    It is due where the terms found are not exactly the true ones, or where the recording has a
+    fault; no model of the library being right, and a refusal, are due to a fault alone.
+    """
+    status, faulty = fits["status"], fits["cause_named"].notna()
+    unsure = (status == "not identifiable") & ~fits["exact"]
+    return ((status == "ok") & ~fits["ok_and_wrong"]) | unsure | ((status != "ok") & faulty)
 
 
 def _bars(axes: Axes, fits: pd.DataFrame) -> None:
     places = np.arange(len(STATUSES))
     of_status = [fits[fits["status"] == status] for status in STATUSES]
     counts = np.array([len(each) for each in of_status])
-    holding = np.array([each["holds"].sum() for each in of_status])
+    right = np.array([each["right"].sum() for each in of_status])
     share = 100.0 / len(fits)
     axes.barh(places, share * counts, height=0.6, **WHOLE)
-    axes.barh(places, share * holding, height=0.6, color=MODEL)
-    for place, status, count, held in zip(places, STATUSES, counts, holding, strict=True):
-        text = f"{count}" if status == "refused" else f"{held} of {count}"
+    axes.barh(places, share * right, height=0.6, color=MODEL)
+    for place, count, good in zip(places, counts, right, strict=True):
+        text = f"{good} of {count}" if count else "none"
         axes.text(share * count + 1.5, place, text, va="center", size="small")
     axes.set_yticks(places, STATUSES)
     axes.set_ylim(len(STATUSES) - 0.4, -0.6)
