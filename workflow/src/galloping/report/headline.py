@@ -69,7 +69,9 @@ def _from_sensors(efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, pro
     row = rows.iloc[(rows["level"] - 0.05).abs().argmin()]
     at = (errors["case"] == case) & (errors["protocol"] == protocol)
     at &= errors["level"] == row["level"]
-    medians = errors[at].groupby("method")["mean_error_percent"].mean()
+    medians = errors[at].groupby("method")["mean_error_percent"].mean().dropna()
+    if OURS not in medians:  # a continuous line has no true coefficients
+        return ""
     peers = medians.drop([OURS, "bound", "weak_gls"], errors="ignore")
     beside = f", against {peers.min():.2g} % by {peers.idxmin()}" if len(peers) else ""
     return (
