@@ -11,6 +11,7 @@ from pydantic import Field, ValidationInfo, create_model, field_validator, model
 
 from galloping.configuration.fields import (
     Section,
+    distinct,
     listing,
     one_of,
     parameter,
@@ -589,6 +590,21 @@ class Trial(Section):
         return self
 
 
+class OpenParameters(Section):
+    """What the paper leaves open of its first line: values at which its claims are judged."""
+
+    wind_speed: distinct(real(ge=0.1, le=120)) = setting((8, 10, 12, 14, 16), "wind speed", "m/s")
+    damping_ratio: distinct(DampingRatio) = setting(
+        (0.002, 0.005, 0.01), "damping ratio of both modes", "1"
+    )
+    bundle_dimension: distinct(real(ge=1e-3, le=10)) = setting(
+        (0.0276, 0.0552, 0.1104, 0.4), "characteristic dimension of the bundle", "m"
+    )
+    initial_displacement: distinct(Motion) = setting(
+        (0.01, 0.1, 0.5, 1), "release of both modes", "m"
+    )
+
+
 class Assessment(Section):
     """What a line engineer asks of the lines: how far they gallop, and what stops them."""
 
@@ -602,6 +618,7 @@ class Assessment(Section):
     winds: selection(real(ge=0.1, le=120)) = setting(
         (8, 10, 12, 14, 16), "wind speeds that are predicted from identified models", "m/s"
     )
+    open_parameters: OpenParameters = section(OpenParameters)
     measures: dict[CaseName, Measure] = setting(
         {},
         "measures that are compared, by name; without any, those of a usual size",

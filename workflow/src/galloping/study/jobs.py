@@ -186,7 +186,9 @@ def vary_parameter(study: Study, parameter: str) -> Job:
         "sampling_rate": simulation.sampling_rate,
         "steady": list(simulation.steady_window),
     }
-    return Job({}, {"case": case.released, "parameter": parameter, "plan": plan}, method.modules)
+    values = study.plain["assessment"]["open_parameters"][parameter]
+    settings = {"case": case.released, "parameter": parameter, "values": values, "plan": plan}
+    return Job({}, settings, method.modules)
 
 
 def animate_line(study: Study) -> Job:

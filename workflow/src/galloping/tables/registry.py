@@ -170,7 +170,9 @@ def _predictions(study: Study) -> Sources:
 
 
 def _openness(study: Study) -> Sources:
-    return {"parts": {p: sources.swept(study, "openness", parameter=p) for p in OPEN_PARAMETERS}}
+    opened = study.settings.assessment.open_parameters
+    names = [name for name in OPEN_PARAMETERS if getattr(opened, name)]
+    return {"parts": {name: sources.swept(study, "openness", parameter=name) for name in names}}
 
 
 def _reduction(study: Study) -> dict:
