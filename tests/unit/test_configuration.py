@@ -409,7 +409,7 @@ REFUSED = [
     (
         {"trials": {"a": {"kind": "random_line"}}},
         "trials.a.kind: unknown kind 'random_line'; did you mean 'random_lines'? allowed: "
-        "default_line, random_lines, sensor_faults, long_and_steady, systems",
+        "default_line, random_lines, sensor_faults, long_and_steady, systems, model_error",
     ),
     (
         {"trials": {"a": {"kind": "sensor_faults", "samples": [500]}}},
@@ -745,7 +745,7 @@ def test_spacers_are_listed_one_by_one():
 
 
 def test_both_tables_together_hold_every_parameter():
-    settings = load(case(releases={"wide": {}}))
+    settings = load(case(releases={"wide": {}}, truth={"model": "continuous"}))
     keys = {
         row.key.replace("wide", "<name>")
         for row in conductor_parameters(settings) + spacer_parameters(settings)
