@@ -2,15 +2,14 @@
 
 from pathlib import Path
 
-from galloping.report.headline import headline
+from galloping.report.headline import headline, verdicts
 from galloping.report.page import Item, Page, render
 from galloping.report.settings import described, versions
 from galloping.reproducibility.job import run
 from galloping.storage import write_text
 from galloping.study.loading import load
 
-FIRST = "overview"
-READ = ("claims", "efficiency", "errors", "cycles", "bifurcations")
+FIRST = ("overview", "trust")  # the figures that may stand first
 
 
 def main() -> None:
@@ -26,11 +25,13 @@ def main() -> None:
             if (path := paths.get(f"{kind}/{name}"))
         }
 
+    trust = read.pop("trust", None)
+    sentences = headline(**read, **settings["headline"]) if read else []
     figures = items("figures", settings["labels"])
     page = Page(
         title="Galloping of iced overhead lines",
-        headline=headline(**{name: read[name] for name in READ}, **settings["headline"]),
-        first=figures.get(FIRST),
+        headline=sentences + (verdicts(trust) if trust is not None else []),
+        first=next((figures[name] for name in FIRST if name in figures), None),
         settings=described(settings["study"]),
         introduction=settings["introduction"],
         figures=list(figures.values()),

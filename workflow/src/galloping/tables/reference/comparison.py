@@ -21,9 +21,23 @@ KEYS = frozenset(
     (
         *("case", "claim", "quantity", "key", "symbol", "equation", "term", "release"),
         *("recordings", "protocol", "cell", "level", "points", "method", "setting"),
-        *("replicate", "order", "state", "x", "y", "wind_m_s", "direction", "what", "measure"),
+        *(
+            "group",
+            "system",
+            "samples",
+            "replicate",
+            "order",
+            "state",
+            "x",
+            "y",
+            "wind_m_s",
+            "direction",
+            "what",
+            "measure",
+        ),
     )
 )
+MEASURED = "seconds_median"  # of the processor, which no two runs share
 COLUMNS = ("row", "column", "reference", "found", "difference", "tolerance")
 WHOLE = "(row)"  # stands for a column where a row is missing or new
 HEADING = "(column)"  # stands for a row where a column is missing or new
@@ -72,7 +86,7 @@ def _by_row(*tables: pd.DataFrame) -> list[pd.DataFrame]:
         names = [", ".join(parts) for parts in zip(*(_key(text[key]) for key in keys), strict=True)]
         if twice := [name for name, count in Counter(names).items() if count > 1]:
             raise ValueError(f"two rows are about the same: {twice[0]}")
-        named.append(text.drop(columns=keys).set_axis(names))
+        named.append(text.drop(columns=[*keys, MEASURED], errors="ignore").set_axis(names))
     return named
 
 
