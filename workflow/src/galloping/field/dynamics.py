@@ -12,7 +12,7 @@ from galloping.cycles.family import Family
 from galloping.cycles.limit_cycles import settled
 from galloping.cycles.motion import settle
 from galloping.cycles.prediction import near
-from galloping.field.forecast import drawn
+from galloping.field.forecast import drawn, simulator_of
 from galloping.identification.likelihood.problem import velocity_pairs
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
@@ -61,7 +61,7 @@ def dynamics(identified: IdentifiedModel, rng: np.random.Generator) -> Dynamics 
         {model.states[i]: _value(best[k, n], sampled[:, k, n]) for n, i in enumerate(pairs)}
         for k in (0, 1)
     )
-    simulator = Simulator(model.states, model.terms)
+    simulator = simulator_of(model)
     start = identified.initial_states[-1]
     motion = settle(simulator, model, start, duration=DURATION, window=WINDOW)
     if motion.kind != "cycle":

@@ -16,6 +16,7 @@ ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a fe
 ORIGINS, PARTS = 8, 4  # of forecasts that tell how wrong an approximate model is
 STEP = 1e-5  # of finite differences of the start, relative to each state's size
 SLOPE_SAMPLES = 9  # for the first guess of a velocity that is not measured
+MOST_SAMPLES = 4000  # that a start is told from: more say little more of a few periods
 
 
 @dataclass(frozen=True)
@@ -46,9 +47,10 @@ def forecast(
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
     begin = int(np.searchsorted(recording.time, recording.time[-1] - window))
-    sampled, values = recording.time[begin:], recording.values[begin:]
+    thin = 1 + (len(recording.time) - begin) // MOST_SAMPLES
+    sampled, values = recording.time[begin::thin], recording.values[begin::thin]
     sigma = np.nan_to_num(identified.sigma[-1])
-    simulator = Simulator(identified.model.states, identified.model.terms)
+    simulator = simulator_of(identified.model)
     guess = first_guess(recording, begin)
     follow = Following(simulator, sampled, sigma)
     fitted = follow.start(identified.model, guess, values)
@@ -119,6 +121,11 @@ def drawn(
             coefficients[support] += root @ rng.standard_normal(len(root))
         models.append(PolynomialModel(model.states, model.terms, coefficients))
     return models
+
+
+def simulator_of(model: PolynomialModel) -> Simulator:
+    """For the model and others with its terms."""
+    return Simulator(model.states, model.terms, model.coefficients != 0.0)
 
 
 def first_guess(recording: Recording, begin: int) -> np.ndarray:

@@ -11,7 +11,8 @@ import numpy as np
 from galloping import __version__
 from galloping.field.dynamics import Dynamics, dynamics, sentences
 from galloping.field.equations import known_model
-from galloping.field.forecast import Following, Forecast, first_guess, forecast
+from galloping.field.excerpt import excerpts
+from galloping.field.forecast import Following, Forecast, first_guess, forecast, simulator_of
 from galloping.field.mapping import Mapping
 from galloping.field.outputs import (
     MODEL_COLUMNS,
@@ -28,10 +29,11 @@ from galloping.identification.model import IdentifiedModel
 from galloping.importing import imported
 from galloping.polynomial import library
 from galloping.recording import Recording
-from galloping.simulation import Simulator
 from galloping.storage import write_json, write_rows, write_text
 
-HELD_OUT = 0.1  # of a recording, to try the forecast on
+HELD_OUT = 0.1  # of a recording, to try the forecast on,
+MOST_HELD_OUT = 30  # periods of the motion, and so many samples of it
+MOST_SAMPLES = 5000
 PERIODS = 6  # of the motion from which a forecast starts
 POINTS = 600  # of a drawn motion
 DPI, FONT_SIZE = 150, 8
@@ -127,7 +129,7 @@ def analyse(
     rng = np.random.default_rng(question.seed)
 
     def fitted(recordings: list[Recording]) -> IdentifiedModel:
-        return method(recordings, terms, known, known_states)
+        return method(excerpts(recordings), terms, known, known_states)
 
     identified = fitted(list(field.recordings))
     advance("identify")
@@ -137,7 +139,7 @@ def analyse(
         advance("hold out")
         last = field.recordings[-1]
         window = PERIODS * field.period
-        step = float(np.median(np.diff(last.time)))
+        step = max(float(np.median(np.diff(last.time))), window / MOST_SAMPLES)
         try:
             ahead = forecast(
                 identified, last, last.time[-1] + np.arange(step, window, step), window, rng
@@ -161,15 +163,17 @@ def tried(
     None where the shorter recordings give no model.
     """
     *others, last = field.recordings
-    cut = int(np.searchsorted(last.time, last.time[-1] - HELD_OUT * np.ptp(last.time)))
+    length = min(HELD_OUT * np.ptp(last.time), MOST_HELD_OUT * field.period)
+    cut = int(np.searchsorted(last.time, last.time[-1] - length))
+    shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
     identified = identify([*others, last[:cut]])
     if identified.status == "refused":
         return None
     try:
-        ahead = forecast(identified, last[:cut], last.time[cut:], PERIODS * field.period, rng)
+        ahead = forecast(identified, last[:cut], last.time[shown], PERIODS * field.period, rng)
     except ValueError:
         return None
-    measured = last.values[cut:]
+    measured = last.values[shown]
     known = np.isfinite(measured)
     inside = (measured >= ahead.low) & (measured <= ahead.high)
     counts = known.sum(axis=0)
@@ -189,7 +193,7 @@ def stretches(
     be followed; it starts where it then follows the samples best.
     """
     time = recording.time
-    simulator = Simulator(identified.model.states, identified.model.terms)
+    simulator = simulator_of(identified.model)
     sigma = np.nan_to_num(identified.sigma[-1])
     motions = []
     for share in (0.0, 0.5, 1.0):

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtrit
 
 from galloping.identification.likelihood.ambiguity import detection_limits
 from galloping.identification.likelihood.condense import Condensed
@@ -420,7 +420,7 @@ def _judged(
         residual[own] = condensed.targets[own] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
-    few = (t.ppf(0.975, freedom) / norm.ppf(0.975)) ** 2  # so that normal intervals hold
+    few = (stdtrit(freedom, 0.975) / ndtri(0.975)) ** 2  # so that normal intervals hold
     covariance = SYSTEMATIC * few * freedom / len(groups) * spread.T @ spread
     solved = _joint(linear, segments, fit.starts, fit.jump, size)
     inside = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
