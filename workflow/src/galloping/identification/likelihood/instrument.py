@@ -33,8 +33,6 @@ from galloping.identification.likelihood.shooting import (
 
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
 JITTER = "errors grow with the speed of the motion: sampling times jitter, or the model is wrong"
-    "residuals grow with the speed of the motion, as where sampling times jitter or a model errs"
-)
 GROWING = "the noise grows with the signal"
 
 
