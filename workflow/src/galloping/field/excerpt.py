@@ -10,52 +10,56 @@ from galloping.recording import Recording
 STRETCHES = 8  # spread over a long recording
 PERIODS = 64  # of the fastest motion, in each
 PARTS = 8  # of a stretch, whose sizes are compared
+TINY = 1e-9  # deviations of a channel
 
 
 def excerpts(recordings: list[Recording]) -> list[Recording]:
-    """The recordings, long ones in their liveliest stretches.
+    """The recordings, of long ones only stretches, so that what a model costs is bounded.
 
-    What a model costs is bounded so, whatever the length: at most STRETCHES of PERIODS in all, but
-    one at least of every recording. A longer recording is cut into equal parts, and from each part
-    comes the stretch in which the size of the motion varies most, for what grows and decays tells
-    of damping and of the cubic terms what a steady motion does not. Raises ValueError where no
-    channel varies.
+    They are at most STRETCHES of PERIODS in all, but one at least of every recording. A longer
+    recording is cut into equal parts. From every other part comes the stretch in which the size of
+    the motion varies most, for what grows and decays tells of damping; from the others that in
+    which the motion is largest, for it tells of the cubic terms. Stretches without gaps go before
+    others. Raises ValueError where no channel varies.
     """
-    length = PERIODS * shortest_period(recordings)
+    period = shortest_period(recordings)
     each = max(STRETCHES // len(recordings), 1)
-    return [piece for recording in recordings for piece in _pieces(recording, each, length)]
+    return [piece for recording in recordings for piece in _pieces(recording, each, period)]
 
 
-def _pieces(recording: Recording, count: int, length: float) -> list[Recording]:
-    time = recording.time
+def _pieces(recording: Recording, count: int, period: float) -> list[Recording]:
+    time, length = recording.time, PERIODS * period
     fitting = int((time[-1] - time[0]) / length)
     if fitting <= count:
         return [recording]
     edges = np.searchsorted(time, time[0] + length / PARTS * np.arange(fitting * PARTS + 1))
-    liveliness = _liveliness(recording.values, edges)
-    chosen = [part[np.argmax(liveliness[part])] for part in np.array_split(range(fitting), count)]
-    return [
-        recording[edges[PARTS * k] : edges[PARTS * (k + 1)]] for k in chosen if liveliness[k] >= 0
-    ]
+    sizes = _sizes(recording.values, edges).reshape(fitting, PARTS, -1)
+    merits = np.array([np.log(sizes).std(axis=1).sum(axis=1), sizes.mean(axis=(1, 2))])
+    gaps = np.searchsorted(edges[::PARTS], np.flatnonzero(np.diff(time) > period), "right") - 1
+    broken = np.isin(np.arange(fitting), gaps) | np.any(sizes <= TINY, axis=(1, 2))
+    merits[:, broken] = -1.0
+    parts = np.array_split(np.arange(fitting), count)
+    chosen = [part[np.argmax(merits[n % 2, part])] for n, part in enumerate(parts)]
+    pieces = [slice(edges[PARTS * k], edges[PARTS * (k + 1)]) for k in chosen]
+    return [recording[own] for own in pieces if own.stop - own.start > 2 * PARTS]
 
 
-def _liveliness(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """(n_stretches,) how much the motion's size varies, 0 with gaps, -1 with hardly a sample.
 
-    values: (n, n_states). edges: (PARTS n_stretches + 1,) first samples of the parts.
+
+def _sizes(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """(n_parts, n_channels) size of the motion in the parts between `edges`, TINY without samples.
+
+    values: (n, n_states). edges: (n_parts + 1,) samples. In units of the channel's deviation.
     """
     values = values[:, np.isfinite(values).any(axis=0)]
     known = np.isfinite(values)
-    centred = np.where(known, values - np.nanmean(values, axis=0), 0.0)
+    scaled = (values - np.nanmean(values, axis=0)) / np.nanstd(values, axis=0)
+    scaled = np.where(known, scaled, 0.0)
 
     def total(of: np.ndarray) -> np.ndarray:
-        sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(of, axis=0)])
+        sums = np.concatenate([np.zeros((1, of.shape[1])), np.cumsum(of, axis=0)])
         return np.diff(sums[edges], axis=0)
 
-    counts = total(known)
-    share = np.maximum(counts, 1)
-    variance = total(centred**2) / share - (total(centred) / share) ** 2
-    size = np.log(np.maximum(variance, np.finfo(float).tiny)).reshape(-1, PARTS, counts.shape[1])
-    counts = counts.reshape(size.shape)
-    varies = np.where(counts.min(axis=(1, 2)) > 1, size.std(axis=1).sum(axis=1), 0.0)
-    return np.where(counts.sum(axis=(1, 2)) > 2 * PARTS, varies, -1.0)
+    share = np.maximum(total(known), 1)
+    variance = total(scaled**2) / share - (total(scaled) / share) ** 2
+    return np.sqrt(np.maximum(variance, TINY**2))
