@@ -44,8 +44,6 @@ def _pieces(recording: Recording, count: int, period: float) -> list[Recording]:
     return [recording[own] for own in pieces if own.stop - own.start > 2 * PARTS]
 
 
-
-
 def _sizes(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """(n_parts, n_channels) size of the motion in the parts between `edges`, TINY without samples.
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 
+AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
 LENGTH_OF_ORDER = {0: "m", 1: "m/s", 2: "m/s^2"}
 
 
@@ -39,6 +41,17 @@ def factor(unit: str, wanted: str) -> float:
         raise UnitError(f"unit {unit!r} does not measure {wanted}{hint}") from error
     except Exception as error:  # pint's parser raises many kinds
         raise UnitError(f"unit {unit!r} cannot be read") from error
+
+
+def amount(text: str | float, unit: str, wanted: str) -> float:
+    """A number in `wanted`, an SI unit, from text such as `3 mm`; without a unit it is in `unit`.
+
+    Raises UnitError.
+    """
+    number, own = AMOUNT.fullmatch(str(text).strip()).groups()
+    if not number:
+        raise UnitError(f"{text!r} is not a number with a unit, such as '3 mm'")
+    return float(number) * factor(own or unit, wanted)
 
 
 def state_unit(name: str) -> str:

@@ -180,8 +180,7 @@ def approximation(
     shares = error_shares(made, condensed)
     names = condensed.names(problem.states)
     noise = np.full((len(condensed.counts), len(problem.states)), np.nan)
-    inside = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
-    inside = np.where(condensed.counts > 0, np.sqrt(inside), np.nan)
+    inside = np.where(condensed.counts > 0, np.sqrt(condensed.noise_variance), np.nan)
     noise[:, condensed.observed[~condensed.is_rate]] = inside[:, ~condensed.is_rate]
     named = ", ".join(
         f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
@@ -423,13 +422,14 @@ def _judged(
     few = (stdtrit(freedom, 0.975) / ndtri(0.975)) ** 2  # so that normal intervals hold
     covariance = SYSTEMATIC * few * freedom / len(groups) * spread.T @ spread
     solved = _joint(linear, segments, fit.starts, fit.jump, size)
-    inside = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
     windows = np.diff(segments.first)[:, None]
     squares = [
         np.add.reduceat(np.sum(values**2, axis=2), segments.first[:-1]) / windows
         for values in (condensed.targets, residual)
     ]
-    noise = (inside * condensed.rows / np.diff(condensed.first)[:, None])[segments.recording]
+    noise = (condensed.noise_variance * condensed.rows / np.diff(condensed.first)[:, None])[
+        segments.recording
+    ]
     return Approximation(
         fit.free, fit.support, fit.starts, solved.information, covariance,
         np.array([*squares, noise]), residual[:, :, 0], fit.jump,
@@ -443,7 +443,7 @@ def error_shares(approximation: Approximation, condensed: Condensed) -> np.ndarr
     the channel mostly moves; of the root mean square of the channel, each recording as it is long.
     """
     shares = np.zeros((len(condensed.observed), 4))
-    noise = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
+    noise = condensed.noise_variance
     for o in range(len(condensed.observed)):
         motion, error = 0.0, np.zeros(4)
         for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
