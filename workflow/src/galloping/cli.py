@@ -49,7 +49,7 @@ def _mapping_options(command):
             ),
             click.option(
                 "--noise", "noises", multiple=True, metavar="COLUMN=VALUE[UNIT]",
-                help="Known standard deviation of a column's samples; else it is estimated.",
+                help="Known standard deviation, for maximum_likelihood; else estimated.",
             ),
             click.option("--span", type=float, help="m, where columns have positions."),
             click.option("--decimal", default=".", help="Decimal mark of text files."),

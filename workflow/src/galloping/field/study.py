@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from galloping import __version__
+from galloping.field.advice import Advice, advice
+from galloping.field.advice import sentences as advised
 from galloping.field.dynamics import Dynamics, dynamics, sentences
 from galloping.field.equations import known_model
 from galloping.field.excerpt import excerpts
@@ -82,6 +84,27 @@ class Trial:
     held: np.ndarray
 
 
+@dataclass(frozen=True)
+class Findings:
+    """What is told of a model beside itself; nothing of a refused one.
+
+    shown: as `stretches` gives them. further: which recording would help.
+    """
+
+    trial: Trial | None = None
+    ahead: Forecast | None = None
+    shown: Sequence[tuple[np.ndarray, np.ndarray]] = ()
+    of_line: Dynamics | None = None
+    further: Advice | None = None
+
+    @property
+    def forecasts(self) -> list[Forecast]:
+        """Of what was held out, and after the recording."""
+        return [
+            part for part in (self.trial and self.trial.forecast, self.ahead) if part is not None
+        ]
+
+
 def read_field(paths: Sequence[str | Path], mapping: Mapping) -> Field:
     """Files of one system. Raises FileError in one line."""
     series = tuple(read_series(path, mapping) for path in paths)
@@ -133,7 +156,7 @@ def analyse(
 
     identified = fitted(list(field.recordings))
     advance("identify")
-    trial = ahead = shown = of_line = None
+    findings = Findings()
     if identified.status != "refused":
         trial = tried(field, fitted, rng)
         advance("hold out")
@@ -147,10 +170,15 @@ def analyse(
         except ValueError:
             ahead = None
         advance("forecast")
-        shown = stretches(identified, last, window)
-        of_line = dynamics(identified, rng)
-    write_outputs(folder, field, identified, trial, ahead, of_line)
-    write_figures(folder, field, shown or [], trial, ahead)
+        findings = Findings(
+            trial,
+            ahead,
+            stretches(identified, last, window),
+            dynamics(identified, rng),
+            advice(identified, last, field.period),
+        )
+    write_outputs(folder, field, identified, findings)
+    write_figures(folder, field, findings)
     advance("draw")
     return identified
 
@@ -215,9 +243,7 @@ def write_outputs(
     folder: Path,
     field: Field,
     identified: IdentifiedModel,
-    trial: Trial | None,
-    ahead: Forecast | None,
-    of_line: Dynamics | None,
+    findings: Findings,
 ) -> None:
     """The tables, the model and `summary.md`."""
     states = identified.model.states
@@ -229,43 +255,53 @@ def write_outputs(
     )
     write_rows(folder / "model.csv", model_rows(identified), list(MODEL_COLUMNS))
     tables = {"model.csv": MODEL_COLUMNS}
-    rows = [row for part in _parts(trial, ahead) for row in forecast_rows(part, states)]
+    rows = [row for part in findings.forecasts for row in forecast_rows(part, states)]
     units = {f"{s}{end}": state_unit(s) for s in states for end in ("", "_low", "_high")}
     tables["forecast.csv"] = {"time_s": "s", **units}
     write_rows(folder / "forecast.csv", rows, list(tables["forecast.csv"]))
     describe_tables(folder, tables)
-    said = sentences(of_line) if of_line else ()
-    write_text(
-        folder / "summary.md", summary(identified, field.reports, said, _skill(trial, states))
+    text = summary(
+        identified,
+        field.reports,
+        dynamics=sentences(findings.of_line) if findings.of_line else (),
+        skill=_skill(findings.trial, states),
+        used=_used(field.recordings),
+        further=advised(findings.further) if findings.further else (),
     )
+    write_text(folder / "summary.md", text)
 
 
 def write_figures(
     folder: Path,
     field: Field,
-    shown: list[tuple[np.ndarray, np.ndarray]],
-    trial: Trial | None,
-    ahead: Forecast | None,
+    findings: Findings,
 ) -> None:
     """quality, fit and forecast, as SVG and PNG."""
     from galloping.figures import field as figures  # matplotlib
     from galloping.figures.write import write_figure
 
     last = field.recordings[-1]
-    length = 0.0 if not shown else np.ptp(shown[0][0])
+    shown = findings.shown
+    length = np.ptp(shown[0][0]) if shown else 0.0
     drawn = {
         "quality": lambda: figures.draw_quality(field.series, field.reports, field.mapping),
         "fit": lambda: figures.draw_fit(last, shown),
-        "forecast": lambda: figures.draw_forecast(
-            last, _parts(trial, ahead), last.time[-1], length
-        ),
+        "forecast": lambda: figures.draw_forecast(last, findings.forecasts, last.time[-1], length),
     }
     for name, draw in drawn.items():
         write_figure(folder / f"{name}.svg", folder / f"{name}.png", draw, DPI, FONT_SIZE)
 
 
-def _parts(trial: Trial | None, ahead: Forecast | None) -> list[Forecast]:
-    return [part for part in (trial and trial.forecast, ahead) if part is not None]
+def _used(recordings: Sequence[Recording]) -> str:
+    stretches = excerpts(list(recordings))
+    if len(stretches) == len(recordings):
+        return ""
+    duration = sum(one.time[-1] - one.time[0] for one in recordings)
+    share = 100 * sum(one.time[-1] - one.time[0] for one in stretches) / duration
+    return (
+        f"The model comes from {len(stretches)} stretches, {share:.2g} % of the time: those in "
+        "which the motion grows or decays most, and those in which it is largest."
+    )
 
 
 def _skill(trial: Trial | None, states: Sequence[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import cache
 
 AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
@@ -60,3 +61,19 @@ def state_unit(name: str) -> str:
     if stem in ("q_v", "q_w"):
         return LENGTH_OF_ORDER.get(len(name) - len(stem), "1")
     return "1"
+
+
+def coefficient_unit(state: str, exponents: Sequence[int], states: Sequence[str]) -> str:
+    """SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2, or `1`."""
+    metres, seconds = _dimension(state)
+    seconds -= 1
+    for name, power in zip(states, exponents, strict=True):
+        m, s = _dimension(name)
+        metres, seconds = metres - power * m, seconds - power * s
+    parts = [f"{symbol}^{power}" for symbol, power in (("m", metres), ("s", seconds)) if power]
+    return " ".join(parts).replace("^1 ", " ").removesuffix("^1") or "1"
+
+
+def _dimension(name: str) -> tuple[int, int]:
+    """Powers of m and s of a state."""
+    return {"1": (0, 0), "m": (1, 0), "m/s": (1, -1), "m/s^2": (1, -2)}[state_unit(name)]

@@ -25,6 +25,7 @@ from galloping.identification.likelihood.rates import (
     channels,
     known_noise,
     scaled,
+    scales_told,
     with_rates,
 )
 from galloping.identification.likelihood.result import judged, refused
@@ -130,7 +131,9 @@ def maximum_likelihood(
         rescaled = scaled(recordings, begun)
         if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
             begun = begin(problem, rescaled)
-        return _from_states(problem, recordings, with_rates(begun, rescaled))
+        identified = _from_states(problem, recordings, with_rates(begun, rescaled))
+        told = scales_told(recordings, rescaled)
+        return replace(identified, diagnostics={**identified.diagnostics, **told})
     except (ValueError, FloatingPointError, np.linalg.LinAlgError) as error:
         return refused(problem, str(error))
 

@@ -70,6 +70,17 @@ def scaled(recordings: list[Recording], start: Start) -> list[Recording]:
     return [_scaled(recording, start.period) for recording in recordings]
 
 
+def scales_told(recordings: list[Recording], scaled: list[Recording]) -> dict[str, float]:
+    """The unknown scales, by name, from recordings and those of `scaled`; means over them."""
+    told: dict[str, list[float]] = {}
+    for recording, own in zip(recordings, scaled, strict=True):
+        if own is not recording:
+            for k in np.flatnonzero(recording.unknown_scales):
+                ratio = np.nanmedian(recording.values[:, k] / own.values[:, k])
+                told.setdefault(f"scale_{recording.states[k]}", []).append(float(ratio))
+    return {name: float(np.mean(values)) for name, values in told.items()}
+
+
 def _rates(recording: Recording) -> np.ndarray:
     return np.full(recording.values.shape, np.nan) if recording.rates is None else recording.rates
 
