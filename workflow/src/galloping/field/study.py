@@ -11,7 +11,7 @@ import numpy as np
 from galloping import __version__
 from galloping.field.advice import Advice, advice
 from galloping.field.advice import sentences as advised
-from galloping.field.dynamics import Dynamics, dynamics, sentences
+from galloping.field.dynamics import Dynamics, dynamics, expected, sentences
 from galloping.field.equations import known_model
 from galloping.field.excerpt import excerpts
 from galloping.field.forecast import Following, Forecast, first_guess, forecast, simulator_of
@@ -29,7 +29,7 @@ from galloping.field.read import Series, read_series
 from galloping.field.units import state_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.importing import imported
-from galloping.polynomial import library
+from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.storage import write_json, write_rows, write_text
 
@@ -88,7 +88,7 @@ class Trial:
 class Findings:
     """What is told of a model beside itself; nothing of a refused one.
 
-    shown: as `stretches` gives them. further: which recording would help.
+    shown: as `stretches` gives them. further: which recording would help. beside: a case by name.
     """
 
     trial: Trial | None = None
@@ -96,6 +96,7 @@ class Findings:
     shown: Sequence[tuple[np.ndarray, np.ndarray]] = ()
     of_line: Dynamics | None = None
     further: Advice | None = None
+    beside: tuple[str, Dynamics] | None = None
 
     @property
     def forecasts(self) -> list[Forecast]:
@@ -139,11 +140,13 @@ def analyse(
     question: Question,
     folder: Path,
     advance: Callable[[str], object] = lambda _: None,
+    beside: tuple[str, PolynomialModel] | None = None,
 ) -> IdentifiedModel:
     """From files of one system to everything in `folder`, written when all of it is made.
 
-    advance: told the name of each of the `STEPS` when it is done. Raises ValueError, in one line,
-    for files or a question that make no sense; a recording without a model is no error.
+    advance: told the name of each of the `STEPS` when it is done. beside: a name and a model of the
+    line that the summary compares with. Raises ValueError, in one line, for files or a question
+    that make no sense; a recording without a model is no error.
     """
     field = read_field(paths, mapping)
     terms = library(len(mapping.states), question.degree)
@@ -176,6 +179,7 @@ def analyse(
             stretches(identified, last, window),
             dynamics(identified, rng),
             advice(identified, last, field.period),
+            beside and (beside[0], expected(beside[1], identified)),
         )
     write_outputs(folder, field, identified, findings)
     write_figures(folder, field, findings)
@@ -263,7 +267,7 @@ def write_outputs(
     text = summary(
         identified,
         field.reports,
-        dynamics=sentences(findings.of_line) if findings.of_line else (),
+        dynamics=_dynamics(findings),
         skill=_skill(findings.trial, states),
         used=_used(field.recordings),
         further=advised(findings.further) if findings.further else (),
@@ -290,6 +294,14 @@ def write_figures(
     }
     for name, draw in drawn.items():
         write_figure(folder / f"{name}.svg", folder / f"{name}.png", draw, DPI, FONT_SIZE)
+
+
+def _dynamics(findings: Findings) -> list[str]:
+    said = sentences(findings.of_line) if findings.of_line else []
+    if findings.beside and findings.beside[1]:
+        name, of_case = findings.beside
+        said += [f"by case {name}, {sentence}" for sentence in sentences(of_case)]
+    return said
 
 
 def _used(recordings: Sequence[Recording]) -> str:

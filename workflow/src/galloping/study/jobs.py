@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from galloping.field import SHOWN
 from galloping.figures import registry as figures
 from galloping.study import shown, sources
 from galloping.study.cells import Study
@@ -74,7 +75,10 @@ def identify_recordings(study: Study, recording: str) -> Job:
     """From files of instruments to all that they tell, as `galloping identify` does."""
     settings = study.plain["recordings"][recording]
     files = {f"file_{k}": path for k, path in enumerate(settings["files"])}
-    return Job({**files, "mapping": settings["mapping"]}, settings)
+    case = settings["case"]
+    reads = {} if case is None else {"model": sources.model(study, case)}
+    job = _reading(reads, {k: v for k, v in settings.items() if k != "publish"})
+    return replace(job, inputs={**files, "mapping": settings["mapping"], **job.inputs})
 
 
 def evaluate_cell(study: Study, case: str, protocol: str, cell: str) -> Job:
@@ -233,6 +237,11 @@ def write_report(study: Study) -> Job:
         **{f"figures/{name}": paths.figure.format(figure=name, form="svg") for name in drawn},
         f"figures/{ANIMATION}": paths.animation,
         **{f"tables/{name}": paths.table.format(table=name) for name in names},
+        **{
+            f"recordings/{name}/{file}": paths.field.format(recording=name, file=file)
+            for name in study.settings.recordings
+            for file in SHOWN
+        },
     }
     reads = {
         "claims": sources.table(study, "claims"),
