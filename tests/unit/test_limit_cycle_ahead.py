@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from galloping.cycles.ahead import limit_cycle_ahead, limit_cycles_ahead
+from galloping.cycles.ahead import limit_cycle_ahead
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement.motion import Motion
 from galloping.physics.derived import Derived
 from galloping.physics.equations import STATES
 from galloping.polynomial import library
+from galloping.tables.ahead import limit_cycles_ahead
 from galloping.tables.claims import claims_table
 
 START = np.array([0.1, 0.1, 0.0, 0.0])

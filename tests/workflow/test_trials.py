@@ -23,6 +23,7 @@ TRIALS = {
         "published": {
             "kind": "systems", **ONE, "cases": ["van_der_pol"], "samples": [500], "levels": [0.01],
         },
+        "reality": {"kind": "model_error", **ONE, "cases": ["two modes, gusts 2 %"]},
     },
     "figures": {"dpi": 50},
 }  # fmt: skip
@@ -51,11 +52,19 @@ def test_only_what_belongs_to_trials_is_made(tried):
     made = {path.name for kind in ("tables", "figures") for path in (tried / kind).glob("[a-z]*")}
     assert made == {
         "fits.csv", "trust.csv", "systems.csv", "reference_summary.csv",
-        "reference_differences.csv", "trust.svg", "trust.png",
+        "reference_differences.csv", "trust.svg", "trust.png", "model_error.csv", "model_error.svg",
+        "model_error.png",
     }  # fmt: skip
     report = (tried / "report.html").read_text(encoding="utf-8")
     assert "Of 1 fits to default line, 1 were ok, 0 of them wrong" in report
     assert "how often each status is right" in report
+
+
+def test_a_line_that_is_not_its_own_model_is_answered(tried):
+    (row,) = pd.read_csv(tried / "tables" / "model_error.csv").to_dict("records")
+    assert (row["truth"], row["sensors"]) == ("two modes, gusts 2 %", "states")
+    assert row["replicates"] == row["answered"] == 1
+    assert row["damping_v_error_percent"] < 5.0 and row["forecast_r2"] > 0.9
 
 
 def test_the_tables_have_a_row_for_each_group_and_system(tried):

@@ -251,7 +251,7 @@ TABLES = (
     Table("prediction", TOGETHER, _predictions),
     Table(
         "limit_cycle_ahead",
-        "galloping.cycles.ahead:limit_cycles_ahead",
+        "galloping.tables.ahead:limit_cycles_ahead",
         _ahead_reads,
         _ahead,
     ),
