@@ -117,8 +117,8 @@ def test_a_million_rows_take_a_minute_and_two_gigabytes(tmp_path):
     states = Simulator(line.states, line.terms)(line, np.array([0.2, 0.1, 0, 0]), time).states
     path = recorded(tmp_path / "a.csv", time, states)
     subprocess.run(
-        [sys.executable, "-c", "from galloping.cli import main; main()", "identify", path, "--time", "t", "--states",
-         ",".join(STATES), "--measure", "q_v=q_v", "--measure", "q_w=q_w", "--unit", "m",
+        [sys.executable, "-c", "from galloping.cli import main; main()", "identify", path,
+         "--time", "t", "--states", ",".join(STATES), "--measure", "q_v=q_v", "--measure", "q_w=q_w", "--unit", "m",
          "--unit", "t=s", "--output", tmp_path / "out"],
         check=True, capture_output=True,
     )  # fmt: skip
