@@ -118,8 +118,8 @@ def test_a_million_rows_take_a_minute_and_two_gigabytes(tmp_path):
     path = recorded(tmp_path / "a.csv", time, states)
     subprocess.run(
         [sys.executable, "-c", "from galloping.cli import main; main()", "identify", path,
-         "--time", "t", "--states", ",".join(STATES), "--measure", "q_v=q_v", "--measure", "q_w=q_w", "--unit", "m",
-         "--unit", "t=s", "--output", tmp_path / "out"],
+         "--time", "t", "--states", ",".join(STATES), "--measure", "q_v=q_v", "--measure",
+         "q_w=q_w", "--unit", "m", "--unit", "t=s", "--output", tmp_path / "out"],
         check=True, capture_output=True,
     )  # fmt: skip
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
