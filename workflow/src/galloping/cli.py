@@ -95,7 +95,7 @@ def _mapping(time_column, states, measures, units, noises, span, decimal, map_fi
 
 
 @main.command()
-@click.argument("files", nargs=-1, required=True)
+@click.argument("files", nargs=-1, required=True, type=click.Path())
 @_mapping_options
 @click.option("--degree", type=click.IntRange(1, 5), default=3, show_default=True)
 @click.option(
@@ -134,7 +134,7 @@ def identify(files, degree, method, known, output, seed, as_json, **mapping):
 
 
 @main.command()
-@click.argument("file")
+@click.argument("file", type=click.Path())
 @_mapping_options
 @click.option("--json", "as_json", is_flag=True, help="Print the report for machines.")
 def inspect(file, as_json, **mapping):
@@ -148,7 +148,7 @@ def inspect(file, as_json, **mapping):
 
 @main.command()
 @click.argument("model", type=click.Path(dir_okay=False))
-@click.argument("file")
+@click.argument("file", type=click.Path())
 @_mapping_options
 @click.option("--duration", type=click.FloatRange(0, 1e4, min_open=True), default=30.0, help="s.")
 @click.option("--window", type=click.FloatRange(0, 1e4, min_open=True),

@@ -41,7 +41,14 @@ def read_series(path: str | Path, mapping: Mapping) -> Series:
     """
     table = read_table(path, mapping.decimal)
     time, start = _seconds(table, mapping)
-    values = np.column_stack([_in_si(table, channel) for channel in mapping.channels])
+    columns = [_in_si(table, channel) for channel in mapping.channels]
+    for channel, column in zip(mapping.channels, columns, strict=True):
+        if len(column) != len(time):
+            raise FileError(
+                f"{table.path}: column {channel.column!r} has {len(column)} rows, the times "
+                f"{mapping.time.column!r} have {len(time)}"
+            )
+    values = np.column_stack(columns)
     rows = np.arange(len(time)) + table.first_row
     notes = []
     timeless = ~np.isfinite(time)

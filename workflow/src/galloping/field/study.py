@@ -24,6 +24,7 @@ from galloping.field.outputs import (
     summary,
 )
 from galloping.field.project import recording
+from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import quality
 from galloping.field.read import Series, read_series
 from galloping.field.units import state_unit
@@ -59,13 +60,17 @@ class Field:
 
     @property
     def period(self) -> float:
-        """Longest period of the motion, s, from the dominant frequencies of its channels."""
-        frequencies = [
-            channel["dominant_frequencies_hz"][0]
-            for report in self.reports
-            for channel in report["channels"].values()
-            if channel["dominant_frequencies_hz"]
-        ]
+        """Longest period of the motion, s, from the dominant frequencies of its channels.
+
+        Of each the first of which the recording holds PERIODS_HELD periods: slower ones are drifts
+        of the mean, which come with a motion that grows.
+        """
+        frequencies = []
+        for report in self.reports:
+            least = PERIODS_HELD / report["sampling"]["duration_s"]
+            for channel in report["channels"].values():
+                dominant = channel["dominant_frequencies_hz"]
+                frequencies += ([f for f in dominant if f >= least] or dominant)[:1]
         if not frequencies:
             raise ValueError("no channel oscillates: there is no motion to identify")
         return 1.0 / min(frequencies)
