@@ -95,6 +95,12 @@ def test_smoke_changes_only_the_extent_of_the_study():
         "second_values": [24000, 26000, 2000],
     }
     expected["assessment"]["winds"] = [10, 12]
+    expected["assessment"]["open_parameters"] = {
+        "wind_speed": [12, 14],
+        "damping_ratio": [],
+        "bundle_dimension": [],
+        "initial_displacement": [],
+    }
     assert plain(load(config)) == expected
 
 
