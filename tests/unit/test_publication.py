@@ -140,6 +140,18 @@ def test_names_that_clash_and_what_is_no_zip_are_refused(tmp_path):
 # publications
 
 
+@pytest.mark.parametrize("publish", [False, True])
+def test_files_of_the_field_are_published_only_where_they_may(publish):
+    told = f"{RESULTS}/recordings/span/summary.md"
+    write(Path(), {told: "# Summary", "config/span.csv": "t", "span.yaml": "time: t"})
+    recordings = {"files": ["config/span.csv"], "mapping": "span.yaml", "publish": publish}
+    job = PlannedJob("identify_recordings", {}, ("config/span.csv", "span.yaml"), (told,))
+    settings = plain(load({"results": RESULTS, "recordings": {"span": recordings}}))
+    chosen = {path.as_posix() for path in files(Plan(settings, (job,)))}
+    assert chosen - {"config/span.csv"} == {told, "span.yaml"}
+    assert ("config/span.csv" in chosen) == publish
+
+
 def receipt(path, **others):
     described = Receipt(
         path=path,

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from galloping.report.headline import headline
-from galloping.report.page import Item, Page, as_html, render
+from galloping.report.page import Item, Page, Recordings, as_html, render
 
 
 @pytest.fixture
@@ -17,13 +17,15 @@ def page(tmp_path):
     figure = Item("f", "01 a figure", "It shows *this*.", svg)
     table = Item("t", "a table", "It holds ``that``.", csv)
     return Page("A study", ["One & one."], figure, [("span", "300 m")], "Words.",
-                [figure], [table], {"python": "3.11"})  # fmt: skip
+                [figure], [table], [Recordings("span", "# <Summary>", [figure])],
+                {"python": "3.11"})  # fmt: skip
 
 
 def test_the_page_shows_everything_and_escapes_it(page):
     html = render(page)
     assert "One &amp; one." in html and "<em>this</em>" in html and "300 m" in html
     assert "<td>q_v &lt; q_w</td><td>0.1235</td>" in html and "<td>=1+1</td><td></td>" in html
+    assert "<pre># &lt;Summary&gt;</pre>" in html
     assert html == render(page)
 
 

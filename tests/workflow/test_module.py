@@ -56,9 +56,9 @@ cases: {windy: {wind: {speed: 13}}}
 simulation: {duration: 120, steady_window: [80, 120]}
 measurement: {replicates: 2, protocols: [state], levels: [0.05], subsets: {points: [1000]}}
 identification: {methods: [stlsq]}
-sweeps: {wind: {values: [10, 12, 2]}, resonance: {values: [10, 12, 2], second_values: [24000, 26000, 2000]}}
 assessment:
-  open_parameters: {wind_speed: [], damping_ratio: [], bundle_dimension: [], initial_displacement: []}
+  open_parameters:
+    {wind_speed: [], damping_ratio: [], bundle_dimension: [], initial_displacement: []}
 """
 
 

@@ -29,9 +29,10 @@ LINES = {
     },
     "assessment": {
         "winds": [4, 8], "design_wind": 3,
-        "open_parameters": dict.fromkeys(
-            ("wind_speed", "damping_ratio", "bundle_dimension", "initial_displacement"), []
-        ),
+        "open_parameters": {
+            "wind_speed": [], "damping_ratio": [], "bundle_dimension": [],
+            "initial_displacement": [],
+        },
     },
     "figures": {"dpi": 50},
 }  # fmt: skip

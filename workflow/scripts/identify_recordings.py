@@ -5,6 +5,7 @@ from pathlib import Path
 from galloping.field.mapping import read_mapping
 from galloping.field.study import Question, analyse
 from galloping.reproducibility.job import run
+from galloping.study.loading import load
 
 
 def main() -> None:
@@ -13,7 +14,9 @@ def main() -> None:
         settings["degree"], settings["method"], tuple(settings["known"]), settings["seed"]
     )
     folder = Path(snakemake.output[0]).parent
-    analyse(settings["files"], read_mapping(settings["mapping"]), question, folder)
+    read = load(settings["reads"], dict(snakemake.input.items()))
+    beside = (settings["case"], read["model"].model) if "model" in read else None
+    analyse(settings["files"], read_mapping(settings["mapping"]), question, folder, beside=beside)
 
 
 run(main, snakemake)

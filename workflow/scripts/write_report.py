@@ -3,13 +3,18 @@
 from pathlib import Path
 
 from galloping.report.headline import headline, verdicts
-from galloping.report.page import Item, Page, render
+from galloping.report.page import Item, Page, Recordings, render
 from galloping.report.settings import described, versions
 from galloping.reproducibility.job import run
 from galloping.storage import write_text
 from galloping.study.loading import load
 
 FIRST = ("overview", "trust")  # the figures that may stand first
+CAPTIONS_OF_FIELD = {
+    "quality": "The samples, with gaps, and their spectra.",
+    "fit": "The samples and the model's motion, which begins anew in each stretch.",
+    "forecast": "What was held out and what comes after, forecast with a 90 % band.",
+}
 
 
 def main() -> None:
@@ -27,6 +32,17 @@ def main() -> None:
 
     trust = read.pop("trust", None)
     sentences = headline(**read, **settings["headline"]) if read else []
+
+    def recordings(name: str) -> Recordings:
+        shown = {
+            figure: Path(paths[f"recordings/{name}/{figure}.svg"]) for figure in CAPTIONS_OF_FIELD
+        }
+        return Recordings(
+            name,
+            Path(paths[f"recordings/{name}/summary.md"]).read_text(encoding="utf-8"),
+            [Item(k, f"{name}: {k}", CAPTIONS_OF_FIELD[k], path) for k, path in shown.items()],
+        )
+
     figures = items("figures", settings["labels"])
     page = Page(
         title="Galloping of iced overhead lines",
@@ -36,6 +52,7 @@ def main() -> None:
         introduction=settings["introduction"],
         figures=list(figures.values()),
         tables=list(items("tables", {}).values()),
+        recordings=[recordings(name) for name in settings["study"]["recordings"]],
         versions=versions(),
     )
     write_text(snakemake.output.report, render(page))

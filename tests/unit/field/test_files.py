@@ -115,6 +115,8 @@ def bad_files(folder):
         "zero": (header + "".join(f"{t},0,1\n" for t in TIME), "throughout"),
         "twice": ("t,v,v\n" + rows, "two columns are named 'v'"),
         "short": (header + "".join(rows.splitlines(True)[: FEWEST - 1]), "fewer than"),
+        "blank": ("\n\n", "no header"),
+        "bare": ("t,v,w\n" + rows.replace(".", ","), "more cells than the 3 columns"),
         "headless": (rows, "must name the columns"),
         "clock": (header + rows + "0.0,77,1\n", "a time that was there before"),
         "other": ("t,u,w\n" + rows, "no column 'v'; it has 't', 'u', 'w'"),
@@ -122,6 +124,11 @@ def bad_files(folder):
     for name, (text, message) in texts.items():
         (folder / f"{name}.csv").write_text(text)
         yield f"{name}.csv", message
+    notes = "".join(f"{line},ok\n" for line in rows.splitlines() * 20)
+    (folder / "deep.csv").write_bytes(("t,v,w,note\n" + notes + "0,1,2,é\n").encode("latin-1"))
+    yield "deep.csv", "not UTF-8; save"
+    savemat(folder / "short.mat", {"t": TIME, "v": V[:9], "w": W})
+    yield "short.mat", "column 'v' has 9 rows, the times 't' have 500"
     (folder / "latin.csv").write_bytes(header.encode() + "é".encode("latin-1"))
     yield "latin.csv", "not UTF-8"
     (folder / "pickle.csv").write_bytes(pickle.dumps({"t": TIME}))

@@ -47,6 +47,10 @@ def _mapping_options(command):
                 "--unit", "units", multiple=True, metavar="COLUMN=UNIT",
                 help="Unit of a column; UNIT alone for all but the time.",
             ),
+            click.option(
+                "--noise", "noises", multiple=True, metavar="COLUMN=VALUE[UNIT]",
+                help="Known standard deviation, for maximum_likelihood; else estimated.",
+            ),
             click.option("--span", type=float, help="m, where columns have positions."),
             click.option("--decimal", default=".", help="Decimal mark of text files."),
             click.option(
@@ -59,12 +63,12 @@ def _mapping_options(command):
     return command
 
 
-def _mapping(time_column, states, measures, units, span, decimal, map_file):
+def _mapping(time_column, states, measures, units, noises, span, decimal, map_file):
     from galloping.field.mapping import MappingError, channel_of, read_mapping, validated
 
     if map_file:
-        if states or measures:
-            raise MappingError("--map stands alone: leave --states and --measure out")
+        if states or measures or noises:
+            raise MappingError("--map stands alone: leave --states, --measure and --noise out")
         return read_mapping(map_file)
     named = [name.strip() for name in states.split(",")] if states else []
     channels = [channel_of(text) for text in measures]
@@ -73,20 +77,25 @@ def _mapping(time_column, states, measures, units, span, decimal, map_file):
     if not named:
         raise MappingError("--states: name the states of the system, such as q_v,q_w,dq_v,dq_w")
     by_column = dict(text.partition("=")[::2] for text in units if "=" in text)
+    noise_of = dict(text.partition("=")[::2] for text in noises)
     for_all = next((text for text in units if "=" not in text), None)
     for channel in channels:
         unit = by_column.pop(channel["column"], None) or channel.get("unit") or for_all
         if unit:
             channel["unit"] = unit
+        if channel["column"] in noise_of:
+            channel["noise"] = noise_of.pop(channel["column"])
     time = {"column": time_column, "unit": by_column.pop(time_column, None)}
     if by_column:
         raise MappingError(f"--unit: no column {next(iter(by_column))!r} is measured")
+    if noise_of:
+        raise MappingError(f"--noise: no column {next(iter(noise_of))!r} is measured")
     content = {"time": time, "states": named, "channels": channels, "decimal": decimal}
     return validated({**content, **({"span": span} if span else {})})
 
 
 @main.command()
-@click.argument("files", nargs=-1, required=True)
+@click.argument("files", nargs=-1, required=True, type=click.Path())
 @_mapping_options
 @click.option("--degree", type=click.IntRange(1, 5), default=3, show_default=True)
 @click.option(
@@ -125,7 +134,7 @@ def identify(files, degree, method, known, output, seed, as_json, **mapping):
 
 
 @main.command()
-@click.argument("file")
+@click.argument("file", type=click.Path())
 @_mapping_options
 @click.option("--json", "as_json", is_flag=True, help="Print the report for machines.")
 def inspect(file, as_json, **mapping):
@@ -139,7 +148,7 @@ def inspect(file, as_json, **mapping):
 
 @main.command()
 @click.argument("model", type=click.Path(dir_okay=False))
-@click.argument("file")
+@click.argument("file", type=click.Path())
 @_mapping_options
 @click.option("--duration", type=click.FloatRange(0, 1e4, min_open=True), default=30.0, help="s.")
 @click.option("--window", type=click.FloatRange(0, 1e4, min_open=True),

@@ -21,7 +21,9 @@ class Recording:
     rates: (n, n_states) what accelerometers and the like measure, the noisy rate of a state beside
     noisy values; NaN where missing, None where nothing measures one. unknown_offsets: (n_states,)
     whether a rate has an unknown constant offset that drifts slowly. unknown_scales: (n_states,)
-    whether a value is known up to a factor only. Both None where there is none.
+    whether a value is known up to a factor only. Both None where there is none. known_noise:
+    (2, n_states) standard deviation of a sample of each value and of each rate where it is known,
+    else NaN; None where none is.
     Raises ValueError for anything else, in one line.
     """
 
@@ -32,6 +34,7 @@ class Recording:
     rates: np.ndarray | None = None
     unknown_offsets: np.ndarray | None = None
     unknown_scales: np.ndarray | None = None
+    known_noise: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         states = self.states

@@ -491,6 +491,10 @@ class Recordings(Section):
         (), "known equations, SI units", rule="such as [dq_w=-9.2 q_w - 0.03 dq_w]"
     )
     seed: whole(ge=0) = setting(0, "seed of the draws behind intervals and forecasts", "1")
+    case: CaseName | None = setting(
+        None, "case whose frequencies, damping and limit cycle are shown beside"
+    )
+    publish: bool = setting(False, "whether the files go into a publication of the study")
 
 
 class Sweep(Section):
@@ -742,6 +746,18 @@ class Settings(Section):
     def _something_to_study(self) -> Settings:
         if not (self.cases or self.trials):
             raise problem("there is none; must hold at least one, or there must be trials", "cases")
+        return self
+
+    @model_validator(mode="after")
+    def _recordings_beside_cases(self) -> Settings:
+        for name, recordings in self.recordings.items():
+            if recordings.case is not None and recordings.case not in self.cases:
+                raise problem(
+                    f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}",
+                    "recordings",
+                    name,
+                    "case",
+                )
         return self
 
     @model_validator(mode="after")

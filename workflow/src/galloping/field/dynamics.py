@@ -12,7 +12,7 @@ from galloping.cycles.family import Family
 from galloping.cycles.limit_cycles import settled
 from galloping.cycles.motion import settle
 from galloping.cycles.prediction import near
-from galloping.field.forecast import drawn
+from galloping.field.forecast import drawn, simulator_of
 from galloping.identification.likelihood.problem import velocity_pairs
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
@@ -54,14 +54,14 @@ def dynamics(identified: IdentifiedModel, rng: np.random.Generator) -> Dynamics 
     pairs = velocity_pairs(model.states)
     if not pairs or identified.status == "refused":
         return None
-    models = drawn(identified, DRAWS, rng)
+    models = drawn(identified, DRAWS if len(identified.covariance) else 1, rng)
     best = _linear(model, pairs)
     sampled = np.array([_linear(each, pairs) for each in models])
     frequencies, damping = (
         {model.states[i]: _value(best[k, n], sampled[:, k, n]) for n, i in enumerate(pairs)}
         for k in (0, 1)
     )
-    simulator = Simulator(model.states, model.terms)
+    simulator = simulator_of(model)
     start = identified.initial_states[-1]
     motion = settle(simulator, model, start, duration=DURATION, window=WINDOW)
     if motion.kind != "cycle":
@@ -73,13 +73,21 @@ def dynamics(identified: IdentifiedModel, rng: np.random.Generator) -> Dynamics 
     orbits = [_orbit(each, orbit, simulator) for each in models]
     ranges = np.array([each.half_range() for each in orbits if each is not None])
     periods = np.array([each.period for each in orbits if each is not None])
-    if len(periods) < 0.9 * DRAWS:  # the band would be that of the tame ones
+    if len(periods) < 0.9 * len(models):  # the band would be that of the tame ones
         ranges, periods = np.full((1, len(model.states)), np.nan), np.array([np.nan])
     half = orbit.half_range()
     return Dynamics(
         frequencies, damping, "cycle", _value(orbit.period, periods),
         {model.states[i]: _value(half[i], ranges[:, i]) for i in pairs},
     )  # fmt: skip
+
+
+def expected(model: PolynomialModel, identified: IdentifiedModel) -> Dynamics | None:
+    """Those of a model that is known, its motion begun where that of the identified one begins."""
+    if model.states != identified.model.states:
+        return None
+    exact = IdentifiedModel(model, "unjudged", initial_states=identified.initial_states)
+    return dynamics(exact, np.random.default_rng(0))
 
 
 def _orbit(model: PolynomialModel, orbit: Orbit, simulator: Simulator) -> Orbit | None:
@@ -142,6 +150,8 @@ def sentences(of: Dynamics) -> list[str]:
 
 def _words(of: Value, unit: str, factor: float = 1.0) -> str:
     value, low, high = (factor * number for number in (of.value, of.low, of.high))
+    if low == high:
+        return f"{value:.6g} {unit}"
     if not np.isfinite(low):
         return f"{value:.4g} {unit} (interval unknown)"
     digits = max(0, 1 - floor(log10((high - low) / 2))) if high > low else 6

@@ -13,9 +13,14 @@ from galloping.simulation import Simulator
 
 DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
 ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
+STAGES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # of the samples that a start is told from, one after another
+FOLLOWS = 1.3  # chi^2 per sample of a start that is right
+SHARES = (1.0, 0.5, 0.25)  # of the window, where motions soon part
+ENOUGH = 0.9  # of the draws, that follow the samples
 ORIGINS, PARTS = 8, 4  # of forecasts that tell how wrong an approximate model is
 STEP = 1e-5  # of finite differences of the start, relative to each state's size
 SLOPE_SAMPLES = 9  # for the first guess of a velocity that is not measured
+MOST_SAMPLES = 4000  # that a start is told from: more say little more of a few periods
 
 
 @dataclass(frozen=True)
@@ -40,36 +45,62 @@ def forecast(
     Each of 100 draws takes coefficients from their covariance, and as its start the state that
     follows the samples of the window best after noise was added to them once more. The noise of a
     sample is part of the band; that of an approximate model is as wide as its forecasts from
-    earlier times of the recording were wrong. Draws that diverge are left out. Raises ValueError
-    where there is no model, or where most draws diverge.
+    earlier times of the recording were wrong. Where motions of an exact model soon part, so that
+    draws do not follow the samples, the window is halved. Draws that diverge are left out. Raises
+    ValueError where there is no model, or where most draws diverge.
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
-    begin = int(np.searchsorted(recording.time, recording.time[-1] - window))
-    sampled, values = recording.time[begin:], recording.values[begin:]
     sigma = np.nan_to_num(identified.sigma[-1])
-    simulator = Simulator(identified.model.states, identified.model.terms)
-    guess = first_guess(recording, begin)
-    follow = Following(simulator, sampled, sigma)
-    fitted = follow.start(identified.model, guess, values)
-    missed = np.zeros((len(time), len(sigma)))
+    simulator = simulator_of(identified.model)
     if identified.status == "approximate":
+        motions = _motions(identified, recording, simulator, time, window, np.inf, rng)
         missed = _missed(identified, recording, simulator, time - recording.time[-1], window)
-    motions = []
-    slopes = None if fitted is None else follow.slopes(identified.model, fitted)
-    for model in drawn(identified, DRAWS, rng):
-        noisy = values + sigma * rng.standard_normal(values.shape)
-        start = None if fitted is None else follow.start(model, fitted, noisy, slopes)
-        if start is not None:
-            motion = simulator(model, start, np.concatenate([sampled, time])).states[len(sampled) :]
-            if np.all(np.isfinite(motion)):
-                motions.append(motion)
+    else:
+        for share in SHARES:
+            motions = _motions(identified, recording, simulator, time, share * window, FOLLOWS, rng)
+            if len(motions) > ENOUGH * DRAWS:
+                break
+        missed = np.zeros_like(sigma)
     if len(motions) < DRAWS // 2:
         raise ValueError(f"{DRAWS - len(motions)} of {DRAWS} draws of the model diverge")
-    motions = np.array(motions)
     seen = motions + np.maximum(sigma, missed) * rng.standard_normal(motions.shape)
     low, high = np.quantile(seen, (0.05, 0.95), axis=0, method="weibull")
     return Forecast(time, np.median(motions, axis=0), low, high)
+
+
+def _motions(
+    identified: IdentifiedModel,
+    recording: Recording,
+    simulator: Simulator,
+    time: np.ndarray,
+    window: float,
+    worst: float,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """(n_draws, n, n_states) motions at `time` of the draws that stay bounded.
+
+    worst: misfit, as of `Following.misfit`, beyond which a draw does not follow its samples and is
+    left out.
+    """
+    begin = int(np.searchsorted(recording.time, recording.time[-1] - window))
+    thin = 1 + (len(recording.time) - begin) // MOST_SAMPLES
+    sampled, values = recording.time[begin::thin], recording.values[begin::thin]
+    sigma = np.nan_to_num(identified.sigma[-1])
+    follow = Following(simulator, sampled, sigma)
+    fitted = follow.start(identified.model, first_guess(recording, begin), values)
+    motions = []
+    if fitted is not None and follow.misfit(identified.model, fitted, values) < worst:
+        slopes = follow.slopes(identified.model, fitted, len(sampled))
+        for model in drawn(identified, DRAWS, rng):
+            noisy = values + sigma * rng.standard_normal(values.shape)
+            start = follow.start(model, fitted, noisy, slopes)
+            if start is None or follow.misfit(model, start, noisy) > 2.0 * worst:  # noise twice
+                continue
+            motion = simulator(model, start, np.concatenate([sampled, time])).states[len(sampled) :]
+            if np.all(np.isfinite(motion)):
+                motions.append(motion)
+    return np.array(motions).reshape(-1, len(time), len(sigma))
 
 
 def _missed(
@@ -121,6 +152,11 @@ def drawn(
     return models
 
 
+def simulator_of(model: PolynomialModel) -> Simulator:
+    """For the model and others with its terms."""
+    return Simulator(model.states, model.terms, model.coefficients != 0.0)
+
+
 def first_guess(recording: Recording, begin: int) -> np.ndarray:
     """A state near the sample `begin`: interpolated values, slopes for unmeasured velocities."""
     time, states = recording.time, recording.states
@@ -163,23 +199,34 @@ class Following:
         sigma = self.sigma
         weight = np.isfinite(values) * np.where(sigma > 0, 1.0 / np.where(sigma > 0, sigma, 1), 0.0)
         target, start = np.nan_to_num(values), guess
-        for _ in range(ITERATIONS):
-            motion = self.simulator(model, start, self.time).states
-            own = self.slopes(model, start) if slopes is None else slopes
-            if not (np.all(np.isfinite(motion)) and np.all(np.isfinite(own))):
-                return None
-            left = ((target - motion) * weight).ravel()
-            design = (own * weight).reshape(len(start), -1).T
-            start = start + np.linalg.lstsq(design, left, rcond=1e-12)[0]
+        for stage in STAGES if slopes is None else STAGES[-1:]:
+            n = max(int(stage * len(self.time)), min(len(self.time), 2 * len(guess)))
+            for _ in range(ITERATIONS):
+                motion = self.simulator(model, start, self.time[:n]).states
+                own = self.slopes(model, start, n) if slopes is None else slopes
+                if not (np.all(np.isfinite(motion)) and np.all(np.isfinite(own))):
+                    return None
+                left = ((target[:n] - motion) * weight[:n]).ravel()
+                design = (own * weight[:n]).reshape(len(start), -1).T
+                start = start + np.linalg.lstsq(design, left, rcond=1e-12)[0]
         return start
 
-    def slopes(self, model: PolynomialModel, start: np.ndarray) -> np.ndarray:
-        """(n_states, n, n_states): change of the motion with each state at its start."""
-        motion = self.simulator(model, start, self.time).states
+    def slopes(self, model: PolynomialModel, start: np.ndarray, n: int) -> np.ndarray:
+        """(n_states, n, n_states): change of n samples with each state at the first."""
+        motion = self.simulator(model, start, self.time[:n]).states
         size = STEP * (np.abs(start) + np.nanstd(motion, axis=0) + 1e-6)
         return np.array(
             [
-                (self.simulator(model, start + size * unit, self.time).states - motion) / size[k]
+                (self.simulator(model, start + size * unit, self.time[:n]).states - motion)
+                / size[k]
                 for k, unit in enumerate(np.eye(len(start)))
             ]
         )
+
+    def misfit(self, model: PolynomialModel, start: np.ndarray, values: np.ndarray) -> float:
+        """chi^2 per sample of the motion from a start, infinite where it diverges."""
+        known = np.isfinite(values) & (self.sigma > 0)
+        motion = self.simulator(model, start, self.time).states
+        squares = ((values - motion) / np.where(self.sigma > 0, self.sigma, 1.0)) ** 2
+        mean = np.mean(squares[known])
+        return float(mean) if np.isfinite(mean) else np.inf

@@ -37,7 +37,8 @@ class Channel(_Section):
     m along the span, of a sensor on a line. delay: s by which the column lags behind the time.
     scale: `unknown` where a camera's scale is to be told with an accelerometer's help. offset:
     whether a rate has no constant offset and slow drift, which accelerometers do; `unknown` by
-    default.
+    default. noise: standard deviation of a sample where it is known, such as `3 mm`; a number alone
+    is in the unit of the column.
     """
 
     column: str
@@ -47,6 +48,7 @@ class Channel(_Section):
     delay: float = Field(default=0.0, ge=-3600, le=3600)
     scale: Literal["known", "unknown"] = "known"
     offset: Literal["known", "unknown"] = "unknown"
+    noise: str | float | None = None
 
 
 class Mapping(_Section):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from galloping.field.forecast import Forecast
-from galloping.field.units import state_unit
+from galloping.field.units import coefficient_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import term_name
 from galloping.storage import write_json
@@ -27,22 +27,6 @@ MEANING = {
     "refused": "The recording gives no model that could be trusted.",
     "unjudged": "This method does not judge its model.",
 }
-
-
-def coefficient_unit(state: str, exponents: Sequence[int], states: Sequence[str]) -> str:
-    """SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2, or `1`."""
-    metres, seconds = _dimension(state)
-    seconds -= 1
-    for name, power in zip(states, exponents, strict=True):
-        m, s = _dimension(name)
-        metres, seconds = metres - power * m, seconds - power * s
-    parts = [f"{symbol}^{power}" for symbol, power in (("m", metres), ("s", seconds)) if power]
-    return " ".join(parts).replace("^1 ", " ").removesuffix("^1") or "1"
-
-
-def _dimension(name: str) -> tuple[int, int]:
-    """Powers of m and s of a state."""
-    return {"1": (0, 0), "m": (1, 0), "m/s": (1, -1), "m/s^2": (1, -2)}[state_unit(name)]
 
 
 def model_rows(identified: IdentifiedModel) -> list[dict]:
@@ -114,11 +98,14 @@ def summary(
     reports: Sequence[dict],
     dynamics: Sequence[str],
     skill: str,
+    used: str = "",
+    further: Sequence[str] = (),
 ) -> str:
     """summary.md: status and why, the equations, what the recordings cannot tell.
 
     reports: of `quality`. dynamics: sentences on frequencies, damping, limit cycle. skill: of the
-    forecast, a sentence.
+    forecast, a sentence. used: of the recordings, a sentence. further: lines on which further
+    recording would help.
     """
     lines = ["# Summary", "", f"**{identified.verdict}.** {MEANING[identified.status]}", ""]
     if identified.status != "refused":
@@ -131,8 +118,12 @@ def summary(
     for report in reports:
         head, *rest = report_lines(report)
         lines += [f"- {head}", *(f"  - {line.strip()}" for line in rest)]
-    if absent := _largest_limits(identified):
-        lines += ["", "## What the recordings cannot tell", "", *absent]
+    if used:
+        lines += ["", used]
+    if identified.status != "refused":
+        lines += ["", "## What the recordings cannot tell", "", *_untold(identified)]
+    if further:
+        lines += ["", "## Which recording would help most", "", *further]
     return "\n".join(lines) + "\n"
 
 
@@ -154,16 +145,26 @@ def report_lines(report: dict) -> list[str]:
     return lines + [f"  {p['column']}, row {p['row']}: {p['what']}" for p in report["problems"]]
 
 
-def _largest_limits(identified: IdentifiedModel) -> list[str]:
-    """The three absent terms of which the most could be there, with their limits."""
-    limits = np.where(np.isfinite(identified.detection_limits), identified.detection_limits, -1.0)
-    if identified.initial_states is None or not (limits > 0).any():
-        return []
+def _untold(identified: IdentifiedModel) -> list[str]:
+    """What the model does not say: other conditions, and the absent terms with most room."""
     model = identified.model
+    limits = np.where(np.isfinite(identified.detection_limits), identified.detection_limits, -1.0)
     flat = np.argsort(-limits, axis=None)[:3]
-    return [
-        f"- {term_name(model.terms[j], model.states)} in d({model.states[i]})/dt, up to "
-        f"{limits[i, j]:.3g} {coefficient_unit(model.states[i], model.terms[j], model.states)}"
+    room = [
+        f"- {term_name(model.terms[j], model.states)} in d({model.states[i]})/dt: absent, or as "
+        f"large as {limits[i, j]:.3g} "
+        f"{coefficient_unit(model.states[i], model.terms[j], model.states)}"
         for i, j in zip(*np.unravel_index(flat, limits.shape), strict=True)
         if limits[i, j] > 0
+    ]
+    scales = [
+        f"- The scale of {name.removeprefix('scale_')}: it was told from its rate, as {value:.4g} "
+        "times the true one"
+        for name, value in identified.diagnostics.items()
+        if name.startswith("scale_")
+    ]
+    return [
+        "- What holds at other winds, and at motions much larger than those recorded",
+        *scales,
+        *room,
     ]

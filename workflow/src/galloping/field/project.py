@@ -26,6 +26,7 @@ def recording(series: Series, mapping: Mapping) -> Recording:
     n = len(mapping.states)
     values, rates = np.full((2, len(time), n), np.nan)
     offsets, scales = np.zeros(n, bool), np.zeros(n, bool)
+    noise = np.full((2, n), np.nan)
     for measures in dict.fromkeys(channel.measures for channel in mapping.channels):
         group = [k for k, channel in enumerate(mapping.channels) if channel.measures == measures]
         channels = [mapping.channels[k] for k in group]
@@ -33,6 +34,7 @@ def recording(series: Series, mapping: Mapping) -> Recording:
         weights = _weights(channels, mapping.span)
         combined = np.column_stack(_together(time, [columns[k] for k in group])) @ weights
         (rates if is_rate else values)[:, state] = combined
+        noise[int(is_rate), state] = np.linalg.norm(weights * series.noise[group])
         (offsets if is_rate else scales)[state] |= any(
             (channel.offset if is_rate else channel.scale) == "unknown" for channel in channels
         )
@@ -40,6 +42,7 @@ def recording(series: Series, mapping: Mapping) -> Recording:
         time, mapping.states, values,
         rates=rates if np.isfinite(rates).any() else None,
         unknown_offsets=offsets, unknown_scales=scales,
+        known_noise=noise if np.isfinite(noise).any() else None,
     )  # fmt: skip
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import median_filter
-from scipy.signal import find_peaks
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from galloping.field.mapping import Mapping
 from galloping.field.read import Series
@@ -80,7 +79,8 @@ def _channel(
     outliers[[0, 1, -2, -1]] = False  # where a median has no neighbours on one side
     frequency, share = spectrum(t, y, step)
     around = np.convolve(share, np.ones(5), mode="same")
-    peaks = find_peaks(around, distance=5, height=0.01)[0]
+    highest = around == maximum_filter1d(around, 9)
+    peaks = 1 + np.flatnonzero(highest[1:-1] & (around[1:-1] > 0.01))
     peaks = peaks[np.argsort(-around[peaks])][:4]
     motion = float(np.std(y))
     thirds = np.array_split(y, 3)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from galloping.field.mapping import Channel, Mapping
 from galloping.field.tables import FileError, Table, read_table
-from galloping.field.units import UnitError, factor, state_unit
+from galloping.field.units import UnitError, amount, factor, state_unit
 
 FEWEST = 100  # samples: fewer hold no oscillation that could be told from noise
 
@@ -20,6 +20,7 @@ class Series:
     """The channels of one file on one time axis, in SI units.
 
     path: the file. time: (n,) s since `start`, strictly increasing. start: ISO 8601 or ''.
+    noise: (n_channels,) known deviation of a sample, NaN where unknown.
     values: (n, n_channels), NaN where missing, in the order of the mapping's channels. rows: (n,)
     row of each sample in the file. notes: one line for each thing that was mended.
     """
@@ -30,6 +31,7 @@ class Series:
     values: np.ndarray
     rows: np.ndarray
     notes: tuple[str, ...]
+    noise: np.ndarray
 
 
 def read_series(path: str | Path, mapping: Mapping) -> Series:
@@ -39,7 +41,14 @@ def read_series(path: str | Path, mapping: Mapping) -> Series:
     """
     table = read_table(path, mapping.decimal)
     time, start = _seconds(table, mapping)
-    values = np.column_stack([_in_si(table, channel) for channel in mapping.channels])
+    columns = [_in_si(table, channel) for channel in mapping.channels]
+    for channel, column in zip(mapping.channels, columns, strict=True):
+        if len(column) != len(time):
+            raise FileError(
+                f"{table.path}: column {channel.column!r} has {len(column)} rows, the times "
+                f"{mapping.time.column!r} have {len(time)}"
+            )
+    values = np.column_stack(columns)
     rows = np.arange(len(time)) + table.first_row
     notes = []
     timeless = ~np.isfinite(time)
@@ -80,7 +89,8 @@ def read_series(path: str | Path, mapping: Mapping) -> Series:
             )
     if len(time) < FEWEST:
         raise FileError(f"{table.path}: {len(time)} rows are fewer than the {FEWEST} needed")
-    return Series(table.path, time, start, values, rows, tuple(notes))
+    noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
+    return Series(table.path, time, start, values, rows, tuple(notes), noise)
 
 
 def _seconds(table: Table, mapping: Mapping) -> tuple[np.ndarray, str]:
@@ -112,6 +122,19 @@ def _in_si(table: Table, channel: Channel) -> np.ndarray:
     unit = channel.unit or table.units.get(channel.column, "")
     wanted = state_unit(channel.measures)
     return table.numbers(channel.column) * _factor(table, channel.column, unit, wanted)
+
+
+def _known_noise(table: Table, channel: Channel) -> float:
+    if channel.noise is None:
+        return np.nan
+    unit = channel.unit or table.units.get(channel.column, "")
+    try:
+        noise = amount(channel.noise, unit, state_unit(channel.measures))
+    except UnitError as error:
+        raise FileError(f"noise of column {channel.column!r}: {error}") from error
+    if not 0.0 < noise < np.inf:
+        raise FileError(f"noise of column {channel.column!r}: {channel.noise}; must be above 0")
+    return noise
 
 
 def _factor(table: Table, column: str, unit: str, wanted: str) -> float:

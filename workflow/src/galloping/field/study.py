@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from galloping import __version__
-from galloping.field.dynamics import Dynamics, dynamics, sentences
+from galloping.field.advice import Advice, advice
+from galloping.field.advice import sentences as advised
+from galloping.field.dynamics import Dynamics, dynamics, expected, sentences
 from galloping.field.equations import known_model
-from galloping.field.forecast import Following, Forecast, first_guess, forecast
+from galloping.field.excerpt import excerpts
+from galloping.field.forecast import Following, Forecast, first_guess, forecast, simulator_of
 from galloping.field.mapping import Mapping
 from galloping.field.outputs import (
     MODEL_COLUMNS,
@@ -21,17 +24,19 @@ from galloping.field.outputs import (
     summary,
 )
 from galloping.field.project import recording
+from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import quality
 from galloping.field.read import Series, read_series
 from galloping.field.units import state_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.importing import imported
-from galloping.polynomial import library
+from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
-from galloping.simulation import Simulator
 from galloping.storage import write_json, write_rows, write_text
 
-HELD_OUT = 0.1  # of a recording, to try the forecast on
+HELD_OUT = 0.1  # of a recording, to try the forecast on,
+MOST_HELD_OUT = 30  # periods of the motion, and so many samples of it
+MOST_SAMPLES = 5000
 PERIODS = 6  # of the motion from which a forecast starts
 POINTS = 600  # of a drawn motion
 DPI, FONT_SIZE = 150, 8
@@ -55,13 +60,17 @@ class Field:
 
     @property
     def period(self) -> float:
-        """Longest period of the motion, s, from the dominant frequencies of its channels."""
-        frequencies = [
-            channel["dominant_frequencies_hz"][0]
-            for report in self.reports
-            for channel in report["channels"].values()
-            if channel["dominant_frequencies_hz"]
-        ]
+        """Longest period of the motion, s, from the dominant frequencies of its channels.
+
+        Of each the first of which the recording holds PERIODS_HELD periods: slower ones are drifts
+        of the mean, which come with a motion that grows.
+        """
+        frequencies = []
+        for report in self.reports:
+            least = PERIODS_HELD / report["sampling"]["duration_s"]
+            for channel in report["channels"].values():
+                dominant = channel["dominant_frequencies_hz"]
+                frequencies += ([f for f in dominant if f >= least] or dominant)[:1]
         if not frequencies:
             raise ValueError("no channel oscillates: there is no motion to identify")
         return 1.0 / min(frequencies)
@@ -78,6 +87,28 @@ class Trial:
     measured: np.ndarray
     skill: np.ndarray
     held: np.ndarray
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What is told of a model beside itself; nothing of a refused one.
+
+    shown: as `stretches` gives them. further: which recording would help. beside: a case by name.
+    """
+
+    trial: Trial | None = None
+    ahead: Forecast | None = None
+    shown: Sequence[tuple[np.ndarray, np.ndarray]] = ()
+    of_line: Dynamics | None = None
+    further: Advice | None = None
+    beside: tuple[str, Dynamics] | None = None
+
+    @property
+    def forecasts(self) -> list[Forecast]:
+        """Of what was held out, and after the recording."""
+        return [
+            part for part in (self.trial and self.trial.forecast, self.ahead) if part is not None
+        ]
 
 
 def read_field(paths: Sequence[str | Path], mapping: Mapping) -> Field:
@@ -114,11 +145,13 @@ def analyse(
     question: Question,
     folder: Path,
     advance: Callable[[str], object] = lambda _: None,
+    beside: tuple[str, PolynomialModel] | None = None,
 ) -> IdentifiedModel:
     """From files of one system to everything in `folder`, written when all of it is made.
 
-    advance: told the name of each of the `STEPS` when it is done. Raises ValueError, in one line,
-    for files or a question that make no sense; a recording without a model is no error.
+    advance: told the name of each of the `STEPS` when it is done. beside: a name and a model of the
+    line that the summary compares with. Raises ValueError, in one line, for files or a question
+    that make no sense; a recording without a model is no error.
     """
     field = read_field(paths, mapping)
     terms = library(len(mapping.states), question.degree)
@@ -127,17 +160,17 @@ def analyse(
     rng = np.random.default_rng(question.seed)
 
     def fitted(recordings: list[Recording]) -> IdentifiedModel:
-        return method(recordings, terms, known, known_states)
+        return method(excerpts(recordings), terms, known, known_states)
 
     identified = fitted(list(field.recordings))
     advance("identify")
-    trial = ahead = shown = of_line = None
+    findings = Findings()
     if identified.status != "refused":
         trial = tried(field, fitted, rng)
         advance("hold out")
         last = field.recordings[-1]
         window = PERIODS * field.period
-        step = float(np.median(np.diff(last.time)))
+        step = max(float(np.median(np.diff(last.time))), window / MOST_SAMPLES)
         try:
             ahead = forecast(
                 identified, last, last.time[-1] + np.arange(step, window, step), window, rng
@@ -145,10 +178,16 @@ def analyse(
         except ValueError:
             ahead = None
         advance("forecast")
-        shown = stretches(identified, last, window)
-        of_line = dynamics(identified, rng)
-    write_outputs(folder, field, identified, trial, ahead, of_line)
-    write_figures(folder, field, shown or [], trial, ahead)
+        findings = Findings(
+            trial,
+            ahead,
+            stretches(identified, last, window),
+            dynamics(identified, rng),
+            advice(identified, last, field.period),
+            beside and (beside[0], expected(beside[1], identified)),
+        )
+    write_outputs(folder, field, identified, findings)
+    write_figures(folder, field, findings)
     advance("draw")
     return identified
 
@@ -161,15 +200,17 @@ def tried(
     None where the shorter recordings give no model.
     """
     *others, last = field.recordings
-    cut = int(np.searchsorted(last.time, last.time[-1] - HELD_OUT * np.ptp(last.time)))
+    length = min(HELD_OUT * np.ptp(last.time), MOST_HELD_OUT * field.period)
+    cut = int(np.searchsorted(last.time, last.time[-1] - length))
+    shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
     identified = identify([*others, last[:cut]])
     if identified.status == "refused":
         return None
     try:
-        ahead = forecast(identified, last[:cut], last.time[cut:], PERIODS * field.period, rng)
+        ahead = forecast(identified, last[:cut], last.time[shown], PERIODS * field.period, rng)
     except ValueError:
         return None
-    measured = last.values[cut:]
+    measured = last.values[shown]
     known = np.isfinite(measured)
     inside = (measured >= ahead.low) & (measured <= ahead.high)
     counts = known.sum(axis=0)
@@ -189,7 +230,7 @@ def stretches(
     be followed; it starts where it then follows the samples best.
     """
     time = recording.time
-    simulator = Simulator(identified.model.states, identified.model.terms)
+    simulator = simulator_of(identified.model)
     sigma = np.nan_to_num(identified.sigma[-1])
     motions = []
     for share in (0.0, 0.5, 1.0):
@@ -211,9 +252,7 @@ def write_outputs(
     folder: Path,
     field: Field,
     identified: IdentifiedModel,
-    trial: Trial | None,
-    ahead: Forecast | None,
-    of_line: Dynamics | None,
+    findings: Findings,
 ) -> None:
     """The tables, the model and `summary.md`."""
     states = identified.model.states
@@ -225,43 +264,61 @@ def write_outputs(
     )
     write_rows(folder / "model.csv", model_rows(identified), list(MODEL_COLUMNS))
     tables = {"model.csv": MODEL_COLUMNS}
-    rows = [row for part in _parts(trial, ahead) for row in forecast_rows(part, states)]
+    rows = [row for part in findings.forecasts for row in forecast_rows(part, states)]
     units = {f"{s}{end}": state_unit(s) for s in states for end in ("", "_low", "_high")}
     tables["forecast.csv"] = {"time_s": "s", **units}
     write_rows(folder / "forecast.csv", rows, list(tables["forecast.csv"]))
     describe_tables(folder, tables)
-    said = sentences(of_line) if of_line else ()
-    write_text(
-        folder / "summary.md", summary(identified, field.reports, said, _skill(trial, states))
+    text = summary(
+        identified,
+        field.reports,
+        dynamics=_dynamics(findings),
+        skill=_skill(findings.trial, states),
+        used=_used(field.recordings),
+        further=advised(findings.further) if findings.further else (),
     )
+    write_text(folder / "summary.md", text)
 
 
 def write_figures(
     folder: Path,
     field: Field,
-    shown: list[tuple[np.ndarray, np.ndarray]],
-    trial: Trial | None,
-    ahead: Forecast | None,
+    findings: Findings,
 ) -> None:
     """quality, fit and forecast, as SVG and PNG."""
     from galloping.figures import field as figures  # matplotlib
     from galloping.figures.write import write_figure
 
     last = field.recordings[-1]
-    length = 0.0 if not shown else np.ptp(shown[0][0])
+    shown = findings.shown
+    length = np.ptp(shown[0][0]) if shown else 0.0
     drawn = {
         "quality": lambda: figures.draw_quality(field.series, field.reports, field.mapping),
         "fit": lambda: figures.draw_fit(last, shown),
-        "forecast": lambda: figures.draw_forecast(
-            last, _parts(trial, ahead), last.time[-1], length
-        ),
+        "forecast": lambda: figures.draw_forecast(last, findings.forecasts, last.time[-1], length),
     }
     for name, draw in drawn.items():
         write_figure(folder / f"{name}.svg", folder / f"{name}.png", draw, DPI, FONT_SIZE)
 
 
-def _parts(trial: Trial | None, ahead: Forecast | None) -> list[Forecast]:
-    return [part for part in (trial and trial.forecast, ahead) if part is not None]
+def _dynamics(findings: Findings) -> list[str]:
+    said = sentences(findings.of_line) if findings.of_line else []
+    if findings.beside and findings.beside[1]:
+        name, of_case = findings.beside
+        said += [f"by case {name}, {sentence}" for sentence in sentences(of_case)]
+    return said
+
+
+def _used(recordings: Sequence[Recording]) -> str:
+    stretches = excerpts(list(recordings))
+    if len(stretches) == len(recordings):
+        return ""
+    duration = sum(one.time[-1] - one.time[0] for one in recordings)
+    share = 100 * sum(one.time[-1] - one.time[0] for one in stretches) / duration
+    return (
+        f"The model comes from {len(stretches)} stretches, {share:.2g} % of the time: those in "
+        "which the motion grows or decays most, and those in which it is largest."
+    )
 
 
 def _skill(trial: Trial | None, states: Sequence[str]) -> str:

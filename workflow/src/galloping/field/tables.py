@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import warnings
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,7 +66,9 @@ class Table:
         hint = ""
         if isinstance(value, str) and value.replace(",", "", 1).strip("+-").isdigit():
             hint = "; with a decimal comma say --decimal , (decimal: ',' in a mapping)"
-        return f"{self.path}: row {row + self.first_row}, column {name!r}: {value!r} {what}{hint}"
+        return (
+            f"{self.path}: row {row + self.first_row}, column {name!r}: {value!r:.60} {what}{hint}"
+        )
 
 
 def read_table(path: str | Path, decimal: str = ".") -> Table:
@@ -120,7 +123,7 @@ def _read_text(path: Path, decimal: str) -> Table:
             ) from error
         lines = head[: error.start].decode("utf-8-sig").splitlines()
     comments = 0
-    while comments < len(lines) and lines[comments].startswith("#"):
+    while comments < len(lines) and (not lines[comments].strip() or lines[comments][0] == "#"):
         comments += 1
     if comments == len(lines):
         raise FileError(f"{path}: no header")
@@ -134,10 +137,21 @@ def _read_text(path: Path, decimal: str) -> Table:
     repeated = [name for name, count in Counter(header).items() if count > 1]
     if repeated:
         raise FileError(f"{path}: two columns are named {repeated[0]!r}")
-    frame = pd.read_csv(
-        path, sep=separator or r"\s+", decimal=decimal, skiprows=comments + 1, names=header,
-        index_col=False, encoding="utf-8-sig", skipinitialspace=True, low_memory=False,
-    )  # fmt: skip
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            frame = pd.read_csv(
+                path, sep=separator or r"\s+", decimal=decimal, skiprows=comments + 1, names=header,
+                index_col=False, encoding="utf-8-sig", skipinitialspace=True, low_memory=False,
+            )  # fmt: skip
+    except pd.errors.ParserWarning as error:
+        raise FileError(
+            f"{path}: rows have more cells than the {len(header)} columns of the header; decimal "
+            "commas need another separator between columns"
+        ) from error
+    except UnicodeDecodeError as error:
+        byte = error.object[error.start]
+        raise FileError(f"{path}: byte {byte:#x} is not UTF-8; save the file as UTF-8") from error
     return Table(path, {n: frame[n].to_numpy() for n in header}, units, comments + 2)
 
 

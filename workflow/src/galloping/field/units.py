@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from functools import cache
 
+AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
 LENGTH_OF_ORDER = {0: "m", 1: "m/s", 2: "m/s^2"}
 
 
@@ -41,9 +44,36 @@ def factor(unit: str, wanted: str) -> float:
         raise UnitError(f"unit {unit!r} cannot be read") from error
 
 
+def amount(text: str | float, unit: str, wanted: str) -> float:
+    """A number in `wanted`, an SI unit, from text such as `3 mm`; without a unit it is in `unit`.
+
+    Raises UnitError.
+    """
+    number, own = AMOUNT.fullmatch(str(text).strip()).groups()
+    if not number:
+        raise UnitError(f"{text!r} is not a number with a unit, such as '3 mm'")
+    return float(number) * factor(own or unit, wanted)
+
+
 def state_unit(name: str) -> str:
     """The SI unit of a state of a line, by its name: q_v m, dq_v m/s, ddq_v m/s^2; else `1`."""
     stem = name.lstrip("d")
     if stem in ("q_v", "q_w"):
         return LENGTH_OF_ORDER.get(len(name) - len(stem), "1")
     return "1"
+
+
+def coefficient_unit(state: str, exponents: Sequence[int], states: Sequence[str]) -> str:
+    """SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2, or `1`."""
+    metres, seconds = _dimension(state)
+    seconds -= 1
+    for name, power in zip(states, exponents, strict=True):
+        m, s = _dimension(name)
+        metres, seconds = metres - power * m, seconds - power * s
+    parts = [f"{symbol}^{power}" for symbol, power in (("m", metres), ("s", seconds)) if power]
+    return " ".join(parts).replace("^1 ", " ").removesuffix("^1") or "1"
+
+
+def _dimension(name: str) -> tuple[int, int]:
+    """Powers of m and s of a state."""
+    return {"1": (0, 0), "m": (1, 0), "m/s": (1, -1), "m/s^2": (1, -2)}[state_unit(name)]

@@ -44,8 +44,6 @@ def draw_quality(series: Sequence[Series], reports: Sequence[dict], mapping: Map
         known = np.isfinite(values)
         frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
         share = np.maximum(share, share.max() * 10.0**-DECADES)
-        right.semilogy(frequency, share, color=MODEL, lw=0.6)
-        right.yaxis.set_minor_locator(NullLocator())
         described = report["channels"][channel.column]
         for dominant in described["dominant_frequencies_hz"][:1]:
             right.axvline(dominant, color=PAPER, lw=0.8, ls=":")
@@ -54,6 +52,9 @@ def draw_quality(series: Sequence[Series], reports: Sequence[dict], mapping: Map
                 xytext=(2, -2), textcoords="offset points", va="top", color=PAPER, size="x-small",
             )  # fmt: skip
         top = max([5 * d for d in described["dominant_frequencies_hz"]], default=frequency[-1])
+        shown = frequency <= min(top, frequency[-1])
+        right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
+        right.yaxis.set_minor_locator(NullLocator())
         right.set(xlim=(0, min(top, frequency[-1])), xlabel="frequency, Hz", ylabel="share")
     handles = [Patch(fc=BAND, label="gap"), Line2D([], [], color=PAPER, ls=":", label="dominant")]
     figure.legend(handles=handles, loc="outside upper right", ncols=2)

@@ -90,15 +90,24 @@ def files(plan: Plan) -> list[Path]:
 
     The workflow; tables, figures and report; and what these are directly made from, as far as it
     lies in the working folder, so that they can be made again without computing anything else.
+    What recordings from the field gave goes in, their files only where they say so.
     """
     maker, results = plan.maker, plan.results
-    shown = (f"{results}/tables/", f"{results}/figures/", f"{results}/report.html")
+    fields = plan.settings["recordings"]
+    told = (f"{results}/recordings/{name}/" for name in fields)
+    shown = (f"{results}/tables/", f"{results}/figures/", f"{results}/report.html", *told)
     final = [path for path in maker if path.startswith(shown)]
     needed = {path for made in final for path in maker[made].inputs if is_plain(path)}
     wanted = [Path(path) for path in (*final, *needed, *SOURCES)]
     for folder in filter(Path.is_dir, map(Path, SOURCES)):
         wanted += [folder / p for p in files_of(folder) if is_plain(p) and "__pycache__" not in p]
-    return sorted({path for path in wanted if path.is_file()})
+    private = {
+        Path(path).resolve()
+        for recordings in fields.values()
+        if not recordings["publish"]
+        for path in recordings["files"]
+    }
+    return sorted({p for p in wanted if p.is_file() and p.resolve() not in private})
 
 
 def _write_records(

@@ -57,6 +57,15 @@ class Item:
 
 
 @dataclass(frozen=True)
+class Recordings:
+    """What recordings from the field gave: a summary in Markdown, shown as it is, and figures."""
+
+    name: str
+    summary: str
+    figures: list[Item]
+
+
+@dataclass(frozen=True)
 class Page:
     """What the page shows, in this order.
 
@@ -71,6 +80,7 @@ class Page:
     introduction: str
     figures: list[Item]
     tables: list[Item]
+    recordings: list[Recordings]
     versions: dict[str, str]
 
 

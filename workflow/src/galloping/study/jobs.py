@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from galloping.field import SHOWN
 from galloping.figures import registry as figures
 from galloping.identification.registry import BY_NAME as METHODS
 from galloping.study import shown, sources
@@ -93,7 +94,10 @@ def identify_recordings(study: Study, recording: str) -> Job:
     """From files of instruments to all that they tell, as `galloping identify` does."""
     settings = study.plain["recordings"][recording]
     files = {f"file_{k}": path for k, path in enumerate(settings["files"])}
-    return Job({**files, "mapping": settings["mapping"]}, settings)
+    case = settings["case"]
+    reads = {} if case is None else {"model": sources.model(study, case)}
+    job = _reading(reads, {k: v for k, v in settings.items() if k != "publish"})
+    return replace(job, inputs={**files, "mapping": settings["mapping"], **job.inputs})
 
 
 def evaluate_cell(study: Study, case: str, protocol: str, cell: str) -> Job:
@@ -270,6 +274,11 @@ def write_report(study: Study) -> Job:
     shows = {
         **{f"figures/{f.name}": paths.figure.format(figure=f.name, form="svg") for f in drawn},
         **{f"tables/{name}": paths.table.format(table=name) for name in names},
+        **{
+            f"recordings/{name}/{file}": paths.field.format(recording=name, file=file)
+            for name in study.settings.recordings
+            for file in SHOWN
+        },
     }
     settings = {"labels": {each.name: each.label for each in drawn}, "study": study.plain}
     reads = {}

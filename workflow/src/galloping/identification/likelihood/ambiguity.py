@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2 as chi2_distribution
-from scipy.stats import norm
+from scipy.special import chdtri, gammaincinv, ndtri
 
 from galloping.identification.likelihood.constants import (
     CHANGES,
@@ -41,7 +40,7 @@ def price(n: int) -> float:
 
     What a term must bring to be more plausible than not, where selection asks for near certainty.
     """
-    return float(chi2_distribution.ppf(0.5 ** (1.0 / max(n, 1)), 1))
+    return float(2.0 * gammaincinv(0.5, 0.5 ** (1.0 / max(n, 1))))
 
 
 def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
@@ -139,7 +138,7 @@ def detection_limits(errors: np.ndarray, support: np.ndarray, penalty: float) ->
     errors: unconditional ones, which hold what is estimated of the absent term. NaN for the
     terms of the support.
     """
-    return np.where(support, np.nan, (np.sqrt(penalty) + norm.isf(MISS_RATE)) * errors)
+    return np.where(support, np.nan, (np.sqrt(penalty) - ndtri(MISS_RATE)) * errors)
 
 
 def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> str:
@@ -171,7 +170,7 @@ def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -
     n = len(here.out)
     for size, falls in ((1, here.additions()), (2, here.pairs())):
         several = n if size == 1 else n * (n - 1) / 2
-        if several and falls.max() > chi2_distribution.isf(FALSE_DOUBT_RATE / several, size):
+        if several and falls.max() > chdtri(size, FALSE_DOUBT_RATE / several):
             places = np.unravel_index(np.argmax(falls), falls.shape)
             added = " with ".join(names[here.out[k]] for k in places)
             reasons.append(

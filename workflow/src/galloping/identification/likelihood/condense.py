@@ -30,6 +30,7 @@ class Condensed:
     targets: (n_windows, n_observed, ROWS) the projections of the samples, in the state's unit.
     counts: (n_recordings, n_observed) samples; rows: the same, non-zero rows.
     remainder: (n_recordings, n_observed) sum of squares of the samples outside the projections.
+    known_noise: (n_recordings, n_observed) deviation of a sample where known, NaN else; or None.
     """
 
     step: float
@@ -41,11 +42,29 @@ class Condensed:
     counts: np.ndarray
     rows: np.ndarray
     remainder: np.ndarray
+    known_noise: np.ndarray | None = None
 
     def names(self, states: Sequence[str]) -> list[str]:
         """What each channel measures: a state, or d and the name of one."""
         pairs = zip(self.observed, self.is_rate, strict=True)
         return [f"d{states[k]}" if rate else states[k] for k, rate in pairs]
+
+    @property
+    def is_known(self) -> np.ndarray:
+        """(n_recordings, n_observed) whether the noise of a channel is known."""
+        if self.known_noise is None:
+            return np.zeros(self.counts.shape, bool)
+        return np.isfinite(self.known_noise) & (self.counts > 0)
+
+    @property
+    def noise_variance(self) -> np.ndarray:
+        """(n_recordings, n_observed) of a sample: as known, or by the rest inside windows."""
+        inside = self.remainder / np.maximum(self.counts - self.rows, 1)
+        return (
+            inside
+            if self.known_noise is None
+            else np.where(self.is_known, self.known_noise**2, inside)
+        )
 
     @property
     def samplings(self) -> np.ndarray:
@@ -131,12 +150,14 @@ def condense(
     observed: np.ndarray,
     step: float,
     is_rate: np.ndarray | None = None,
+    known_noise: np.ndarray | None = None,
 ) -> Condensed:
     """Condense recordings that measure the same channels.
 
     times: per recording (n,), s, increasing. values: per recording (n, n_observed), NaN where a
     sample is missing. observed: (n_observed,) state index of each channel. step: window, s.
     is_rate: (n_observed,) whether a channel measures the rate of its state; none does by default.
+    known_noise: as in `Condensed`.
     """
     windows = [window_count(time, step) for time in times]
     first = np.concatenate([[0], np.cumsum(windows)])
@@ -165,5 +186,5 @@ def condense(
     functionals[:, rates] = of_rates(functionals[:, rates], step)
     return Condensed(
         step, first, np.asarray(observed), rates, functionals, targets, counts, rows,
-        np.maximum(remainder, 0.0),
+        np.maximum(remainder, 0.0), known_noise,
     )  # fmt: skip

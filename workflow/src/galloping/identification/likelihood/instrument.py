@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import Condensed, of_rates
 from galloping.identification.likelihood.constants import (
@@ -32,7 +32,7 @@ from galloping.identification.likelihood.shooting import (
 )
 
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
-JITTER = "the sampling times jitter"
+JITTER = "errors grow with the speed of the motion: sampling times jitter, or the model is wrong"
 GROWING = "the noise grows with the signal"
 
 
@@ -84,7 +84,7 @@ def faults(
     tested = [Fault(test.cause, z) for test, z in zip(tests, scores, strict=True)]
     tested += _gaps(own, segments, n, starts)
     tested += _variances(condensed, segments, sigma, residual, rates)
-    limit = norm.isf(FALSE_ALARM / 2.0 / max(len(tested), 1))
+    limit = -ndtri(FALSE_ALARM / 2.0 / max(len(tested), 1))
     doubtful = [k for k, z in enumerate(scores) if z > CURIOUS]
     if doubtful and max(scores) < np.sqrt(penalty):
         quadratic = eliminate(linear(np.ones(len(support), bool)), segments, starts)

@@ -23,7 +23,9 @@ from galloping.identification.likelihood.rates import (
     channel_noise,
     channel_values,
     channels,
+    known_noise,
     scaled,
+    scales_told,
     with_rates,
 )
 from galloping.identification.likelihood.result import judged, refused
@@ -109,8 +111,9 @@ def maximum_likelihood(
     """Identify one polynomial model from one or several recordings of a system.
 
     recordings: sharing their states; any sampling, NaN where samples or channels are missing;
-    the noise of each channel of each recording is unknown, white and Gaussian. Where they carry
-    derivatives, the states are exact and the equations are fitted directly.
+    the noise of each channel of each recording is white and Gaussian, and unknown but where they
+    say it: then it is the least that is assumed, and what the misfit is held against. Where they
+    carry derivatives, the states are exact and the equations are fitted directly.
     terms: the library. known: model whose equations of `known_states` hold; the equation of a
     state X is known to be dX/dt = dX where a state has that name. begin: makes the start.
     The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
@@ -128,7 +131,9 @@ def maximum_likelihood(
         rescaled = scaled(recordings, begun)
         if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
             begun = begin(problem, rescaled)
-        return _from_states(problem, recordings, with_rates(begun, rescaled))
+        identified = _from_states(problem, recordings, with_rates(begun, rescaled))
+        told = scales_told(recordings, rescaled)
+        return replace(identified, diagnostics={**identified.diagnostics, **told})
     except (ValueError, FloatingPointError, np.linalg.LinAlgError) as error:
         return refused(problem, str(error))
 
@@ -185,6 +190,7 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     parameters = int(fit.support.sum()) + (step.segments.chains[-1] + 1) * len(problem.states)
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
     total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
+    total = np.where(condensed.is_known, condensed.noise_variance, total)
     total = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
     sigma[:, condensed.observed[~condensed.is_rate]] = total[:, ~condensed.is_rate]
     names = condensed.names(problem.states)
@@ -327,6 +333,9 @@ def _prepare(
     )
     size = np.array([np.std(one.states[:, observed], axis=0) for one in smoothed])
     floor = SMALLEST_NOISE * np.where(size > 0.0, size, 1.0)
+    known = [known_noise(recording, observed, is_rate) for recording in recordings]
+    known = np.array(known) if np.any(np.isfinite(known)) else None
+    floor = floor if known is None else np.fmax(floor, known)
     noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
     windows = WINDOWS_PER_PERIOD
     length = max(round(windows * periods), 2)
@@ -337,6 +346,7 @@ def _prepare(
             observed,
             period / windows,
             is_rate,
+            known,
         )
         states, valid = _window_states(condensed, recordings, smoothed)
         segments = cut(condensed, length, valid, chained=False)

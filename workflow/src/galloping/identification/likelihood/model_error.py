@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtrit
 
 from galloping.identification.likelihood.ambiguity import detection_limits
 from galloping.identification.likelihood.condense import Condensed
@@ -75,12 +75,6 @@ class _Record:
     def followed(self) -> np.ndarray:
         """Indices of the segments that another one of the same recording follows."""
         return np.flatnonzero(np.diff(self.segments.recording) == 0)
-
-    @property
-    def inside(self) -> np.ndarray:
-        """(n_recordings, n_observed) variance of the samples within windows."""
-        condensed = self.condensed
-        return condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
 
     def part(self, segments: np.ndarray) -> tuple[slice, _Record]:
         """The windows of consecutive segments, and the record of them alone."""
@@ -190,7 +184,7 @@ def approximation(
     shares = error_shares(made, condensed)
     names = condensed.names(problem.states)
     noise = np.full((len(condensed.counts), len(problem.states)), np.nan)
-    inside = np.where(condensed.counts > 0, np.sqrt(record.inside), np.nan)
+    inside = np.where(condensed.counts > 0, np.sqrt(condensed.noise_variance), np.nan)
     noise[:, condensed.observed[~condensed.is_rate]] = inside[:, ~condensed.is_rate]
     named = ", ".join(
         f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
@@ -412,14 +406,16 @@ def _judged(record: _Record, fit: _Fit) -> Approximation:
         residual[own] = condensed.targets[own] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
-    few = (t.ppf(0.975, freedom) / norm.ppf(0.975)) ** 2  # so that normal intervals hold
+    few = (stdtrit(freedom, 0.975) / ndtri(0.975)) ** 2  # so that normal intervals hold
     covariance = SYSTEMATIC * few * freedom / len(groups) * spread.T @ spread
     windows = np.diff(segments.first)[:, None]
     squares = [
         np.add.reduceat(np.sum(values**2, axis=2), segments.first[:-1]) / windows
         for values in (condensed.targets, residual)
     ]
-    noise = (record.inside * condensed.rows / np.diff(condensed.first)[:, None])[segments.recording]
+    noise = (condensed.noise_variance * condensed.rows / np.diff(condensed.first)[:, None])[
+        segments.recording
+    ]
     return Approximation(
         fit.free, fit.support, fit.starts, _joint(record, linear, fit).information, covariance,
         np.array([*squares, noise]), residual[:, :, 0],
@@ -433,7 +429,7 @@ def error_shares(approximation: Approximation, condensed: Condensed) -> np.ndarr
     the channel mostly moves; of the root mean square of the channel, each recording as it is long.
     """
     shares = np.zeros((len(condensed.observed), 4))
-    noise = condensed.remainder / np.maximum(condensed.counts - condensed.rows, 1)
+    noise = condensed.noise_variance
     for o in range(len(condensed.observed)):
         motion, error = 0.0, np.zeros(4)
         for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):

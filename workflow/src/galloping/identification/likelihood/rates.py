@@ -46,6 +46,13 @@ def channel_noise(
     return np.where(is_rate, _deviation(about)[states], smoothed.noise[states])
 
 
+def known_noise(recording: Recording, states: np.ndarray, is_rate: np.ndarray) -> np.ndarray:
+    """(n_observed,) noise of a sample where it is known beforehand, else NaN."""
+    if recording.known_noise is None:
+        return np.full(len(states), np.nan)
+    return recording.known_noise[is_rate.astype(int), states]
+
+
 def with_rates(start: Start, recordings: list[Recording]) -> Start:
     """The start, its recordings with the rates of the given ones, without offsets and outliers.
 
@@ -61,6 +68,17 @@ def scaled(recordings: list[Recording], start: Start) -> list[Recording]:
     Raises ValueError where no channel tells it.
     """
     return [_scaled(recording, start.period) for recording in recordings]
+
+
+def scales_told(recordings: list[Recording], scaled: list[Recording]) -> dict[str, float]:
+    """The unknown scales, by name, from recordings and those of `scaled`; means over them."""
+    told: dict[str, list[float]] = {}
+    for recording, own in zip(recordings, scaled, strict=True):
+        if own is not recording:
+            for k in np.flatnonzero(recording.unknown_scales):
+                ratio = np.nanmedian(recording.values[:, k] / own.values[:, k])
+                told.setdefault(f"scale_{recording.states[k]}", []).append(float(ratio))
+    return {name: float(np.mean(values)) for name, values in told.items()}
 
 
 def _rates(recording: Recording) -> np.ndarray:
@@ -121,6 +139,7 @@ def _scaled(recording: Recording, period: float) -> Recording:
     if recording.unknown_scales is None or not recording.unknown_scales.any():
         return recording
     values, pairs = recording.values.copy(), velocity_pairs(recording.states)
+    noise = None if recording.known_noise is None else recording.known_noise.copy()
     for k in np.flatnonzero(recording.unknown_scales):
         velocity, order = (pairs[int(k)], 2) if int(k) in pairs else (int(k), 1)
         own, other = _weak(
@@ -131,8 +150,11 @@ def _scaled(recording: Recording, period: float) -> Recording:
                 f"the scale of {recording.states[k]} cannot be told: no channel of known scale "
                 f"measures d{recording.states[velocity]}"
             )
-        values[:, k] /= np.polyfit(other, own, 1)[0]  # the constant is the offset of the rate
-    return replace(recording, values=values, unknown_scales=None)
+        scale = np.polyfit(other, own, 1)[0]  # the constant is the offset of the rate
+        values[:, k] /= scale
+        if noise is not None:
+            noise[0, k] /= abs(scale)
+    return replace(recording, values=values, unknown_scales=None, known_noise=noise)
 
 
 def _weak(

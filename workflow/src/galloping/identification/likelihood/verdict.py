@@ -23,7 +23,8 @@ class Residue:
 
     chi2: mean square of the projected residuals, per degree of freedom, against the noise inside
     the windows; NaN where the windows hold too few samples to measure it. chi2_allowed: the
-    largest that white noise would give.
+    largest that white noise would give. noise_known: whether that of a channel is known and need
+    not be measured.
     band: power density of the residuals below 1.5/period over that above, and the largest ratio
     that white noise would give; a model error shows below, at the frequencies of the motion.
     band_power: (n_recordings, n_observed) power density below, as the variance of a projection.
@@ -33,6 +34,7 @@ class Residue:
 
     chi2: float
     chi2_allowed: float
+    noise_known: bool
     band: float
     band_allowed: float
     band_power: np.ndarray
@@ -44,7 +46,7 @@ class Residue:
     @property
     def coloured(self) -> bool:
         """Whether the noise is correlated over a few samples, more than a model error explains."""
-        return self.chi2 > max(COLOURED, self.chi2_allowed)
+        return not self.noise_known and self.chi2 > max(COLOURED, self.chi2_allowed)
 
     def objection(self, channels: list[str]) -> str:
         """Why the fit must not be trusted, in one line, '' where it may.
@@ -63,6 +65,8 @@ class Residue:
         if self.band > (MOST_COLOUR if self.coloured else self.band_allowed):
             other = "noise correlated over a period, or " if self.coloured else ""
             return f"{other}model inadequate: {misfit}"
+        if self.noise_known and self.chi2 > max(COLOURED, self.chi2_allowed):
+            return f"model inadequate, or noise larger than it was said to be: {misfit}"
         return ""
 
 
@@ -99,18 +103,19 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
         band_allowed = float(1.0 + SPREADS * np.sqrt(np.sum(1.0 / bins)))
     line_allowed = _expected_peak(int(condensed.first[-1]))
     return Residue(
-        chi2, chi2_allowed, band, band_allowed, band_power, line, line_allowed, frequency, channel
-    )
+        chi2, chi2_allowed, bool(condensed.is_known.any()), band, band_allowed, band_power, line,
+        line_allowed, frequency, channel,
+    )  # fmt: skip
 
 
 def _misfit(condensed: Condensed, residual: np.ndarray, parameters: int) -> tuple[float, float]:
     """chi^2 per degree of freedom against the noise inside the windows, and the largest allowed."""
     squares = np.add.reduceat((residual**2).sum(axis=2), condensed.first[:-1], axis=0)
-    spare = condensed.counts - condensed.rows
+    spare = np.where(condensed.is_known, np.inf, condensed.counts - condensed.rows)
     measured = spare > 0.3 * np.maximum(condensed.counts, 1)
     if not np.any(measured):
         return np.nan, np.nan
-    inside = np.maximum(condensed.remainder[measured] / spare[measured], np.finfo(float).tiny)
+    inside = np.maximum(condensed.noise_variance[measured], np.finfo(float).tiny)
     share = parameters / max(int(np.count_nonzero(condensed.counts)), 1)
     freedom = np.maximum(condensed.rows[measured] - share, 1.0)
     spread = np.sqrt(2.0 / np.sum(freedom) + 2.0 / np.sum(spare[measured]))

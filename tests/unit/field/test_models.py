@@ -1,0 +1,128 @@
+"""From recordings to models: as the study does, from long ones, with known noise, with advice."""
+
+import resource
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from lines import simulate
+
+from galloping.field.advice import advice, sentences
+from galloping.field.excerpt import PERIODS, STRETCHES, excerpts
+from galloping.field.mapping import validated
+from galloping.field.study import Question, analyse, read_field
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.smoothing import shortest_period
+from galloping.measurement.measuring import measure
+from galloping.measurement.motion import Motion
+from galloping.polynomial import library
+from galloping.simulation import Simulator
+
+STATES = ("q_v", "q_w", "dq_v", "dq_w")
+TERMS = library(4, 3)
+
+
+def mapping(**noise):
+    channels = [
+        {"column": q, "measures": q, "unit": "m", "noise": noise.get(q)} for q in STATES[:2]
+    ]
+    return validated({"time": {"column": "t", "unit": "s"}, "states": STATES, "channels": channels})
+
+
+def recorded(path, time, states, level=0.05, seed=4):
+    """A file of noisy displacements."""
+    q = states[:, :2]
+    q = q + level * q.std(axis=0) * np.random.default_rng(seed).standard_normal(q.shape)
+    pd.DataFrame({"t": time, "q_v": q[:, 0], "q_w": q[:, 1]}).to_csv(path, index=False)
+    return path
+
+
+@pytest.fixture(scope="module")
+def field(tmp_path_factory):
+    _, motion = simulate("internal_resonance")
+    path = tmp_path_factory.mktemp("field") / "a.csv"
+    return read_field([recorded(path, motion.time[::20], motion.states[::20])], mapping())
+
+
+def test_a_recording_of_the_study_gives_the_same_numbers_through_a_file(tmp_path):
+    line, motion = simulate("internal_resonance")
+    time, states = motion.time[:10001], motion.states[:10001]
+    ((cell,),) = measure(
+        [Motion(STATES, time, states, line(states))], protocol="displacement", level=0.05,
+        relative=True, samples=len(time), recordings=1, replicates=1, seed=1, name=("a",),
+    )  # fmt: skip
+    frame = pd.DataFrame({"t": cell.time, **dict(zip(STATES[:2], cell.values.T, strict=False))})
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    ours = analyse([tmp_path / "a.csv"], mapping(), Question(), tmp_path / "out")
+    studys = maximum_likelihood(cell, TERMS)
+    for name in ("standard_errors", "unconditional_errors", "sigma", "initial_states"):
+        np.testing.assert_allclose(getattr(ours, name), getattr(studys, name), rtol=1e-9)
+    np.testing.assert_allclose(ours.model.coefficients, studys.model.coefficients, rtol=1e-9)
+    assert ours.verdict == studys.verdict
+
+
+def test_a_known_noise_replaces_the_estimate_and_a_wrong_one_is_named(tmp_path):
+    _, motion = simulate("internal_resonance")
+    time, states = motion.time[::20], motion.states[::20]  # two samples in a window
+    path = recorded(tmp_path / "a.csv", time, states)
+    v, w = 0.05 * states[:, :2].std(axis=0)
+    free, known, wrong = (
+        maximum_likelihood(list(read_field([path], mapping(**noise)).recordings), TERMS)
+        for noise in ({}, {"q_v": f"{1e3 * v} mm", "q_w": w}, {"q_v": v / 5, "q_w": w / 5})
+    )
+    assert np.isnan(free.chi2) and known.chi2 == pytest.approx(1.0, abs=0.1)
+    assert known.sigma[0, :2] == pytest.approx([v, w])
+    assert wrong.status == "approximate" and "noise larger than it was said" in wrong.reason
+
+
+def test_long_recordings_are_identified_from_their_liveliest_and_largest_stretches(field):
+    recording = field.recordings[0]
+    assert excerpts([recording]) == [recording]
+    time = np.arange(0.0, 6000.0, 0.2)
+    size = 0.2 + 0.8 / (1.0 + np.exp((time % 1000.0 - 300.0) / -30.0))  # grows again and again
+    values = np.full((len(time), 4), np.nan)
+    values[:, 0] = size * np.sin(2.5 * time)
+    long = replace(recording, time=time, values=values)
+    stretches = excerpts([long])
+    period = shortest_period([long])
+    assert len(stretches) == STRETCHES
+    assert all(np.ptp(one.time) == pytest.approx(PERIODS * period, rel=0.02) for one in stretches)
+    changing, large = stretches[::2], stretches[1::2]
+    for one in changing:
+        sizes = [np.std(part) for part in np.array_split(one.values[:, 0], 8)]
+        assert max(sizes) > 3 * min(sizes)
+    assert all(np.nanstd(one.values[:, 0]) > 0.65 for one in large)
+    assert len(excerpts([long] * 20)) == 20
+
+
+def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field):
+    identified = maximum_likelihood(list(field.recordings), TERMS)
+    told = advice(identified, field.recordings[0], field.period)
+    errors = [error for _, error in told.options]
+    assert errors == sorted(errors) and max(errors) < told.error
+    assert any(name.startswith("a release from q_w") for name, _ in told.options)
+    again = dict(told.options)["another one that begins like the first"]
+    assert told.error / again == pytest.approx(np.sqrt(2.0), rel=0.2)
+    assert told.term in " ".join(sentences(told))
+    assert advice(replace(identified, status="approximate"), field.recordings[0], 5.0) is None
+
+
+@pytest.mark.slow
+def test_a_million_rows_take_a_minute_and_two_gigabytes(tmp_path):
+    line, _ = simulate("internal_resonance")
+    time = np.arange(1_000_000) / 25.0
+    states = Simulator(line.states, line.terms)(line, np.array([0.2, 0.1, 0, 0]), time).states
+    path = recorded(tmp_path / "a.csv", time, states)
+    subprocess.run(
+        [sys.executable, "-c", "from galloping.cli import main; main()", "identify", path,
+         "--time", "t", "--states", ",".join(STATES), "--measure", "q_v=q_v", "--measure",
+         "q_w=q_w", "--unit", "m", "--unit", "t=s", "--output", tmp_path / "out"],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert used.ru_utime + used.ru_stime < 60.0
+    assert used.ru_maxrss < 2 * 1024**2  # KiB
+    assert "stretches" in (tmp_path / "out" / "summary.md").read_text(encoding="utf-8")

@@ -1,0 +1,120 @@
+"""Which further recording would tell most about the terms of an identified model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from galloping.bounds.information import Experiment, bound_of, information
+from galloping.field.units import coefficient_unit
+from galloping.identification.likelihood.problem import velocity_pairs
+from galloping.identification.model import IdentifiedModel
+from galloping.polynomial import term_name
+from galloping.recording import Recording
+
+LARGER = 1.5  # times the largest displacement that was recorded
+LONGEST = 60  # periods, of a further recording
+PER_PERIOD = 40  # samples that information is summed over: more are weighed, not integrated
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What further recordings promise, by the bound of Cramer and Rao.
+
+    term: that is known worst, with its equation. coefficient; error: its standard error now, in
+    unit. duration: s, of a further recording. options: how one is made, with the standard error
+    that this term would have, the best first.
+    """
+
+    term: str
+    coefficient: float
+    error: float
+    unit: str
+    duration: float
+    options: tuple[tuple[str, float], ...]
+
+
+def advice(identified: IdentifiedModel, recording: Recording, period: float) -> Advice | None:
+    """What one more recording, by the instruments of the last, would do for the weakest term.
+
+    period: s, of the motion. None where there is no exact model, for what an approximate one errs
+    by is not the noise.
+    """
+    if identified.status not in ("ok", "not identifiable") or not len(identified.covariance):
+        return None
+    model, states = identified.model, identified.model.states
+    free = np.argwhere(identified.support)
+    before = np.linalg.inv(identified.covariance)
+    now = bound_of(model, free, before)
+    weakest = int(np.argmin(now.t))
+    equation, term = free[weakest]
+    duration = min(recording.time[-1] - recording.time[0], LONGEST * period)
+    step = float(np.median(np.diff(recording.time)))
+    thin = max(int(period / PER_PERIOD / step), 1)
+    sigma = np.where(np.isfinite(identified.sigma[-1]), identified.sigma[-1], np.inf)
+    first = Experiment(
+        identified.initial_states[0],
+        np.arange(0.0, duration, thin * step),
+        sigma / np.sqrt(thin),
+    )
+    ranked = []
+    for name, option in _options(first, identified, recording).items():
+        try:
+            total = before + information(model, free, option)
+        except ValueError:  # by this model the motion would not stay bounded
+            continue
+        ranked.append((name, float(bound_of(model, free, total).std[weakest])))
+    return Advice(
+        f"{term_name(model.terms[term], states)} in d({states[equation]})/dt",
+        float(model.coefficients[equation, term]),
+        float(now.std[weakest]),
+        coefficient_unit(states[equation], model.terms[term], states),
+        float(duration),
+        tuple(sorted(ranked, key=lambda option: option[1])),
+    )
+
+
+def _options(
+    first: Experiment, identified: IdentifiedModel, recording: Recording
+) -> dict[str, Experiment]:
+    """Recordings that could be made, by what is done."""
+    states = identified.model.states
+    pairs = velocity_pairs(states)
+    options = {"another one that begins like the first": first}
+    last = identified.simulate(first.initial_state, first.time).states[-1]
+    if np.all(np.isfinite(last)):
+        options["going on where such a one ends"] = replace(first, initial_state=last)
+    for k in pairs or range(len(states)):
+        if np.isfinite(recording.values[:, k]).any():
+            height = float(f"{LARGER * np.nanmax(np.abs(recording.values[:, k])):.2g}")
+            start = np.where(np.isin(np.arange(len(states)), list(pairs.values())), 0.0,
+                             first.initial_state)  # fmt: skip
+            start[k] = height
+            at_rest = " at rest" if pairs else ""
+            options[f"a release from {states[k]} = {height:g}{at_rest}"] = replace(
+                first, initial_state=start
+            )
+    unseen = [v for k, v in pairs.items() if not np.isfinite(first.sigma[v])]
+    if unseen and np.all(np.isfinite(last)):
+        # as well as displacements are: the same share of the motion is noise
+        motion = identified.simulate(first.initial_state, first.time).states.std(axis=0)
+        sigma = first.sigma.copy()
+        for k, v in pairs.items():
+            sigma[v] = min(sigma[v], motion[v] * sigma[k] / motion[k])
+        options["velocities measured beside, as well as displacements"] = replace(
+            first, sigma=sigma
+        )
+    return options
+
+
+def sentences(of: Advice) -> list[str]:
+    """The same in words."""
+    share = 100.0 / abs(of.coefficient)
+    said = [
+        f"The term known worst is {of.term}: {of.coefficient:.3g} {of.unit}, standard error "
+        f"{share * of.error:.2g} %. After one more recording of {of.duration:.0f} s at the same "
+        "wind it would be:",
+        "",
+    ]
+    return said + [f"- {name}: {share * error:.2g} %" for name, error in of.options]
