@@ -34,7 +34,7 @@ def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
     """
     truths = sorted(table["truth"].unique(), key=lambda truth: (truth.startswith("two"), truth))
     methods = sorted(table["method"].unique(), key=lambda method: method != OURS)
-    figure = Figure(figsize=(DOUBLE, 1.3 + 0.95 * len(truths)), layout="constrained")
+    figure = Figure(figsize=(DOUBLE, 1.3 + 0.8 * len(truths)), layout="constrained")
     grid = figure.subplots(2, 3, sharey=True).ravel()
     for k, (quantity, label) in enumerate(QUANTITIES.items()):
         axes = grid[k]
