@@ -85,6 +85,13 @@ def test_derive_prints_the_equations_of_a_case(tmp_path):
             "unit 'mm' does not measure 1; the displacements",
         ),
         (["inspect", SPAN, "--states", "v150", "--measure", "v150"], 1, "expected STATE=COLUMN"),
+        (["inspect", SPAN, "--states", "v150", "--noise", "x=3"], 1, "--noise: no column 'x'"),
+        (["inspect", SPAN, *MAP, "--noise", "v150=3"], 1, "--map stands alone"),
+        (
+            ["inspect", SPAN, "--states", "q_v", "--measure", "q_v=v150", "--noise", "v150=3 s"],
+            1,
+            "noise of column 'v150': unit 's' does not measure m",
+        ),
         (["show", SPAN], 1, "not an identified model"),
         (["identify", SPAN], 2, "Missing option '--output'"),
     ],

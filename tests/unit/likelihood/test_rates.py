@@ -8,7 +8,7 @@ import pytest
 from galloping import Recording, derive, maximum_likelihood, polynomial_library, simulate
 from galloping.identification.likelihood.condense import condense
 from galloping.identification.likelihood.problem import problem
-from galloping.identification.likelihood.rates import scaled
+from galloping.identification.likelihood.rates import scaled, scales_told
 from galloping.identification.likelihood.weak_gls import begin
 
 TERMS = polynomial_library(4, 3)
@@ -72,5 +72,7 @@ def test_a_camera_of_unknown_scale_is_calibrated_by_the_accelerometer():
     (calibrated,) = scaled([measured], start)
     scale = measured.values[:, :2] / calibrated.values[:, :2]
     np.testing.assert_allclose(scale, 1.15, rtol=4e-3)
+    told = scales_told([measured], [calibrated])
+    assert told == {k: pytest.approx(1.15, rel=4e-3) for k in ("scale_q_v", "scale_q_w")}
     alone = maximum_likelihood(replace(measured, rates=None), TERMS)
     assert alone.status == "refused" and "the scale of q_v cannot be told" in alone.reason

@@ -15,6 +15,11 @@ from galloping.recording import Recording
 
 LARGER = 1.5  # times the largest displacement that was recorded
 LONGEST = 60  # periods, of a further recording
+OF_APPROXIMATE = (
+    "None of the same kind: what the model misses is no noise that more samples would average out. "
+    "Sensors at more places along the span, which tell further modes apart, would; or a library of "
+    "a higher degree, if the motion is larger than cubic terms describe."
+)
 PER_PERIOD = 40  # samples that information is summed over: more are weighed, not integrated
 
 
@@ -108,8 +113,10 @@ def _options(
     return options
 
 
-def sentences(of: Advice) -> list[str]:
-    """The same in words."""
+def sentences(of: Advice | None, status: str) -> list[str]:
+    """The same in words, for a model of that status."""
+    if of is None:
+        return [OF_APPROXIMATE] if status == "approximate" else []
     share = 100.0 / abs(of.coefficient)
     said = [
         f"The term known worst is {of.term}: {of.coefficient:.3g} {of.unit}, standard error "

@@ -151,7 +151,7 @@ def sentences(of: Dynamics) -> list[str]:
 def _words(of: Value, unit: str, factor: float = 1.0) -> str:
     value, low, high = (factor * number for number in (of.value, of.low, of.high))
     if low == high:
-        return f"{value:.6g} {unit}"
+        return f"{value:.5g} {unit}"
     if not np.isfinite(low):
         return f"{value:.4g} {unit} (interval unknown)"
     digits = max(0, 1 - floor(log10((high - low) / 2))) if high > low else 6

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
@@ -19,7 +20,8 @@ SHARES = (1.0, 0.5, 0.25)  # of the window, where motions soon part
 ENOUGH = 0.9  # of the draws, that follow the samples
 ORIGINS, PARTS = 8, 4  # of forecasts that tell how wrong an approximate model is
 STEP = 1e-5  # of finite differences of the start, relative to each state's size
-SLOPE_SAMPLES = 9  # for the first guess of a velocity that is not measured
+SLOPE = 1 / 4  # of the fastest period, over which a first guess of a velocity is a slope,
+FEWEST = 5  # but so many samples
 MOST_SAMPLES = 4000  # that a start is told from: more say little more of a few periods
 
 
@@ -168,7 +170,11 @@ def first_guess(recording: Recording, begin: int) -> np.ndarray:
         elif name[1:] in states:
             source = recording.values[:, states.index(name[1:])]
             known = np.isfinite(source)
-            near = np.abs(time[known] - time[begin]).argsort()[:SLOPE_SAMPLES]
+            away = np.abs(time[known] - time[begin])
+            within = max(
+                SLOPE / 2 * shortest_period([recording]), np.partition(away, FEWEST)[FEWEST]
+            )
+            near = away <= within
             guess[k] = np.polyfit(time[known][near] - time[begin], source[known][near], 1)[0]
     return guess
 

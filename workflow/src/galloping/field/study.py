@@ -275,7 +275,7 @@ def write_outputs(
         dynamics=_dynamics(findings),
         skill=_skill(findings.trial, states),
         used=_used(field.recordings),
-        further=advised(findings.further) if findings.further else (),
+        further=advised(findings.further, identified.status),
     )
     write_text(folder / "summary.md", text)
 
