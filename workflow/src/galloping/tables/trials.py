@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 import pandas as pd
 
 MODEL_ERROR_KEYS = ["truth", "sensors", "method"]
@@ -15,9 +16,10 @@ def trust(fits: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
 
     fits: of `galloping.trials.attempts`. coverage_given_terms: of the true terms found, how many
     lie in the 95 % intervals that trust the terms; coverage_unconditional: of all true terms, of
-    all fits with a model, in those that do not; width_ratio: median of the widths of the second
-    over the first. cause_named: of fits to recordings with a fault. Random lines of which every
-    true term has a t above EVERY_TERM at the bound have a further row. settings: none are read.
+    all fits that state them (`ok` and `not identifiable`), in those that do not; width_ratio:
+    median of the widths of the second over the first. cause_named: of fits to recordings with a
+    fault. Random lines of which every true term has a t above EVERY_TERM at the bound have a
+    further row. settings: none are read.
     """
     sure = fits[(fits["group"] == "random lines") & (fits["weakest_t"] > EVERY_TERM)]
     rows = pd.concat([fits, sure.assign(case=f"every t > {EVERY_TERM:g}")])
@@ -79,12 +81,15 @@ def _counts(fits: pd.DataFrame) -> dict[str, int]:
 
 
 def _trust(fits: pd.DataFrame) -> dict[str, object]:
-    found, terms = fits["terms_found"].sum(), fits["terms"].sum()
+    stating = fits[fits["status"].isin(["ok", "not identifiable"])]
+    found, terms = fits["terms_found"].sum(), stating["terms"].sum()
     return {
         "fits": len(fits),
         **_counts(fits),
-        "coverage_given_terms": fits["holding_given_terms"].sum() / max(found, 1),
-        "coverage_unconditional": fits["holding_unconditional"].sum() / max(terms, 1),
+        "coverage_given_terms": fits["holding_given_terms"].sum() / found if found else np.nan,
+        "coverage_unconditional": stating["holding_unconditional"].sum() / terms
+        if terms
+        else np.nan,
         "width_ratio": fits["width_ratio"].median(),
         "cause_named": fits["cause_named"].sum(min_count=1),
         "seconds_median": fits["seconds"].median(),
