@@ -59,11 +59,11 @@ def test_agrees_with_a_second_integrator(simulated):
         (0, until),
         START,
         method="DOP853",
-        t_eval=TIME[TIME <= until][::every],
+        t_eval=TIME[until >= TIME][::every],
         rtol=1e-13,
         atol=1e-15,
     )
-    first = trajectory.states[TIME <= until]
+    first = trajectory.states[until >= TIME]
     error = np.abs(first[::every] - second.y.T) / np.max(np.abs(first), axis=0)
     assert error.max() < 1e-10
 
