@@ -68,6 +68,7 @@ def _bars(axes: Axes, fits: pd.DataFrame) -> None:
         text = f"{good} of {count}" if count else "none"
         axes.text(share * count + 1.5, place, text, va="center", size="small")
     axes.set_yticks(places, STATUSES)
+    axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(STATUSES) - 0.4, -0.6)
     axes.set_xlim(0, 118)
     axes.set_xticks([0, 25, 50, 75, 100])
