@@ -1,5 +1,7 @@
 # make            the environment, the whole study and its report
 # make smoke      the same in a minute, in results/smoke
+# make trust      may the verdicts be trusted? trials on thousands of recordings, in results/trust
+# make reality    what a recording gives of a line that is not its own model, in results/reality
 # make test       the study, then all checks
 # make repair     after a kill, a crash or an edit by hand: mend what is there, then the study
 # make verify     compare every result with its receipt, and every receipt with the settings
@@ -32,7 +34,7 @@ WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores
 RICH = $(shell [ -t 1 ] && echo --logger rich)
 DIGEST := $(if $(SHA256),--sha256 '$(SHA256)')
 
-.PHONY: all study smoke test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs lock help
+.PHONY: all study smoke trust reality test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs lock help
 all: study
 
 study: $(VENV)/made
@@ -40,6 +42,9 @@ study: $(VENV)/made
 
 smoke:
 	@$(MAKE) --no-print-directory study CONFIG=config/smoke.yaml
+
+trust reality:
+	@$(MAKE) --no-print-directory study CONFIG=config/$@.yaml
 
 repair: $(VENV)/made
 	@$(SCRIPT)/run_study.py --repair $(WHERE) $(RICH) $(OPTIONS)

@@ -95,6 +95,12 @@ def test_smoke_changes_only_the_extent_of_the_study():
         "second_values": [24000, 26000, 2000],
     }
     expected["assessment"]["winds"] = [10, 12]
+    expected["assessment"]["open_parameters"] = {
+        "wind_speed": [12, 14],
+        "damping_ratio": [],
+        "bundle_dimension": [],
+        "initial_displacement": [],
+    }
     assert plain(load(config)) == expected
 
 
@@ -213,7 +219,7 @@ REFUSED = [
     (
         [],
         "configuration: [] is not a section; must be a mapping of results, reference, cases, "
-        "simulation, measurement, identification, recordings, sweeps, assessment, figures",
+        "simulation, measurement, identification, recordings, sweeps, assessment, trials, figures",
     ),
     # results
     *(
@@ -249,7 +255,7 @@ REFUSED = [
     # cases
     (
         {"cases": {}},
-        f"cases: {{}} is not allowed; must be a mapping of one or more names, {NAME_RULE}",
+        "cases: there is none; must hold at least one, or there must be trials",
     ),
     *(
         (
@@ -405,6 +411,24 @@ REFUSED = [
         {"identification": {"lasso": {"threshold": 0}}},
         "identification.lasso.threshold: 0 is not allowed; must be null or > 0",
     ),
+    # trials
+    (
+        {"trials": {"a": {"kind": "random_line"}}},
+        "trials.a.kind: unknown kind 'random_line'; did you mean 'random_lines'? allowed: "
+        "default_line, random_lines, sensor_faults, long_and_steady, systems, model_error",
+    ),
+    (
+        {"trials": {"a": {"kind": "sensor_faults", "samples": [500]}}},
+        "trials.a.samples: is no key of sensor_faults",
+    ),
+    (
+        {"trials": {"a": {"kind": "random_lines", "cases": ["some"]}}},
+        "trials.a.cases: unknown case 'some' of random_lines; allowed: all",
+    ),
+    (
+        {"trials": {"a": {"replicates": 0}}},
+        "trials.a.replicates: 0 is not allowed; must be a whole number 1..100000",
+    ),
     # figures
     (
         {"figures": {"font_size": 25}},
@@ -494,7 +518,8 @@ def test_an_absurd_number_anywhere_is_refused_or_can_be_derived_from(value):
 LIMITS = {
     path.removeprefix("cases.<name>."): (node["minimum"], node["maximum"])
     for path, node in leaves()
-    if path.startswith("cases.") and "maximum" in node and "releases" not in path
+    if path.startswith("cases.") and "maximum" in node
+    if not {"releases", "truth"} & set(path.split("."))
 }
 
 
@@ -624,9 +649,9 @@ def test_a_case_set_to_null_is_removed():
     for part in (over, own, over):  # as Snakemake does
         update_config(whole, part)
     assert list(merged(whole, [own, over])["cases"]) == ["second", "third"]
-    for none_left in ({"cases": {"first": None, "second": None}},):
-        with pytest.raises(ConfigurationError, match=r"^cases: every case is set to null; "):
-            merged(none_left, [own, none_left])
+    none_left = {"cases": {"first": None, "second": None}}
+    with pytest.raises(ConfigurationError, match=r"^cases: there is none; "):
+        load(merged(none_left, [own, none_left]))
     # a case that nobody describes is a slip: all its keys may be left out, but not the braces
     with pytest.raises(ConfigurationError, match=r"^cases.forth: null is not a section \(write {}"):
         load(merged({"cases": {"first": {}, "forth": None}}, [own, {"cases": {"forth": None}}]))
@@ -726,7 +751,7 @@ def test_spacers_are_listed_one_by_one():
 
 
 def test_both_tables_together_hold_every_parameter():
-    settings = load(case(releases={"wide": {}}))
+    settings = load(case(releases={"wide": {}}, truth={"model": "continuous"}))
     keys = {
         row.key.replace("wide", "<name>")
         for row in conductor_parameters(settings) + spacer_parameters(settings)

@@ -557,7 +557,10 @@ def test_table_3_shows_true_and_spurious_terms(cases):
     off[3, terms.index((0, 0, 0, 1))] = 0.0  # kappa_1 missed
     off[3, terms.index((1, 0, 0, 0))] = -0.5  # kappa_8 spurious
     off[2, terms.index((0, 0, 0, 3))] = 0.2  # spurious, without a symbol
-    settings = {"cases": ["a"], "protocol": "state", "method": "stlsq", "level": 0.0, "degree": 3}
+    settings = {
+        "cases": ["a"], "continuous": [], "protocol": "state", "method": "stlsq", "level": 0.0,
+        "degree": 3,
+    }  # fmt: skip
     identified = {"a": {"stlsq": [unjudged(model(true), off, terms)] * 3}}
     table = table3({"a": Derived(model(true), true, {})}, identified, settings)
     by_symbol = table.set_index("symbol")
@@ -573,6 +576,10 @@ def test_table_3_shows_true_and_spurious_terms(cases):
     assert by_symbol.loc["kappa_3", "term"] == "q_v q_w"
     exact = by_symbol.drop(["gamma_2", "kappa_1", "kappa_8", "dq_w^3"])
     assert (exact["relative_error_percent"] == 0).all()
+    unknown = table3(
+        {"a": Derived(model(true), true, {})}, identified, settings | {"continuous": ["a"]}
+    )
+    assert unknown[["true", "relative_error_percent"]].isna().all(axis=None)
 
 
 def test_parameters_have_units_and_provenance(cases):

@@ -369,8 +369,8 @@ def test_errors_of_our_own_making_are_not_kept_as_rows():
 
 @pytest.fixture(scope="module")
 def replicates():
-    """Five replicates of what each method takes, of a short record."""
-    noisy = recordings(simulate("internal_resonance"), "state", replicates=5)
+    """Three replicates of what each method takes, of a short record."""
+    noisy = recordings(simulate("internal_resonance"), "state", replicates=3)
     short = [Recording(r.time[:6000], r.states, r.values[:6000]) for r in noisy]
     return {method.name: short for method in METHODS}
 
@@ -378,23 +378,22 @@ def replicates():
 @pytest.mark.parametrize("method", BY_NAME)
 def test_a_replicate_does_not_depend_on_how_many_there_are(replicates, method):
     items = replicates[method]
-    few, many = run(method, items[:2]), run(method, items[:4])
+    few, many = run(method, items[:1]), run(method, items[:2])
     assert all(equal(a, b) for a, b in zip(few, many, strict=False))
 
 
-@pytest.mark.parametrize("method", ["stlsq", "stlsq_raw", "lasso"])
-def test_permuting_replicates_permutes_results(replicates, method):
-    order = [3, 0, 4, 1, 2]
-    items = replicates[method]
-    straight = run(method, items)
-    permuted = run(method, [items[i] for i in order])
+def test_permuting_replicates_permutes_results(replicates):
+    order = [2, 0, 1]
+    items = replicates["stlsq"]
+    straight = run("stlsq", items)
+    permuted = run("stlsq", [items[i] for i in order])
     assert all(equal(permuted[k], straight[i]) for k, i in enumerate(order))
 
 
 def test_bootstraps_are_drawn_by_position(replicates):
     # every replicate has its own draws: the same recording twice gives two models
     item = replicates["ensemble"][0]
-    several = run("ensemble", [item] * 8, models=2)
+    several = run("ensemble", [item] * 3, models=2)
     assert not all(equal(several[0], one) for one in several[1:])
     assert equal(several[0], run("ensemble", [item], models=2)[0])
 

@@ -1,44 +1,66 @@
 """The limit cycle that an identified model leads to, and how sure it is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from galloping.cycles.ahead import limit_cycle_ahead
 from galloping.identification.model import IdentifiedModel
+from galloping.measurement.motion import Motion
+from galloping.physics.derived import Derived
 from galloping.physics.equations import STATES
 from galloping.polynomial import library
-from galloping.simulation import Simulator
-from galloping.trials.limit_cycle import limit_cycle_ahead, table
+from galloping.tables.ahead import limit_cycles_ahead
+from galloping.tables.claims import claims_table
 
 START = np.array([0.1, 0.1, 0.0, 0.0])
+REFUSED = IdentifiedModel.refused(STATES, library(4, 3), "no reason")
+
+
+def stated(line, relative):
+    """A model that is right, with errors of that size stated of every coefficient."""
+    line = line.on_library(library(4, 3))
+    support = line.support.copy()
+    support[:2] = False
+    errors = relative * np.abs(line.coefficients[support])
+    return IdentifiedModel(line, "ok", covariance=np.diag(errors**2), known=(0, 1))
 
 
 def test_limit_cycle_of_the_line_with_its_interval(resonant):
-    line, trajectory = resonant
-    terms = library(4, 3)
-    line = line.on_library(terms)
-    simulator = Simulator(STATES, terms)
-    support = line.support.copy()
-    support[:2] = False
-    errors = 1e-3 * np.abs(line.coefficients[support])
-    sure = IdentifiedModel(line, "ok", covariance=np.diag(errors**2), known=(0, 1))
-    unsure = IdentifiedModel(line, "ok", covariance=np.diag((2 * errors) ** 2), known=(0, 1))
-    cycles = [
-        limit_cycle_ahead(one, START, simulator, np.random.default_rng(1)) for one in (sure, unsure)
-    ]
-    for cycle in cycles:
-        assert cycle.amplitude[:2] == pytest.approx([1.305, 2.132], abs=1.5e-3)
-        assert np.all((cycle.low <= cycle.amplitude) & (cycle.amplitude <= cycle.high))
-    widths = [(cycle.high - cycle.low)[:2] for cycle in cycles]
-    assert np.all(widths[1] > 1.5 * widths[0])
-
-    refused = IdentifiedModel.refused(STATES, terms, "no reason")
+    line, _ = resonant
+    widths = []
+    for relative in (1e-3, 2e-3):
+        cycle = limit_cycle_ahead(stated(line, relative), START, np.random.default_rng(1))
+        assert cycle.amplitude[:2] == pytest.approx([1.305, 2.132], abs=5e-4)
+        assert np.all((cycle.low < cycle.amplitude) & (cycle.amplitude < cycle.high))
+        widths.append((cycle.high - cycle.low)[:2])
+    assert widths[1] == pytest.approx(2 * widths[0], rel=0.1)
+    unsure = replace(stated(line, 1e-3), covariance=np.zeros((0, 0)))
+    assert np.all(np.isnan(limit_cycle_ahead(unsure, START, np.random.default_rng(1)).low))
     with pytest.raises(ValueError, match="there is no model to simulate: no reason"):
-        limit_cycle_ahead(refused, START, simulator, np.random.default_rng(1))
-    rows = table(
-        [({"level": 0.05}, [sure, refused])], line, START, trajectory.states[20000:], simulator,
-        np.random.default_rng(1),
-    )  # fmt: skip
-    assert rows["answered"].to_list() == [1, 1]
-    assert rows["recorded_m"].to_list() == pytest.approx([1.106, 1.873], abs=1e-3)
-    assert rows["true_m"].to_list() == pytest.approx([1.305, 2.132], abs=1.5e-3)
-    assert rows["coverage_95_percent"].to_list() == [100.0, 100.0]
+        limit_cycle_ahead(REFUSED, START, np.random.default_rng(1))
+
+
+def test_table_and_the_claim_of_a_steady_state(resonant):
+    line, trajectory = resonant
+    motion = Motion(STATES, trajectory.time, trajectory.states, line(trajectory.states))
+    settings = {
+        "method": "maximum_likelihood", "seed": 1, "steady_window": [200, 300],
+        "is_continuous": False,
+        "cells": {"a": {"case": "internal_resonance", "protocol": "state", "level": 0.05}},
+    }  # fmt: skip
+    identified = {"a": {"maximum_likelihood": [stated(line, 1e-3), REFUSED]}}
+    made = Derived(line, {}, {}), [motion], identified
+    table = limit_cycles_ahead(*made, settings)
+    assert table["state"].to_list() == ["q_v", "q_w"]
+    assert table["answered"].to_list() == [1, 1]
+    assert table["recorded_m"].to_list() == pytest.approx([1.106, 1.873], abs=1e-3)
+    assert table["true_m"].to_list() == pytest.approx([1.305, 2.132], abs=5e-4)
+    assert table["coverage_95_percent"].to_list() == [100.0, 100.0]
+    nothing = {"cases": ["internal_resonance"], "pairs": [], "subset_level": 0.05}
+    claims = claims_table(None, nothing, table)
+    assert claims["verdict"].to_list() == ["not reproduced"] * 2
+    assert claims["study_value"].to_list() == pytest.approx([17.97, 13.86], abs=0.05)
+    of_another = limit_cycles_ahead(*made, settings | {"is_continuous": True})
+    assert of_another["true_m"].isna().all() and of_another["predicted_m"].notna().all()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from galloping.trials import reduction as trial
+from galloping.evaluation import reduction as trial
 
 
 @pytest.fixture

@@ -3,32 +3,49 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from galloping.identification import registry
 from galloping.identification.model import IdentifiedModel
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import library
+from galloping.report.headline import verdicts
+from galloping.seeds import generator
+from galloping.tables.trials import trust
+from galloping.trials import faults, systems
+from galloping.trials.faults import FAULTS
+from galloping.trials.long_and_steady import LONG
 from galloping.trials.random_lines import draw, trial
-from galloping.trials.scores import claims, trust
+from galloping.trials.registry import KINDS
+from galloping.trials.scores import claims
+from galloping.trials.systems import SYSTEMS
 
 TERMS = library(4, 3)
+METHODS = {
+    "maximum_likelihood": registry.BY_NAME["maximum_likelihood"].settings({"degree": 3}, seed=0)
+}
+
+
+def drawn(number):
+    return draw(generator(1, "a line", number))
 
 
 def test_a_line_is_drawn_by_its_number_and_gallops():
-    case, starts = draw(1, 3)
-    again, _ = draw(1, 3)
-    assert case == again != draw(1, 4)[0]
+    case, starts = drawn(3)
+    again, _ = drawn(3)
+    assert case == again != drawn(4)[0]
     assert starts.shape == (2, 4)
     for number in range(20):
-        case = draw(1, number)[0]
+        case = drawn(number)[0]
         assert coefficients(case)["gamma_1"] < 0
         assert 150 < case["line"]["span"] < 500
 
 
 @pytest.fixture
 def result():
-    true = model(coefficients(draw(1, 3)[0])).on_library(TERMS)
+    true = model(coefficients(drawn(3)[0])).on_library(TERMS)
     present = np.where(true.support, np.abs(true.coefficients) / 100, np.nan)
     errors = np.where(true.support, present, 1e-3)
     sure = IdentifiedModel(
@@ -70,12 +87,29 @@ def test_a_refusal_claims_nothing(result):
     assert (row["status"], row["terms"], row["ok_and_wrong"]) == ("refused", 0, False)
 
 
-def test_a_short_trial_and_its_table():
-    rows = list(trial(5, [0], duration=60.0))
-    assert [row["release"] for row in rows] == [0, 1]
-    table = trust(rows)
-    assert len(table) == 1
-    (line,) = table.to_dict("records")
+def test_kinds_name_the_cases_that_there_are():
+    assert KINDS["sensor_faults"].cases == tuple(FAULTS)
+    assert KINDS["systems"].cases == tuple(SYSTEMS)
+    assert set(LONG) < set(KINDS["long_and_steady"].cases)
+
+
+def test_random_lines_and_their_table():
+    levels = {"protocols": ["state"], "levels": [0.05]}
+    fits = pd.DataFrame(trial(5, "all", [0], METHODS, **levels, duration=60.0))
+    assert list(fits["release"]) == [0, 1]
+    table = trust(fits, {})
+    line = table[table["case"] == "all"].to_dict("records")[0]
     assert (line["group"], line["fits"], line["level"]) == ("random lines", 2, 0.05)
     answers = ("ok", "not_identifiable", "approximate", "refused")
     assert sum(line[name] for name in answers) == 2
+    assert set(table["case"]) <= {"all", "every t > 9"}
+    (sentence,) = verdicts(table)
+    assert sentence.startswith(f"Of 2 fits to random lines, {line['ok']} were ok, ")
+
+
+def test_a_fault_is_named_and_a_system_is_compared_with_its_bound():
+    system = next(iter(systems.trial(5, "van_der_pol", [0], METHODS, samples=[500], levels=[0.01])))
+    assert system["exact"] and 0.2 < system["error_over_bound"] < 3.0
+    assert np.isnan(system["cause_named"])
+    fault = next(iter(faults.trial(5, "clock", [0], METHODS, levels=[0.05])))
+    assert fault["cause_named"] in (0.0, 1.0) and 0.001 <= fault["size"] <= 0.005

@@ -56,6 +56,9 @@ cases: {windy: {wind: {speed: 13}}}
 simulation: {duration: 120, steady_window: [80, 120]}
 measurement: {replicates: 2, protocols: [state], levels: [0.05], subsets: {points: [1000]}}
 identification: {methods: [stlsq]}
+assessment:
+  open_parameters:
+    {wind_speed: [], damping_ratio: [], bundle_dimension: [], initial_displacement: []}
 """
 
 

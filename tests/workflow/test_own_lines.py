@@ -27,7 +27,13 @@ LINES = {
         "wind": {"values": [2, 6, 4]},
         "resonance": {"values": [4, 8, 4], "second_values": [24000, 26000, 2000]},
     },
-    "assessment": {"winds": [4, 8], "design_wind": 3},
+    "assessment": {
+        "winds": [4, 8], "design_wind": 3,
+        "open_parameters": {
+            "wind_speed": [], "damping_ratio": [], "bundle_dimension": [],
+            "initial_displacement": [],
+        },
+    },
     "figures": {"dpi": 50},
 }  # fmt: skip
 

@@ -15,13 +15,13 @@ try:
 except ModuleNotFoundError as error:  # a workflow that was read from a host
     sys.exit(f"{error}: install the library of this workflow with pip, or use a clone")
 from galloping.field import OUTPUTS
-from galloping.figures.registry import BY_NAME as FIGURES
+from galloping.figures import registry as figures
 from galloping.reproducibility.digest import code
 from galloping.study import jobs
 from galloping.study.cells import Study
 from galloping.study.kinds import OPEN_PARAMETERS
 from galloping.study.paths import CELL
-from galloping.tables.registry import BY_NAME as TABLES
+from galloping.tables import registry as tables
 
 try:
     files = [read(file) for file in workflow.configfiles]  # the Snakefile's own comes last
@@ -30,20 +30,24 @@ except ConfigurationError as error:
     sys.exit(str(error))
 
 PATHS = STUDY.paths
+TABLES = [table.name for table in tables.of_study(STUDY)]
+FIGURES = [figure.name for figure in figures.of_study(STUDY)]
 RESULTS = STUDY.settings.results
 
 
 wildcard_constraints:
-    case="|".join(case.name for case in STUDY.cases),
+    case="|".join(case.name for case in STUDY.cases) or "none",
     protocol="|".join(protocol.name for protocol in STUDY.protocols),
-    cell="|".join(dict.fromkeys(cell.name for cell in STUDY.cells)),
+    cell="|".join(dict.fromkeys(cell.name for cell in STUDY.cells)) or "none",
     family="|".join(dict.fromkeys(method.family for method in STUDY.methods)),
     recording="|".join(STUDY.settings.recordings) or "none",
     sweep="|".join(sweep.name for sweep in STUDY.sweeps) or "none",
     block=r"[a-z_0-9.+-]+",
+    trial="|".join(trial.name for trial in STUDY.trials) or "none",
+    batch="[a-z_0-9]+",
     parameter="|".join(OPEN_PARAMETERS),
-    table="|".join(TABLES),
-    figure="|".join(FIGURES),
+    table="|".join(TABLES) or "none",
+    figure="|".join(FIGURES) or "none",
 
 
 @cache

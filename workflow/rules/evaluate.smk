@@ -1,4 +1,4 @@
-# identified models, the Cramer-Rao bound, and the best settings of pysindy -> scores
+# identified models, the Cramer-Rao bound, and oracles of pysindy's settings -> scores
 
 
 rule evaluate_cell:

@@ -1,4 +1,5 @@
 # figures, tables -> one page
+INTRODUCTIONS = ["introduction"] * bool(STUDY.cases) + ["trials"] * bool(STUDY.trials)
 
 
 rule write_report:
@@ -15,7 +16,7 @@ rule write_report:
     params:
         settings=lambda wildcards: {
             **settings("write_report")(wildcards),
-            "introduction": captions(".", "introduction")["introduction"],
+            "introduction": "\n".join(captions(".", *INTRODUCTIONS).values()),
             "captions": {
                 "figures": captions("figures", *FIGURES, jobs.ANIMATION),
                 "tables": captions("tables", *TABLES, *jobs.COMPARISONS),

@@ -21,16 +21,19 @@ def main() -> None:
     line = line.on_library(extended(terms, line))
     drawn = settings["measurement"], (cell.case, cell.protocol, cell.cell)
     status = next((m.status for m in motions[: drawn[0]["recordings"]] if m.status != "ok"), "ok")
-    if status == "ok":
+    if settings["is_continuous"]:
+        known, at_bound = [], []
+    elif status == "ok":
         known = cell_bounds(line, tuple(EQUATIONS), motions, *drawn)
         at_bound = models_at(line, known, *drawn, lacking=line.term_names[len(terms) :])
     else:
         known, at_bound = [], no_models(line, drawn[0], "the line itself diverges")
-    models = {BOUND: at_bound}
+    models = {BOUND: at_bound} if at_bound else {}
     for family in read["identified"].values():
         models |= family
     first = motions[0]
-    truth = Truth(line, first.time, first.states, tuple(settings["steady_window"]), status)
+    truth = Truth(line, first.time, first.states, tuple(settings["steady_window"]), status,
+                  is_own_model=not settings["is_continuous"])  # fmt: skip
     least = deviations(line, known, len(terms))
     rows, shown = evaluate(truth, models, least)
     bounds.write(output.bounds, least)

@@ -1,4 +1,4 @@
-"""Scores of the best that pysindy's settings could do in one cell, chosen with the truth."""
+"""Scores of the oracles of STLSQ, FROLS and the weak form in one cell, chosen with the truth."""
 
 import pandas as pd
 

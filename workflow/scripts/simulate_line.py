@@ -3,27 +3,39 @@
 A line that diverges has no motion to measure: its states are all NaN, its status says why.
 """
 
+from functools import partial
+
 import numpy as np
 
+from galloping.importing import imported
 from galloping.measurement.motion import Motion
 from galloping.reproducibility.job import run
+from galloping.seeds import generator
 from galloping.simulation import Simulator, time_grid
 from galloping.study.files import models, trajectories
 
 
+def _modelled(line, simulator, time, release):
+    start = np.array([release[name] for name in line.states])
+    trajectory = simulator(line, start, time)
+    states = trajectory.states
+    if trajectory.status != "ok":
+        states = np.full_like(states, np.nan)
+    return Motion(line.states, time, states, line(states), trajectory.status)
+
+
 def main() -> None:
-    settings = snakemake.params.settings
-    line = models.read(snakemake.input.model).model
+    settings, case = snakemake.params.settings, snakemake.wildcards.case
     time = time_grid(settings["duration"], settings["sampling_rate"])
-    simulator = Simulator(line.states, line.terms)
-    motions = []
-    for release in settings["releases"]:
-        start = np.array([release[name] for name in line.states])
-        trajectory = simulator(line, start, time)
-        states = trajectory.states
-        if trajectory.status != "ok":
-            states = np.full_like(states, np.nan)
-        motions.append(Motion(line.states, time, states, line(states), trajectory.status))
+    releases = settings["releases"]
+    if "continuous" in settings:
+        moved = partial(imported(settings["continuous"]), settings["line"], settings["truth"])
+        draws = [generator(settings["seed"], "gusts", case, k) for k in range(len(releases))]
+        motions = [moved(start, time, rng) for start, rng in zip(releases, draws, strict=True)]
+    else:
+        line = models.read(snakemake.input.model).model
+        simulator = Simulator(line.states, line.terms)
+        motions = [_modelled(line, simulator, time, release) for release in releases]
     trajectories.write(snakemake.output.trajectory, motions)
 
 

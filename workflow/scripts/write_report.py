@@ -2,20 +2,19 @@
 
 from pathlib import Path
 
-from galloping.report.headline import headline
+from galloping.report.headline import headline, verdicts
 from galloping.report.page import Item, Page, Recordings, render
 from galloping.report.settings import described, versions
 from galloping.reproducibility.job import run
 from galloping.storage import write_text
 from galloping.study.loading import load
 
-FIRST = "overview"
+FIRST = ("overview", "trust")  # the figures that may stand first
 CAPTIONS_OF_FIELD = {
     "quality": "The samples, with gaps, and their spectra.",
     "fit": "The samples and the model's motion, which begins anew in each stretch.",
     "forecast": "What was held out and what comes after, forecast with a 90 % band.",
 }
-READ = ("claims", "efficiency", "errors", "cycles", "bifurcations")
 
 
 def main() -> None:
@@ -31,6 +30,9 @@ def main() -> None:
             if (path := paths.get(f"{kind}/{name}"))
         }
 
+    trust = read.pop("trust", None)
+    sentences = headline(**read, **settings["headline"]) if read else []
+
     def recordings(name: str) -> Recordings:
         shown = {
             figure: Path(paths[f"recordings/{name}/{figure}.svg"]) for figure in CAPTIONS_OF_FIELD
@@ -44,8 +46,8 @@ def main() -> None:
     figures = items("figures", settings["labels"])
     page = Page(
         title="Galloping of iced overhead lines",
-        headline=headline(**{name: read[name] for name in READ}, **settings["headline"]),
-        first=figures.get(FIRST),
+        headline=sentences + (verdicts(trust) if trust is not None else []),
+        first=next((figures[name] for name in FIRST if name in figures), None),
         settings=described(settings["study"]),
         introduction=settings["introduction"],
         figures=list(figures.values()),

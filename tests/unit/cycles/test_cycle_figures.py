@@ -99,6 +99,9 @@ def test_map_and_orbits(tmp_path, case, simulator):
     angle = np.linspace(0, 6.28, 50)
     orbits = {"line": {8.0: np.column_stack([np.cos(angle), np.sin(2 * angle)])}}
     drawn(tmp_path, lambda: draw_orbits(orbits, {"cases": {"line": case}}))
+    many = [f"line {k}" for k in range(11)]
+    figure = draw_orbits(dict.fromkeys(many, orbits["line"]), {"cases": dict.fromkeys(many, case)})
+    assert figure.get_figheight() <= 12
 
 
 def test_clearance_and_measures(tmp_path, case, simulator):
@@ -113,6 +116,9 @@ def test_clearance_and_measures(tmp_path, case, simulator):
     table = pd.DataFrame(measure_rows("line", outcomes, design))
     assert table["measure"][0] == "ice removed" and "torsion" in " ".join(table["note"])
     drawn(tmp_path, lambda: draw_measures(table, {"cases": ["line"]}))
+    many = [f"line {k}" for k in range(20)]
+    tall = draw_measures(pd.concat([table.assign(case=name) for name in many]), {"cases": many})
+    assert tall.get_figheight() <= 12 and "line 19" in tall.get_supxlabel()
 
 
 def test_prediction(tmp_path, case, simulator):

@@ -1,20 +1,25 @@
 """Identification of lines that no candidate library contains."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from galloping.configuration.load import load
+from galloping.figures.model_error import draw_model_error
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.importing import imported
 from galloping.physics.equations import STATES
 from galloping.polynomial import library
 from galloping.recording import Recording
+from galloping.study.cells import Study
+from galloping.study.jobs import run_trial
+from galloping.tables.trials import model_error
 from galloping.trials.model_error import (
     TRUTHS,
     combined,
     line_of,
     linear_modes,
     motion,
-    summary,
-    trial,
 )
 
 TIME = np.arange(15001) / 50
@@ -67,13 +72,24 @@ def test_what_predicts_nothing_is_refused():
     assert found.reason
 
 
-def test_trial_has_a_row_for_each_replicate_and_method(case):
-    methods = {
-        "maximum_likelihood": lambda recordings: maximum_likelihood(recordings, TERMS),
-    }
-    rows = trial(case, "two modes, gusts 2 %", methods, seed=3, replicates=[0])
-    table = summary(rows)
-    assert table.loc[0, ["replicates", "answered"]].to_list() == [1, 1]
-    assert table.loc[0, "damping_v_error_percent"] < 5.0
-    assert table.loc[0, "amplitude_v_error_percent"] < 5.0
-    assert table.loc[0, "forecast_r2"] > 0.9
+def test_trial_has_a_row_for_each_replicate_and_method():
+    study = Study(
+        load({"trials": {"small": {
+            "kind": "model_error", "seed": 3, "replicates": 1, "cases": ["two modes, gusts 2 %"],
+            "methods": ["maximum_likelihood", "weak"],
+        }}})
+    )  # fmt: skip
+    (batch,) = study.trial("small").batches
+    job = run_trial(study, "small", batch.name).settings
+    of_all = (job[key] for key in ("seed", "case", "replicates", "methods"))
+    fits = pd.DataFrame(imported(job["function"])(*of_all, **job["options"]))
+    table = model_error({"small": fits}, {}).set_index("method")
+    ours = table.loc["maximum_likelihood"]
+    assert ours[["replicates", "answered"]].to_list() == [1, 1]
+    assert ours["damping_v_error_percent"] < 5.0
+    assert ours["amplitude_v_error_percent"] < 5.0
+    assert ours["amplitude_v_worst_percent"] == ours["amplitude_v_error_percent"]
+    assert ours["forecast_r2"] > 0.9
+    assert 0.0 <= ours["coverage_95_percent"] <= 100.0
+    assert np.isnan(table.loc["weak", "coverage_95_percent"])  # it states no intervals
+    assert len(draw_model_error(table.reset_index(), {}).axes) == 6

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from galloping.configuration.load import load
-from galloping.figures.registry import FIGURES
+from galloping.figures import registry as figures
 from galloping.importing import imported
 from galloping.measurement.motion import Motion
 from galloping.physics.derived import Derived
@@ -17,7 +17,8 @@ from galloping.study.cells import Study
 from galloping.study.files import models, trajectories
 from galloping.study.kinds import OPEN_PARAMETERS
 from galloping.study.loading import load as load_sources
-from galloping.tables.registry import TABLES
+from galloping.tables import registry as tables
+from galloping.trials.registry import KINDS
 
 
 def study(**settings):
@@ -88,6 +89,7 @@ def test_a_threshold_is_read_by_the_family_of_its_method(default):
         {"measurement": {"protocols": ["displacement"], "levels": [0.3], "joint_levels": [0]}},
         {"identification": {"methods": ["weak"]}, "measurement": {"protocols": ["state"]}},
         {"cases": {"alone": {}}, "identification": {"methods": ["stlsq"]}},
+        {"cases": {}, "trials": {kind: {"kind": kind} for kind in KINDS}},
     ],
 )
 def test_every_table_and_figure_reads_what_some_job_writes(settings):
@@ -96,7 +98,7 @@ def test_every_table_and_figure_reads_what_some_job_writes(settings):
     written = {paths.model.format(case=case.name) for case in described.cases}
     written |= {paths.trajectory.format(case=case.name) for case in described.cases}
     written |= {paths.ranking.format(case=case.name) for case in described.cases}
-    written |= {paths.table.format(table=table.name) for table in TABLES}
+    written |= {paths.table.format(table=table.name) for table in tables.of_study(described)}
     for cell in described.cells:
         named = (paths.bounds, paths.scores, paths.reconstructions)
         written |= {path.format(**cell.wildcards) for path in named}
@@ -114,12 +116,34 @@ def test_every_table_and_figure_reads_what_some_job_writes(settings):
             written |= {paths.block.format(**names, block=block.name) for block in sweep.blocks}
         for protocol in shown.predicted_cells(described, case.name):
             written.add(paths.prediction.format(case=case.name, protocol=protocol))
+    for trial in described.trials:
+        written |= {paths.trial.format(trial=trial.name, batch=b.name) for b in trial.batches}
     written |= {paths.openness.format(parameter=name) for name in OPEN_PARAMETERS}
-    read = [jobs.make_table(described, table.name) for table in TABLES]
-    read += [jobs.draw_figure(described, figure.name) for figure in FIGURES]
+    read = [jobs.make_table(described, table.name) for table in tables.of_study(described)]
+    read += [jobs.draw_figure(described, figure.name) for figure in figures.of_study(described)]
     for job in read:
         assert set(job.inputs.values()) <= written
         assert all(callable(imported(module)) for module in job.modules)
+
+
+def test_a_study_has_tables_and_figures_of_what_is_in_it(default):
+    alone = study(cases={}, trials={"a": {"kind": "systems"}})
+    assert [table.name for table in tables.of_study(alone)] == ["systems"]
+    assert figures.of_study(alone) == []
+    assert not {"fits", "trust", "systems"} & {t.name for t in tables.of_study(default)}
+
+
+def test_more_replicates_of_a_trial_are_further_batches():
+    def batches(replicates):
+        trial = {"kind": "sensor_faults", "cases": ["late channels"], "replicates": replicates}
+        described = study(trials={"a": trial})
+        return {b.name: jobs.run_trial(described, "a", b.name) for b in described.trials[0].batches}
+
+    few, more = batches(20), batches(25)
+    assert list(few) == ["late_channels_0_to_9", "late_channels_10_to_19"]
+    assert few == {name: more[name] for name in few}
+    assert set(more) - set(few) == {"late_channels_20_to_24"}
+    assert more["late_channels_20_to_24"].settings["replicates"] == [20, 21, 22, 23, 24]
 
 
 def test_registries_import_neither_figures_nor_methods():

@@ -57,9 +57,13 @@ def _whole(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def _distinct(values: tuple) -> tuple:
+def _some(values: tuple) -> tuple:
     if not values:
         raise problem("[] is empty; must hold at least one")
+    return values
+
+
+def _distinct(values: tuple) -> tuple:
     written: dict[str, object] = {}
     for value in values:
         text = f"{value:.12g}" if isinstance(value, float) else str(value)  # as cells are named
@@ -100,11 +104,17 @@ def triple(item: Any) -> Any:
     return Annotated[tuple[item, item, item], Field(strict=False)]
 
 
+def distinct(item: Any) -> Any:
+    """The type of a list of which no two items are equal."""
+    unique = Field(strict=False, json_schema_extra={"uniqueItems": True})
+    return Annotated[tuple[item, ...], unique, AfterValidator(_distinct)]
+
+
 def selection(item: Any) -> Any:
     """The type of a list of at least one item, no two equal."""
-    # Both are checked in `_distinct`: min_length would also count out the items that are wrong.
-    unique = Field(strict=False, json_schema_extra={"minItems": 1, "uniqueItems": True})
-    return Annotated[tuple[item, ...], unique, AfterValidator(_distinct)]
+    # Checked in `_some`: min_length would also count out the items that are wrong.
+    some = Field(strict=False, json_schema_extra={"minItems": 1, "uniqueItems": True})
+    return Annotated[tuple[item, ...], some, AfterValidator(_some), AfterValidator(_distinct)]
 
 
 def setting(default: Any, description: str, unit: str = "", rule: str = "") -> Any:

@@ -107,8 +107,6 @@ def merged(mapping: dict, files: Sequence[dict]) -> dict:
             if case is not None
         }
         kept = {k: v for k, v in cases.items() if v is not None or k not in described}
-        if cases and not kept:
-            raise ConfigurationError("cases: every case is set to null; must leave at least one")
         mapping = mapping | {"cases": kept}
     return mapping
 

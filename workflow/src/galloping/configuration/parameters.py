@@ -43,6 +43,7 @@ def _rows(settings: Settings) -> Iterator[Parameter]:
             (key.replace("<name>", release), node)
             for key, node in leaves(child(child(schema(), "cases"), name))
             for release in (values["releases"] if "<name>" in key else [""])
+            if not key.startswith("truth.") or values["truth"]["model"] == "continuous"
         ]
         for key, node in named:
             value = reduce(getitem, key.split("."), values)

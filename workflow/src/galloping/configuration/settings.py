@@ -11,6 +11,7 @@ from pydantic import Field, ValidationInfo, create_model, field_validator, model
 
 from galloping.configuration.fields import (
     Section,
+    distinct,
     listing,
     one_of,
     parameter,
@@ -25,6 +26,7 @@ from galloping.configuration.fields import (
 )
 from galloping.identification.registry import METHODS, PROTOCOLS
 from galloping.measurement.protocols import PROTOCOLS as ALL_PROTOCOLS
+from galloping.trials.registry import KINDS
 
 Positive = real(gt=0)
 NonNegative = real(ge=0)
@@ -53,6 +55,9 @@ SWEPT = (
     "spacer_mass", "bundle_dimension", "ice_vertical_1", "ice_vertical_2", "ice_vertical_3",
     "ice_horizontal_1", "ice_horizontal_2", "ice_horizontal_3",
 )  # fmt: skip
+# Of the continuous line: `galloping.physics.continuous`, `galloping.physics.gusts`.
+AERODYNAMICS = ("small_angle", "relative")
+SPECTRA = ("von_karman", "kaimal")
 # Measures against galloping and what they take: `galloping.physics.measures`.
 MEASURES = {
     "tension": ("factor",),
@@ -245,6 +250,73 @@ class InitialState(Section):
     dq_w: Motion = parameter(0, "horizontal modal velocity", "m/s", "dq_w(0)", "assumed")
 
 
+class Gusts(Section):
+    """The wind about its mean, the same along the span."""
+
+    intensity: real(ge=0, le=0.5) = parameter(
+        0,
+        "standard deviation of the wind speed over its mean",
+        "1",
+        "I",
+        "assumed",
+        why="a hurricane in a city",
+    )
+    length_scale: real(ge=1, le=2000) = parameter(
+        100, "integral length of the turbulence along the wind", "m", "L", "assumed"
+    )
+    spectrum: one_of(SPECTRA) = parameter(
+        "von_karman", "spectrum of the wind speed", "", "S", "assumed"
+    )
+
+
+class Truth(Section):
+    """What moves, and where it is observed."""
+
+    model: Literal["two_mode", "continuous"] = parameter(
+        "two_mode",
+        "what recordings are made of: the paper's equations, or the partial differential equations "
+        "on many modes, which no library contains",
+        "",
+        "truth",
+        "assumed",
+        rule="the other keys of truth need continuous",
+    )
+    modes: whole(ge=1, le=40) = parameter(
+        9, "sine modes in each direction", "1", "N", "assumed", why="a wave of 15 m in 300 m"
+    )
+    aerodynamics: one_of(AERODYNAMICS) = parameter(
+        "small_angle",
+        "load of the paper (small_angle), or of the full relative wind (relative)",
+        "",
+        "F",
+        "assumed",
+    )
+    drag: real(ge=0, le=10) = parameter(
+        0, "static coefficient of the horizontal force", "1", "eta_0", "assumed"
+    )
+    antisymmetric: Motion = parameter(
+        0, "first antisymmetric vertical mode at a quarter of the span, at each release", "m",
+        "q_a(0)", "assumed",
+    )  # fmt: skip
+    gusts: Gusts = section(Gusts)
+    sensors: selection(real(gt=0, lt=1)) = parameter(
+        (0.25, 0.5, 0.75),
+        "places of the sensors, in spans from the left end; as many sine modes are told apart, "
+        "and the first of them is recorded",
+        "1",
+        "s_{}/l",
+        "assumed",
+    )
+
+    @model_validator(mode="after")
+    def _only_what_counts(self) -> Truth:
+        if self.model != "continuous":
+            for name in sorted(self.model_fields_set - {"model"}):
+                if getattr(self, name) != getattr(Truth(), name):
+                    raise problem("must be left out, or the model continuous", name)
+        return self
+
+
 class Case(Section):
     """One line in one wind."""
 
@@ -261,6 +333,7 @@ class Case(Section):
         "further recordings of the same line, each released from a state of its own",
         rule=NAME_RULE,
     )
+    truth: Truth = section(Truth)
     gravity: real(ge=0.1, le=100) = parameter(
         9.81, "gravitational acceleration", "m/s2", "g", "assumed", why="an asteroid to Jupiter"
     )
@@ -483,6 +556,59 @@ class Measure(Section):
         return self
 
 
+class Trial(Section):
+    """Fits to many recordings whose truth is known."""
+
+    kind: one_of(tuple(KINDS)) = setting("random_lines", "what is recorded and identified")
+    seed: whole(ge=0) = setting(0, "seed from which lines, faults and noise are drawn", "1")
+    replicates: whole(ge=1, le=100_000) = setting(
+        20, "recordings of each case and cell, or random lines", "1"
+    )
+    batch: whole(ge=1) = setting(10, "replicates of a case that one job makes", "1")
+    cases: selection(str) | None = setting(None, "lines, faults or systems, all by default")
+    methods: selection(MethodName) | None = setting(
+        None, "identification methods; by default ours, of systems beside those that it is to beat"
+    )
+    protocols: selection(Protocol) | None = setting(
+        None, "what is measured", rule="of `default_line` and `random_lines`"
+    )
+    levels: selection(NoiseLevel) | None = setting(
+        None, "noise levels, in standard deviations of each state", "1"
+    )
+    samples: selection(whole(ge=100)) | None = setting(
+        None, "lengths of the recordings", "samples", rule="of `systems`"
+    )
+
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> Trial:
+        kind = KINDS[self.kind]
+        for key in ("protocols", "levels", "samples"):
+            if getattr(self, key) is not None and key not in kind.options:
+                raise problem(f"is no key of {self.kind}", key)
+        for case in self.cases or ():
+            if case not in kind.cases:
+                raise problem(
+                    f"unknown case {show(case)} of {self.kind}; allowed: {', '.join(kind.cases)}",
+                    "cases",
+                )
+        return self
+
+
+class OpenParameters(Section):
+    """What the paper leaves open of its first line: values at which its claims are judged."""
+
+    wind_speed: distinct(real(ge=0.1, le=120)) = setting((8, 10, 12, 14, 16), "wind speed", "m/s")
+    damping_ratio: distinct(DampingRatio) = setting(
+        (0.002, 0.005, 0.01), "damping ratio of both modes", "1"
+    )
+    bundle_dimension: distinct(real(ge=1e-3, le=10)) = setting(
+        (0.0276, 0.0552, 0.1104, 0.4), "characteristic dimension of the bundle", "m"
+    )
+    initial_displacement: distinct(Motion) = setting(
+        (0.01, 0.1, 0.5, 1), "release of both modes", "m"
+    )
+
+
 class Assessment(Section):
     """What a line engineer asks of the lines: how far they gallop, and what stops them."""
 
@@ -496,6 +622,7 @@ class Assessment(Section):
     winds: selection(real(ge=0.1, le=120)) = setting(
         (8, 10, 12, 14, 16), "wind speeds that are predicted from identified models", "m/s"
     )
+    open_parameters: OpenParameters = section(OpenParameters)
     measures: dict[CaseName, Measure] = setting(
         {},
         "measures that are compared, by name; without any, those of a usual size",
@@ -544,7 +671,7 @@ class Settings(Section):
         "folder of the numbers that the tables are compared with, if it is there",
         rule="a path of letters, digits, '_', '-' and '.', from the root or the working folder",
     )
-    cases: Annotated[dict[CaseName, Case], Field(min_length=1)] = Field(
+    cases: dict[CaseName, Case] = Field(
         default_factory=paper_cases,
         description="the lines under study, by name",
         json_schema_extra={"rule": NAME_RULE},
@@ -568,6 +695,11 @@ class Settings(Section):
         json_schema_extra={"rule": NAME_RULE},
     )
     assessment: Assessment = section(Assessment)
+    trials: dict[CaseName, Trial] = Field(
+        default_factory=dict,
+        description="trials of what the identification claims, by name",
+        json_schema_extra={"rule": NAME_RULE},
+    )
     figures: Figures = section(Figures)
 
     @field_validator("results")
@@ -609,6 +741,12 @@ class Settings(Section):
                     "methods",
                 )
         return identification
+
+    @model_validator(mode="after")
+    def _something_to_study(self) -> Settings:
+        if not (self.cases or self.trials):
+            raise problem("there is none; must hold at least one, or there must be trials", "cases")
+        return self
 
     @model_validator(mode="after")
     def _recordings_beside_cases(self) -> Settings:

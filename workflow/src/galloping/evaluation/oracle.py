@@ -1,4 +1,7 @@
-"""The best that any setting of a method could do, chosen with the truth and so out of its reach."""
+"""The best that any setting of a method could do, chosen with the truth and so out of its reach.
+
+Of pysindy's STLSQ and FROLS on smoothed states, and of STLSQ on the weak form; of no other method.
+"""
 
 from __future__ import annotations
 
@@ -56,10 +59,10 @@ def _weights(true: PolynomialModel) -> np.ndarray:
 def oracle_rows(
     truth: Truth, replicates: Iterable[Sequence[Recording]], path_length: int
 ) -> list[dict]:
-    """Scores of the oracles of pysindy's methods: rows of `evaluation.cell` with their `choice`.
+    """Scores of the oracles of STLSQ, FROLS and the weak form: rows as of `evaluation.cell`.
 
-    truth: its model is on the candidate library. replicates: recordings of each. path_length: of
-    the thresholds tried.
+    Each has its `choice` of CHOICES. truth: its model is on the candidate library. replicates:
+    recordings of each. path_length: of the thresholds tried.
     """
     named, models = [], []
     for replicate, recordings in enumerate(replicates):

@@ -30,7 +30,8 @@ class Truth:
 
     model: on the candidate library and the terms that it lacks (`polynomial.extended`). time:
     (n,) s. states: (n, n_states). steady: window in s. status: `ok`, or why the line itself has
-    no motion to compare with, as in `Trajectory`.
+    no motion to compare with, as in `Trajectory`. is_own_model: whether the motion is the model's;
+    that of a continuous line is not, and no coefficients are true.
     """
 
     model: PolynomialModel
@@ -38,6 +39,7 @@ class Truth:
     states: np.ndarray
     steady: tuple[float, float]
     status: str = "ok"
+    is_own_model: bool = True
 
     @property
     def steady_rows(self) -> slice:
@@ -77,7 +79,8 @@ def score(
 
     bound: (n_states, n_terms) Cramer-Rao standard deviations, NaN without noise. What the
     candidate library lacks is missing from the model. NaN is what is undefined: every number
-    where the line itself diverges, the amplitude's error where it does not gallop.
+    where the line itself diverges, those of coefficients where there are no true ones, the
+    amplitude's error where it does not gallop.
     """
     row: dict[str, float | str] = {"status": motion.status, "verdict": result.verdict}
     coefficients = _on_terms_of(truth, result.model.coefficients, absent=0.0)
@@ -90,6 +93,8 @@ def score(
     row |= support_scores(truth.model, coefficients)
     row["efficiency"] = efficiency(truth.model, coefficients, bound, UNKNOWN)
     row |= coverage(truth.model, coefficients, standard_errors, UNKNOWN)
+    if not truth.is_own_model:
+        row |= {name: np.nan for name in row if name not in ("status", "verdict")}
     columns = list(DISPLACEMENTS.values())
     true, moved, steady_moved = (
         states[:, columns]

@@ -40,7 +40,7 @@ def draw_coefficients(
     ]
     figure = Figure(figsize=(DOUBLE, 3.9), layout="constrained")
     if not levels:
-        panels.nothing(figure.subplots(), "this study has no noise level above zero")
+        panels.nothing(figure.subplots(), "no noise level above zero, or no true values")
         return figure
     true = tables[0][tables[0]["true"] != 0]
     equations = list(dict.fromkeys(true["equation"]))

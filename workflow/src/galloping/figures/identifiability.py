@@ -36,6 +36,8 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
     table: identifiability.csv. settings: cases, protocols; level, the wanted one.
     """
     whole = table[table["points"] == table["points"].max()]
+    # a continuous line has no true coefficients, and so nothing to identify
+    whole = whole[whole.groupby("case")["t"].transform("count") > 0]
     present = set(zip(whole["equation"], whole["term"], strict=True))
     terms = [term for term in SYMBOLS if term in present]
     count = -(-len(settings["cases"]) // ACROSS)
@@ -46,7 +48,7 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
     grid = figure.subplots(len(rows), across, squeeze=False, sharex=True, sharey=True)
     if not terms:
         for axes in grid.flat:
-            panels.nothing(axes, "this study has\nno noisy recordings")
+            panels.nothing(axes, "this study has no bound\non noisy recordings")
         return figure
     for axes in grid.flat[len(cases) :]:
         axes.remove()

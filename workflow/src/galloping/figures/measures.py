@@ -25,9 +25,9 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
 
     table: measures.csv. settings: cases.
     """
-    cases = settings["cases"]
-    rows = max(len(table[table["case"] == case]) for case in cases)
-    figure = Figure(figsize=(DOUBLE, len(cases) * (0.7 + 0.2 * rows)), layout="constrained")
+    rows = max(len(table[table["case"] == case]) for case in settings["cases"])
+    cases, height = panels.fitting(settings["cases"], 0.1, 0.7 + 0.2 * rows)
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
     blocks = figure.subfigures(len(cases), 1, squeeze=False)[:, 0]
     for row, (case, block) in enumerate(zip(cases, blocks, strict=True)):
         block.suptitle(spoken(case), x=0.01, ha="left", weight="bold", size=rcParams["font.size"])
@@ -36,6 +36,7 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
         for column, (axes, name) in enumerate(zip(grid, QUANTITIES, strict=True)):
             panels.letter(axes, row * len(QUANTITIES) + column, QUANTITIES[name])
             _panel(axes, of_case, name)
+    panels.note_left_out(figure, settings["cases"][len(cases) :], "measures.csv")
     return figure
 
 

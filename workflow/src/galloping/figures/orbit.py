@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,6 +16,7 @@ from galloping.figures.style import DOUBLE, MODEL, spoken
 from galloping.physics.clearance import design_ellipses
 from galloping.physics.line import Line
 
+COLUMNS = 3  # of panels
 LOOKS = {
     "Davison": ("#b30000", (0, (5, 2))),
     "Toye": ("#2fa86a", (0, (1, 1))),
@@ -28,17 +30,24 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
     orbits: of each case, by wind speed in m/s, (n, 2) places (w, v) in m about rest. settings:
     cases, sections of the configuration by name.
     """
-    cases = settings["cases"]
-    figure = Figure(figsize=(DOUBLE, 4.2), layout="constrained")
+    names = list(settings["cases"])
+    columns = min(len(names), COLUMNS)
+    rows, height = panels.fitting(range(math.ceil(len(names) / columns)), 0.6, 3.6)
+    shown = names[: len(rows) * columns]
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
     places = [places for of_case in orbits.values() for places in of_case.values()]
     reach = 1.35 * max((np.max(np.abs(each[:, 0])) for each in places), default=1.0)
-    panes = figure.subplots(1, len(cases), squeeze=False, sharex=True, sharey=True)[0]
-    for k, (axes, (name, case)) in enumerate(zip(panes, cases.items(), strict=True)):
+    grid = figure.subplots(len(rows), columns, squeeze=False, sharex=True, sharey=True)
+    for k, (axes, name) in enumerate(zip(grid.flat, shown, strict=False)):
         panels.letter(axes, k, spoken(name))
-        _panel(axes, case, orbits[name], reach)
-    panes[0].set_ylabel("vertical, m from rest")
-    handles, labels = panes[0].get_legend_handles_labels()
+        _panel(axes, settings["cases"][name], orbits[name], reach)
+    for axes in grid.flat[len(shown) :]:
+        axes.set_visible(False)
+    for axes in grid[:, 0]:
+        axes.set_ylabel("vertical, m from rest")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=6)
+    panels.note_left_out(figure, names[len(shown) :], "clearance.csv")
     return figure
 
 

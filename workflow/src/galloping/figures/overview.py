@@ -88,7 +88,7 @@ def beaten_at(table: pd.DataFrame) -> str:
 
 
 def _oracle(peers: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
-    """The lowest oracle of pysindy's methods at each level, as `_errors` without intervals."""
+    """The lowest oracle of STLSQ, FROLS and the weak form at each level, as `_errors` has."""
     chosen = peers[
         (peers["case"] == case) & (peers["protocol"] == protocol) & (peers["level"] > 0)
         & (peers["setting"] == ORACLE) & peers["method"].isin(PYSINDY)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -20,11 +22,11 @@ LOOKS = {"vertical": {"color": MODEL, "marker": "o"}, "horizontal": {"color": PA
 R2_LOOKS = {"r2_0_100_s": "white", "r2_100_200_s": "#bbbbbb", "r2_200_300_s": ""}
 
 
-def draw_reduction(table: pd.DataFrame) -> Figure:
+def draw_reduction(table: pd.DataFrame, settings: Mapping) -> Figure:
     """Amplitude, limit cycle and R2 by line: a row for each quantity, a column for each direction.
 
     table: reduction.csv. The two-mode model is the dashed line; R2 is that of its displacement in
-    three stretches of the record.
+    three stretches of the record. settings: none are read.
     """
     lines = [name for name in table["line"].unique() if name != TWO_MODES]
     figure = Figure(figsize=(DOUBLE, 5.6), layout="constrained")

@@ -13,6 +13,7 @@ from galloping.study.cells import Cell, Study
 from galloping.study.kinds import BOUND
 from galloping.study.shown import Pair
 from galloping.study.sources import Sources
+from galloping.trials.registry import MODEL_ERROR, TRUST
 
 
 def _nothing(study: Study) -> dict:
@@ -25,7 +26,7 @@ class Figure:
 
     name: of its files. label: in the report. function: `module:function`, imported only by the job
     that draws it; it takes what is read, by name, and `settings`, and returns a matplotlib Figure.
-    reads, settings: of a study, in plain values.
+    reads, settings: of a study, in plain values. belongs: whether a study has it.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Figure:
     function: str
     reads: Callable[[Study], Sources] = _nothing
     settings: Callable[[Study], Mapping] = _nothing
+    belongs: Callable[[Study], bool] = shown.has_lines
 
 
 def _table(name: str) -> Callable[[Study], Sources]:
@@ -101,24 +103,29 @@ COEFFICIENT_LEVELS = (0.01, 0.03, 0.05)
 HISTORY_LEVELS = (0.05, 0.1, 0.15)
 
 
+def _coefficient_cells(study: Study) -> list[Cell]:
+    """None where the first case has no true coefficients."""
+    if shown.first_case(study).is_continuous:
+        return []
+    return shown.noise_cells(study, shown.paper_pair(study), COEFFICIENT_LEVELS)
+
+
 def _coefficient_reads(study: Study) -> Sources:
     pair = shown.paper_pair(study)
-    cells = shown.noise_cells(study, pair, COEFFICIENT_LEVELS)
     return {
         "model": sources.model(study, shown.first_case(study).name),
         "identified": {
-            cell.name: sources.identified(study, cell, pair[1].family) for cell in cells
+            cell.name: sources.identified(study, cell, pair[1].family)
+            for cell in _coefficient_cells(study)
         },
     }
 
 
 def _coefficients(study: Study) -> dict:
-    pair = shown.paper_pair(study)
-    cells = shown.noise_cells(study, pair, COEFFICIENT_LEVELS)
     return {
         "case": shown.first_case(study).name,
-        **_pair(pair),
-        "levels": {cell.name: cell.level for cell in cells},
+        **_pair(shown.paper_pair(study)),
+        "levels": {cell.name: cell.level for cell in _coefficient_cells(study)},
         "degree": study.settings.identification.degree,
     }
 
@@ -350,6 +357,19 @@ FIGURES = (
         _predicted,
     ),
     Figure(
+        "limit_cycle_ahead",
+        "the limit cycle ahead of its time",
+        "galloping.figures.ahead:draw_limit_cycle_ahead",
+        _table("limit_cycle_ahead"),
+        lambda study: {"window": list(study.settings.simulation.steady_window)},
+    ),
+    Figure(
+        "reduction",
+        "what two modes are worth",
+        "galloping.figures.reduction:draw_reduction",
+        _table("reduction"),
+    ),
+    Figure(
         "measures",
         "what stops it",
         "galloping.figures.measures:draw_measures",
@@ -363,5 +383,24 @@ FIGURES = (
         _table("reproduction"),
         lambda study: {"labels": OPEN_LABELS},
     ),
+    Figure(
+        "trust",
+        "how often each status is right",
+        "galloping.figures.trust:draw_trust",
+        _table("fits"),
+        belongs=shown.has_trials(TRUST),
+    ),
+    Figure(
+        "model_error",
+        "what a recording of a real line gives",
+        "galloping.figures.model_error:draw_model_error",
+        _table("model_error"),
+        belongs=shown.has_trials(MODEL_ERROR),
+    ),
 )
 BY_NAME = {figure.name: figure for figure in FIGURES}
+
+
+def of_study(study: Study) -> list[Figure]:
+    """Those that a study has."""
+    return [figure for figure in FIGURES if figure.belongs(study)]

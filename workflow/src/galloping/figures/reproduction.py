@@ -22,7 +22,7 @@ def draw_reproduction(table: pd.DataFrame, settings: Mapping) -> Figure:
     table: of `reproduction_rows`. settings: labels, of the parameters, by name in their order.
     """
     if table.empty:
-        return panels.nothing_at_all("this study does not have the paper's line")
+        return panels.nothing_at_all("this study varies no parameter of the paper's line")
     names = [name for name in settings["labels"] if name in set(table["parameter"])]
     claims = list(dict.fromkeys(table["claim"]))[::-1]  # the first on top
     widths = [table[table["parameter"] == name]["value"].nunique() for name in names]

@@ -248,15 +248,20 @@ def release(
 
 
 def simulate(
-    line: Span, start: np.ndarray, time: np.ndarray, speed: np.ndarray | None = None
+    line: Span,
+    start: np.ndarray,
+    time: np.ndarray,
+    speed: np.ndarray | None = None,
+    step: float = STEP,
 ) -> np.ndarray:
     """(n, 4 n_modes) coordinates and velocities (q, p, dq, dp) at `time`.
 
     start: the state at time[0]. time: (n,) s, equally spaced. speed: (n,) wind at those times,
-    linear between them; the mean wind where not given. Runge-Kutta of order 4 at a fixed step.
+    linear between them; the mean wind where not given. step: s, of which none is longer, of the
+    Runge-Kutta method of order 4.
     """
     interval = (time[-1] - time[0]) / (len(time) - 1)
-    substeps = max(1, int(np.ceil(interval / STEP - 1e-9)))
+    substeps = max(1, int(np.ceil(interval / step - 1e-9)))
     if speed is None:
         speed = np.full(len(time), line.speed)
     return _runge_kutta(

@@ -34,6 +34,20 @@ def headline(
     return [sentence for sentence in sentences if sentence]
 
 
+def verdicts(trust: pd.DataFrame) -> list[str]:
+    """A sentence on each group of fits in trust.csv: how often a verdict was sure and wrong."""
+    own = trust[~trust["case"].str.startswith("every t")]  # rows that are a part of others
+    sentences = []
+    for group, rows in own.groupby("group", sort=False):
+        fits, sure, wrong = (int(rows[name].sum()) for name in ("fits", "ok", "ok_and_wrong"))
+        refused = int(rows["refused"].sum())
+        sentences.append(
+            f"Of {fits:,} fits to {group}, {sure:,} were ok, {wrong:,} of them wrong "
+            f"({100 * wrong / fits:.2g} % of all), and {refused:,} were refused."
+        )
+    return sentences
+
+
 def _claims(claims: pd.DataFrame, protocol: str, method: str) -> str:
     rows = claims[(claims["protocol"] == protocol) & (claims["method"] == method)]
     if rows.empty:
@@ -55,7 +69,9 @@ def _from_sensors(efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, pro
     row = rows.iloc[(rows["level"] - 0.05).abs().argmin()]
     at = (errors["case"] == case) & (errors["protocol"] == protocol)
     at &= errors["level"] == row["level"]
-    medians = errors[at].groupby("method")["mean_error_percent"].mean()
+    medians = errors[at].groupby("method")["mean_error_percent"].mean().dropna()
+    if OURS not in medians:  # a continuous line has no true coefficients
+        return ""
     peers = medians.drop([OURS, "bound", "weak_gls"], errors="ignore")
     beside = f", against {peers.min():.2g} % by {peers.idxmin()}" if len(peers) else ""
     return (

@@ -14,6 +14,12 @@ def described(study: Mapping) -> list[tuple[str, str]]:
 
     study: the settings, in plain values.
     """
+    return (_of_lines(study) if study["cases"] else []) + [
+        (name, _trial(trial)) for name, trial in study["trials"].items()
+    ]
+
+
+def _of_lines(study: Mapping) -> list[tuple[str, str]]:
     lines = [(name, _line(case)) for name, case in study["cases"].items()]
     simulation, measurement = study["simulation"], study["measurement"]
     return [
@@ -26,6 +32,11 @@ def described(study: Mapping) -> list[tuple[str, str]]:
         ("methods", ", ".join(study["identification"]["methods"])),
         ("candidate library", f"polynomials up to degree {study['identification']['degree']}"),
     ]
+
+
+def _trial(trial: Mapping) -> str:
+    text = f"{trial['kind'].replace('_', ' ')}, {trial['replicates']} replicates"
+    return f"{text}, drawn from seed {trial['seed']}"
 
 
 def _line(case: Mapping) -> str:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from snakemake.api import DAGApi, SnakemakeApi
+from snakemake.exceptions import WorkflowError
 from snakemake.settings.enums import Quietness
 from snakemake.settings.types import (
     ConfigSettings,
@@ -128,10 +129,10 @@ def _with_dag(
                 config_settings=ConfigSettings(configfiles=[Path(file) for file in configfiles]),
                 snakefile=SNAKEFILE,
             )
-            act(workflow.dag(DAGSettings(forceall=force)))
-        except Exception as error:
-            api.print_exception(error)
-            sys.exit(1)
+            # A job that was killed may have left what it wrote: it is planned like any other.
+            act(workflow.dag(DAGSettings(forceall=force, force_incomplete=True)))
+        except WorkflowError as error:
+            sys.exit(str(error))
 
 
 # --- the plugin ---

@@ -15,6 +15,7 @@ from galloping.measurement.protocols import Protocol
 from galloping.study.kinds import JOINT, NOISE, SUBSET
 from galloping.study.paths import Paths
 from galloping.study.sweeps import Sweep, sweep
+from galloping.study.trials import Trial, trial
 
 
 @dataclass(frozen=True)
@@ -22,12 +23,18 @@ class Case:
     """One line in one wind.
 
     line: its settings but for the states that it is released from. releases: initial states by
-    state, the one that models are judged by first.
+    state, the one that models are judged by first. truth: what its recordings are made of.
     """
 
     name: str
     line: Mapping
     releases: tuple[Mapping[str, float], ...]
+    truth: Mapping
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether its motion is that of no library's model, so that no coefficients are true."""
+        return self.truth["model"] == "continuous"
 
     @property
     def released(self) -> dict:
@@ -117,8 +124,9 @@ class Study:
         return tuple(
             Case(
                 name,
-                {k: v for k, v in case.items() if k not in ("initial_state", "releases")},
+                {k: v for k, v in case.items() if k not in ("initial_state", "releases", "truth")},
                 (case["initial_state"], *case["releases"].values()),
+                case["truth"],
             )
             for name, case in self.plain["cases"].items()
         )
@@ -187,6 +195,13 @@ class Study:
 
     def sweep(self, name: str) -> Sweep:
         return next(each for each in self.sweeps if each.name == name)
+
+    @cached_property
+    def trials(self) -> tuple[Trial, ...]:
+        return tuple(trial(name, of) for name, of in self.settings.trials.items())
+
+    def trial(self, name: str) -> Trial:
+        return next(each for each in self.trials if each.name == name)
 
     def options(self, method: Method) -> dict:
         """What a method reads of the settings."""

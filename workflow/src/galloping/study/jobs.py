@@ -8,16 +8,26 @@ from pathlib import Path
 
 from galloping.field import SHOWN
 from galloping.figures import registry as figures
+from galloping.identification.registry import BY_NAME as METHODS
 from galloping.study import shown, sources
 from galloping.study.cells import Study
 from galloping.study.kinds import OURS_FAMILY
 from galloping.study.sources import Source, Sources
 from galloping.tables import registry as tables
+from galloping.trials.registry import TRUST
 
 COMPARISONS = ["reference_summary", "reference_differences"]  # of compare_reference
 ANIMATION = "galloping"  # the only figure that is not drawn on paper
 MOST_DRAWS = 3  # of each variant of a line, enough to tell most draws from some
 ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
+CONTINUOUS = "galloping.measurement.continuous:motion"  # imports numba: not for all lines
+HEADLINE = {  # tables that tell what was found of lines
+    "claims": "claims",
+    "efficiency": "efficiency",
+    "errors": "noise_coefficients",
+    "cycles": "limit_cycles",
+    "bifurcations": "bifurcations",
+}
 RELEASE_HEIGHTS = [1.0, 2.0, 3.0]  # m, of the further recordings that are compared
 
 
@@ -39,13 +49,22 @@ def derive_model(study: Study, case: str) -> Job:
 
 
 def simulate_line(study: Study, case: str) -> Job:
-    simulation = study.settings.simulation
+    simulation, moving = study.settings.simulation, study.case(case)
     settings = {
-        "releases": list(study.case(case).releases),
+        "releases": list(moving.releases),
         "duration": simulation.duration,
         "sampling_rate": simulation.sampling_rate,
     }
-    return _reading({"model": sources.model(study, case)}, settings)
+    if not moving.is_continuous:
+        return _reading({"model": sources.model(study, case)}, settings)
+    gusty = moving.truth["gusts"]["intensity"] > 0
+    settings |= {
+        "continuous": CONTINUOUS,
+        "line": moving.line,
+        "truth": moving.truth,
+        "seed": study.settings.measurement.seed if gusty else 0,
+    }
+    return Job({}, settings, (CONTINUOUS,))
 
 
 def rank_releases(study: Study, case: str) -> Job:
@@ -95,6 +114,7 @@ def evaluate_cell(study: Study, case: str, protocol: str, cell: str) -> Job:
         "measurement": measured.measurement,
         "degree": study.settings.identification.degree,
         "steady_window": list(study.settings.simulation.steady_window),
+        "is_continuous": measured.case.is_continuous,
     }
     return _reading(reads, settings)
 
@@ -170,7 +190,9 @@ def vary_parameter(study: Study, parameter: str) -> Job:
         "sampling_rate": simulation.sampling_rate,
         "steady": list(simulation.steady_window),
     }
-    return Job({}, {"case": case.released, "parameter": parameter, "plan": plan}, method.modules)
+    values = study.plain["assessment"]["open_parameters"][parameter]
+    settings = {"case": case.released, "parameter": parameter, "values": values, "plan": plan}
+    return Job({}, settings, method.modules)
 
 
 def animate_line(study: Study) -> Job:
@@ -196,6 +218,22 @@ def find_oracle(study: Study, case: str, protocol: str, cell: str) -> Job:
     return _reading(reads, settings)
 
 
+def run_trial(study: Study, trial: str, batch: str) -> Job:
+    tried = study.trial(trial)
+    part = next(each for each in tried.batches if each.name == batch)
+    methods = [METHODS[name] for name in tried.methods]
+    settings = {
+        "function": tried.kind.function,
+        "seed": tried.seed,
+        "case": part.case,
+        "replicates": list(part.replicates),
+        "methods": {method.name: study.options(method) for method in methods},
+        "options": dict(tried.options),
+    }
+    modules = (tried.kind.function, *(module for method in methods for module in method.modules))
+    return Job({}, settings, modules)
+
+
 def make_table(study: Study, table: str) -> Job:
     described = tables.BY_NAME[table]
     settings = {"function": described.function, "shown": dict(described.settings(study))}
@@ -214,7 +252,7 @@ def draw_figure(study: Study, figure: str) -> Job:
 
 def compare_reference(study: Study) -> Job:
     """All tables that are compared, and those of the reference that there are."""
-    names = [table.name for table in tables.TABLES if table.is_compared]
+    names = [table.name for table in tables.of_study(study) if table.is_compared]
     folder = Path(study.settings.reference)
     kept = {name: folder / f"{name}.csv" for name in names}
     reads = {
@@ -224,18 +262,17 @@ def compare_reference(study: Study) -> Job:
     if (origin := folder / "origin.json").exists():
         reads["origin"] = Source(str(origin), "galloping.tables.reference.study:read_origin")
     others = ("results", "reference", "recordings", "figures")  # on which no number depends
-    settings = {"study": {k: v for k, v in study.plain.items() if k not in others}}
+    settings = {"study": {k: v for k, v in study.plain.items() if v and k not in others}}
     return _reading(reads, settings)
 
 
 def write_report(study: Study) -> Job:
     """Every figure and table with its caption, and what was found in the first case."""
-    names = [*(each.name for each in tables.TABLES if each.is_shown), *COMPARISONS]
-    drawn = [each.name for each in figures.FIGURES]
+    names = [*(each.name for each in tables.of_study(study) if each.is_shown), *COMPARISONS]
+    drawn = figures.of_study(study)
     paths = study.paths
     shows = {
-        **{f"figures/{name}": paths.figure.format(figure=name, form="svg") for name in drawn},
-        f"figures/{ANIMATION}": paths.animation,
+        **{f"figures/{f.name}": paths.figure.format(figure=f.name, form="svg") for f in drawn},
         **{f"tables/{name}": paths.table.format(table=name) for name in names},
         **{
             f"recordings/{name}/{file}": paths.field.format(recording=name, file=file)
@@ -243,26 +280,20 @@ def write_report(study: Study) -> Job:
             for file in SHOWN
         },
     }
-    reads = {
-        "claims": sources.table(study, "claims"),
-        "efficiency": sources.table(study, "efficiency"),
-        "errors": sources.table(study, "noise_coefficients"),
-        "cycles": sources.table(study, "limit_cycles"),
-        "bifurcations": sources.table(study, "bifurcations"),
-    }
-    protocol, method = shown.paper_pair(study)
-    settings = {
-        "labels": {
-            **{each.name: each.label for each in figures.FIGURES},
-            ANIMATION: "the span, moving",
-        },
-        "headline": {
+    settings = {"labels": {each.name: each.label for each in drawn}, "study": study.plain}
+    reads = {}
+    if shown.has_trials(TRUST)(study):
+        reads |= {"trust": sources.table(study, "trust")}
+    if shown.has_lines(study):
+        shows |= {f"figures/{ANIMATION}": paths.animation}
+        settings["labels"] |= {ANIMATION: "the span, moving"}
+        reads |= {name: sources.table(study, table) for name, table in HEADLINE.items()}
+        protocol, method = shown.paper_pair(study)
+        settings["headline"] = {
             "case": shown.first_case(study).name,
             "protocol": shown.sensor_protocol(study).name,
             "paper": [protocol.name, method.name],
-        },
-        "study": study.plain,
-    }
+        }
     job = _reading(reads, settings)
     return replace(job, inputs={**shows, **job.inputs})
 

@@ -29,6 +29,7 @@ class Paths:
     orbits: str = "assessment/{case}/orbits.npz"
     prediction: str = "assessment/{case}/prediction_{protocol}.csv"
     openness: str = "reproduction/{parameter}.csv"
+    trial: str = "trials/{trial}/{batch}.csv"
     animation: str = "figures/galloping.gif"
     table: str = "tables/{table}.csv"
     figure: str = "figures/{figure}.{form}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
 from galloping.measurement.protocols import DISPLACEMENTS, STATES, Protocol
@@ -10,6 +10,16 @@ from galloping.study.cells import Case, Cell, Study
 from galloping.study.kinds import JOINT, NOISE, OURS, OURS_FAMILY, SUBSET
 
 Pair = tuple[Protocol, Method]
+
+
+def has_lines(study: Study) -> bool:
+    """Whether a study is of lines; one of trials alone is not."""
+    return bool(study.cases)
+
+
+def has_trials(table: str) -> Callable[[Study], bool]:
+    """Whether a study has trials that a table sums up."""
+    return lambda study: any(trial.kind.table == table for trial in study.trials)
 
 
 def first_case(study: Study) -> Case:
@@ -70,13 +80,15 @@ def amount_cells(study: Study, pair: Pair) -> list[Cell]:
 
 def assessed_cell(study: Study, case: str) -> Cell | None:
     """Whose models say how sure an assessment is: sensors at the level of the subsets, all
-    recordings of the case together where it has several; None where ours does not run.
+    recordings of the case together where it has several; None where ours does not run, or models
+    are not the line's own.
     """
     level = study.settings.measurement.subsets.level
     chosen = [
         cell
         for cell in study.cells
         if (cell.case.name, cell.protocol) == (case, sensor_protocol(study))
+        and not cell.case.is_continuous
         and cell.kind in (NOISE, JOINT)
         and cell.level == level
         and any(method.name == OURS for method in cell.methods)
@@ -85,12 +97,15 @@ def assessed_cell(study: Study, case: str) -> Cell | None:
 
 
 def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
-    """Whole records of sensors at the level of the subsets, by protocol, that ours can use."""
+    """Whole records of sensors at the level of the subsets, by protocol, that ours can use; none
+    of a continuous line, whose motion at other wind speeds is not known.
+    """
     level = study.settings.measurement.subsets.level
     return {
         cell.protocol.name: cell
         for cell in study.cells
         if cell.case.name == case
+        and not cell.case.is_continuous
         and (cell.kind, cell.level) == (NOISE, level)
         and cell.protocol.measures in (STATES, DISPLACEMENTS)
         and any(method.name == OURS for method in cell.methods)
@@ -115,6 +130,7 @@ def oracle_cells(study: Study) -> list[Cell]:
         cell
         for cell in study.cells
         if cell.kind == NOISE and cell.level > 0 and cell.protocol.measures == STATES
+        and not cell.case.is_continuous
         and any(method.evidence in (REGRESSION, WEAK_FORM) for method in cell.methods)
     ]  # fmt: skip
 

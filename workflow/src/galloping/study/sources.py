@@ -59,6 +59,18 @@ def table(study: Study, name: str) -> Source:
     return Source(study.paths.table.format(table=name), f"{FILES}.tables:read")
 
 
+def trials(study: Study, table: str) -> dict[str, Source]:
+    """The fits of all batches of the trials that a table sums up."""
+    return {
+        f"{trial.name}/{batch.name}": Source(
+            study.paths.trial.format(trial=trial.name, batch=batch.name), f"{FILES}.tables:read"
+        )
+        for trial in study.trials
+        if trial.kind.table == table
+        for batch in trial.batches
+    }
+
+
 def swept(study: Study, pattern: str, **names: str) -> Source:
     """A table of a sweep or an assessment. pattern: a field of `Paths`."""
     return Source(getattr(study.paths, pattern).format(**names), f"{FILES}.tables:read")

@@ -65,7 +65,7 @@ def _verdict(t: float) -> str:
 
 def further_recordings(rankings: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     """The rankings of all cases."""
-    return pd.concat(rankings.values())
+    return pd.concat(rankings.values()) if rankings else pd.DataFrame(columns=["case"])
 
 
 def efficiency(
@@ -86,7 +86,7 @@ def efficiency(
             {
                 **dict(zip(KEYS, names, strict=True)),
                 "replicates": len(cell),
-                "exact_support": int(exact.sum()),
+                "exact_support": int(exact.sum()) if cell["missing"].notna().any() else np.nan,
                 "efficiency": float(np.sqrt(np.mean(cell["efficiency"].to_numpy() ** 2))),
                 "r2_q_v": float(cell["r2_q_v"].median()),
                 "r2_q_w": float(cell["r2_q_w"].median()),

@@ -111,11 +111,18 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def claims_table(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+STEADY = 1.0  # percent by which the amplitude of a steady state may grow
+
+
+def claims_table(
+    scores: pd.DataFrame, settings: Mapping, ahead: pd.DataFrame | None = None
+) -> pd.DataFrame:
     """Every claim about one of the cases for every protocol and method of the study.
 
     settings: cases, those that are the paper's, with its parameters; pairs of protocol and method;
-    subset_level, the noise level of the subsets. Columns: COLUMNS, study_value the median.
+    subset_level, the noise level of the subsets. ahead: limit_cycle_ahead.csv, for whether the
+    paper's steady state is steady; that row is about the line itself, whatever was measured.
+    Columns: COLUMNS, study_value the median.
     """
     rows = []
     for claim in CLAIMS:
@@ -126,6 +133,8 @@ def claims_table(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
                 if values is None:
                     continue
                 rows.append(_row(claim, case, protocol, method, values))
+    if ahead is not None:
+        rows += _steadiness(ahead[ahead["case"].isin(settings["cases"])])
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -147,6 +156,19 @@ def _values(scores, claim, case, protocol, method, subset_level) -> np.ndarray |
             values = np.nan_to_num(values - cell[claim.minus].to_numpy(float), nan=-np.inf,
                                    posinf=np.inf, neginf=-np.inf)  # fmt: skip
     return values
+
+
+def _steadiness(ahead: pd.DataFrame) -> list[dict]:
+    rows = []
+    for (case, state), of_state in ahead.groupby(["case", "state"], sort=False):
+        growth = 100.0 * (of_state["true_m"] / of_state["recorded_m"] - 1.0).to_numpy()[:1]
+        claim = Claim(
+            f"steady state of {state}",
+            f"growth from its amplitude to the limit cycle, percent; steady: up to {STEADY:g}",
+            STEADY, "at_most", "", source="sections 4.1 to 4.4",
+        )  # fmt: skip
+        rows.append(_row(claim, case, "exact", "two-mode model", growth))
+    return rows
 
 
 def _row(claim: Claim, case: str, protocol: str, method: str, values: np.ndarray) -> dict:

@@ -61,7 +61,8 @@ def table3(
 ) -> pd.DataFrame:
     """case, equation, symbol, term, true, identified, relative_error_percent and the method.
 
-    models, identified: by case. settings: cases, protocol, method, level; degree of the library.
+    models, identified: by case. settings: cases, those that are continuous, whose models have no
+    true values; protocol, method, level; degree of the library.
     """
     terms = library(len(STATES), settings["degree"])
     named = {key: settings[key] for key in ("protocol", "method", "level")}
@@ -72,6 +73,7 @@ def table3(
         for case in settings["cases"]
     ]
     table = pd.concat(tables, ignore_index=True)
+    table.loc[table["case"].isin(settings["continuous"]), "true"] = np.nan
     with np.errstate(divide="ignore"):
         error = 100 * np.abs(table["identified"] - table["true"]) / np.abs(table["true"])
     table = table.assign(relative_error_percent=error)

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from galloping.configuration.settings import paper_cases_in
 from galloping.study import shown, sources
 from galloping.study.cells import Case, Cell, Study
-from galloping.study.kinds import OPEN_PARAMETERS
+from galloping.study.kinds import NOISE, OPEN_PARAMETERS, OURS, OURS_FAMILY
 from galloping.study.sources import Sources
 from galloping.study.sweeps import Sweep
+from galloping.trials.registry import MODEL_ERROR, SYSTEMS, TRUST
 
 
 def _nothing(study: Study) -> dict:
@@ -26,13 +27,14 @@ class Table:
 
     function: `module:function`, imported only by the job that makes it; it takes what is read, by
     name, and `settings`, and returns a DataFrame. reads, settings: of a study, in plain values.
-    is_compared: with the reference. is_shown: in the report.
+    belongs: whether a study has it. is_compared: with the reference. is_shown: in the report.
     """
 
     name: str
     function: str
     reads: Callable[[Study], Sources] = _nothing
     settings: Callable[[Study], Mapping] = _nothing
+    belongs: Callable[[Study], bool] = shown.has_lines
     is_compared: bool = True
     is_shown: bool = True
 
@@ -73,6 +75,7 @@ def _coefficients(study: Study) -> dict:
     protocol, method = shown.paper_pair(study)
     return {
         "cases": [case.name for case in study.cases],
+        "continuous": [case.name for case in study.cases if case.is_continuous],
         "protocol": protocol.name,
         "method": method.name,
         "level": min(study.settings.measurement.levels),
@@ -108,7 +111,8 @@ def _identifiability(study: Study) -> dict:
 
 
 def _rankings(study: Study) -> Sources:
-    return {"rankings": {case.name: sources.ranking(study, case.name) for case in study.cases}}
+    cases = [case.name for case in study.cases if not case.is_continuous]
+    return {"rankings": {case: sources.ranking(study, case) for case in cases}}
 
 
 def _along(study: Study) -> list:
@@ -166,7 +170,51 @@ def _predictions(study: Study) -> Sources:
 
 
 def _openness(study: Study) -> Sources:
-    return {"parts": {p: sources.swept(study, "openness", parameter=p) for p in OPEN_PARAMETERS}}
+    opened = study.settings.assessment.open_parameters
+    names = [name for name in OPEN_PARAMETERS if getattr(opened, name)]
+    return {"parts": {name: sources.swept(study, "openness", parameter=name) for name in names}}
+
+
+def _reduction(study: Study) -> dict:
+    case = shown.first_case(study)
+    gusts = {key: case.truth["gusts"][key] for key in ("length_scale", "spectrum")}
+    return {"case": case.released, "seed": study.settings.measurement.seed, **gusts}
+
+
+def _ahead_cells(study: Study) -> list[Cell]:
+    """Whole records of the first case that ours can use."""
+    return [
+        cell
+        for cell in study.cells
+        if (cell.case, cell.kind) == (shown.first_case(study), NOISE)
+        and any(method.name == OURS for method in cell.methods)
+    ]
+
+
+def _ahead_reads(study: Study) -> Sources:
+    case = shown.first_case(study).name
+    return {
+        "model": sources.model(study, case),
+        "trajectory": sources.trajectory(study, case),
+        "identified": {
+            cell.id: sources.identified(study, cell, OURS_FAMILY) for cell in _ahead_cells(study)
+        },
+    }
+
+
+def _ahead(study: Study) -> dict:
+    return {
+        "method": OURS,
+        "seed": study.settings.measurement.seed,
+        "steady_window": list(study.settings.simulation.steady_window),
+        "is_continuous": shown.first_case(study).is_continuous,
+        "cells": {cell.id: cell.columns for cell in _ahead_cells(study)},
+    }
+
+
+def _fits(table: str) -> Callable[[Study], Sources]:
+    """Of all trials that are summed up in a table."""
+    return lambda study: {"parts": sources.trials(study, table)}
 
 
 TOGETHER = "galloping.tables.assessment:together"
@@ -182,7 +230,12 @@ TABLES = (
     Table("noise_coefficients", "galloping.tables.noise:noise_coefficients", _scores),
     Table("noise_r2", "galloping.tables.noise:noise_r2", _scores),
     Table("data_amount", "galloping.tables.data_amount:data_amount", _scores),
-    Table("claims", "galloping.tables.claims:claims_table", _scores, _claims),
+    Table(
+        "claims",
+        "galloping.tables.claims:claims_table",
+        lambda study: _scores(study) | {"ahead": sources.table(study, "limit_cycle_ahead")},
+        _claims,
+    ),
     Table(
         "efficiency",
         "galloping.tables.bounds:efficiency",
@@ -196,6 +249,13 @@ TABLES = (
     Table("bifurcations", TOGETHER, _bifurcations, is_compared=False),
     Table("resonance_map", TOGETHER, _maps),
     Table("prediction", TOGETHER, _predictions),
+    Table(
+        "limit_cycle_ahead",
+        "galloping.tables.ahead:limit_cycles_ahead",
+        _ahead_reads,
+        _ahead,
+    ),
+    Table("reduction", "galloping.evaluation.reduction:reduction_table", settings=_reduction),
     Table("clearance", TOGETHER, _of_cases("clearance")),
     Table("measures", TOGETHER, _of_cases("measures")),
     Table("reproduction", TOGETHER, _openness, is_compared=False),
@@ -206,5 +266,32 @@ TABLES = (
         is_compared=False,
         is_shown=False,
     ),
-)
+    Table(
+        "fits", TOGETHER, _fits(TRUST),
+        belongs=shown.has_trials(TRUST), is_compared=False, is_shown=False,
+    ),
+    Table(
+        "trust",
+        "galloping.tables.trials:trust",
+        lambda study: {"fits": sources.table(study, "fits")},
+        belongs=shown.has_trials(TRUST),
+    ),
+    Table(
+        "systems",
+        "galloping.tables.trials:systems",
+        _fits(SYSTEMS),
+        belongs=shown.has_trials(SYSTEMS),
+    ),
+    Table(
+        "model_error",
+        "galloping.tables.trials:model_error",
+        _fits(MODEL_ERROR),
+        belongs=shown.has_trials(MODEL_ERROR),
+    ),
+)  # fmt: skip
 BY_NAME = {table.name: table for table in TABLES}
+
+
+def of_study(study: Study) -> list[Table]:
+    """Those that a study has."""
+    return [table for table in TABLES if table.belongs(study)]

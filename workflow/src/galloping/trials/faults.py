@@ -6,56 +6,24 @@ identified must not be `ok` and wrong, and the reason should name the fault.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from time import perf_counter
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from galloping.configuration.load import load, plain
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
 from galloping.physics.gusts import wind_speed
 from galloping.polynomial import PolynomialModel, design_matrix
 from galloping.recording import Recording
 from galloping.seeds import generator
-from galloping.simulation import Simulator, time_grid
-from galloping.trials.scores import claims
+from galloping.trials.attempts import Attempt, fits
+from galloping.trials.default_line import DURATION, MARGIN, RATE, Line, default_line
 
 GROUP = "sensor faults"
-CASE = "internal_resonance"
-DURATION, RATE = 300.0, 100.0  # s, Hz
-MARGIN = 1.0  # s of motion after the recording, for sensors that are late or early
 FORCE_RATE = 10.0  # Hz, of the values between which a random force is linear
 SUBSTEPS = 2  # of the integration between two such values; a fortieth of the shortest period
-
-
-@dataclass(frozen=True)
-class Line:
-    """The default line: its case, its model, when it was recorded, and how it moved then."""
-
-    case: dict
-    model: PolynomialModel
-    start: np.ndarray
-    time: np.ndarray
-    motion: CubicSpline
-
-    @property
-    def states(self) -> np.ndarray:
-        return self.motion(self.time)
-
-
-@cache
-def default_line() -> Line:
-    case = plain(load({}))["cases"][CASE]
-    line = model(coefficients(case))
-    start = np.array([case["initial_state"][state] for state in STATES])
-    long = time_grid(DURATION + MARGIN, RATE)
-    states = Simulator(line.states, line.terms)(line, start, long).states
-    return Line(case, line, start, time_grid(DURATION, RATE), CubicSpline(long, states))
 
 
 @dataclass(frozen=True)
@@ -178,34 +146,30 @@ FAULTS = {
 
 
 def trial(
-    seed: int, replicates: int, names: Sequence[str] = tuple(FAULTS), *, level: float = 0.05
+    seed: int,
+    case: str,
+    replicates: Sequence[int],
+    methods: Mapping[str, Mapping],
+    *,
+    levels: Sequence[float],
 ) -> Iterator[dict[str, object]]:
-    """One row for each recording with one of the faults: see `trials.scores`.
+    """A row for each fit to a recording with the fault `case`: see `attempts.fits`.
 
-    level: of the noise, in standard deviations of each state.
+    levels: of the noise, in standard deviations of each state.
     """
-    line = default_line()
-    scale = line.states.std(axis=0)
-    for name in names:
-        fault = FAULTS[name]
-        for replicate in range(replicates):
-            rng = generator(seed, GROUP, name, replicate)
-            size = rng.uniform(*fault.sizes)
-            noise = level * scale * rng.standard_normal((len(line.time), len(STATES)))
-            time, values = fault.record(line, size, noise, rng)
-            began = perf_counter()
-            result = maximum_likelihood([Recording(time, STATES, values)], line.model.terms)
-            seconds = perf_counter() - began
-            yield {
-                "group": GROUP,
-                "case": name,
-                "protocol": "state",
-                "level": level,
-                "seed": seed,
-                "replicate": replicate,
-                "size": size,
-                **claims(line.model, result),
-                "weakest_t": np.nan,
-                "cause_named": fault.named in result.reason if fault.named else np.nan,
-                "seconds": seconds,
-            }
+    for level in levels:
+        attempts = (_attempt(seed, case, replicate, level) for replicate in replicates)
+        yield from fits(attempts, methods)
+
+
+def _attempt(seed: int, case: str, replicate: int, level: float) -> Attempt:
+    line, fault = default_line(), FAULTS[case]
+    rng = generator(seed, GROUP, case, replicate)
+    size = rng.uniform(*fault.sizes)
+    noise = level * line.states.std(axis=0) * rng.standard_normal((len(line.time), len(STATES)))
+    time, values = fault.record(line, size, noise, rng)
+    columns = {
+        "group": GROUP, "case": case, "protocol": "state", "level": level,
+        "seed": seed, "replicate": replicate, "size": size,
+    }  # fmt: skip
+    return Attempt(columns, line.model, Recording(time, STATES, values), cause=fault.named)

@@ -7,14 +7,15 @@ judged by what it says of the line: amplitude, frequencies, net damping, and for
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from time import process_time
 
 import numpy as np
-import pandas as pd
 
+from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
+from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
 from galloping.physics import galerkin
 from galloping.physics.continuous import Span, continuous_line, eigenvalues, release, simulate, span
@@ -27,6 +28,7 @@ from galloping.recording import Recording
 from galloping.seeds import generator
 from galloping.simulation import Simulator
 
+CASE = "internal_resonance"
 DEGREE = 3
 NOISE = 0.05  # of a sensor, relative to the standard deviation of what it reads
 DURATION, RATE = 300, 100  # s, Hz
@@ -40,6 +42,15 @@ QUANTITIES = (
     "amplitude_v", "amplitude_w", "damping_v", "frequency_v", "damping_w", "frequency_w",
 )  # fmt: skip
 JUDGED = 5  # the first of them, whose intervals are counted: w has no bar for its frequency
+COLUMNS = (
+    "truth", "sensors", "method", "replicate", "seed", "status", "reason", "terms",
+    *(f"{name}_error_percent" for name in QUANTITIES),
+    *(f"{name}_interval_percent" for name in QUANTITIES),
+    "intervals_held", "forecast_r2", "seconds",
+)  # fmt: skip
+
+
+SENSORS = {"projected": QUARTERS, "mid-span": (0.5,), "states": ()}  # places, in spans
 
 
 @dataclass(frozen=True)
@@ -47,8 +58,9 @@ class Truth:
     """A line and its sensors.
 
     modes: sine modes in each direction, or 0 for the two shapes of the paper's model.
-    aerodynamics: as in `continuous.span`. intensity: of the gusts. sensors: `projected`,
-    `mid-span`, or `states`, the modal ones. velocities: whether they are measured.
+    aerodynamics: as in `continuous.span`. intensity: of the gusts. sensors: of SENSORS, told apart
+    into as many sine modes, the first of which is recorded; or the modal `states`. velocities:
+    whether they are measured.
     """
 
     modes: int = 9
@@ -77,28 +89,13 @@ def line_of(case: Mapping, truth: Truth) -> Span:
     return span(case, [phi], [psi], aerodynamic=truth.aerodynamics)
 
 
-def read(line: Span, truth: Truth, states: np.ndarray) -> np.ndarray:
-    """(n, n_sensors, 4): q_v, q_w, dq_v, dq_w as each sensor reads them, without noise."""
-    if truth.sensors == "states":
-        return states[:, np.newaxis]
-    shares = QUARTERS if truth.sensors == "projected" else QUARTERS[1:2]
-    where = [share * line.line.span for share in shares]
-    both = [readings(line, states, where, quantity) for quantity in ("displacement", "velocity")]
-    return np.concatenate(both, axis=2)
-
-
-def combined(line: Span, truth: Truth, values: np.ndarray) -> np.ndarray:
-    """(n, 4): the states that are made of the sensors' readings (n, n_sensors, 4)."""
-    if truth.sensors != "projected":
-        return values[:, 0]
-    where = [share * line.line.span for share in QUARTERS]
-    return first_modes(values, where, line.line.span)[:, 0]
-
-
 def motion(
     case: Mapping, line: Span, truth: Truth, time: np.ndarray, rng: np.random.Generator | None
 ) -> np.ndarray:
-    """(n, n_sensors, 4): readings without noise; in gusts drawn by `rng`, or in steady wind."""
+    """(n, n_sensors, 4): q_v, q_w, dq_v, dq_w as each sensor reads them, without noise.
+
+    In gusts drawn by `rng`, or in steady wind. The modal states count as one sensor.
+    """
     start = release(line, [case["initial_state"][state] for state in STATES[:2]])
     speed = None
     if rng is not None and truth.intensity:
@@ -106,7 +103,23 @@ def motion(
             time, mean=line.speed, intensity=truth.intensity, length_scale=LENGTH_SCALE,
             spectrum=SPECTRUM, rng=rng,
         )  # fmt: skip
-    return read(line, truth, simulate(line, start, time, speed))
+    states = simulate(line, start, time, speed)
+    if truth.sensors == "states":
+        return states[:, np.newaxis]
+    where = _places(line, truth)
+    both = [readings(line, states, where, quantity) for quantity in ("displacement", "velocity")]
+    return np.concatenate(both, axis=2)
+
+
+def combined(line: Span, truth: Truth, values: np.ndarray) -> np.ndarray:
+    """(n, 4): the states that are made of the sensors' readings (n, n_sensors, 4)."""
+    if truth.sensors == "states":
+        return values[:, 0]
+    return first_modes(values, _places(line, truth), line.line.span)[:, 0]
+
+
+def _places(line: Span, truth: Truth) -> list[float]:
+    return [share * line.line.span for share in SENSORS[truth.sensors]]
 
 
 @dataclass(frozen=True)
@@ -189,72 +202,71 @@ def forecast_r2(
 
 
 def trial(
-    case: Mapping,
-    name: str,
-    methods: Mapping[str, Callable[[Sequence[Recording]], IdentifiedModel]],
-    *,
-    seed: int,
-    replicates: Sequence[int],
-) -> pd.DataFrame:
-    """One row for each replicate and method on the truth `name` of TRUTHS.
+    seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping]
+) -> Iterator[dict[str, object]]:
+    """A row for each replicate and method on the truth `case` of TRUTHS, a variant of the default
+    line.
 
-    Replicates differ in the noise of the sensors and in the gusts; forecasts are judged on a
-    motion in gusts that no method has seen.
+    methods: `Method.settings` by name. Replicates differ in the noise of the sensors and in the
+    gusts; forecasts are judged on a motion in gusts that no method has seen. Seconds are those of
+    the processor.
     """
-    truth = TRUTHS[name]
+    parameters, truth = plain(load({}))["cases"][CASE], TRUTHS[case]
     time = np.arange(DURATION * RATE + 1) / RATE
-    line = line_of(case, truth)
-    simulator = Simulator(STATES, library(len(STATES), DEGREE))
-    steady = combined(line, truth, motion(case, line, truth, time, None))
-    unseen = motion(case, line, truth, time, generator(seed, "model_error", name, "unseen"))
-    unseen = combined(line, truth, unseen)
-    vertical, horizontal = _symmetric_modes(line)
-    true = np.array(
-        [
-            *steady_amplitude(steady[time >= STEADY])[:2],
-            -2.0 * vertical.real, vertical.imag, -2.0 * horizontal.real, horizontal.imag,
-        ]
-    )  # fmt: skip
-    rows = []
+    line = line_of(parameters, truth)
+    terms = library(len(STATES), DEGREE)
+    simulator = Simulator(STATES, terms)
+
+    def moved(*name: str | int) -> tuple[np.ndarray, np.random.Generator]:
+        rng = generator(seed, "model_error", case, *name)
+        return motion(parameters, line, truth, time, rng), rng
+
+    steady = combined(line, truth, motion(parameters, line, truth, time, None))
+    unseen = combined(line, truth, moved("unseen")[0])
+    true = _true_quantities(line, steady[time >= STEADY])
     for replicate in replicates:
-        rng = generator(seed, "model_error", name, replicate)
-        clean = motion(case, line, truth, time, rng)
+        clean, rng = moved(replicate)
         noise = NOISE * clean.std(axis=0) * rng.standard_normal(clean.shape)
         values = combined(line, truth, clean + noise)
         if not truth.velocities:
             values[:, 2:] = np.nan
-        recording = Recording(time, STATES, values)
-        for method, identify in methods.items():
-            begin = clock.perf_counter()
-            try:
-                identified = identify([recording])
-            except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-                terms = library(len(STATES), DEGREE)
-                identified = IdentifiedModel.refused(STATES, terms, str(error))
-            seconds = clock.perf_counter() - begin
+        recordings = [(Recording(time, STATES, values),)]
+        for method, settings in methods.items():
+            name = ("model_error", case, str(replicate))
+            began = process_time()
+            ((identified,),) = identify({method: settings}, recordings, terms, name).values()
             row = {
-                "truth": name, "sensors": truth.sensors, "method": method,
-                "replicate": replicate, "status": identified.status,
-                "reason": identified.reason, "seconds": seconds,
+                "truth": case, "sensors": truth.sensors, "method": method,
+                "replicate": replicate, "seed": seed, "status": identified.status,
+                "reason": identified.reason, "seconds": process_time() - began,
             }  # fmt: skip
             if identified.status != "refused":
-                said = answer(identified, steady[0], time, simulator, rng)
-                errors = 100.0 * (said.values / true - 1.0)
-                held = np.abs(said.values - true) <= said.widths
-                row |= {
-                    "terms": int(identified.support.sum()),
-                    **{f"{q}_error_percent": e for q, e in zip(QUANTITIES, errors, strict=True)},
-                    **{
-                        f"{q}_interval_percent": 100.0 * w / abs(t)
-                        for q, w, t in zip(QUANTITIES, said.widths, true, strict=True)
-                    },
-                    "intervals_held": np.mean(held[:JUDGED])
-                    if np.all(np.isfinite(said.widths))
-                    else np.nan,
-                    "forecast_r2": forecast_r2(identified.model, unseen, time, simulator),
-                }
-            rows.append(row)
-    return pd.DataFrame(rows)
+                draws = generator(seed, "model_error", case, replicate, method)
+                row |= _judged(answer(identified, steady[0], time, simulator, draws), true)
+                row["terms"] = int(identified.support.sum())
+                row["forecast_r2"] = forecast_r2(identified.model, unseen, time, simulator)
+            yield dict.fromkeys(COLUMNS, np.nan) | row
+
+
+def _judged(said: Answer, true: np.ndarray) -> dict[str, float]:
+    """Errors and intervals in percent, and the share of the judged intervals that hold."""
+    errors, widths = 100.0 * (said.values / true - 1.0), 100.0 * said.widths / np.abs(true)
+    stated = np.all(np.isfinite(said.widths))
+    held = np.mean((np.abs(said.values - true) <= said.widths)[:JUDGED]) if stated else np.nan
+    return {
+        **{f"{name}_error_percent": float(e) for name, e in zip(QUANTITIES, errors, strict=True)},
+        **{
+            f"{name}_interval_percent": float(w) for name, w in zip(QUANTITIES, widths, strict=True)
+        },
+        "intervals_held": float(held),
+    }
+
+
+def _true_quantities(line: Span, steady: np.ndarray) -> np.ndarray:
+    """(6,) QUANTITIES of a line whose motion in its steady window is `steady` (n, 4)."""
+    vertical, horizontal = _symmetric_modes(line)
+    modes = (-2.0 * vertical.real, vertical.imag, -2.0 * horizontal.real, horizontal.imag)
+    return np.array([*steady_amplitude(steady)[:2], *modes])
 
 
 def _symmetric_modes(line: Span) -> tuple[complex, complex]:
@@ -269,40 +281,3 @@ def _symmetric_modes(line: Span) -> tuple[complex, complex]:
         middle = shapes[len(shapes) // 2] > 0.5 * shapes.max(axis=0)
         found.append(values[np.flatnonzero((share > 0.7) & middle)[0]])
     return found[0], found[1]
-
-
-def summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """One row for each truth and method: medians over the answered replicates, and the worst."""
-    table = []
-    for (truth, sensors, method), group in rows.groupby(["truth", "sensors", "method"], sort=False):
-        answered = group[group["status"] != "refused"]
-        row = {
-            "truth": truth, "sensors": sensors, "method": method,
-            "replicates": len(group), "answered": len(answered),
-        }  # fmt: skip
-        errors = {q: answered[f"{q}_error_percent"].abs() for q in QUANTITIES}
-        row["terms"] = answered["terms"].median()
-        row |= {f"{q}_error_percent": error.median() for q, error in errors.items()}
-        row |= {f"{q}_worst_percent": error.max(skipna=False) for q, error in errors.items()}
-        row["coverage_95_percent"] = 100.0 * answered["intervals_held"].mean()
-        row["forecast_r2"] = answered["forecast_r2"].median()
-        row["seconds_median"] = group["seconds"].median()
-        table.append(row)
-    return pd.DataFrame(table)
-
-
-def default_methods() -> dict[str, Callable[[Sequence[Recording]], IdentifiedModel]]:
-    """maximum_likelihood, weak_gls, and pysindy's STLSQ on splines, with their defaults."""
-    from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-    from galloping.identification.likelihood.weak_gls import weak_gls
-    from galloping.identification.sparse.reduction import reduce
-    from galloping.identification.sparse.stlsq import normalised
-
-    terms = library(len(STATES), DEGREE)
-    return {
-        "maximum_likelihood": lambda recordings: maximum_likelihood(recordings, terms),
-        "weak_gls": lambda recordings: weak_gls(recordings, terms),
-        "stlsq": lambda recordings: normalised(
-            reduce(recordings, terms), threshold=None, path_length=50
-        ),
-    }

@@ -4,36 +4,32 @@ Every line is a bundle of the default conductor with three spacers at the quarte
 evenly: the span between 150 and 500 m and both damping ratios between 0.002 and 0.02 on a
 logarithmic scale; the tension between 15 and 45 kN; the wind between 6 and 20 m/s; the
 aerodynamic coefficients beta_1 in 0.2..1.2, beta_2 in -3..3, beta_3 in -8..-2, eta_1 in -4..4,
-and, each absent in half of the lines, eta_2 in -3..3 and eta_3 in -6..6. Lines that do not gallop
-are drawn again. Each is recorded twice: released as the default line is, and from q_v in -2..2 m
-and q_w in -3..3 m at rest.
+and, each absent in half of the lines, eta_2 in -3..3 and eta_3 in -6..6. Lines that do not gallop,
+or diverge, are drawn again. Each is recorded twice: released as the default line is, and from q_v
+in -2..2 m and q_w in -3..3 m at rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from time import perf_counter
+from dataclasses import replace
 
 import numpy as np
 
-from galloping.bounds.cell import bound
 from galloping.configuration.load import load, plain
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.measurement.measuring import measure, noises_of
-from galloping.measurement.motion import Motion
-from galloping.physics.equations import EQUATIONS, STATES, model
+from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, library
 from galloping.seeds import generator
 from galloping.simulation import Simulator, time_grid
-from galloping.trials.scores import claims
+from galloping.trials.attempts import at_the_bound, fits, measured
 
 GROUP = "random lines"
+TERMS = library(len(STATES), 3)
 
 
-def draw(seed: int, number: int) -> tuple[dict, np.ndarray]:
+def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
     """The `cases` section of a line that gallops, and its two initial states (2, n_states)."""
-    rng = generator(seed, "random line", number)
     while True:
         span = _log_uniform(rng, 150.0, 500.0)
         vertical = [rng.uniform(0.2, 1.2), rng.uniform(-3.0, 3.0), rng.uniform(-8.0, -2.0)]
@@ -55,6 +51,18 @@ def draw(seed: int, number: int) -> tuple[dict, np.ndarray]:
             return case, np.array([first, second])
 
 
+def lines(
+    rng: np.random.Generator, simulator: Simulator, time: np.ndarray
+) -> Iterator[tuple[PolynomialModel, list[np.ndarray]]]:
+    """Lines without end, each with its motions (n, n_states) from both releases, none diverging."""
+    while True:
+        case, starts = draw(rng)
+        true = model(coefficients(case)).on_library(TERMS)
+        motions = [simulator(true, start, time) for start in starts]
+        if all(motion.status == "ok" for motion in motions):
+            yield true, [motion.states for motion in motions]
+
+
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
@@ -65,65 +73,27 @@ def _or_absent(rng: np.random.Generator, size: float) -> list[float]:
 
 def trial(
     seed: int,
-    lines: Sequence[int],
+    case: str,
+    replicates: Sequence[int],
+    methods: Mapping[str, Mapping],
     *,
-    protocol: str = "state",
-    level: float = 0.05,
+    protocols: Sequence[str],
+    levels: Sequence[float],
     duration: float = 300.0,
     sampling_rate: float = 100.0,
-    degree: int = 3,
 ) -> Iterator[dict[str, object]]:
-    """One row for each recording of the lines with these numbers: see `trials.scores`.
-
-    level: of the noise, in standard deviations of each state for the protocols that measure
-    states. A line whose motion diverges is left out.
-    """
-    terms = library(len(STATES), degree)
+    """A row for each fit to a recording of the lines `replicates`: see `attempts.fits`."""
     time = time_grid(duration, sampling_rate)
-    simulator = Simulator(STATES, terms)
-    for number in lines:
-        case, starts = draw(seed, number)
-        true = model(coefficients(case)).on_library(terms)
-        for release, start in enumerate(starts):
-            trajectory = simulator(true, start, time)
-            if trajectory.status != "ok":
-                continue
-            motion = Motion(STATES, time, trajectory.states, true(trajectory.states))
-            name = {"group": GROUP, "case": "all", "protocol": protocol, "level": level}
-            yield {
-                **name,
-                "seed": seed,
-                "line": number,
-                "release": release,
-                **_scored(motion, true, name, seed, (str(number), str(release))),
-            }
-
-
-def _scored(
-    motion: Motion,
-    true: PolynomialModel,
-    cell: Mapping,
-    seed: int,
-    name: Sequence[str],
-) -> dict[str, object]:
-    """Measure a motion once, identify, and compare with the truth."""
-    protocol, level = cell["protocol"], cell["level"]
-    ((recording,),) = measure(
-        [motion], protocol=protocol, level=level, relative=True, samples=len(motion.time),
-        recordings=1, replicates=1, seed=seed, name=("random lines", *name),
-    )  # fmt: skip
-    began = perf_counter()
-    result = maximum_likelihood([recording], true.terms)
-    seconds = perf_counter() - began
-    noises = noises_of([motion], protocol, level, True)
-    try:
-        known = bound(true, tuple(EQUATIONS), [recording], motion.states[:1], noises)
-        weakest = float(known.t.min())
-    except ValueError:  # the motion is too sensitive for its bound
-        weakest = np.nan
-    return {
-        **claims(true, result),
-        "weakest_t": weakest,
-        "cause_named": np.nan,
-        "seconds": seconds,
-    }
+    simulator = Simulator(STATES, TERMS)
+    for number in replicates:
+        true, motions = next(lines(generator(seed, "random line", number), simulator, time))
+        for protocol in protocols:
+            for level in levels:
+                for release, states in enumerate(motions):
+                    columns = {
+                        "group": GROUP, "case": case, "protocol": protocol, "level": level,
+                        "seed": seed, "replicate": number, "release": release,
+                    }  # fmt: skip
+                    attempt = measured(columns, true, time, states)
+                    deviations = at_the_bound(attempt, states)
+                    yield from fits([replace(attempt, deviations=deviations)], methods)

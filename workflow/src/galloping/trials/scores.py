@@ -1,18 +1,14 @@
-"""One tidy row for each fit of a trial, and their summary: do the claims hold?"""
+"""What is claimed of an identified model, and whether it holds."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
-import pandas as pd
 
 from galloping.evaluation.coefficients import NORMAL_95
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 
 FAR = 4.0  # standard errors beyond which a coefficient is wrong
-KEYS = ["group", "case", "protocol", "level"]
 
 
 def claims(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
@@ -64,36 +60,3 @@ def claims(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
     ratios = (result.unconditional_errors / result.standard_errors)[present]
     row["width_ratio"] = float(np.median(ratios)) if ratios.size else np.nan
     return row
-
-
-def trust(rows: Sequence[Mapping[str, object]], keys: Sequence[str] = KEYS) -> pd.DataFrame:
-    """The table of a trial: one row for each group, case, protocol and level.
-
-    rows: those of `claims` with the names in `keys`, `seconds`, and `cause_named`, whether the
-    reason names the fault that was put in (NaN where none was). coverage_given_terms: of the
-    terms found; coverage_unconditional: of all true terms, of all fits with a model.
-    """
-    table = pd.DataFrame(rows)
-    summary = []
-    for names, fits in table.groupby(list(keys), sort=True):
-        status = fits["status"].value_counts()
-        stated = max(int(fits["terms"].sum()), 1)
-        summary.append(
-            {
-                **dict(zip(keys, names, strict=True)),
-                "fits": len(fits),
-                "exact": int(fits["exact"].sum()),
-                "ok": int(status.get("ok", 0)),
-                "ok_and_wrong": int(fits["ok_and_wrong"].sum()),
-                "not_identifiable": int(status.get("not identifiable", 0)),
-                "approximate": int(status.get("approximate", 0)),
-                "refused": int(status.get("refused", 0)),
-                "coverage_given_terms": fits["holding_given_terms"].sum()
-                / max(int(fits["terms_found"].sum()), 1),
-                "coverage_unconditional": fits["holding_unconditional"].sum() / stated,
-                "width_ratio": float(fits["width_ratio"].median()),
-                "cause_named": fits["cause_named"].sum(min_count=1),
-                "seconds_median": float(fits["seconds"].median()),
-            }
-        )
-    return pd.DataFrame(summary)

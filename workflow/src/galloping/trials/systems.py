@@ -7,21 +7,16 @@ recording lasts thirty of a system's periods, whatever its number of samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from time import perf_counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from galloping.bounds.cell import on_library
 from galloping.bounds.information import Experiment, state_bound
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.weak_gls import weak_gls
-from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel, library
-from galloping.recording import Recording
-from galloping.seeds import generator
 from galloping.simulation import Simulator
-from galloping.trials.scores import claims
+from galloping.trials.attempts import fits, measured
 
 DEGREE = 3
 PERIODS = 30
@@ -197,79 +192,46 @@ SYSTEMS = {
 }  # fmt: skip
 
 
-def _weak_form(recordings: list[Recording], terms: tuple) -> IdentifiedModel:
-    """pysindy's weak form as the study sets it."""
-    # pysindy takes seconds to import
-    from galloping.identification.sparse import weak
-    from galloping.identification.sparse.stlsq import normalised
-
-    return normalised(weak.reduce(recordings, terms), threshold=None, path_length=30)
-
-
-METHODS: dict[str, Callable[[list[Recording], tuple], IdentifiedModel]] = {
-    "maximum_likelihood": maximum_likelihood,
-    "weak_gls": weak_gls,
-    "weak": _weak_form,
-}
-
-
 def trial(
     seed: int,
-    names: Sequence[str] = tuple(SYSTEMS),
+    case: str,
+    replicates: Sequence[int],
+    methods: Mapping[str, Mapping],
     *,
-    samples: int,
-    level: float,
-    replicates: int,
-    methods: Sequence[str] = tuple(METHODS),
+    samples: Sequence[int],
+    levels: Sequence[float],
 ) -> Iterator[dict[str, object]]:
-    """One row for each fit: see `trials.scores`, and error_over_bound.
+    """A row for each fit to a recording of the system `case`: see `attempts.fits`.
 
-    level: of the noise, in standard deviations of each state. error_over_bound: root mean square
-    over the true terms of the error in Cramer-Rao standard deviations, NaN unless the terms are
-    exactly right; of a chaotic flow the bound is that of pieces of REMEMBERED periods, each with
-    an unknown beginning, which joined pieces may outdo.
+    levels: of the noise, in standard deviations of each state. Of a chaotic flow the bound is that
+    of pieces of REMEMBERED periods, each with an unknown beginning, which joined pieces may outdo.
     """
-    for name in names:
-        system = SYSTEMS[name]
-        true = system.model
-        time = np.linspace(0.0, PERIODS * system.period, samples)
-        start = np.array(system.start, float)
-        trajectory = Simulator(true.states, true.terms)(true, start, time)
+    system = SYSTEMS[case]
+    true = system.model
+    simulator = Simulator(true.states, true.terms)
+    for count in samples:
+        time = np.linspace(0.0, PERIODS * system.period, count)
+        trajectory = simulator(true, np.array(system.start, float), time)
         if trajectory.status != "ok":
-            raise ValueError(f"{name}: {trajectory.status}")
+            raise ValueError(f"{case}: {trajectory.status}")
         x = trajectory.states
-        sigma = level * x.std(axis=0)
-        bound = _bound(system, true, time, x, sigma)
-        for replicate in range(replicates):
-            rng = generator(seed, "systems", name, samples, level, replicate)
-            recording = Recording(time, true.states, x + sigma * rng.standard_normal(x.shape))
-            for method in methods:
-                began = perf_counter()
-                result = METHODS[method]([recording], true.terms)
-                seconds = perf_counter() - began
-                row = claims(true, result)
-                error = (result.model.coefficients - true.coefficients)[true.support] / bound
-                yield {
-                    "system": name,
-                    "states": len(true.states),
-                    "samples": samples,
-                    "level": level,
-                    "method": method,
-                    "seed": seed,
-                    "replicate": replicate,
-                    **row,
-                    "error_over_bound": float(np.sqrt(np.mean(error**2)))
-                    if row["exact"]
-                    else np.nan,
-                    "seconds": seconds,
-                }
+        for level in levels:
+            deviations = _deviations(system, true, time, x, level * x.std(axis=0))
+            attempts = []
+            for replicate in replicates:
+                columns = {
+                    "system": case, "states": len(true.states), "samples": count,
+                    "protocol": "state", "level": level, "seed": seed, "replicate": replicate,
+                }  # fmt: skip
+                attempts.append(replace(measured(columns, true, time, x), deviations=deviations))
+            yield from fits(attempts, methods)
 
 
-def _bound(
+def _deviations(
     system: System, true: PolynomialModel, time: np.ndarray, x: np.ndarray, sigma: np.ndarray
 ) -> np.ndarray:
-    """(n_terms,) Cramer-Rao standard deviations of the true terms."""
+    """(n_states, n_terms) at the Cramer-Rao bound, NaN for absent terms."""
     pieces = PERIODS // REMEMBERED if system.chaotic else 1
     parts = np.array_split(np.arange(len(time)), pieces)
     experiments = [Experiment(x[part[0]], time[part], sigma) for part in parts]
-    return state_bound(true, np.argwhere(true.support), experiments).std
+    return on_library(true, state_bound(true, np.argwhere(true.support), experiments))

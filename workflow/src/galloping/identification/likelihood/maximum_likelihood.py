@@ -175,8 +175,8 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
             problem, condensed, segments, step.fit, penalty, 0.0 if followed else rows / 2
         )
         named = [fault.cause for fault in causes[:1]]
-        if followed and not causes:
-            named = [f"followed in pieces, not as a whole: {FORCES}"]
+        if followed and FORCES not in named:  # a small fault does not keep the pieces from joining
+            named.append(f"followed in pieces, not as a whole: {FORCES}")
         raise FloatingPointError("; ".join([*named, str(error)])) from error
     remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:

@@ -11,6 +11,7 @@ how sure they are and what the model predicts is judged on stretches that were l
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtri, stdtrit
@@ -45,6 +46,48 @@ HUGE = 1e30
 
 
 @dataclass(frozen=True)
+class _Record:
+    """What is fitted. segments: of some periods each; their chains are not looked at. states:
+    (n_windows, n_states) smoothed, from which the iteration and the forecasts start. floor:
+    (n_recordings, n_observed) least noise of the projections.
+    """
+
+    problem: Problem
+    condensed: Condensed
+    segments: Segments
+    states: np.ndarray
+    floor: np.ndarray
+
+    @cached_property
+    def size(self) -> np.ndarray:
+        """(n_segments,) root mean square of the motion in each, relative to the whole record."""
+        mean = np.mean(self.states**2, axis=0) + np.finfo(float).tiny
+        squares = np.mean(self.states**2 / mean, axis=1)
+        first = self.segments.first
+        return np.sqrt(np.add.reduceat(squares, first[:-1]) / np.diff(first) + QUIET**2)
+
+    @property
+    def starts(self) -> np.ndarray:
+        """(n_segments, n_states) smoothed states at the beginning of each segment."""
+        return self.states[self.segments.first[:-1]]
+
+    @cached_property
+    def followed(self) -> np.ndarray:
+        """Indices of the segments that another one of the same recording follows."""
+        return np.flatnonzero(np.diff(self.segments.recording) == 0)
+
+    def part(self, segments: np.ndarray) -> tuple[slice, _Record]:
+        """The windows of consecutive segments, and the record of them alone."""
+        own = slice(self.segments.first[segments[0]], self.segments.first[segments[-1] + 1])
+        first = self.segments.first[segments[0] : segments[-1] + 2] - own.start
+        return own, replace(
+            self,
+            condensed=replace(self.condensed, functionals=self.condensed.functionals[own]),
+            segments=replace(self.segments, first=first),
+        )
+
+
+@dataclass(frozen=True)
 class Approximation:
     """A model that follows the data as well as a compact one can.
 
@@ -54,7 +97,7 @@ class Approximation:
     forecast: per segment and channel the mean squares of data, of what is left of them by
     forecasts from its beginning, and of the noise, (3, n_segments, n_observed). residual:
     (n_windows, n_observed) of those forecasts, as the mean of a window's samples times the root
-    of their number. jump: (n_states, n_states) covariance of jumps at full motion.
+    of their number.
     """
 
     free: np.ndarray
@@ -64,7 +107,6 @@ class Approximation:
     covariance: np.ndarray
     forecast: np.ndarray
     residual: np.ndarray
-    jump: np.ndarray
 
     @property
     def skill(self) -> float:
@@ -110,49 +152,6 @@ class _Fit:
     jump: np.ndarray
 
 
-def approximate(
-    problem: Problem,
-    condensed: Condensed,
-    segments: Segments,
-    states: np.ndarray,
-    free: np.ndarray,
-    sigma: np.ndarray,
-    floor: np.ndarray,
-    penalty: float,
-) -> Approximation:
-    """The most compact model whose forecasts are hardly worse than those of the best.
-
-    segments: of some periods each; their chains are not looked at. states: (n_windows, n_states)
-    smoothed, from which the iteration and the forecasts start. free: (n_candidates,) a start.
-    sigma, floor: (n_recordings, n_observed) noise of the projections and the least to assume.
-    penalty: worth of a term in units of chi^2, were the model exact.
-    Of several supports, the smallest is taken whose squared forecast error exceeds the least by no
-    more than a quarter of the standard error of the difference for every term saved. Raises
-    FloatingPointError where no model is found that can be integrated over a segment.
-    """
-    size = _sizes(segments, states)
-    scale = np.sqrt(np.mean(states**2, axis=0)) + np.finfo(float).tiny
-    jump = np.diag((FIRST_JUMP * scale) ** 2)
-    everything = np.ones(len(free), bool)
-    fit = _Fit(free, everything, states[segments.first[:-1]], sigma, jump)
-    found: list[Approximation] = []
-    for times in PENALTIES:
-        fit = _iterate(problem, condensed, segments, size, fit, floor, times * penalty)
-        if not fit.support.any():
-            break
-        found.append(_judged(problem, condensed, segments, size, fit, states))
-    if not found:
-        raise FloatingPointError("no term stands out of the noise")
-    errors = [np.mean(one.forecast[1] / one.forecast[0].mean(axis=0), axis=1) for one in found]
-    best = int(np.argmin([np.mean(error) for error in errors]))
-    for one, error in zip(reversed(found), reversed(errors), strict=True):
-        worse = error - errors[best]
-        saved = max(found[best].support.sum() - one.support.sum(), 0)
-        if np.mean(worse) <= WORTH * saved * np.std(worse) / np.sqrt(len(worse)):
-            return one
-    return found[best]
-
-
 def approximation(
     problem: Problem,
     condensed: Condensed,
@@ -164,15 +163,20 @@ def approximation(
     penalty: float,
     objection: str,
 ) -> IdentifiedModel:
-    """The identified model of `approximate`, which takes the other arguments.
+    """The most compact model whose forecasts are hardly worse than those of the best.
 
-    objection: why no model of the library is right. Refused where no model can be integrated or
-    its forecasts are no better than the mean of the data. The diagnostics are the R2 of the
-    forecasts and the error of each channel as a share of its motion: in all, slow (below half of
-    the frequency at which the channel mostly moves), near it, and fast (above one and a half).
+    segments: of some periods each. states: (n_windows, n_states) smoothed. free: (n_candidates,) a
+    start. sigma, floor: (n_recordings, n_observed) noise of the projections and the least to
+    assume. penalty: worth of a term in units of chi^2, were the model exact. objection: why no
+    model of the library is right.
+    Refused where no model can be integrated or its forecasts are no better than the mean of the
+    data. The diagnostics are the R2 of the forecasts and the error of each channel as a share of
+    its motion: in all, slow (below half of the frequency at which the channel mostly moves), near
+    it, and fast (above one and a half).
     """
+    record = _Record(problem, condensed, segments, states, floor)
     try:
-        made = approximate(problem, condensed, segments, states, free, sigma, floor, penalty)
+        made = _approximate(record, free, sigma, penalty)
     except (FloatingPointError, np.linalg.LinAlgError) as error:
         return refused(problem, f"{objection}; {error}")
     if not made.skill > 0.0:
@@ -211,27 +215,40 @@ def approximation(
     )  # fmt: skip
 
 
-def _sizes(segments: Segments, states: np.ndarray) -> np.ndarray:
-    """(n_segments,) root mean square of the motion in each, relative to the whole record."""
-    squares = np.mean(states**2 / (np.mean(states**2, axis=0) + np.finfo(float).tiny), axis=1)
-    return np.sqrt(
-        np.add.reduceat(squares, segments.first[:-1]) / np.diff(segments.first) + QUIET**2
-    )
+def _approximate(
+    record: _Record, free: np.ndarray, sigma: np.ndarray, penalty: float
+) -> Approximation:
+    """Of several supports the smallest whose squared forecast error exceeds the least by no more
+    than a quarter of the standard error of the difference for every term saved.
+
+    Raises FloatingPointError where no model is found that can be integrated over a segment.
+    """
+    scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
+    jump = np.diag((FIRST_JUMP * scale) ** 2)
+    fit = _Fit(free, np.ones(len(free), bool), record.starts, sigma, jump)
+    made: list[Approximation] = []
+    for times in PENALTIES:
+        fit = _iterate(record, fit, times * penalty)
+        if not fit.support.any():
+            break
+        made.append(_judged(record, fit))
+    if not made:
+        raise FloatingPointError("no term stands out of the noise")
+    errors = [np.mean(each.forecast[1] / each.forecast[0].mean(axis=0), axis=1) for each in made]
+    best = int(np.argmin([np.mean(error) for error in errors]))
+    for each, error in zip(reversed(made), reversed(errors), strict=True):
+        worse = error - errors[best]
+        saved = max(made[best].support.sum() - each.support.sum(), 0)
+        if np.mean(worse) <= WORTH * saved * np.std(worse) / np.sqrt(len(worse)):
+            return each
+    return made[best]
 
 
-def _iterate(
-    problem: Problem,
-    condensed: Condensed,
-    segments: Segments,
-    size: np.ndarray,
-    fit: _Fit,
-    floor: np.ndarray,
-    penalty: float,
-) -> _Fit:
+def _iterate(record: _Record, fit: _Fit, penalty: float) -> _Fit:
     """Gauss-Newton, with terms chosen and covariances estimated on the way."""
     for passed in range(PASSES):
-        linear = _linearised(problem, condensed, segments, fit)
-        solved = _joint(linear, segments, fit.starts, fit.jump, size)
+        linear = _linearised(record, fit)
+        solved = _joint(record, linear, fit)
         right = solved.right + solved.information @ fit.free
         support = fit.support
         if FREE_PASSES <= passed < CHOOSING_PASSES:
@@ -240,24 +257,20 @@ def _iterate(
         free, _ = solve_support(solved.information, right, support)
         change = free - fit.free
         starts = fit.starts + solved.response[:, :, :-1] @ change + solved.response[:, :, -1]
-        sigma = np.sqrt(linear.squares * fit.sigma**2 / np.maximum(condensed.rows, 1))
-        jump = _jump(linear, segments, fit.starts, solved, size) if passed else fit.jump
+        sigma = np.sqrt(linear.squares * fit.sigma**2 / np.maximum(record.condensed.rows, 1))
+        jump = _jump(record, linear, fit.starts, solved) if passed else fit.jump
         same = np.array_equal(support, fit.support)
-        following = _Fit(free, support, starts, np.maximum(sigma, floor), jump)
-        fit = _integrable(problem, condensed, segments, fit, following)
+        following = _Fit(free, support, starts, np.maximum(sigma, record.floor), jump)
+        fit = _integrable(record, fit, following)
         if same and passed > FREE_PASSES and change @ solved.information @ change < CONVERGED:
             break
     return fit
 
 
-def _integrable(
-    problem: Problem, condensed: Condensed, segments: Segments, fit: _Fit, following: _Fit
-) -> _Fit:
+def _integrable(record: _Record, fit: _Fit, following: _Fit) -> _Fit:
     """`following`, or as much of the step to it as can be integrated over every segment."""
     for _ in range(MOST_HALVINGS):
-        if np.all(
-            np.isfinite(_predicted(problem, condensed, segments, following.free, following.starts))
-        ):
+        if np.all(np.isfinite(_predicted(record, following.free, following.starts))):
             return following
         following = replace(
             following,
@@ -268,25 +281,21 @@ def _integrable(
     raise FloatingPointError("no model found that can be integrated over a few periods")
 
 
-def _predicted(
-    problem: Problem,
-    condensed: Condensed,
-    segments: Segments,
-    free: np.ndarray,
-    starts: np.ndarray,
-) -> np.ndarray:
+def _predicted(record: _Record, free: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """(n_windows, n_observed, n_rows) projections of the solution, not finite where it diverges."""
+    problem, condensed = record.problem, record.condensed
     compiled = system(problem.tables, problem.coefficients(free), problem.candidates[:0])
     with np.errstate(all="ignore"):
         predicted = integrate(
-            compiled, condensed.step, segments.first, starts, condensed.functionals,
+            compiled, condensed.step, record.segments.first, starts, condensed.functionals,
             condensed.observed, sensitive=False,
         )[0]  # fmt: skip
     return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
 
 
-def _linearised(problem: Problem, condensed: Condensed, segments: Segments, fit: _Fit) -> _Linear:
+def _linearised(record: _Record, fit: _Fit) -> _Linear:
     """Misfit of every segment about a fit. Raises FloatingPointError where that diverges."""
+    problem, condensed, segments = record.problem, record.condensed, record.segments
     compiled = system(problem.tables, problem.coefficients(fit.free), problem.candidates)
     count, n, m = len(fit.starts), len(fit.free), len(fit.free) + fit.starts.shape[1]
     information, right = np.empty((count, m, m)), np.empty((count, m))
@@ -308,28 +317,19 @@ def _linearised(problem: Problem, condensed: Condensed, segments: Segments, fit:
     return _Linear(information, right, squares, ends, slopes[:, :, :n], slopes[:, :, n:])
 
 
-def _followed(segments: Segments) -> np.ndarray:
-    """Indices of the segments that another one of the same recording follows."""
-    return np.flatnonzero(np.diff(segments.recording) == 0)
-
-
 def _joint(
-    linear: _Linear,
-    segments: Segments,
-    starts: np.ndarray,
-    jump: np.ndarray,
-    size: np.ndarray,
-    left_out: np.ndarray | None = None,
+    record: _Record, linear: _Linear, fit: _Fit, left_out: np.ndarray | None = None
 ) -> _Joint:
     """Eliminate the states of segments, each of which follows the one before up to a jump.
 
-    jump: (n_states, n_states) covariance, times the squared `size` (n_segments,) of the motion.
-    left_out: (n_segments,) whose data, and whose jumps to and from them, do not count.
+    The covariance of a jump is that of the fit times the squared size of the motion. left_out:
+    (n_segments,) whose data, and whose jumps to and from them, do not count.
     """
+    starts = fit.starts
     count, n_states = starts.shape
     n = linear.right.shape[1] - n_states
     used = np.ones(count) if left_out is None else (~left_out).astype(float)
-    whole = np.linalg.inv(jump)
+    whole = np.linalg.inv(fit.jump)
     information = np.einsum("g,gij->ij", used, linear.information[:, :n, :n])
     right = used @ linear.right[:, :n]
     own = used[:, None, None] * linear.information[:, n:, n:]
@@ -337,10 +337,10 @@ def _joint(
     cross = np.concatenate([linear.information[:, n:, :n], linear.right[:, n:, None]], axis=2)
     cross = used[:, None, None] * cross
     ahead = np.zeros((count, n_states, n_states))
-    for g in _followed(segments):
+    for g in record.followed:
         if not used[g] * used[g + 1]:
             continue
-        precision = whole / size[g] ** 2
+        precision = whole / record.size[g] ** 2
         slope, by_state = linear.by_coefficients[g], linear.by_state[g]
         aside = np.column_stack([slope, starts[g + 1] - linear.ends[g]])
         weighted = precision @ aside
@@ -375,53 +375,39 @@ def _joint(
     return _Joint((information + information.T) / 2.0, right, response, variance, covariance)
 
 
-def _jump(
-    linear: _Linear, segments: Segments, starts: np.ndarray, solved: _Joint, size: np.ndarray
-) -> np.ndarray:
+def _jump(record: _Record, linear: _Linear, starts: np.ndarray, solved: _Joint) -> np.ndarray:
     """Expected covariance of the jumps at full motion, given the data."""
-    followed = _followed(segments)
     total = np.zeros((starts.shape[1], starts.shape[1]))
-    for g in followed:
+    for g in record.followed:
         # the states after the step, linear in that of the segment
         constant, by_state = solved.response[:, :, -1], linear.by_state[g]
         gap = starts[g + 1] + constant[g + 1] - linear.ends[g] - by_state @ constant[g]
         mixed = by_state @ solved.covariance[g]
         spread = solved.variance[g + 1] + by_state @ solved.variance[g] @ by_state.T
-        total += (np.outer(gap, gap) + spread - mixed - mixed.T) / size[g] ** 2
+        total += (np.outer(gap, gap) + spread - mixed - mixed.T) / record.size[g] ** 2
     floor = RIDGE * np.diag(np.mean(starts**2, axis=0) + np.finfo(float).tiny)
-    return total / max(len(followed), 1) + floor
+    return total / max(len(record.followed), 1) + floor
 
 
-def _judged(
-    problem: Problem,
-    condensed: Condensed,
-    segments: Segments,
-    size: np.ndarray,
-    fit: _Fit,
-    states: np.ndarray,
-) -> Approximation:
+def _judged(record: _Record, fit: _Fit) -> Approximation:
     """The fit with its covariance and its forecasts, both by leaving groups of segments out."""
-    linear = _linearised(problem, condensed, segments, fit)
+    condensed, segments = record.condensed, record.segments
+    linear = _linearised(record, fit)
     count = len(fit.starts)
     groups = np.array_split(np.arange(count), min(count, MOST_GROUPS))
     changes = np.zeros((len(groups), int(fit.support.sum())))
     residual = np.full(condensed.targets.shape, np.inf)
-    starts = states[segments.first[:-1]]
     for k, group in enumerate(groups):
-        left_out = np.isin(np.arange(count), group)
-        solved = _joint(linear, segments, fit.starts, fit.jump, size, left_out)
+        solved = _joint(record, linear, fit, np.isin(np.arange(count), group))
         change, _ = solve_support(solved.information, solved.right, fit.support)
         changes[k] = change[fit.support]
-        own = slice(segments.first[group[0]], segments.first[group[-1] + 1])
-        part = replace(condensed, functionals=condensed.functionals[own])
-        stretch = replace(segments, first=segments.first[group[0] : group[-1] + 2] - own.start)
-        predicted = _predicted(problem, part, stretch, fit.free + change, starts[group])
+        own, part = record.part(group)
+        predicted = _predicted(part, fit.free + change, record.starts[group])
         residual[own] = condensed.targets[own] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
     few = (stdtrit(freedom, 0.975) / ndtri(0.975)) ** 2  # so that normal intervals hold
     covariance = SYSTEMATIC * few * freedom / len(groups) * spread.T @ spread
-    solved = _joint(linear, segments, fit.starts, fit.jump, size)
     windows = np.diff(segments.first)[:, None]
     squares = [
         np.add.reduceat(np.sum(values**2, axis=2), segments.first[:-1]) / windows
@@ -431,8 +417,8 @@ def _judged(
         segments.recording
     ]
     return Approximation(
-        fit.free, fit.support, fit.starts, solved.information, covariance,
-        np.array([*squares, noise]), residual[:, :, 0], fit.jump,
+        fit.free, fit.support, fit.starts, _joint(record, linear, fit).information, covariance,
+        np.array([*squares, noise]), residual[:, :, 0],
     )  # fmt: skip
 
 

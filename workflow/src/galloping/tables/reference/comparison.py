@@ -7,7 +7,7 @@ found by what it is about (its case, method, level and so on), wherever it stand
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pandas as pd
@@ -20,10 +20,25 @@ ABSOLUTE_TOLERANCE = 1e-6  # in the column's own unit
 KEYS = frozenset(
     (
         *("case", "claim", "quantity", "key", "symbol", "equation", "term", "release"),
+        *("line", "truth", "sensors"),
         *("recordings", "protocol", "cell", "level", "points", "method", "setting"),
-        *("replicate", "order", "state", "x", "y", "wind_m_s", "direction", "what", "measure"),
+        *(
+            "group",
+            "system",
+            "samples",
+            "replicate",
+            "order",
+            "state",
+            "x",
+            "y",
+            "wind_m_s",
+            "direction",
+            "what",
+            "measure",
+        ),
     )
 )
+MEASURED = "seconds_median"  # of the processor, which no two runs share
 COLUMNS = ("row", "column", "reference", "found", "difference", "tolerance")
 WHOLE = "(row)"  # stands for a column where a row is missing or new
 HEADING = "(column)"  # stands for a row where a column is missing or new
@@ -36,8 +51,8 @@ def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame
     `row` (its keys as text), `column`, `reference` and `found` (as text), `difference` (found -
     reference; NaN where one is not a number) and `tolerance` (NaN for text, which must be equal).
     Empty cells agree with each other, infinities with their like. A missing or new row has the
-    column "(row)"; a missing or new column has the row "(column)". Raises ValueError where a row
-    cannot be identified: no key, or two rows with the same ones.
+    column "(row)"; a missing or new column has the row "(column)". Rows with the same keys are told
+    apart by their order. Raises ValueError where the tables have no key.
     """
     left, right = _by_row(reference, found)
     present = [(HEADING, n, *sides) for n, *sides in _presence(reference.columns, found.columns)]
@@ -70,10 +85,19 @@ def _by_row(*tables: pd.DataFrame) -> list[pd.DataFrame]:
     for table in tables:
         text = table.astype(object).where(table.notna(), "").astype(str)
         names = [", ".join(parts) for parts in zip(*(_key(text[key]) for key in keys), strict=True)]
-        if twice := [name for name, count in Counter(names).items() if count > 1]:
-            raise ValueError(f"two rows are about the same: {twice[0]}")
-        named.append(text.drop(columns=keys).set_axis(names))
+        rest = text.drop(columns=[*keys, MEASURED], errors="ignore")
+        named.append(rest.set_axis(_numbered(names)))
     return named
+
+
+def _numbered(names: Sequence[str]) -> list[str]:
+    """Names of which those that come again, as of points along a branch, tell which they are."""
+    seen: Counter[str] = Counter()
+    numbered = []
+    for name in names:
+        seen[name] += 1
+        numbered.append(f"{name}, row {seen[name]}" if seen[name] > 1 else name)
+    return numbered
 
 
 def _key(column: pd.Series) -> Iterator[str]:

@@ -8,16 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from galloping.cycles.line_family import initial_state
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.physics import galerkin
 from galloping.physics.continuous import Span, continuous_line, release, simulate, span
-from galloping.physics.equations import STATES
 from galloping.physics.gusts import wind_speed
 from galloping.physics.line import Line
 from galloping.physics.sensors import QUARTERS, readings
 from galloping.seeds import generator
 
-RATE = 20  # Hz: eight samples in the shortest period that matters
+RATE = 50  # Hz
+STEP = 0.02  # s: after 300 s within 0.1 mm of a quarter of it
 WINDOWS = ((0, 100), (100, 200), (200, 300))  # s
 STEADY = WINDOWS[-1]
 LIMIT_CYCLE = (1400, 1500)  # s: the slowest approach has died out
@@ -59,12 +60,18 @@ class Motion:
     antisymmetric: np.ndarray
 
 
+def reduction_table(settings: Mapping) -> pd.DataFrame:
+    """The table of `reduction` for VARIANTS. settings: case; seed, length_scale and spectrum of
+    the gusts.
+    """
+    case, gusts = settings["case"], {k: settings[k] for k in ("seed", "length_scale", "spectrum")}
+    return reduction(case, {name: line_motion(case, v, **gusts) for name, v in VARIANTS.items()})
+
+
 def two_mode_motion(case: Mapping) -> Motion:
     """The paper's model in steady wind, up to its limit cycle."""
     phi, psi = galerkin.modes(case, Line.from_case(case))
-    line = span(case, [phi], [psi])
-    start = np.array([case["initial_state"][state] for state in STATES])
-    return _motion(line, start, None)
+    return _motion(span(case, [phi], [psi]), np.array(initial_state(case)))
 
 
 def line_motion(
@@ -72,11 +79,8 @@ def line_motion(
 ) -> Motion:
     """The continuous line, released as the two-mode model is. The rest is that of the gusts."""
     line = continuous_line(case, variant.modes, aerodynamic=variant.aerodynamics, drag=variant.drag)
-    start = case["initial_state"]
-    state = release(
-        line, [start[s] for s in STATES[:2]], [start[s] for s in STATES[2:]],
-        antisymmetric=variant.antisymmetric,
-    )  # fmt: skip
+    start = initial_state(case)
+    state = release(line, start[:2], start[2:], antisymmetric=variant.antisymmetric)
     speed = None
     if variant.intensity:
         speed = wind_speed(
@@ -90,12 +94,11 @@ def _time() -> np.ndarray:
     return np.arange(LIMIT_CYCLE[1] * RATE + 1) / RATE
 
 
-def _motion(line: Span, start: np.ndarray, speed: np.ndarray | None) -> Motion:
+def _motion(line: Span, start: np.ndarray, speed: np.ndarray | None = None) -> Motion:
     time = _time()
     where = [share * line.line.span for share in QUARTERS]
-    left, middle, right = np.moveaxis(
-        readings(line, simulate(line, start, time, speed), where, "displacement"), 1, 0
-    )
+    states = simulate(line, start, time, speed, STEP)
+    left, middle, right = np.moveaxis(readings(line, states, where, "displacement"), 1, 0)
     return Motion(time, middle, (left - right) / 2.0)
 
 
@@ -108,10 +111,12 @@ def reduction(case: Mapping, motions: Mapping[str, Motion]) -> pd.DataFrame:
     step. antisymmetric_m, the amplitude of the limit cycle at a quarter of the span in
     antisymmetric modes, is what the two-mode model cannot see.
     """
-    model = two_mode_motion(case)
+    motions = {"two modes": two_mode_motion(case), **motions}
+    described = {name: _described(motion) for name, motion in motions.items()}
+    model, other = motions["two modes"], described["two modes"]
     rows = []
-    for name, motion in {"two modes": model, **motions}.items():
-        own, other = _described(motion), _described(model)
+    for name, motion in motions.items():
+        own = described[name]
         for k, direction in enumerate(DIRECTIONS):
             row: dict[str, object] = {"line": name, "direction": direction}
             for quantity in ("amplitude_m", "frequency_hz", "limit_cycle_m"):

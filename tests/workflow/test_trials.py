@@ -1,0 +1,89 @@
+"""A study of trials alone: no line, a few fits of every kind but long ones."""
+
+import subprocess
+import sys
+
+import pandas as pd
+import pytest
+import yaml
+from studies import copy_repository
+
+from galloping.configuration.load import read
+
+pytestmark = [pytest.mark.slow]
+
+ONE = {"seed": 7, "replicates": 1}
+TRIALS = {
+    "results": "results/tried",
+    "trials": {
+        "default": {"kind": "default_line", **ONE, "levels": [0.05], "protocols": ["state"]},
+        "random": {"kind": "random_lines", **ONE},
+        "faults": {"kind": "sensor_faults", **ONE, "cases": ["clock"]},
+        "steady": {"kind": "long_and_steady", **ONE, "cases": ["limit cycle"]},
+        "published": {
+            "kind": "systems", **ONE, "cases": ["van_der_pol"], "samples": [500], "levels": [0.01],
+        },
+        "reality": {"kind": "model_error", **ONE, "cases": ["two modes, gusts 2 %"]},
+    },
+    "figures": {"dpi": 50},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def tried(root, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tried")
+    copy_repository(root, folder)
+    without_lines = {"cases": read(root / "config/trust.yaml")["cases"]}
+    (folder / "tried.yaml").write_text(yaml.safe_dump(TRIALS | without_lines), encoding="utf-8")
+    command = [sys.executable, "-m", "snakemake", "--cores", "2", "--configfile", "tried.yaml"]
+    run = subprocess.run(
+        command,
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout[-3000:]
+    return folder / "results" / "tried"
+
+
+def test_only_what_belongs_to_trials_is_made(tried):
+    made = {path.name for kind in ("tables", "figures") for path in (tried / kind).glob("[a-z]*")}
+    assert made == {
+        "fits.csv", "trust.csv", "systems.csv", "reference_summary.csv",
+        "reference_differences.csv", "trust.svg", "trust.png", "model_error.csv", "model_error.svg",
+        "model_error.png",
+    }  # fmt: skip
+    report = (tried / "report.html").read_text(encoding="utf-8")
+    assert "Of 1 fits to default line, 1 were ok, 0 of them wrong" in report
+    assert "how often each status is right" in report
+
+
+def test_a_line_that_is_not_its_own_model_is_answered(tried):
+    (row,) = pd.read_csv(tried / "tables" / "model_error.csv").to_dict("records")
+    assert (row["truth"], row["sensors"]) == ("two modes, gusts 2 %", "states")
+    assert row["replicates"] == row["answered"] == 1
+    assert row["damping_v_error_percent"] < 5.0 and row["forecast_r2"] > 0.9
+
+
+def test_the_tables_have_a_row_for_each_group_and_system(tried):
+    trust = pd.read_csv(tried / "tables" / "trust.csv")
+    assert list(trust) == [
+        "group", "case", "protocol", "level", "fits", "exact", "ok", "ok_and_wrong",
+        "not_identifiable", "approximate", "refused", "coverage_given_terms",
+        "coverage_unconditional", "width_ratio", "cause_named", "seconds_median",
+    ]  # fmt: skip
+    whole = trust[~trust["case"].str.startswith("every t")]
+    assert dict(zip(whole["group"] + ", " + whole["case"], whole["fits"], strict=True)) == {
+        "default line, internal_resonance": 1,
+        "long and steady, limit cycle": 1,
+        "random lines, all": 2,
+        "sensor faults, clock": 1,
+    }
+    systems = pd.read_csv(tried / "tables" / "systems.csv")
+    assert list(systems) == [
+        "system", "states", "samples", "level", "method", "replicates", "exact", "ok",
+        "ok_and_wrong", "refused", "error_over_bound", "seconds_median",
+    ]  # fmt: skip
+    assert set(systems["method"]) == {"maximum_likelihood", "weak_gls", "weak"}

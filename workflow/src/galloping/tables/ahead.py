@@ -1,0 +1,76 @@
+"""The limit cycles that identified models lead to, beside the true one and what was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from galloping.cycles.ahead import limit_cycle_ahead
+from galloping.evaluation.motion import steady_amplitude
+from galloping.identification.model import IdentifiedModel
+from galloping.measurement.motion import Motion
+from galloping.physics.derived import Derived
+from galloping.seeds import generator
+
+COLUMNS = (
+    "case", "protocol", "level", "method", "state", "recorded_m", "true_m", "predicted_m",
+    "low_m", "high_m", "coverage_95_percent", "answered", "replicates",
+)  # fmt: skip
+
+
+def limit_cycles_ahead(
+    model: Derived,
+    trajectory: Sequence[Motion],
+    identified: Mapping[str, Mapping[str, Sequence[IdentifiedModel]]],
+    settings: Mapping,
+) -> pd.DataFrame:
+    """One row for each cell and displacement: the predicted limit cycle beside the true one.
+
+    model, trajectory: of the line. identified: by cell and method. settings: method, seed;
+    cells, each with its columns; steady_window, s, to which the paper's "steady state" refers;
+    is_continuous, whether the motion is not the model's, whose limit cycle then is not the true
+    one. Columns as in COLUMNS: recorded_m is the amplitude of the motion in that window,
+    predicted_m and its interval medians over the replicates that were answered.
+    """
+    first = trajectory[0]
+    begin, end = settings["steady_window"]
+    recorded = steady_amplitude(first.states[(first.time >= begin) & (first.time <= end)])
+    true = np.full(len(first.names), np.nan)
+    if first.status == "ok" and not settings["is_continuous"]:
+        own = IdentifiedModel(model.model, "unjudged")
+        true = limit_cycle_ahead(own, first.states[0], np.random.default_rng(0)).amplitude
+    rows = []
+    for name, columns in settings["cells"].items():
+        models, cycles = identified[name][settings["method"]], []
+        for replicate, found in enumerate(models):
+            rng = generator(settings["seed"], "limit cycle ahead", name, replicate)
+            try:
+                cycles.append(limit_cycle_ahead(found, first.states[0], rng))
+            except (ValueError, np.linalg.LinAlgError):
+                continue
+        for k in range(len(first.names) // 2):
+            low, high, predicted = (
+                np.array([getattr(cycle, which)[k] for cycle in cycles])
+                for which in ("low", "high", "amplitude")
+            )
+            stated = np.isfinite(low)
+            held = (low <= true[k]) & (true[k] <= high)
+            row = {
+                **{key: columns[key] for key in ("case", "protocol", "level")},
+                "method": settings["method"],
+                "state": first.names[k],
+                "recorded_m": recorded[k],
+                "true_m": true[k],
+                "answered": len(cycles),
+                "replicates": len(models),
+                "predicted_m": np.median(predicted) if cycles else np.nan,
+                "low_m": np.median(low[stated]) if stated.any() else np.nan,
+                "high_m": np.median(high[stated]) if stated.any() else np.nan,
+                "coverage_95_percent": 100.0 * np.mean(held[stated])
+                if stated.any() and np.isfinite(true[k])
+                else np.nan,
+            }
+            rows.append(row)
+    return pd.DataFrame(rows, columns=COLUMNS)

@@ -1,0 +1,106 @@
+"""Recordings whose truth is known, and what is identified from them: a tidy row for each fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from time import process_time
+
+import numpy as np
+
+from galloping.bounds.cell import bound, on_library
+from galloping.identification.cell import identify
+from galloping.identification.likelihood.problem import velocity_pairs
+from galloping.measurement.measuring import measure, noises_of
+from galloping.measurement.motion import Motion
+from galloping.polynomial import PolynomialModel
+from galloping.recording import Recording
+from galloping.trials.scores import claims
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One recording of a known system.
+
+    columns: what names it in a table. true: on the candidate library. deviations: (n_states,
+    n_terms) at the Cramer-Rao bound, of the terms to be found, NaN elsewhere; None where they are
+    not computed. cause: what the reason must name, empty if nothing is wrong with the recording.
+    """
+
+    columns: Mapping[str, object]
+    true: PolynomialModel
+    recording: Recording
+    deviations: np.ndarray | None = None
+    cause: str = ""
+
+
+def measured(
+    columns: Mapping[str, object], true: PolynomialModel, time: np.ndarray, states: np.ndarray
+) -> Attempt:
+    """A motion (n, n_states) of a system, measured once as its columns say.
+
+    columns: among them `protocol`, `level`, in standard deviations of each state for the protocols
+    that measure states, and `seed`; the noise follows from all of them.
+    """
+    ((recording,),) = measure(
+        [_motion(true, time, states)], protocol=columns["protocol"], level=columns["level"],
+        relative=True, samples=len(time), recordings=1, replicates=1, seed=columns["seed"],
+        name=[str(value) for value in columns.values()],
+    )  # fmt: skip
+    return Attempt(columns, true, recording)
+
+
+def at_the_bound(attempt: Attempt, states: np.ndarray) -> np.ndarray:
+    """Its `deviations`, from the motion (n, n_states) that was measured.
+
+    NaN throughout where the motion is too sensitive for a bound.
+    """
+    true, recording, columns = attempt.true, attempt.recording, attempt.columns
+    motion = _motion(true, recording.time, states)
+    noises = noises_of([motion], columns["protocol"], columns["level"], True)
+    equations = sorted(set(range(len(true.states))) - set(velocity_pairs(true.states)))
+    try:
+        return on_library(true, bound(true, equations, [recording], states[:1], noises))
+    except ValueError:
+        return np.full(true.coefficients.shape, np.nan)
+
+
+def _motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> Motion:
+    return Motion(true.states, time, states, true(states))
+
+
+def fits(
+    attempts: Iterable[Attempt], methods: Mapping[str, Mapping]
+) -> Iterator[dict[str, object]]:
+    """A row for each attempt and method: its columns, and what `scores.claims` says.
+
+    methods: `Method.settings` by name. weakest_t: the least |coefficient| / deviation of the true
+    terms. error_over_bound: root mean square over the true terms of error / deviation, NaN unless
+    the terms are exactly right. cause_named: 1 where the reason names the cause and 0 where it does
+    not, NaN where there is none. seconds: of the processor.
+    """
+    for attempt in attempts:
+        true, name = attempt.true, list(map(str, attempt.columns.values()))
+        for method, settings in methods.items():
+            began = process_time()
+            models = identify({method: settings}, [[attempt.recording]], true.terms, name)
+            seconds = process_time() - began
+            (result,) = models[method]
+            row = claims(true, result)
+            weakest, error = np.nan, np.nan
+            if attempt.deviations is not None and np.any(np.isfinite(attempt.deviations)):
+                places = np.isfinite(attempt.deviations)
+                deviations = attempt.deviations[places]
+                weakest = np.min(np.abs(true.coefficients[places]) / deviations)
+                if row["exact"]:
+                    off = (result.model.coefficients - true.coefficients)[places]
+                    error = np.sqrt(np.mean((off / deviations) ** 2))
+            yield {
+                **attempt.columns,
+                "method": method,
+                **row,
+                "weakest_t": float(weakest),
+                "error_over_bound": float(error),
+                "cause_named": float(attempt.cause in result.reason) if attempt.cause else np.nan,
+                "seconds": seconds,
+            }

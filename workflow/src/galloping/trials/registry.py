@@ -1,0 +1,87 @@
+"""The kinds of trials that a study can name, without importing any of them.
+
+A kind is a function and an entry here; what it feeds is a table of `galloping.tables.registry`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+PUBLISHED = (
+    "van_der_pol", "relaxation", "rayleigh", "duffing", "cubic_damped", "stuart_landau", "wake",
+    "linear", "sel_kov", "brusselator", "lotka_volterra", "three_competitors", "four_species",
+    "fitzhugh_nagumo", "hindmarsh_rose", "lorenz", "rossler", "chen", "halvorsen", "rucklidge",
+    "nose_hoover", "genesio_tesi", "arneodo", "shimizu_morioka", "circulation",
+    "rabinovich_fabrikant", "rikitake", "moore_spiegel", "hyperchaos", "sprott_a", "sprott_b",
+    "sprott_c", "sprott_d", "sprott_g", "sprott_m", "sprott_s",
+)  # fmt: skip
+# tables: of lines, of other systems, of lines that are not their own model
+TRUST, SYSTEMS, MODEL_ERROR = "trust", "systems", "model_error"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What is tried.
+
+    function: `module:function`, imported only by the job that runs it. It takes `seed`, `case`,
+    `replicates` (their numbers), `methods` (of `Method.settings`, by name) and the keywords
+    `options`, and yields a row for each fit. table: in which its rows are summed up. cases: those
+    there are; a batch is of one of them. methods: those that are compared by default. options:
+    further keys that it takes, with their defaults.
+    """
+
+    function: str
+    table: str
+    cases: tuple[str, ...]
+    methods: tuple[str, ...] = ("maximum_likelihood",)
+    options: Mapping[str, tuple] = field(default_factory=dict)
+
+
+KINDS = {
+    "default_line": Kind(
+        "galloping.trials.default_line:trial",
+        TRUST,
+        cases=("internal_resonance",),
+        options={"protocols": ("state", "displacement"), "levels": (0.05, 0.1, 0.15)},
+    ),
+    "random_lines": Kind(
+        "galloping.trials.random_lines:trial",
+        TRUST,
+        cases=("all",),
+        options={"protocols": ("state",), "levels": (0.05,)},
+    ),
+    "sensor_faults": Kind(
+        "galloping.trials.faults:trial",
+        TRUST,
+        cases=(
+            "none", "clock", "velocity scale", "late channels", "random force", "gusts", "jitter",
+            "multiplicative noise",
+        ),
+        options={"levels": (0.05,)},
+    ),
+    "long_and_steady": Kind(
+        "galloping.trials.long_and_steady:trial",
+        TRUST,
+        cases=(
+            "2000 s", "10000 s", "100000 s", "limit cycle", "limit cycle, random lines",
+            "sensitive lines",
+        ),
+        options={"levels": (0.05,)},
+    ),
+    "systems": Kind(
+        "galloping.trials.systems:trial",
+        SYSTEMS,
+        cases=PUBLISHED,
+        methods=("maximum_likelihood", "weak_gls", "weak"),
+        options={"levels": (0.01, 0.05, 0.1, 0.2), "samples": (500, 2000)},
+    ),
+    "model_error": Kind(
+        "galloping.trials.model_error:trial",
+        MODEL_ERROR,
+        cases=(
+            "9 modes", "9 modes, relative wind", "9 modes, gusts 5 %", "9 modes, mid-span",
+            "9 modes, displacement only", "two modes, gusts 2 %", "two modes, gusts 5 %",
+        ),
+    ),
+}  # fmt: skip
