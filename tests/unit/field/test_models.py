@@ -13,13 +13,17 @@ from lines import simulate
 from galloping.field.advice import advice, sentences
 from galloping.field.excerpt import PERIODS, STRETCHES, excerpts
 from galloping.field.mapping import validated
-from galloping.field.study import Question, analyse, read_field
+from galloping.field.study import Question, analyse, read_field, tried
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.measurement.measuring import measure
 from galloping.measurement.motion import Motion
+from galloping.physics.equations import model
+from galloping.physics.galerkin import coefficients
 from galloping.polynomial import library
+from galloping.seeds import generator
 from galloping.simulation import Simulator
+from galloping.trials.random_lines import draw
 
 STATES = ("q_v", "q_w", "dq_v", "dq_w")
 TERMS = library(4, 3)
@@ -109,6 +113,24 @@ def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field):
     assert told.term in " ".join(sentences(told, "ok"))
     assert advice(replace(identified, status="approximate"), field.recordings[0], 5.0) is None
     assert "further modes" in sentences(None, "approximate")[0]
+
+
+@pytest.mark.slow
+def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):
+    held = []
+    for number in (0, 1, 2):  # motions of the first one part within seconds
+        case, (start, _) = draw(generator(771203, "random line", number))
+        line = model(coefficients(case)).on_library(TERMS)
+        time = np.arange(7501) / 25.0
+        path = recorded(
+            tmp_path / "a.csv", time, Simulator(STATES, TERMS)(line, start, time).states
+        )
+        trial = tried(
+            read_field([path], mapping()), lambda r: maximum_likelihood(r, TERMS),
+            np.random.default_rng(0),
+        )  # fmt: skip
+        held.append(trial.held[:2])
+    assert np.min(held) > 0.8 and 0.85 < np.mean(held) < 0.95
 
 
 @pytest.mark.slow

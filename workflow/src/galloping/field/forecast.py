@@ -14,6 +14,7 @@ from galloping.simulation import Simulator
 
 DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
 ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
+NEARBY = 2  # of them, from a start that is near
 STAGES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # of the samples that a start is told from, one after another
 FOLLOWS = 1.3  # chi^2 per sample of a start that is right
 SHARES = (1.0, 0.5, 0.25)  # of the window, where motions soon part
@@ -92,16 +93,18 @@ def _motions(
     follow = Following(simulator, sampled, sigma)
     fitted = follow.start(identified.model, first_guess(recording, begin), values)
     motions = []
-    if fitted is not None and follow.misfit(identified.model, fitted, values) < worst:
+    near = None if fitted is None else simulator(identified.model, fitted, sampled).states
+    if near is not None and follow.misfit(near, values) < worst:
         slopes = follow.slopes(identified.model, fitted, len(sampled))
         for model in drawn(identified, DRAWS, rng):
             noisy = values + sigma * rng.standard_normal(values.shape)
             start = follow.start(model, fitted, noisy, slopes)
-            if start is None or follow.misfit(model, start, noisy) > 2.0 * worst:  # noise twice
+            if start is None:
                 continue
-            motion = simulator(model, start, np.concatenate([sampled, time])).states[len(sampled) :]
-            if np.all(np.isfinite(motion)):
-                motions.append(motion)
+            motion = simulator(model, start, np.concatenate([sampled, time])).states
+            follows = follow.misfit(motion[: len(sampled)], noisy) < 2.0 * worst  # noise twice
+            if follows and np.all(np.isfinite(motion)):
+                motions.append(motion[len(sampled) :])
     return np.array(motions).reshape(-1, len(time), len(sigma))
 
 
@@ -207,7 +210,7 @@ class Following:
         target, start = np.nan_to_num(values), guess
         for stage in STAGES if slopes is None else STAGES[-1:]:
             n = max(int(stage * len(self.time)), min(len(self.time), 2 * len(guess)))
-            for _ in range(ITERATIONS):
+            for _ in range(ITERATIONS if slopes is None else NEARBY):
                 motion = self.simulator(model, start, self.time[:n]).states
                 own = self.slopes(model, start, n) if slopes is None else slopes
                 if not (np.all(np.isfinite(motion)) and np.all(np.isfinite(own))):
@@ -229,10 +232,9 @@ class Following:
             ]
         )
 
-    def misfit(self, model: PolynomialModel, start: np.ndarray, values: np.ndarray) -> float:
-        """chi^2 per sample of the motion from a start, infinite where it diverges."""
+    def misfit(self, motion: np.ndarray, values: np.ndarray) -> float:
+        """chi^2 per sample of a motion (n, n_states), infinite where it diverges."""
         known = np.isfinite(values) & (self.sigma > 0)
-        motion = self.simulator(model, start, self.time).states
         squares = ((values - motion) / np.where(self.sigma > 0, self.sigma, 1.0)) ** 2
         mean = np.mean(squares[known])
         return float(mean) if np.isfinite(mean) else np.inf

@@ -27,4 +27,4 @@ def write_figure(
         for path, form in ((svg, "svg"), (png, "png")):
             with replacing(path) as partial:
                 figure.savefig(partial, format=form, dpi=dpi, metadata=METADATA[form])
-            figure.set_layout_engine("none")  # solved once, kept for the second file
+            figure.set_layout_engine(None)  # solved once, kept for the second file
