@@ -96,7 +96,7 @@ def test_smoke_changes_only_the_extent_of_the_study():
     }
     expected["assessment"]["winds"] = [10, 12]
     expected["assessment"]["open_parameters"] = {
-        "wind_speed": [12, 14],
+        "wind_speed": [12],
         "damping_ratio": [],
         "bundle_dimension": [],
         "initial_displacement": [],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 import pandas as pd
@@ -40,7 +41,8 @@ def limit_cycles_ahead(
     true = np.full(len(first.names), np.nan)
     if first.status == "ok" and not settings["is_continuous"]:
         own = IdentifiedModel(model.model, "unjudged")
-        true = limit_cycle_ahead(own, first.states[0], np.random.default_rng(0)).amplitude
+        with suppress(ValueError):  # a line that comes to rest has none
+            true = limit_cycle_ahead(own, first.states[0], np.random.default_rng(0)).amplitude
     rows = []
     for name, columns in settings["cells"].items():
         models, cycles = identified[name][settings["method"]], []
