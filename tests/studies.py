@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import yaml
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,22 @@ def copy_repository(root: Path, folder: Path) -> None:
         if source.is_file() or source.is_symlink():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(source, folder / name, follow_symlinks=False)
+
+
+def run_configured(root: Path, folder: Path, settings: dict) -> Path:
+    """The results of a study with these settings, run in a copy of the repository."""
+    copy_repository(root, folder)
+    (folder / "mine.yaml").write_text(yaml.safe_dump(settings), encoding="utf-8")
+    run = subprocess.run(
+        [sys.executable, "-m", "snakemake", "--cores", "2", "--configfile", "mine.yaml"],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout[-3000:]
+    return folder / settings["results"]
 
 
 @pytest.fixture(scope="session")

@@ -1,12 +1,8 @@
 """A study of lines that are not the paper's: one that diverges, one that never gallops."""
 
-import subprocess
-import sys
-
 import pandas as pd
 import pytest
-import yaml
-from studies import copy_repository
+from studies import run_configured
 
 pytestmark = [pytest.mark.slow]
 
@@ -40,20 +36,8 @@ LINES = {
 
 @pytest.fixture(scope="module")
 def own(root, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("own")
-    copy_repository(root, folder)
-    (folder / "own.yaml").write_text(yaml.safe_dump(LINES), encoding="utf-8")
-    command = [sys.executable, "-m", "snakemake", "--cores", "2", "--configfile", "own.yaml"]
-    run = subprocess.run(
-        command,
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stdout[-3000:]
-    return lambda name: pd.read_csv(folder / "results" / "own" / "tables" / f"{name}.csv")
+    results = run_configured(root, tmp_path_factory.mktemp("own"), LINES)
+    return lambda name: pd.read_csv(results / "tables" / f"{name}.csv")
 
 
 def test_a_line_that_diverges_is_rows_with_their_reason(own):

@@ -1,12 +1,8 @@
 """A study of trials alone: no line, a few fits of every kind but long ones."""
 
-import subprocess
-import sys
-
 import pandas as pd
 import pytest
-import yaml
-from studies import copy_repository
+from studies import run_configured
 
 from galloping.configuration.load import read
 
@@ -31,21 +27,8 @@ TRIALS = {
 
 @pytest.fixture(scope="module")
 def tried(root, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("tried")
-    copy_repository(root, folder)
     without_lines = {"cases": read(root / "config/trust.yaml")["cases"]}
-    (folder / "tried.yaml").write_text(yaml.safe_dump(TRIALS | without_lines), encoding="utf-8")
-    command = [sys.executable, "-m", "snakemake", "--cores", "2", "--configfile", "tried.yaml"]
-    run = subprocess.run(
-        command,
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stdout[-3000:]
-    return folder / "results" / "tried"
+    return run_configured(root, tmp_path_factory.mktemp("tried"), TRIALS | without_lines)
 
 
 def test_only_what_belongs_to_trials_is_made(tried):
