@@ -12,6 +12,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 LARGER = """
 measurement: {levels: [0, 0.03, 0.05]}
 identification: {methods: [stlsq, maximum_likelihood, lasso]}
+sweeps: {resonance: {values: [8, 16, 4]}}
 """
 OF_WHOLE_CELLS = ("models", "trajectories", "identified")
 CHANGED = "sparse"  # the family of the new method, which shares a job
@@ -67,6 +68,12 @@ def test_cells_that_were_there_are_not_computed_again(grown, before):
     }
     new = {path for path in after if path not in old}
     assert new and all("noise_0.03" in path.parts for path in new)
+
+
+def test_of_a_range_that_grew_the_new_values_are_simulated(grown):
+    logs = sorted((grown.results / "logs/simulate_sweep").rglob("tension_*.log"))
+    assert len(logs) == 2
+    assert all("2 of 3 values are known" in log.read_text(encoding="utf-8") for log in logs)
 
 
 def test_a_cell_evaluated_with_one_more_method_keeps_the_numbers_of_the_others(grown, before):

@@ -21,7 +21,7 @@ rule follow_cycles:
 
 rule simulate_sweep:
     output:
-        block=PATHS.block,
+        block=update(PATHS.block),
     log:
         log_of("simulate_sweep/{case}/{sweep}/{block}"),
     benchmark:

@@ -1,4 +1,4 @@
-"""Long simulations of one line at some values of a sweep."""
+"""Long simulations of one line at some values of a sweep; of a range that grows, the new ones."""
 
 import pandas as pd
 
@@ -6,20 +6,30 @@ from galloping.cycles.line_family import LIBRARY
 from galloping.cycles.rows import map_rows, simulation_rows
 from galloping.physics.equations import STATES
 from galloping.reproducibility.job import run
+from galloping.reproducibility.receipts import grows
 from galloping.simulation import Simulator
 from galloping.study.files import tables
 
 
-def main() -> None:
-    settings, name = snakemake.params.settings, snakemake.wildcards.case
-    line, parameter, values = (settings[key] for key in ("case", "parameter", "values"))
+def _simulated(name: str, settings: dict, values: list[float]) -> list[dict]:
     simulator = Simulator(STATES, LIBRARY)
-    if second := settings["second"]:
-        up = (second, [settings["second_value"]])
-        rows = map_rows(name, line, (parameter, values), up, simulator)
-    else:
-        rows = simulation_rows(name, line, parameter, values, simulator)
-    tables.write(snakemake.output.block, pd.DataFrame(rows))
+    line, parameter = settings["case"], settings["parameter"]
+    if not settings["second"]:
+        return simulation_rows(name, line, parameter, values, simulator)
+    up = (settings["second"], [settings["second_value"]])
+    return map_rows(name, line, (parameter, values), up, simulator)
+
+
+def main() -> None:
+    settings, path = snakemake.params.settings, snakemake.output.block
+    values, column = settings["values"], "x" if settings["second"] else "value"
+    rows = {}
+    if grows(path, settings, "values"):
+        rows = {row[column]: row for row in tables.read(path).to_dict("records")}
+    new = [value for value in values if value not in rows]
+    print(f"{len(values) - len(new)} of {len(values)} values are known")
+    rows |= {row[column]: row for row in _simulated(snakemake.wildcards.case, settings, new)}
+    tables.write(path, pd.DataFrame([rows[value] for value in values]))
 
 
 run(main, snakemake)

@@ -83,6 +83,15 @@ def read_receipt(path: str | Path) -> Receipt | None:
         return None
 
 
+def grows(path: str | Path, settings: Mapping, key: str) -> bool:
+    """Whether the file at `path` is what a job wrote whose settings differ in nothing but `key`."""
+    receipt = read_receipt(path)
+    if receipt is None or not receipt.kept or not Path(path).exists():
+        return False
+    before, now = ({**of, key: None} for of in (receipt.settings, as_written(settings)))
+    return before == now and digest(path) == receipt.sha256
+
+
 def receipts(results: str | Path) -> dict[str, Receipt]:
     """The receipts of one results folder by path, in order, without those of results inside it."""
     found = (

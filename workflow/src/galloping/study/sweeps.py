@@ -1,4 +1,4 @@
-"""What is varied of the lines, and in which pieces: a range that grows computes new pieces only."""
+"""What is varied of the lines, and in which pieces."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 from galloping.configuration import settings
 
-BLOCK = 13  # values of a sweep that one job simulates
-
 
 @dataclass(frozen=True)
 class Block:
-    """Values that one job simulates: of the first parameter, and one of the second of a map."""
+    """What one job simulates: values of the first parameter, and one of the second of a map."""
 
     name: str
     values: tuple[float, ...]
@@ -34,15 +32,12 @@ class Sweep:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """Named by their values, so that a block keeps its file when others are added."""
-        if self.is_map:
-            return tuple(
-                Block(f"{self.second}_{value:.12g}", self.values, value)
-                for value in self.second_values
-            )
-        starts = range(0, len(self.values), BLOCK)
-        parts = [self.values[start : start + BLOCK] for start in starts]
-        return tuple(Block(f"{part[0]:.12g}_to_{part[-1]:.12g}", part) for part in parts)
+        """Each keeps its name and file when the ranges grow: new values are added to it."""
+        if not self.is_map:
+            return (Block(self.parameter, self.values),)
+        return tuple(
+            Block(f"{self.second}_{value:.12g}", self.values, value) for value in self.second_values
+        )
 
 
 def sweep(name: str, configured: settings.Sweep) -> Sweep:
