@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import chdtri, gammaincinv, ndtri
 
 from galloping.identification.likelihood.constants import (
+    CHANCE,
     CHANGES,
     EXPANDED,
     FALSE_DOUBT_RATE,
@@ -36,11 +37,11 @@ class Plausible:
 
 
 def price(n: int) -> float:
-    """chi^2 that the best of n terms without effect brings in half of all cases.
+    """chi^2 that the best of n terms without effect brings at a rate of CHANCE.
 
     What a term must bring to be more plausible than not, where selection asks for near certainty.
     """
-    return float(2.0 * gammaincinv(0.5, 0.5 ** (1.0 / max(n, 1))))
+    return float(2.0 * gammaincinv(0.5, (1.0 - CHANCE) ** (1.0 / max(n, 1))))
 
 
 def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
@@ -110,6 +111,22 @@ def _fits(whitened: Whitened, supports: np.ndarray) -> tuple[np.ndarray, np.ndar
         coefficients[rows, kept] = np.einsum("mij,mj->mi", inverse, along) * unit
         variances[rows, kept] = np.sum(inverse**2, axis=2) * unit**2
     return chi2, coefficients, variances
+
+
+def preferred(whitened: Whitened, support: np.ndarray, penalty: float) -> np.ndarray:
+    """The support (n,) that the data prefer to a selected one, or that one itself.
+
+    A penalty for each term keeps out what noise makes up, but between supports of which none
+    contains the other it takes one false term for two true ones that it imitates. Where those
+    without one of the selected terms outweigh all others, the heaviest of them is preferred, if
+    each of its terms is worth the penalty.
+    """
+    plausible = plausible_supports(whitened, support)
+    weight = np.where(plausible.supports[:, support].all(axis=1), 0.0, plausible.weight)
+    if weight.sum() < 0.5:
+        return support
+    rival = plausible.supports[np.argmax(weight)]
+    return rival if tableau(whitened, rival).wald.min(initial=np.inf) >= penalty else support
 
 
 def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndarray:

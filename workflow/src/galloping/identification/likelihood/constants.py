@@ -15,9 +15,13 @@ IMITATED = 1e-9
 # The same for the second of two terms that are added together, in share of the determinant.
 DEPENDENT = 1e-6
 
-# Weight that the plausible supports without one of the terms found may have together: the stated
-# rate at which an `ok` model holds a false term.
-FALSE_TERM_RATE = 0.02
+# Rate at which the best of all terms without effect is as plausible as its absence. Measured on 240
+# fits to random lines (seed 20261122): with it, supports are right as often as their weights say;
+# of models that others outweigh by 0.05 to 0.5, 10 of 35 hold a false term where 7 are expected.
+CHANCE = 0.1
+# Weight that the plausible supports without one of the terms found may have together: at most one
+# in twenty of the models that are just `ok` holds a false term, and far fewer of all.
+FALSE_TERM_RATE = 0.05
 # Rate at which noise alone raises a doubt about a model that lacks no term, over all terms that
 # could be added and over all pairs of them.
 FALSE_DOUBT_RATE = 0.005

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from galloping.identification.likelihood.ambiguity import preferred
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
@@ -29,7 +30,7 @@ from galloping.identification.likelihood.rates import (
     with_rates,
 )
 from galloping.identification.likelihood.result import judged, refused
-from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.likelihood.selection import select, solve_support, whiten
 from galloping.identification.likelihood.shooting import (
     Segments,
     chained,
@@ -49,8 +50,8 @@ WINDOWS_PER_PERIOD = 12  # of the shortest period; the projections of a window l
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 PATIENCE = 5  # passes with free segments, after which they are matched, however bad the fit
 MOST_PASSES = 20
+FIRST_CHAIN, CHAIN_GROWTH = 4, 4  # segments that are matched in the first pass, then so many times
 SHORTER = 4  # lengths of segments that are tried, each half the one before
-HOPELESS = 6  # passes, where the data cannot tell the terms apart, after which they stay open
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 CONVERGED = 0.01  # squared length of a step, in standard deviations
@@ -297,7 +298,7 @@ def _followed(
             )
             previous = fit
             for _ in range(PATIENCE):
-                step = _guarded(problem, condensed, segments, previous, fit, False, None)
+                step = _guarded(problem, condensed, segments, previous, fit, 1, None)
                 previous, fit = step.before, step.fit
                 if fit.cost < CLOSE * float(np.sum(condensed.rows)):
                     return condensed, segments, step
@@ -386,17 +387,23 @@ def _iterate(
 ) -> tuple[Fit, Step]:
     """Gauss-Newton with segments matched in chains; terms chosen at every pass but the last ones.
 
+    Chains grow from pass to pass until the terms stay the same: about a rough fit, that of too
+    many terms above all, the solution over a long chain is far from linear in the coefficients,
+    and the terms that seem best then lead astray.
     unseen: whether a mixture of terms, together as large as the motion, fits nothing; then an
-    iteration that does not settle within HOPELESS passes never will, and ends with the free
-    segments that it began with.
+    iteration whose terms do not settle never will, and ends with the free segments that it began
+    with.
     Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
     previous = start = fit
-    for passed in range(HOPELESS if unseen else MOST_PASSES):
-        choosing = passed < MOST_PASSES // 2
+    longest, preferring = FIRST_CHAIN, False
+    for passed in range(MOST_PASSES):
+        choosing = passed < MOST_PASSES // 2 and not preferring
+        if unseen and not (choosing or preferring):
+            break
         try:
             step = _guarded(
-                problem, condensed, segments, previous, fit, True, penalty if choosing else None
+                problem, condensed, segments, previous, fit, longest, penalty if choosing else None
             )
         except FloatingPointError:
             if unseen:
@@ -404,10 +411,20 @@ def _iterate(
             raise
         settled = np.array_equal(step.fit.support, step.before.support)
         previous, fit = step.before, step.fit
-        if settled and step.decrement < CONVERGED and step.gap < MATCHED:
-            return fit, step
+        whole = longest is None or longest >= len(segments.chains)
+        if settled and whole and step.decrement < CONVERGED and step.gap < MATCHED:
+            whitened = whiten(step.information, step.right, fit.free)
+            support = fit.support if preferring else preferred(whitened, fit.support, penalty)
+            if np.array_equal(support, fit.support):
+                return fit, step
+            preferring = True
+            fit = replace(fit, support=support)
+        if settled and whole:
+            segments, longest = step.segments, None  # chains that come and go would never settle
+        else:
+            longest = np.inf if settled else CHAIN_GROWTH * (longest or np.inf)
     if unseen:
-        step = _gauss_newton(problem, condensed, segments, start, False, None)
+        step = _gauss_newton(problem, condensed, segments, start, 1, None)
         if step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
             return start, replace(step, settled=False)
     misfit = fit.cost / float(np.sum(condensed.rows))
@@ -421,7 +438,7 @@ def _guarded(
     segments: Segments,
     previous: Fit,
     fit: Fit,
-    matched: bool,
+    longest: float | None,
     penalty: float | None,
 ) -> Step:
     """A step from `fit`, or, where that diverges or raises the misfit, from nearer to `previous`.
@@ -432,7 +449,7 @@ def _guarded(
     close = CLOSE * float(np.sum(condensed.rows))
     for _ in range(MOST_HALVINGS):
         try:
-            step = _gauss_newton(problem, condensed, segments, fit, matched, penalty)
+            step = _gauss_newton(problem, condensed, segments, fit, longest, penalty)
         except FloatingPointError:
             fit = _between(previous, fit)
             continue
@@ -452,17 +469,18 @@ def _gauss_newton(
     condensed: Condensed,
     segments: Segments,
     fit: Fit,
-    matched: bool,
+    longest: float | None,
     penalty: float | None,
 ) -> Step:
     """Linearise, choose the terms (unless `penalty` is None), move, re-estimate the noise.
 
     The noise is that of the projections, which hold the information: where the noise is not
-    white it differs from the noise between samples. matched: whether segments are, in chains.
+    white it differs from the noise between samples. longest: as in `chained`, None to keep the
+    chains that there are.
     """
     linear = linearise(problem, condensed, fit.sigma, segments, fit.free, fit.starts)
-    if matched:
-        segments = chained(linear, segments)
+    if longest is not None:
+        segments = chained(linear, segments, longest)
     quadratic = eliminate(linear, segments, fit.starts)
     support = fit.support
     if penalty is not None:

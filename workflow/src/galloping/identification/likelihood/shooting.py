@@ -168,9 +168,10 @@ def _rotated(
     return first, rows[:, :n] - q @ design, residual - q @ own
 
 
-def chained(linearised: Linearised, segments: Segments) -> Segments:
+def chained(linearised: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
     """The segments in the longest chains whose ends depend not too much on their beginnings.
 
+    longest: of how many segments a chain may be; of one, every segment is free.
     A chain is broken where its end state, in units of what a segment tells about it, moves by
     more than GROWTH of such units of its first state and the coefficients: on a chaotic or very
     long recording the elimination, which squares that ratio, would otherwise be lost in rounding.
@@ -181,16 +182,18 @@ def chained(linearised: Linearised, segments: Segments) -> Segments:
     inverse = np.divide(1.0, unit, out=np.zeros(len(unit)), where=unit > 0.0)
     chains = np.zeros(len(linearised.ends), np.int64)
     identity = np.hstack([np.zeros((n_states, n)), np.eye(n_states)])
-    relation = identity
+    relation, length = identity, 1
     for g in range(1, len(chains)):
         derivative = linearised.end_derivatives[g - 1]
         relation = derivative[:, n:] @ relation
         relation[:, :n] += derivative[:, :n]
         growth = np.linalg.norm(relation * inverse * unit[n:, None], 2)
-        broken = growth > GROWTH or segments.recording[g] != segments.recording[g - 1]
+        other = segments.recording[g] != segments.recording[g - 1]
+        broken = other or growth > GROWTH or length == longest
         chains[g] = chains[g - 1] + broken
+        length += 1
         if broken:
-            relation = identity
+            relation, length = identity, 1
     return replace(segments, chains=chains)
 
 
