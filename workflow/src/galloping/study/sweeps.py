@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from galloping.configuration import settings
+from galloping.configuration import assessment
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Sweep:
         )
 
 
-def sweep(name: str, configured: settings.Sweep) -> Sweep:
+def sweep(name: str, configured: assessment.Sweep) -> Sweep:
     """A sweep as configured, its ranges written out."""
     return Sweep(
         name,

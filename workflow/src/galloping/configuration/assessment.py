@@ -1,0 +1,139 @@
+"""The settings of what is asked of lines: sweeps, measures, clearance, open parameters."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, field_validator, model_validator
+
+from galloping.configuration.fields import (
+    NAME_RULE,
+    DampingRatio,
+    Motion,
+    Name,
+    NonNegative,
+    Positive,
+    Section,
+    distinct,
+    listing,
+    one_of,
+    problem,
+    real,
+    section,
+    selection,
+    setting,
+    show,
+    triple,
+)
+
+# What a sweep can vary: `galloping.cycles.line_family.PARAMETERS`.
+SWEPT = (
+    "wind_speed", "tension", "damping_ratio", "damping_vertical", "damping_horizontal", "span",
+    "spacer_mass", "bundle_dimension", "ice_vertical_1", "ice_vertical_2", "ice_vertical_3",
+    "ice_horizontal_1", "ice_horizontal_2", "ice_horizontal_3",
+)  # fmt: skip
+# Measures against galloping and what they take: `galloping.physics.measures`.
+MEASURES = {
+    "tension": ("factor",),
+    "damper": ("position", "coefficient"),
+    "spacers": ("mass", "positions"),
+    "pendulum": ("mass", "positions"),
+    "ice_removal": (),
+}
+MOST_VALUES = 1000
+RANGE_RULE = f"first below last, at most {MOST_VALUES} values"
+
+
+class Sweep(Section):
+    """One parameter of every line over a range, or two."""
+
+    parameter: one_of(SWEPT) = setting("wind_speed", "what is varied")
+    values: triple(Positive) = setting(
+        (1, 25, 1), "first and last value, and the step between them, in its unit", rule=RANGE_RULE
+    )
+    second: one_of(SWEPT) | None = setting(None, "what else is varied, for a map")
+    second_values: triple(Positive) | None = setting(
+        None, "the same of the second", rule=f"{RANGE_RULE}; given exactly when there is a second"
+    )
+
+    @field_validator("values", "second_values")
+    @classmethod
+    def _a_range(cls, values: tuple | None) -> tuple | None:
+        if values is not None:
+            first, last, step = values
+            if not first < last or (last - first) / step > MOST_VALUES:
+                raise problem(
+                    f"{show(values)} is not a range: must be a first and a larger last value, and "
+                    f"a step that gives at most {MOST_VALUES} values"
+                )
+        return values
+
+    @model_validator(mode="after")
+    def _second_is_whole(self) -> Sweep:
+        if (self.second is None) != (self.second_values is None):
+            raise problem("a map needs both second and second_values", "second")
+        if self.second == self.parameter:
+            raise problem(f"{show(self.second)} is varied already; must be another", "second")
+        return self
+
+
+class Measure(Section):
+    """One measure against galloping."""
+
+    kind: one_of(tuple(MEASURES)) = setting("ice_removal", "what is done")
+    factor: real(gt=0, le=3) | None = setting(None, "of the tension", "1", rule="of `tension`")
+    position: Positive | None = setting(
+        None, "of a damper from the left end", "m", rule="of `damper`"
+    )
+    coefficient: Positive | None = setting(None, "of a damper", "N s/m", rule="of `damper`")
+    mass: Positive | None = setting(
+        None, "of each spacer or pendulum", "kg", rule="of `spacers` and `pendulum`"
+    )
+    positions: listing(Positive) | None = setting(
+        None, "of spacers or pendulums from the left end", "m", rule="of `spacers` and `pendulum`"
+    )
+
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> Measure:
+        given = {k for k, v in self.model_dump(exclude={"kind"}).items() if v is not None}
+        wanted = set(MEASURES[self.kind])
+        if given != wanted:
+            keys = ", ".join(MEASURES[self.kind]) or "nothing else"
+            raise problem(f"{self.kind} takes {keys}", "kind")
+        return self
+
+
+class OpenParameters(Section):
+    """What the paper leaves open of its first line: values at which its claims are judged."""
+
+    wind_speed: distinct(real(ge=0.1, le=120)) = setting((8, 10, 12, 14, 16), "wind speed", "m/s")
+    damping_ratio: distinct(DampingRatio) = setting(
+        (0.002, 0.005, 0.01), "damping ratio of both modes", "1"
+    )
+    bundle_dimension: distinct(real(ge=1e-3, le=10)) = setting(
+        (0.0276, 0.0552, 0.1104, 0.4), "characteristic dimension of the bundle", "m"
+    )
+    initial_displacement: distinct(Motion) = setting(
+        (0.01, 0.1, 0.5, 1), "release of both modes", "m"
+    )
+
+
+class Assessment(Section):
+    """What a line engineer asks of the lines: how far they gallop, and what stops them."""
+
+    design_wind: real(ge=0.1, le=120) = setting(
+        12, "wind speed at which measures and clearances are judged", "m/s"
+    )
+    phase_distance: Annotated[tuple[NonNegative, NonNegative], Field(strict=False)] = setting(
+        (0, 8), "horizontal and vertical distance of two phases at rest", "m"
+    )
+    clearance: Positive = setting(3, "least distance that two galloping phases must keep", "m")
+    winds: selection(real(ge=0.1, le=120)) = setting(
+        (8, 10, 12, 14, 16), "wind speeds that are predicted from identified models", "m/s"
+    )
+    open_parameters: OpenParameters = section(OpenParameters)
+    measures: dict[Name, Measure] = setting(
+        {},
+        "measures that are compared, by name; without any, those of a usual size",
+        rule=NAME_RULE,
+    )
