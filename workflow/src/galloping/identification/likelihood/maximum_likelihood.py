@@ -17,7 +17,7 @@ from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.instrument import FORCES, Fault, faults, of_the_model
-from galloping.identification.likelihood.model_error import approximation
+from galloping.identification.likelihood.model_error import PERIODS, approximation
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
 from galloping.identification.likelihood.rates import (
@@ -144,7 +144,7 @@ def _from_states(problem: Problem, recordings: list[Recording], begun: Start) ->
         return _exact(problem, recordings, begun)
     except FloatingPointError as objection:
         condensed, segments, fit = _prepare(
-            problem, begun.recordings, begun.smoothed, begun.period, begun.fit, PERIODS_PER_SEGMENT
+            problem, begun.recordings, begun.smoothed, begun.period, begun.fit, PERIODS
         )
         states, _ = _window_states(condensed, begun.recordings, begun.smoothed)
         return approximation(
@@ -167,7 +167,7 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     fit = step.fit
     unseen = bool(np.linalg.eigvalsh(step.information * largest * largest[:, None])[0] < 1.0)
     try:
-        fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
+        fit, step = _iterate(problem, condensed, segments, step, penalty, unseen)
     except FloatingPointError as error:
         rows = float(np.sum(condensed.rows))
         followed = step.fit.cost < CLOSE * rows
@@ -183,8 +183,10 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
         noise = np.sqrt(power)
-        fit = replace(fit, sigma=noise, floor=noise, reference=noise, cost=np.inf)
-        fit, step = _iterate(problem, condensed, segments, fit, penalty, unseen)
+        step = replace(
+            step, fit=replace(fit, sigma=noise, floor=noise, reference=noise, cost=np.inf)
+        )
+        fit, step = _iterate(problem, condensed, segments, step, penalty, unseen)
         remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
@@ -381,7 +383,7 @@ def _iterate(
     problem: Problem,
     condensed: Condensed,
     segments: Segments,
-    fit: Fit,
+    step: Step,
     penalty: float,
     unseen: bool,
 ) -> tuple[Fit, Step]:
@@ -389,14 +391,18 @@ def _iterate(
 
     Chains grow from pass to pass until the terms stay the same: about a rough fit, that of too
     many terms above all, the solution over a long chain is far from linear in the coefficients,
-    and the terms that seem best then lead astray.
+    and the terms that seem best then lead astray. Where those of the start, `step`, are the best
+    already, the chains are whole from the first.
     unseen: whether a mixture of terms, together as large as the motion, fits nothing; then an
     iteration whose terms do not settle never will, and ends with the free segments that it began
     with.
     Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
-    previous = start = fit
-    longest, preferring = FIRST_CHAIN, False
+    previous = start = fit = step.fit
+    every = np.ones(len(fit.support), bool)
+    best = select(step.information, step.right, [every, fit.support], penalty, fit.free)
+    longest = np.inf if np.array_equal(best, fit.support) else FIRST_CHAIN
+    preferring = False
     for passed in range(MOST_PASSES):
         choosing = passed < MOST_PASSES // 2 and not preferring
         if unseen and not (choosing or preferring):
