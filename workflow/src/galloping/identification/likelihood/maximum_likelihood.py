@@ -50,6 +50,7 @@ WINDOWS_PER_PERIOD = 12  # of the shortest period; the projections of a window l
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 PATIENCE = 5  # passes with free segments, after which they are matched, however bad the fit
 MOST_PASSES = 20
+CHOOSING_PASSES = 14  # of them; then the terms stay
 FIRST_CHAIN, CHAIN_GROWTH = 4, 4  # segments that are matched in the first pass, then so many times
 SHORTER = 4  # lengths of segments that are tried, each half the one before
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
@@ -398,13 +399,14 @@ def _iterate(
     with.
     Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
-    previous = start = fit = step.fit
+    previous, start = step.before, step.fit
+    fit = start
     every = np.ones(len(fit.support), bool)
     best = select(step.information, step.right, [every, fit.support], penalty, fit.free)
     longest = np.inf if np.array_equal(best, fit.support) else FIRST_CHAIN
     preferring = False
     for passed in range(MOST_PASSES):
-        choosing = passed < MOST_PASSES // 2 and not preferring
+        choosing = passed < CHOOSING_PASSES and not preferring
         if unseen and not (choosing or preferring):
             break
         try:
