@@ -16,8 +16,9 @@ from galloping.polynomial import Exponents, PolynomialModel
 
 # Far beyond any span's clearance: a model that gets here has lost its limit cycle.
 DIVERGENCE_LIMIT = 1e3
-# Galloping takes 4 steps a second: a model that needs this many is far too fast to be a line's.
-MAX_STEPS_PER_SECOND = 1000
+# Galloping takes 4 steps a second, and samples that show a motion are no further apart than steps:
+# a model that needs more than both of these is far too fast to be the line's or the system's.
+MAX_STEPS_PER_SECOND, MAX_STEPS_PER_SAMPLE = 100, 2
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,8 @@ class Simulator:
         ta.pars[:] = coefficients[self._support]
         ta.time, ta.state[:] = time[0], x0
         ta.reset_cooldowns()
-        steps = 1 + int(MAX_STEPS_PER_SECOND * (time[-1] - time[0]))
+        in_time = MAX_STEPS_PER_SECOND * (time[-1] - time[0])
+        steps = 1 + int(max(in_time, MAX_STEPS_PER_SAMPLE * len(time)))
         outcome, *_, states = ta.propagate_grid(time, max_steps=steps)
         full = np.full((len(time), len(self.states)), np.nan)
         full[: len(states)] = states
