@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from galloping.identification.likelihood.condense import ORDER, ROWS, condense
+from galloping.identification.likelihood.condense import condense
+from galloping.identification.likelihood.constants import ORDER, ROWS
 
 
 def test_projections_keep_the_distance_of_samples_to_a_slow_curve() -> None:

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-ROWS = 3
-ORDER = 12
+from galloping.identification.likelihood.constants import (
+    ORDER,
+    ROWS,
+)
 
 
 @dataclass(frozen=True)

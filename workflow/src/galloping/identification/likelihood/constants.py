@@ -1,10 +1,87 @@
-"""The constants of selection and verdict, each with where it comes from.
+"""The constants of the likelihood methods, stage by stage, each with where it comes from.
 
-"Measured" means on 146 fits to random lines (seed 501, `galloping.trials.random_lines`).
+"Measured" means on fits to random lines (`galloping.trials.random_lines`) and to spans
+(`galloping.trials.model_error`) of seeds that report nothing. A period is the shortest of the
+motion; the cubic terms of a line make harmonics up to its third.
 """
 
 from __future__ import annotations
 
+# Smooth curves. Quintic splines: their derivatives, which the weak form's errors need, are cubic.
+SPLINE_DEGREE = 5
+# Knots a period: five carry a sine to 2.5e-4 of its size, twelve its third harmonic to 1.4e-3.
+LEAST_KNOTS_PER_PERIOD, MOST_KNOTS_PER_PERIOD = 5, 12
+SAMPLES_PER_KNOT = 3  # so that the noise can be told from the curve
+LEAST_SAMPLES = 8  # of a channel: fewer carry no curve and no noise
+GRID_PER_PERIOD = 24  # eight points to the third harmonic
+SPECTRUM_SAMPLES = 2**15  # whose spectrum is taken at once: longer ones have more to resolve
+GAP = 0.4  # periods from the nearest sample beyond which a curve is not believed: half a swing
+EDGE = 0.5  # periods beside a gap in which a curve ends badly
+SPLINE_ACCURACY = 3e-4  # of a curve with the fewest knots, relative to its size: see above
+# Weight of the squared highest derivative against the samples': closes gaps, moves no curve.
+ROUGHNESS = 5e-4
+
+# What is no measurement. Gaussian noise exceeds 5.5 deviations once in 30 million samples.
+OUTLIER = 5.5
+CURVE_ACCURACY = 1e-3  # of a curve that outliers still pull, relative to its largest value
+MOST_OUTLIERS = 0.1  # share of a channel: with more it is not outliers that are wrong
+OUTLIER_ROUNDS = 6
+LOCAL_NOISE = 4.0  # periods in which the noise of a channel has a deviation of its own
+# Equal extremes of a channel from which it is saturated: a digital one repeats its largest value
+# a few times by chance.
+LEAST_SATURATED, SATURATED_SHARE = 5, 5e-4
+
+# Channels that measure a rate. A bias and a slow drift are a cubic over the recording.
+DRIFT_DEGREE = 3
+FEWEST_INTEGRALS = 20  # that tell a scale to a few percent
+RATE_OUTLIER = 8.0  # robust deviations about the slope of a curve, which is rougher than the curve
+RATE_MARGIN = 1.0  # periods at the ends of stretches of samples, where that slope is rough
+
+# The weak form. Test functions (1 - u^2)^5 with a radius of half a period, in steps of the grid:
+# they keep 0.68 of a sine of that period and 0.18 of half of it; a third of the radius apart.
+TEST_RADIUS, TEST_STRIDE, TEST_SHARPNESS = 12, 4, 5
+WEAK_ITERATIONS = 3  # of the weights: the coefficients then move by less than their errors
+MOST_MISFIT = 3.0  # chi^2 per row: linearised errors explain no more
+
+# Projections. Three a window hold all that samples tell of a motion that turns by a twelfth of a
+# period in it; Taylor series of order 12 are then good to TRUNCATION.
+WINDOWS_PER_PERIOD, ROWS, ORDER = 12, 3, 12
+TRUNCATION = 1e-7  # of the Taylor series, relative to each state: below the noise of any sensor
+BOUND_TRUNCATION = 1e-8  # the same where a bound is computed, which has no noise to hide in
+SMALLEST_NOISE = 1e-5  # of a channel, relative to its size: rounding is not weighed as noise
+HUGE = 1e30  # of a state or a derivative, from which a solution counts as diverged
+
+# Passes of the fit.
+PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
+SHORTER = 4  # lengths of segments that are tried, each half the one before
+BATCH = 64  # segments integrated together: what they need is held at once
+PATIENCE = 5  # passes with free segments, after which they are matched, however bad the fit
+# Segments that are matched in the first pass, and how many times more in the next. Measured: with
+# whole chains at once 6 of 92 clear lines did not settle, with these none.
+FIRST_CHAIN, CHAIN_GROWTH = 4, 4
+MOST_PASSES, CHOOSING_PASSES = 20, 14  # in all, and those in which terms are chosen
+MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
+CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
+CONVERGED = 0.01  # squared length of a step, in standard deviations
+MATCHED = 1e-3  # gap between segments, relative to each state
+
+# Where no model is right.
+# Periods of a stretch. Measured: with 3 to 6 a model's error hides in the jumps, and amplitudes are
+# up to three times as far off; with 20 or more gusts do not, and dampings are.
+STRETCH_PERIODS = 10
+PENALTIES = (7.0, 25.0)  # times that of exact models: a wrong model needs stronger evidence
+WORTH = 0.25  # of a term: fall of the forecast error, in standard errors of the difference
+# Passes: with all terms, in which terms are chosen, and in all.
+FREE_PASSES, ERROR_CHOOSING_PASSES, ERROR_PASSES = 2, 8, 12
+ERROR_CONVERGED = 0.05  # squared length of a step, in standard deviations
+MOST_GROUPS = 12  # of stretches left out together
+# Total variance over that between stretches: what errs alike in all may be as large.
+SYSTEMATIC = 2.0
+FIRST_JUMP = 0.05  # relative to each state
+QUIET = 0.03  # size of a motion, relative to the whole record's, below which jumps stay as large
+STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
+
+# Selection.
 # Added to the diagonal of an information matrix with unit diagonal so that it can be factored:
 # a few roundings. It moves a chi^2 by 1e-15 |c|^2, by 0.1 for c of 1e7 in its unit.
 RIDGE = 1e-15

@@ -18,6 +18,22 @@ from scipy.special import ndtri, stdtrit
 
 from galloping.identification.likelihood.ambiguity import detection_limits
 from galloping.identification.likelihood.condense import Condensed
+from galloping.identification.likelihood.constants import (
+    ERROR_CHOOSING_PASSES,
+    ERROR_CONVERGED,
+    ERROR_PASSES,
+    FIRST_JUMP,
+    FREE_PASSES,
+    HUGE,
+    MOST_GROUPS,
+    MOST_HALVINGS,
+    PENALTIES,
+    QUIET,
+    STATE_RIDGE,
+    STRETCH_PERIODS,
+    SYSTEMATIC,
+    WORTH,
+)
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.result import refused
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
@@ -26,25 +42,6 @@ from galloping.identification.likelihood.shooting import Segments
 from galloping.identification.likelihood.taylor import system
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
-
-PENALTIES = (7.0, 25.0)  # times that of exact models: a wrong model needs stronger evidence
-WORTH = 0.25  # of a term: fall of the forecast error, in standard errors of the difference
-# Of a segment. Measured on recordings of spans: with 3 to 6 a model's error hides in the jumps, and
-# amplitudes are up to three times as far off; with 20 or more gusts do not, and dampings are.
-PERIODS = 10
-PASSES = 12
-FREE_PASSES = 2  # before terms are chosen
-CHOOSING_PASSES = 8
-CONVERGED = 0.05  # squared length of a step, in standard deviations
-MOST_HALVINGS = 6
-MOST_GROUPS = 12  # of segments left out together
-SYSTEMATIC = (
-    2.0  # total variance over that between stretches: what errs alike in all may be as large
-)
-FIRST_JUMP = 0.05  # relative to each state
-QUIET = 0.03  # size of a motion, relative to the whole record's, below which jumps stay as large
-RIDGE = 1e-12
-HUGE = 1e30
 
 
 @dataclass(frozen=True)
@@ -205,7 +202,7 @@ def approximation(
         sigma=noise,
         chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
         status="approximate",
-        reason=f"{objection}; forecasts over {PERIODS} periods leave {named}",
+        reason=f"{objection}; forecasts over {STRETCH_PERIODS} periods leave {named}",
         diagnostics={
             "forecast_r2": made.skill,
             **{
@@ -248,12 +245,12 @@ def _approximate(
 
 def _iterate(record: _Record, fit: _Fit, penalty: float) -> _Fit:
     """Gauss-Newton, with terms chosen and covariances estimated on the way."""
-    for passed in range(PASSES):
+    for passed in range(ERROR_PASSES):
         linear = _linearised(record, fit)
         solved = _joint(record, linear, fit)
         right = solved.right + solved.information @ fit.free
         support = fit.support
-        if FREE_PASSES <= passed < CHOOSING_PASSES:
+        if FREE_PASSES <= passed < ERROR_CHOOSING_PASSES:
             tried = [np.ones(len(right), bool), support]
             support = select(solved.information, right, tried, penalty)
         free, _ = solve_support(solved.information, right, support)
@@ -264,7 +261,7 @@ def _iterate(record: _Record, fit: _Fit, penalty: float) -> _Fit:
         same = np.array_equal(support, fit.support)
         following = _Fit(free, support, starts, np.maximum(sigma, record.floor), jump)
         fit = _integrable(record, fit, following)
-        if same and passed > FREE_PASSES and change @ solved.information @ change < CONVERGED:
+        if same and passed > FREE_PASSES and change @ solved.information @ change < ERROR_CONVERGED:
             break
     return fit
 
@@ -335,7 +332,7 @@ def _joint(
     information = np.einsum("g,gij->ij", used, linear.information[:, :n, :n])
     right = used @ linear.right[:, :n]
     own = used[:, None, None] * linear.information[:, n:, n:]
-    own += RIDGE * np.diag(np.diag(linear.information[:, n:, n:].mean(axis=0)))
+    own += STATE_RIDGE * np.diag(np.diag(linear.information[:, n:, n:].mean(axis=0)))
     cross = np.concatenate([linear.information[:, n:, :n], linear.right[:, n:, None]], axis=2)
     cross = used[:, None, None] * cross
     ahead = np.zeros((count, n_states, n_states))
@@ -387,7 +384,7 @@ def _jump(record: _Record, linear: _Linear, starts: np.ndarray, solved: _Joint) 
         mixed = by_state @ solved.covariance[g]
         spread = solved.variance[g + 1] + by_state @ solved.variance[g] @ by_state.T
         total += (np.outer(gap, gap) + spread - mixed - mixed.T) / record.size[g] ** 2
-    floor = RIDGE * np.diag(np.mean(starts**2, axis=0) + np.finfo(float).tiny)
+    floor = STATE_RIDGE * np.diag(np.mean(starts**2, axis=0) + np.finfo(float).tiny)
     return total / max(len(record.followed), 1) + floor
 
 

@@ -13,16 +13,18 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import legvander
 
+from galloping.identification.likelihood.constants import (
+    DRIFT_DEGREE,
+    FEWEST_INTEGRALS,
+    RATE_MARGIN,
+    RATE_OUTLIER,
+)
 from galloping.identification.likelihood.problem import velocity_pairs
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.weak_gls import Start
 from galloping.recording import Recording
 
-DRIFT = 3  # degree of the drift over a recording
-FEWEST = 20  # integrals that tell a scale
 TEST = Polynomial([1.0, 0.0, -1.0]) ** 5  # zero at -1 and 1, with four derivatives
-OUTLIER = 8.0  # robust deviations about the slope of the smooth curve
-MARGIN = 1.0  # periods at the ends of stretches of samples, where that slope is rough
 
 
 def channels(recordings: list[Recording]) -> tuple[np.ndarray, np.ndarray]:
@@ -107,7 +109,7 @@ def _inside(recording: Recording, smoothed: Smooth, period: float) -> np.ndarray
     ends.sort()
     place = np.clip(np.searchsorted(ends, recording.time), 1, len(ends) - 1)
     distance = np.minimum(recording.time - ends[place - 1], ends[place] - recording.time)
-    return distance > MARGIN * period
+    return distance > RATE_MARGIN * period
 
 
 def _without_offsets(
@@ -119,18 +121,18 @@ def _without_offsets(
     difference = rates - _slopes(recording, smoothed)
     inside = _inside(recording, smoothed, period)
     span = recording.time[-1] - recording.time[0]
-    slow = legvander(2.0 * (recording.time - recording.time[0]) / span - 1.0, DRIFT)
+    slow = legvander(2.0 * (recording.time - recording.time[0]) / span - 1.0, DRIFT_DEGREE)
     unknown = given.unknown_offsets
     for k in np.flatnonzero(np.isfinite(rates).any(axis=0)):
         if unknown is not None and unknown[k]:
             good = inside & np.isfinite(difference[:, k])
-            if good.sum() <= 10 * (DRIFT + 1):
+            if good.sum() <= 10 * (DRIFT_DEGREE + 1):
                 raise ValueError(f"the offset of d{recording.states[k]} cannot be told")
             fitted = slow @ np.linalg.lstsq(slow[good], difference[good, k], rcond=None)[0]
             rates[:, k] -= fitted
             difference[:, k] -= fitted
         good = inside & np.isfinite(difference[:, k])
-        limit = OUTLIER * _deviation(difference[good, k : k + 1])[0]
+        limit = RATE_OUTLIER * _deviation(difference[good, k : k + 1])[0]
         rates[inside & (np.abs(difference[:, k]) > limit), k] = np.nan
     return replace(recording, rates=rates)
 
@@ -145,7 +147,7 @@ def _scaled(recording: Recording, period: float) -> Recording:
         own, other = _weak(
             recording.time, values[:, k], _rates(recording)[:, velocity], order, period
         )
-        if len(own) < FEWEST:
+        if len(own) < FEWEST_INTEGRALS:
             raise ValueError(
                 f"the scale of {recording.states[k]} cannot be told: no channel of known scale "
                 f"measures d{recording.states[velocity]}"

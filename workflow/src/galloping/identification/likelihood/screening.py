@@ -9,16 +9,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.likelihood.smoothing import GRID_PER_PERIOD, Smooth, smooth
+from galloping.identification.likelihood.constants import (
+    CURVE_ACCURACY,
+    GRID_PER_PERIOD,
+    LEAST_SATURATED,
+    LOCAL_NOISE,
+    MOST_OUTLIERS,
+    OUTLIER,
+    OUTLIER_ROUNDS,
+    SATURATED_SHARE,
+)
+from galloping.identification.likelihood.smoothing import Smooth, smooth
 from galloping.recording import Recording
-
-LEAST_SATURATED = 5
-SATURATED_SHARE = 5e-4
-OUTLIER = 5.5
-CURVE_ACCURACY = 1e-3
-MOST_OUTLIERS = 0.1
-ROUNDS = 6
-LOCAL = 4.0  # periods in which the noise of a channel has a deviation of its own
 
 
 def without_faults(recording: Recording, period: float) -> Recording:
@@ -63,7 +65,7 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
     before = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
     floor = CURVE_ACCURACY * np.abs(smoothed.states).max(axis=0)
-    for _ in range(ROUNDS):
+    for _ in range(OUTLIER_ROUNDS):
         far = np.zeros(recording.values.shape, bool)
         for k, gap in enumerate(np.abs(smoothed.residual.T)):
             good = np.isfinite(gap)
@@ -72,7 +74,7 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
             limit = OUTLIER * np.maximum(1.4826 * np.median(gap[good]), floor[k])
             far[good, k] = gap[good] > limit
             if far[:, k].any():
-                near = _local_median(recording.time[good], gap[good], LOCAL * period)
+                near = _local_median(recording.time[good], gap[good], LOCAL_NOISE * period)
                 far[good, k] &= gap[good] > OUTLIER * 1.4826 * near
         if not far.any():
             break

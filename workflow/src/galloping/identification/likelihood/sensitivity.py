@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from galloping.identification.likelihood.condense import ORDER, window_count
+from galloping.identification.likelihood.constants import (
+    BOUND_TRUNCATION,
+)
 from galloping.identification.likelihood.taylor import System, propagate, system, tables
 from galloping.polynomial import PolynomialModel
-
-TRUNCATION = 1e-8
 
 
 def sensitivities(
@@ -80,6 +81,6 @@ def suitable_step(model: PolynomialModel, initial_state: np.ndarray, duration: f
             compiled, duration / steps, np.array([0, steps]), np.atleast_2d(initial_state),
             np.zeros((steps, n_states, 0, ORDER + 1)), np.arange(n_states), sensitive=False,
         )[2::2]  # fmt: skip
-        if np.all(np.isfinite(ends)) and truncation < TRUNCATION:
+        if np.all(np.isfinite(ends)) and truncation < BOUND_TRUNCATION:
             return duration / steps
     raise ValueError("the solution of the model diverges, or its time scale is too short")

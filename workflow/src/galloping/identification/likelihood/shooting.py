@@ -17,15 +17,14 @@ import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.constants import (
+    BATCH,
     GROWTH,
+    HUGE,
     UNDETERMINED,
 )
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.sensitivity import integrate
 from galloping.identification.likelihood.taylor import system
-
-HUGE = 1e30
-BATCH = 64  # segments integrated together: what they need is held at once
 
 
 @dataclass(frozen=True)

@@ -16,27 +16,30 @@ from numba import njit
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
+from galloping.identification.likelihood.constants import (
+    EDGE,
+    GAP,
+    GRID_PER_PERIOD,
+    LEAST_KNOTS_PER_PERIOD,
+    LEAST_SAMPLES,
+    MOST_KNOTS_PER_PERIOD,
+    ROUGHNESS,
+    SAMPLES_PER_KNOT,
+    SPECTRUM_SAMPLES,
+    SPLINE_ACCURACY,
+    SPLINE_DEGREE,
+)
 from galloping.identification.likelihood.problem import velocity_pairs
 from galloping.recording import Recording
 
-DEGREE = 5
-MOST_KNOTS_PER_PERIOD = 12
-LEAST_KNOTS_PER_PERIOD = 5
-GRID_PER_PERIOD = 24
-SAMPLES_PER_KNOT = 3
-LEAST_SAMPLES = 8
-STRETCH = 2**15  # samples whose spectrum is taken at once: longer ones have more to resolve
-GAP = 0.4
-EDGE = 0.5
-ACCURACY = 3e-4
-ROUGHNESS = 5e-4
-
 
 def _basis_polynomials() -> np.ndarray:
-    """(DEGREE + 1, DEGREE + 1): coefficient of u^k of the j-th B-spline alive on a knot span."""
-    spline = BSpline.basis_element(np.arange(DEGREE + 2.0))
-    spans = np.arange(DEGREE, -1.0, -1.0)  # the first one alive is on its last span
-    return np.column_stack([spline.derivative(k)(spans) / factorial(k) for k in range(DEGREE + 1)])
+    """(n, n), n = SPLINE_DEGREE + 1: coefficient of u^k of the j-th B-spline alive on a span."""
+    spline = BSpline.basis_element(np.arange(SPLINE_DEGREE + 2.0))
+    spans = np.arange(SPLINE_DEGREE, -1.0, -1.0)  # the first one alive is on its last span
+    return np.column_stack(
+        [spline.derivative(k)(spans) / factorial(k) for k in range(SPLINE_DEGREE + 1)]
+    )
 
 
 BASIS = _basis_polynomials()
@@ -92,9 +95,9 @@ def shortest_period(recordings: list[Recording]) -> float:
 
 
 def _stretches(recordings: list[Recording]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Times and values of pieces of the recordings, of at most STRETCH samples."""
+    """Times and values of pieces of the recordings, of at most SPECTRUM_SAMPLES samples."""
     for recording in recordings:
-        pieces = -(-len(recording.time) // STRETCH)
+        pieces = -(-len(recording.time) // SPECTRUM_SAMPLES)
         yield from zip(
             np.array_split(recording.time, pieces),
             np.array_split(recording.values, pieces),
@@ -179,8 +182,8 @@ def _fit(
     scale = np.array([np.nanstd(values[:, k]) if count[k] else 1.0 for k in range(len(curve))])
     noise = np.where(scale > 0.0, scale, 1.0)
     for _ in range(1 if len(curve) == 1 else 3):
-        bands = np.zeros((DEGREE + 1, pieces + DEGREE))
-        right = np.zeros(pieces + DEGREE)
+        bands = np.zeros((SPLINE_DEGREE + 1, pieces + SPLINE_DEGREE))
+        right = np.zeros(pieces + SPLINE_DEGREE)
         _accumulate(place, values, 1.0 / noise**2, spacing, BASIS, bands, right)
         stiffness = count / noise**2 / spacing ** (2 * np.arange(len(curve)))
         _add_roughness(bands, ROUGHNESS * float(np.sum(stiffness)) / pieces)
@@ -192,7 +195,7 @@ def _fit(
                 there = good[:, k]
                 gap = values[there, k] - _evaluate(place[there], coefficients, k, spacing)
                 residual[there, k] = gap
-                share = (pieces + DEGREE) / max((count > 0).sum(), 1)
+                share = (pieces + SPLINE_DEGREE) / max((count > 0).sum(), 1)
                 deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))
                 noise[k] = max(deviation[k], 1e-9 * scale[k], np.finfo(float).tiny)
     fitted = np.column_stack(
@@ -200,7 +203,7 @@ def _fit(
     )
     frequency = 2.0 * np.pi / period
     duration = recording.time[-1] - start
-    counted = np.maximum(noise, ACCURACY * scale)
+    counted = np.maximum(noise, SPLINE_ACCURACY * scale)
     weight = np.sum(count / duration / counted**2 * frequency ** (2 * np.arange(len(curve))))
     return fitted, residual, deviation, 1.0 / np.sqrt(weight)
 

@@ -11,14 +11,15 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
+from galloping.identification.likelihood.constants import (
+    TEST_RADIUS,
+    TEST_SHARPNESS,
+    TEST_STRIDE,
+)
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.taylor import Tables
 from galloping.polynomial import design_matrix
-
-RADIUS = 12
-STRIDE = 4
-SHARPNESS = 5
 
 
 def whitened_weak_form(
@@ -26,8 +27,8 @@ def whitened_weak_form(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Design and right-hand side of the weak form, with errors of unit variance.
 
-    The test functions have a radius of half the shortest period (RADIUS grid steps) and are
-    STRIDE steps apart; those that reach into a gap give zero rows. coefficients: (n_states,
+    The test functions have a radius of half the shortest period (TEST_RADIUS grid steps) and are
+    TEST_STRIDE steps apart; those that reach into a gap give zero rows. coefficients: (n_states,
     n_terms), the linearisation of the errors; without them the rows are only scaled. Returns the
     design (n_rows, n_candidates) and the right-hand side (n_rows,).
     """
@@ -42,7 +43,7 @@ def whitened_weak_form(
     n_terms = len(problem.terms)
     for block, equation in enumerate(problem.unknown):
         design[:, equation, block * n_terms : (block + 1) * n_terms] = tested
-    usable = np.all(sliding_window_view(smooth.valid, len(phi))[::STRIDE], axis=1)
+    usable = np.all(sliding_window_view(smooth.valid, len(phi))[::TEST_STRIDE], axis=1)
     design[~usable], right[~usable] = 0.0, 0.0
     keep = [i for i in range(n_states) if smooth.derived[i] < 0 or i in problem.unknown]
     keep = [i for i in keep if not np.any(smooth.derived == i) or i in problem.unknown]
@@ -60,15 +61,21 @@ def whitened_weak_form(
 
 def _bump(spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """Test function and its derivative at the grid points inside the support, times `spacing`."""
-    tau = np.arange(-RADIUS + 1, RADIUS) / RADIUS
-    phi = (1.0 - tau**2) ** SHARPNESS
-    slope = -2.0 * SHARPNESS * tau * (1.0 - tau**2) ** (SHARPNESS - 1) / (RADIUS * spacing)
+    tau = np.arange(-TEST_RADIUS + 1, TEST_RADIUS) / TEST_RADIUS
+    phi = (1.0 - tau**2) ** TEST_SHARPNESS
+    slope = (
+        -2.0
+        * TEST_SHARPNESS
+        * tau
+        * (1.0 - tau**2) ** (TEST_SHARPNESS - 1)
+        / (TEST_RADIUS * spacing)
+    )
     return phi * spacing, slope * spacing
 
 
 def _tested(series: np.ndarray, phi: np.ndarray) -> np.ndarray:
     """(n_grid, m) -> (n_tests, m): integrals of the columns against every test function."""
-    windows = sliding_window_view(series, len(phi), axis=0)[::STRIDE]
+    windows = sliding_window_view(series, len(phi), axis=0)[::TEST_STRIDE]
     return windows @ phi
 
 
@@ -86,7 +93,7 @@ def _noise_influence(
                 weight = table.exponents[m, state] * coefficients[:, column]
                 lowered[:, table.divisor[m, state]] += weight
         jacobian[:, :, state] = theta @ lowered.T
-    windows = sliding_window_view(jacobian, len(phi), axis=0)[::STRIDE]
+    windows = sliding_window_view(jacobian, len(phi), axis=0)[::TEST_STRIDE]
     influence = windows * phi
     diagonal = np.arange(n_states)
     influence[:, diagonal, diagonal] += slope
@@ -106,12 +113,12 @@ def _whiten(influence: np.ndarray, usable: np.ndarray, rows: np.ndarray) -> np.n
     usable: (n_tests,); the rows of the other tests, all zero, get a variance of one.
     """
     n_tests, n_rows, _, n_points = influence.shape
-    reach = (n_points - 1) // STRIDE
+    reach = (n_points - 1) // TEST_STRIDE
     width = n_rows * (reach + 1)
     bands = np.zeros((width, n_tests * n_rows))
     a, b = np.meshgrid(np.arange(n_rows), np.arange(n_rows), indexing="ij")
     for lag in range(min(reach, n_tests - 1) + 1):
-        shift = lag * STRIDE
+        shift = lag * TEST_STRIDE
         early = influence[: n_tests - lag, :, :, shift:].reshape(n_tests - lag, n_rows, -1)
         late = influence[lag:, :, :, : n_points - shift].reshape(n_tests - lag, n_rows, -1)
         block = late @ early.transpose(0, 2, 1)

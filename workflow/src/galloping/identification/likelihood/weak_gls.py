@@ -7,6 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.identification.likelihood.constants import (
+    MOST_MISFIT,
+    WEAK_ITERATIONS,
+)
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.problem import problem as make_problem
@@ -18,9 +22,6 @@ from galloping.identification.likelihood.weak_form import whitened_weak_form
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
-
-ITERATIONS = 3
-MOST_MISFIT = 3.0
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     n = len(problem.candidates)
     support = np.ones(n, bool)
     coefficients = None
-    for _ in range(ITERATIONS + 1):
+    for _ in range(WEAK_ITERATIONS + 1):
         systems = [whitened_weak_form(problem, one, coefficients) for one in smoothed]
         information = sum(a.T @ a for a, _ in systems)
         right = sum(a.T @ b for a, b in systems)
