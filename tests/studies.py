@@ -1,11 +1,13 @@
-"""One real run of the smoke study, in a copy of the repository, for all tests that look at it."""
+"""One real run of the smoke study, in copies of the repository, for all tests that look at it."""
 
+import fcntl
 import os
+import pickle
 import shutil
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -97,10 +99,19 @@ def fresh(root, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def study(root, tmp_path_factory):
-    """A copy in which the smoke study has been run once."""
+def study(root, tmp_path_factory, worker_id):
+    """A copy in which the smoke study has been run once: by the first process that needs it."""
+    base = tmp_path_factory.getbasetemp()
+    shared = (base if worker_id == "master" else base.parent) / "finished"
+    with shared.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not shared.exists():
+            copy_repository(root, shared)
+            began = time.time()
+            first = Study(shared).snakemake()
+            ran = Study(shared, first, began, time.time() - began)
+            shared.with_suffix(".run").write_bytes(pickle.dumps(ran))
+    ran = pickle.loads(shared.with_suffix(".run").read_bytes())
     folder = tmp_path_factory.mktemp("study")
-    copy_repository(root, folder)
-    began = time.time()
-    first = Study(folder).snakemake()
-    return Study(folder, first, began, time.time() - began)
+    shutil.copytree(shared, folder, symlinks=True, dirs_exist_ok=True)
+    return replace(ran, folder=folder)

@@ -16,7 +16,7 @@ from hashlib import sha256
 import psutil
 import pytest
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("copies")]
 
 SMOKE = ("--configfile", "config/smoke.yaml")
 REPAIR = "`make repair CONFIG=config/smoke.yaml`"

@@ -6,7 +6,6 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from galloping.configuration.load import load, plain
@@ -230,7 +229,7 @@ def test_eight_cases_keep_to_a_page_without_labels_upon_each_other(draw, table, 
             motions = {case: {"weak": motion(swing.states)} for case in MANY}
             figure = draw({case: [swing] for case in MANY}, motions, settings)
         figure.set_dpi(200)
-        FigureCanvasAgg(figure).draw()
+        figure.draw_without_rendering()
         placed = [(text, box.padded(-2)) for text, box in boxes(figure)]
     assert figure.bbox.height <= 2400
     titles = " ".join(text.replace("\n", " ") for text, _ in placed)

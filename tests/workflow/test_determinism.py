@@ -3,7 +3,7 @@
 import pytest
 from studies import copy_repository
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("copies")]
 
 VARIED = ("logs", "benchmarks")  # with times in them
 SOME = (  # of every stage

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("copies")]
 
 LARGER = """
 measurement: {levels: [0, 0.03, 0.05]}
