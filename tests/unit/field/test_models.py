@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from lines import simulate
 
+from galloping.configuration.load import load, plain
 from galloping.field.advice import advice, sentences
 from galloping.field.excerpt import PERIODS, STRETCHES, excerpts
 from galloping.field.mapping import validated
@@ -21,8 +22,10 @@ from galloping.measurement.motion import Motion
 from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import library
+from galloping.recording import Recording
 from galloping.seeds import generator
 from galloping.simulation import Simulator
+from galloping.trials.model_error import SENSORS, TRUTHS, combined, line_of, motion
 from galloping.trials.random_lines import draw
 
 STATES = ("q_v", "q_w", "dq_v", "dq_w")
@@ -66,6 +69,30 @@ def test_a_recording_of_the_study_gives_the_same_numbers_through_a_file(tmp_path
         np.testing.assert_allclose(getattr(ours, name), getattr(studys, name), rtol=1e-9)
     np.testing.assert_allclose(ours.model.coefficients, studys.model.coefficients, rtol=1e-9)
     assert ours.verdict == studys.verdict
+
+
+def test_a_span_gives_the_same_numbers_through_a_file_as_its_projected_sensors(tmp_path):
+    truth = TRUTHS["9 modes, displacement only"]
+    case = plain(load({}))["cases"]["internal_resonance"]
+    line, time = line_of(case, truth), np.arange(0.0, 120.0, 0.02)
+    clean = motion(case, line, truth, time, None)
+    noisy = clean + 0.05 * clean.std(axis=0) * np.random.default_rng(7).standard_normal(clean.shape)
+    states = combined(line, truth, noisy)
+    states[:, 2:] = np.nan
+    places = [line.line.span * share for share in SENSORS[truth.sensors]]
+    columns = {(f"{q}_{k}", q, x): noisy[:, k, j] for k, x in enumerate(places)
+               for j, q in enumerate(STATES[:2])}  # fmt: skip
+    frame = {"t": time} | {name: values for (name, *_), values in columns.items()}
+    pd.DataFrame(frame).to_csv(tmp_path / "a.csv", index=False)
+    channels = [{"column": c, "measures": q, "unit": "m", "position": x} for c, q, x in columns]
+    mapped = {"time": {"column": "t", "unit": "s"}, "states": STATES, "channels": channels}
+    field = read_field([tmp_path / "a.csv"], validated(mapped | {"span": line.line.span}))
+    read, direct = (
+        maximum_likelihood(one, TERMS)
+        for one in (list(field.recordings), Recording(time, STATES, states))
+    )
+    assert read.verdict == direct.verdict
+    np.testing.assert_allclose(read.model.coefficients, direct.model.coefficients, rtol=1e-9)
 
 
 def test_a_known_noise_replaces_the_estimate_and_a_wrong_one_is_named(tmp_path):
