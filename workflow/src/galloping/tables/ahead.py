@@ -19,6 +19,7 @@ COLUMNS = (
     "case", "protocol", "level", "method", "state", "recorded_m", "true_m", "predicted_m",
     "low_m", "high_m", "coverage_95_percent", "answered", "replicates",
 )  # fmt: skip
+MOST_REPLICATES = 10  # of a cell: each is corrected as often as its interval has draws
 
 
 def limit_cycles_ahead(
@@ -33,7 +34,7 @@ def limit_cycles_ahead(
     cells, each with its columns; steady_window, s, to which the paper's "steady state" refers;
     is_continuous, whether the motion is not the model's, whose limit cycle then is not the true
     one. Columns as in COLUMNS: recorded_m is the amplitude of the motion in that window,
-    predicted_m and its interval medians over the replicates that were answered.
+    predicted_m and its interval medians over those of the first replicates that were answered.
     """
     first = trajectory[0]
     begin, end = settings["steady_window"]
@@ -45,7 +46,7 @@ def limit_cycles_ahead(
             true = limit_cycle_ahead(own, first.states[0], np.random.default_rng(0)).amplitude
     rows = []
     for name, columns in settings["cells"].items():
-        models, cycles = identified[name][settings["method"]], []
+        models, cycles = identified[name][settings["method"]][:MOST_REPLICATES], []
         for replicate, found in enumerate(models):
             rng = generator(settings["seed"], "limit cycle ahead", name, replicate)
             try:
