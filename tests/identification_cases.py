@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.identification.likelihood.problem import problem
+from galloping.identification.likelihood.problem import posed
 from galloping.identification.likelihood.sensitivity import sensitivities
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
@@ -57,5 +57,5 @@ def noisy(
 def unknown_support(true: PolynomialModel) -> np.ndarray:
     """The terms to be found: those of the equations that are not known by their states' names."""
     support = true.support.copy()
-    support[list(set(range(len(true.states))) - set(problem(true.states, true.terms).unknown))] = 0
+    support[list(set(range(len(true.states))) - set(posed(true.states, true.terms).unknown))] = 0
     return support

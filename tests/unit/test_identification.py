@@ -15,10 +15,10 @@ from galloping.identification.model import BY_TERM, IdentifiedModel
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import reduction, selection, stlsq
 from galloping.identification.sparse.bagging import bagged_medians
+from galloping.identification.sparse.differentiation import differentiate
 from galloping.identification.sparse.drawing import seeded
 from galloping.identification.sparse.reduction import reduce
 from galloping.identification.sparse.regression import regression, stretches
-from galloping.identification.sparse.smoothing import smooth
 from galloping.importing import imported
 from galloping.measurement.measuring import measure
 from galloping.measurement.motion import Motion
@@ -272,7 +272,7 @@ def test_smoothing_without_noise(sampling):
     if sampling == "irregular":
         time = np.sort(np.random.default_rng(0).choice(time, 3000, replace=False))
     values, slopes = waves(time)
-    smoothed, derivative, effective = smooth(time, values)
+    smoothed, derivative, effective = differentiate(time, values)
     assert smoothed == pytest.approx(values, abs=1e-9)
     assert derivative == pytest.approx(slopes, abs=1e-7)
     assert np.all((effective > 0) & (effective < len(time)))
@@ -285,7 +285,7 @@ def test_smoothing_takes_out_noise(sampling):
     if sampling == "irregular":
         time = np.sort(rng.choice(time, 3000, replace=False))
     values, slopes = waves(time)
-    smoothed, derivative, effective = smooth(
+    smoothed, derivative, effective = differentiate(
         time, values + 0.05 * rng.standard_normal(values.shape)
     )
     inner = slice(len(time) // 20, -len(time) // 20)
@@ -301,16 +301,16 @@ def test_smoothing_treats_channels_alone():
     time = np.arange(3001) / 100
     values, _ = waves(time)
     noisy = values + np.array([0, 0.1]) * rng.standard_normal(values.shape)
-    together = smooth(time, noisy)
+    together = differentiate(time, noisy)
     for k in range(2):
-        alone = smooth(time, noisy[:, [k]])
+        alone = differentiate(time, noisy[:, [k]])
         assert together[0][:, k] == pytest.approx(alone[0][:, 0], abs=1e-12)
         assert together[2][k] == alone[2][0]
 
 
 def test_too_few_samples_to_differentiate():
     with pytest.raises(ValueError, match="recording: 12 samples are too few to differentiate"):
-        smooth(np.arange(12.0), np.ones((12, 1)))
+        differentiate(np.arange(12.0), np.ones((12, 1)))
 
 
 # --- recordings that cannot be used, and fits that fail ---

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from galloping.identification.likelihood.problem import problem
+from galloping.identification.likelihood.problem import posed
 from galloping.identification.likelihood.result import judged
 from galloping.identification.likelihood.selection import select
 from galloping.identification.model import IdentifiedModel
 
 TERMS = tuple((k,) for k in range(12))
-PROBLEM = problem(("x",), TERMS)
+PROBLEM = posed(("x",), TERMS)
 PENALTY = 2.0 * np.log(2000)
 
 

@@ -4,7 +4,7 @@ from identification_cases import model, noisy, solution
 
 from galloping.bounds.information import Experiment, state_bound
 from galloping.identification.likelihood.condense import condense
-from galloping.identification.likelihood.problem import problem
+from galloping.identification.likelihood.problem import posed
 from galloping.identification.likelihood.selection import solve_support
 from galloping.identification.likelihood.shooting import cut, eliminate, linearise
 
@@ -19,7 +19,7 @@ def setting(windows: int, chained: bool):
     segments = cut(condensed, windows, np.ones(100, bool), chained)
     starts = X[np.round(segments.first[:-1] * 10).astype(int)]
     sigma = 0.05 * X.std(axis=0)[None]
-    asked = problem(OSCILLATOR.states, OSCILLATOR.terms)
+    asked = posed(OSCILLATOR.states, OSCILLATOR.terms)
     free = OSCILLATOR.coefficients[tuple(asked.candidates.T)]
     linear = linearise(asked, condensed, sigma, segments, free, starts)
     return asked, free, eliminate(linear, segments, starts)
@@ -60,7 +60,7 @@ def test_free_segments_tell_less_than_matched_ones() -> None:
 
 
 def test_divergence_is_an_error() -> None:
-    asked = problem(OSCILLATOR.states, OSCILLATOR.terms)
+    asked = posed(OSCILLATOR.states, OSCILLATOR.terms)
     condensed = condense([TIME], [X], np.array([0, 1]), 0.2)
     segments = cut(condensed, 50, np.ones(100, bool), chained=False)
     free = np.zeros(len(asked.candidates))

@@ -15,9 +15,9 @@ from galloping.configuration.fields import (
     Positive,
     Section,
     distinct,
+    invalid,
     listing,
     one_of,
-    problem,
     real,
     section,
     selection,
@@ -62,7 +62,7 @@ class Sweep(Section):
         if values is not None:
             first, last, step = values
             if not first < last or (last - first) / step > MOST_VALUES:
-                raise problem(
+                raise invalid(
                     f"{show(values)} is not a range: must be a first and a larger last value, and "
                     f"a step that gives at most {MOST_VALUES} values"
                 )
@@ -71,9 +71,9 @@ class Sweep(Section):
     @model_validator(mode="after")
     def _second_is_whole(self) -> Sweep:
         if (self.second is None) != (self.second_values is None):
-            raise problem("a map needs both second and second_values", "second")
+            raise invalid("a map needs both second and second_values", "second")
         if self.second == self.parameter:
-            raise problem(f"{show(self.second)} is varied already; must be another", "second")
+            raise invalid(f"{show(self.second)} is varied already; must be another", "second")
         return self
 
 
@@ -99,7 +99,7 @@ class Measure(Section):
         wanted = set(MEASURES[self.kind])
         if given != wanted:
             keys = ", ".join(MEASURES[self.kind]) or "nothing else"
-            raise problem(f"{self.kind} takes {keys}", "kind")
+            raise invalid(f"{self.kind} takes {keys}", "kind")
         return self
 
 

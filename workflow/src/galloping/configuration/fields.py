@@ -37,9 +37,9 @@ def show(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def problem(text: str, *below: str) -> PydanticCustomError:
+def invalid(text: str, *below: str) -> PydanticCustomError:
     """What a check raises; `below` are the keys from the validated field to the one at fault."""
-    return PydanticCustomError("problem", "{text}", {"text": text, "below": below})
+    return PydanticCustomError("invalid", "{text}", {"text": text, "below": below})
 
 
 def _number(value: Any) -> Any:
@@ -59,7 +59,7 @@ def _whole(value: Any) -> Any:
 
 def _some(values: tuple) -> tuple:
     if not values:
-        raise problem("[] is empty; must hold at least one")
+        raise invalid("[] is empty; must hold at least one")
     return values
 
 
@@ -74,7 +74,7 @@ def _distinct(values: tuple) -> tuple:
                 if value == other
                 else f"{value!r} and {other!r} agree to twelve digits"
             )
-            raise problem(f"{again}; must be distinct")
+            raise invalid(f"{again}; must be distinct")
         written[text] = value
     return values
 

@@ -14,10 +14,10 @@ from galloping.configuration.fields import (
     Name,
     Positive,
     Section,
+    invalid,
     listing,
     one_of,
     parameter,
-    problem,
     real,
     section,
     selection,
@@ -127,7 +127,7 @@ class Spacers(Section):
     def _increasing(cls, positions: tuple[float, ...]) -> tuple[float, ...]:
         for before, after in pairwise(positions):
             if after <= before:
-                raise problem(
+                raise invalid(
                     f"{show(after)} comes after {show(before)}; must be strictly increasing"
                 )
         return positions
@@ -167,9 +167,9 @@ class Ice(Section):
     def _given_when_custom(cls, value: tuple | None, info: ValidationInfo) -> tuple | None:
         reading = info.data.get("reading", "custom" if value else None)
         if reading == "custom" and value is None:
-            raise problem("null is not allowed with reading 'custom'; must be a list of 3 numbers")
+            raise invalid("null is not allowed with reading 'custom'; must be a list of 3 numbers")
         if reading != "custom" and value is not None:
-            raise problem(
+            raise invalid(
                 f"{show(value)} is not allowed with reading {show(reading)}; "
                 "must be null, or the reading custom"
             )
@@ -275,7 +275,7 @@ class Truth(Section):
         if self.model != "continuous":
             for name in sorted(self.model_fields_set - {"model"}):
                 if getattr(self, name) != getattr(Truth(), name):
-                    raise problem("must be left out, or the model continuous", name)
+                    raise invalid("must be left out, or the model continuous", name)
         return self
 
 
@@ -306,7 +306,7 @@ class Case(Section):
         if line := info.data.get("line"):
             for position in spacers.positions:
                 if position >= line.span:
-                    raise problem(
+                    raise invalid(
                         f"{show(position)} is beyond the span ({show(line.span)} m); "
                         f"must be > 0 and < {show(line.span)} m",
                         "positions",
@@ -319,7 +319,7 @@ class Case(Section):
         sag = weight * self.line.span**2 / (8 * self.line.tension)
         if sag > LARGEST_SAG * self.line.span:
             least = weight * self.line.span / (8 * LARGEST_SAG)
-            raise problem(
+            raise invalid(
                 f"{show(self.line.tension)} gives a sag of {sag:.4g} m in a span of "
                 f"{show(self.line.span)} m, which is no shallow cable; must be >= {least:.4g} N",
                 "line",

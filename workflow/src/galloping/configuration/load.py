@@ -214,7 +214,7 @@ def _line(mapping: dict, fault: dict) -> str:
     if kind == "missing":  # an item of a list of fixed length
         location = location[:-1]
     path, value = _walk(mapping, location, default=fault["input"])
-    if kind == "problem":
+    if kind == "invalid":
         return f"{_dotted(path + fault['ctx']['below'])}: {fault['ctx']['text']}"
 
     node = _node(path)

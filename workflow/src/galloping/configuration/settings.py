@@ -15,8 +15,8 @@ from galloping.configuration.fields import (
     NoiseLevel,
     NonNegative,
     Section,
+    invalid,
     listing,
-    problem,
     real,
     section,
     selection,
@@ -72,9 +72,9 @@ class Simulation(Section):
             intervals = duration * rate
             given = f"{show(rate)} gives {show(intervals)} sampling intervals in {show(duration)} s"
             if not 100 <= intervals <= MAX_INTERVALS:
-                raise problem(f"{given}; must be 100..{MAX_INTERVALS}")
+                raise invalid(f"{given}; must be 100..{MAX_INTERVALS}")
             if abs(intervals - round(intervals)) > 1e-9 * intervals:
-                raise problem(f"{given}; must be a whole number")
+                raise invalid(f"{given}; must be a whole number")
         return rate
 
     @field_validator("steady_window")
@@ -83,12 +83,12 @@ class Simulation(Section):
         start, end = window
         duration = info.data.get("duration", end)
         if not start < end <= duration:
-            raise problem(
+            raise invalid(
                 f"{show(window)} is not a window of the record; "
                 f"must be increasing, 0..{show(duration)} s"
             )
         if (end - start) * info.data.get("sampling_rate", inf) < WINDOW_SAMPLES:
-            raise problem(
+            raise invalid(
                 f"{show(window)} holds less than {WINDOW_SAMPLES} sampling intervals; "
                 f"must hold {WINDOW_SAMPLES} or more"
             )
@@ -245,9 +245,9 @@ class Settings(Section):
         path = Path(results)
         for part in (path, *path.parents):
             if part.as_posix().lower() in OWN_FOLDERS:
-                raise problem(f"{show(results)} is the project's own; must be another folder")
+                raise invalid(f"{show(results)} is the project's own; must be another folder")
             if part.exists() and not part.is_dir():
-                raise problem(f"{show(part.as_posix())} is a file; must be a folder, or not there")
+                raise invalid(f"{show(part.as_posix())} is a file; must be a folder, or not there")
         return results
 
     @field_validator("measurement")
@@ -256,7 +256,7 @@ class Settings(Section):
         if simulation := info.data.get("simulation"):
             for points in measurement.subsets.points:
                 if points > simulation.samples:
-                    raise problem(
+                    raise invalid(
                         f"{points} is larger than the record ({simulation.samples} samples)",
                         "subsets",
                         "points",
@@ -271,7 +271,7 @@ class Settings(Section):
         if measurement := info.data.get("measurement"):
             usable = {m.name for m in METHODS if set(m.protocols) & set(measurement.protocols)}
             if not usable & set(identification.methods):
-                raise problem(
+                raise invalid(
                     f"{show(identification.methods)} cannot use the recordings of protocol "
                     f"{', '.join(measurement.protocols)}; "
                     f"must hold one of {', '.join(m.name for m in METHODS if m.name in usable)}",
@@ -282,14 +282,14 @@ class Settings(Section):
     @model_validator(mode="after")
     def _something_to_study(self) -> Settings:
         if not (self.cases or self.trials):
-            raise problem("there is none; must hold at least one, or there must be trials", "cases")
+            raise invalid("there is none; must hold at least one, or there must be trials", "cases")
         return self
 
     @model_validator(mode="after")
     def _recordings_beside_cases(self) -> Settings:
         for name, recordings in self.recordings.items():
             if recordings.case is not None and recordings.case not in self.cases:
-                raise problem(
+                raise invalid(
                     f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}",
                     "recordings",
                     name,
@@ -300,7 +300,7 @@ class Settings(Section):
     @model_validator(mode="after")
     def _results_apart_from_the_reference(self) -> Settings:
         if Path(self.results).resolve().is_relative_to(Path(self.reference).resolve()):
-            raise problem(
+            raise invalid(
                 f"{show(self.results)} is in the folder of the reference, {show(self.reference)}; "
                 "must be outside it",
                 "results",

@@ -7,8 +7,8 @@ from pydantic import model_validator
 from galloping.configuration.fields import (
     NoiseLevel,
     Section,
+    invalid,
     one_of,
-    problem,
     selection,
     setting,
     show,
@@ -49,10 +49,10 @@ class Trial(Section):
         kind = KINDS[self.kind]
         for key in ("protocols", "levels", "samples"):
             if getattr(self, key) is not None and key not in kind.options:
-                raise problem(f"is no key of {self.kind}", key)
+                raise invalid(f"is no key of {self.kind}", key)
         for case in self.cases or ():
             if case not in kind.cases:
-                raise problem(
+                raise invalid(
                     f"unknown case {show(case)} of {self.kind}; allowed: {', '.join(kind.cases)}",
                     "cases",
                 )

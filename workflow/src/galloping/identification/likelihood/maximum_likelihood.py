@@ -19,8 +19,7 @@ from galloping.identification.likelihood.inputs import check_question, checked_r
 from galloping.identification.likelihood.instrument import FORCES, Fault, faults, of_the_model
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.passes import Fit, follow, match, prepare, window_states
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.problem import problem as make_problem
+from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.rates import scaled, scales_told, with_rates
 from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.shooting import Segments, residuals
@@ -54,7 +53,7 @@ def maximum_likelihood(
     recordings = checked_recordings(recordings)
     states = recordings[0].states
     check_question(states, terms, known, known_states)
-    problem = make_problem(states, terms, known, known_states)
+    problem = posed(states, terms, known, known_states)
     try:
         if all(recording.derivatives is not None for recording in recordings):
             return derivative_fit(problem, recordings)

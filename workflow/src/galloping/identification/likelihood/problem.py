@@ -58,7 +58,7 @@ class Problem:
         return full
 
 
-def problem(
+def posed(
     states: tuple[str, ...],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,

@@ -12,8 +12,7 @@ from galloping.identification.likelihood.constants import (
     WEAK_ITERATIONS,
 )
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.problem import problem as make_problem
+from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
@@ -109,7 +108,7 @@ def weak_gls(
     """
     recordings = checked_recordings(recordings)
     check_question(recordings[0].states, terms, known, known_states)
-    problem = make_problem(recordings[0].states, terms, known, known_states)
+    problem = posed(recordings[0].states, terms, known, known_states)
     try:
         return _fitted(problem, begin(problem, recordings))
     except (ValueError, np.linalg.LinAlgError) as error:

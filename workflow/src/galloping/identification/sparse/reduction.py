@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.identification.sparse.differentiation import differentiate
 from galloping.identification.sparse.regression import Regression, regression, stretches
 from galloping.identification.sparse.settings import best_setting, smoothings
-from galloping.identification.sparse.smoothing import smooth
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
 
@@ -56,7 +56,7 @@ def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.nd
     if not np.all(np.isfinite(recording.values)):
         raise ValueError("recording: sparse regression needs every state at every sample")
     if recording.derivatives is None:
-        return smooth(recording.time, recording.values)
+        return differentiate(recording.time, recording.values)
     if not np.all(np.isfinite(recording.derivatives)):
         raise ValueError("recording: sparse regression needs every derivative at every sample")
     n, states = recording.values.shape

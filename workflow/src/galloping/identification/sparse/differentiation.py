@@ -11,7 +11,9 @@ KNOT_EVERY = (128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)  # samples between knots
 ENOUGH = 1.05  # the scan stops once every channel's score is this much above its best
 
 
-def smooth(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def differentiate(
+    time: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Smoothed states, their derivatives, and the effective number of observations.
 
     time: (n,) s, increasing, regular or not; values: (n, n_channels). Least-squares splines of
