@@ -112,9 +112,8 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
         noise = np.sqrt(power)
-        step = replace(
-            step, fit=replace(fit, sigma=noise, floor=noise, reference=noise, cost=np.inf)
-        )
+        fit = replace(fit, sigma=noise, floor=noise, reference=noise, cost=np.inf)
+        step = replace(step, before=fit, fit=fit)
         fit, step = match(problem, condensed, segments, step, penalty, unseen)
         remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
