@@ -1,7 +1,6 @@
 """Clearance of one line, its orbits, and what measures would do, with intervals."""
 
 import numpy as np
-import pandas as pd
 
 from galloping.cycles.line_family import LIBRARY, initial_state, line_family
 from galloping.cycles.motion import settle
@@ -13,7 +12,8 @@ from galloping.physics.measures import measure, usual
 from galloping.reproducibility.job import run
 from galloping.seeds import generator
 from galloping.simulation import Simulator
-from galloping.study.files import orbits, tables
+from galloping.storage import write_rows
+from galloping.study.files import orbits
 from galloping.study.kinds import OURS
 from galloping.study.loading import load
 
@@ -30,7 +30,7 @@ def main() -> None:
     simulator = Simulator(STATES, LIBRARY)
     winds = sorted({*settings["winds"], settings["design_wind"]})
     rows = clearance_rows(name, case, winds, tuple(distance), limit, simulator)
-    tables.write(output.clearance, pd.DataFrame(rows))
+    write_rows(output.clearance, rows)
     family, start = line_family(case, "wind_speed"), np.array(initial_state(case))
     settled = {wind: settle(simulator, family.model(wind), start) for wind in winds}
     finite = {wind: motion for wind, motion in settled.items() if motion.kind == "cycle"}
@@ -45,7 +45,7 @@ def main() -> None:
     chosen = [_measure(each) for each in settings["measures"]] or usual(case)
     design = Design(settings["design_wind"], start, tuple(distance), limit)
     outcomes = ranked(parts, case, chosen, design, simulator, draws)
-    tables.write(output.measures, pd.DataFrame(measure_rows(name, outcomes, design)))
+    write_rows(output.measures, measure_rows(name, outcomes, design))
 
 
 run(main, snakemake)

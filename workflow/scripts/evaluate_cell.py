@@ -1,14 +1,13 @@
 """The Cramer-Rao bound of one cell, and scores of its models and of models at the bound."""
 
-import pandas as pd
-
 from galloping.bounds.cell import cell_bounds, deviations, models_at, no_models
 from galloping.evaluation.cell import evaluate
 from galloping.evaluation.score import Truth
 from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run
-from galloping.study.files import bounds, reconstructions, tables
+from galloping.storage import write_rows
+from galloping.study.files import bounds, reconstructions
 from galloping.study.kinds import BOUND
 from galloping.study.loading import load
 
@@ -37,7 +36,7 @@ def main() -> None:
     least = deviations(line, known, len(terms))
     rows, shown = evaluate(truth, models, least)
     bounds.write(output.bounds, least)
-    tables.write(output.scores, pd.DataFrame([{**settings["columns"], **row} for row in rows]))
+    write_rows(output.scores, [{**settings["columns"], **row} for row in rows])
     reconstructions.write(output.reconstructions, shown)
 
 

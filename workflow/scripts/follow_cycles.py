@@ -1,13 +1,11 @@
 """Limit cycles of one line along a parameter, and where they begin, change and end."""
 
-import pandas as pd
-
 from galloping.cycles.line_family import LIBRARY
 from galloping.cycles.rows import bifurcation_rows, limit_cycle_rows, line_diagram
 from galloping.physics.equations import STATES
 from galloping.reproducibility.job import run
 from galloping.simulation import Simulator
-from galloping.study.files import tables
+from galloping.storage import write_rows
 
 COLUMNS = [  # of a line that never gallops, too
     "case", "parameter", "unit", "value", "branch", "point", "stable", "v_m", "w_m", "period_s",
@@ -20,9 +18,8 @@ def main() -> None:
     case, name = snakemake.wildcards.case, settings["parameter"]
     simulator = Simulator(STATES, LIBRARY)
     along = line_diagram(settings["case"], name, *settings["range"], simulator)
-    tables.write(output.cycles, pd.DataFrame(limit_cycle_rows(case, name, along), columns=COLUMNS))
-    changes = bifurcation_rows(case, name, along, settings["case"])
-    tables.write(output.bifurcations, pd.DataFrame(changes))
+    write_rows(output.cycles, limit_cycle_rows(case, name, along), COLUMNS)
+    write_rows(output.bifurcations, bifurcation_rows(case, name, along, settings["case"]))
 
 
 run(main, snakemake)

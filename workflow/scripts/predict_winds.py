@@ -3,7 +3,6 @@
 from functools import cache
 
 import numpy as np
-import pandas as pd
 
 from galloping.cycles.line_family import LIBRARY, initial_state
 from galloping.cycles.prediction import Prediction, predict, split
@@ -13,7 +12,7 @@ from galloping.physics.equations import STATES
 from galloping.reproducibility.job import run
 from galloping.seeds import generator
 from galloping.simulation import Simulator
-from galloping.study.files import tables
+from galloping.storage import write_rows
 from galloping.study.loading import load
 
 
@@ -50,7 +49,7 @@ def main() -> None:
             cell = {**names, "method": method, "replicate": k}
             predicted = _predicted(identified, case, winds, rng)
             rows += prediction_rows(cell, predicted, true, identified.verdict)
-    tables.write(snakemake.output.prediction, pd.DataFrame(rows))
+    write_rows(snakemake.output.prediction, rows)
 
 
 run(main, snakemake)

@@ -1,6 +1,7 @@
 """Long simulations of one line at some values of a sweep; of a range that grows, the new ones."""
 
-import pandas as pd
+import csv
+from pathlib import Path
 
 from galloping.cycles.line_family import LIBRARY
 from galloping.cycles.rows import map_rows, simulation_rows
@@ -8,7 +9,7 @@ from galloping.physics.equations import STATES
 from galloping.reproducibility.job import run
 from galloping.reproducibility.receipts import grows
 from galloping.simulation import Simulator
-from galloping.study.files import tables
+from galloping.storage import write_rows
 
 
 def _simulated(name: str, settings: dict, values: list[float]) -> list[dict]:
@@ -25,11 +26,12 @@ def main() -> None:
     values, column = settings["values"], "x" if settings["second"] else "value"
     rows = {}
     if grows(path, settings, "values"):
-        rows = {row[column]: row for row in tables.read(path).to_dict("records")}
+        with Path(path).open(encoding="utf-8", newline="") as file:
+            rows = {float(row[column]): row for row in csv.DictReader(file)}
     new = [value for value in values if value not in rows]
     print(f"{len(values) - len(new)} of {len(values)} values are known")
     rows |= {row[column]: row for row in _simulated(snakemake.wildcards.case, settings, new)}
-    tables.write(path, pd.DataFrame([rows[value] for value in values]))
+    write_rows(path, [rows[value] for value in values])
 
 
 run(main, snakemake)
