@@ -11,13 +11,12 @@ from matplotlib.figure import Figure
 
 from galloping.figures import panels, paper
 from galloping.figures.style import PAPER, SINGLE, method_style
-from galloping.identification.registry import METHODS
 from galloping.study.kinds import BOUND, NOISE, OURS
 from galloping.tables.peers import ORACLE, mean_error
 from galloping.tables.summary import interval, of_kind
 
 PAPERS_METHOD = "stlsq_raw"
-PYSINDY = tuple(method.name for method in METHODS if method.family == "sparse")
+PYSINDY = ("stlsq", "stlsq_raw", "lasso", "frols", "ensemble", "weak")
 ORACLES = "oracle"  # how the best settings of pysindy are drawn
 ORDERS = ("linear", "quadratic", "cubic")
 
