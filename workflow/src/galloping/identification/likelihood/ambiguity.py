@@ -119,11 +119,11 @@ def preferred(whitened: Whitened, support: np.ndarray, penalty: float) -> np.nda
     A penalty for each term keeps out what noise makes up, but between supports of which none
     contains the other it takes one false term for two true ones that it imitates. Where those
     without one of the selected terms outweigh all others, the heaviest of them is preferred, if
-    each of its terms is worth the penalty.
+    it outweighs the selected one too and each of its terms is worth the penalty.
     """
     plausible = plausible_supports(whitened, support)
     weight = np.where(plausible.supports[:, support].all(axis=1), 0.0, plausible.weight)
-    if weight.sum() < 0.5:
+    if weight.sum() < 0.5 or weight.max() <= plausible.weight[0]:
         return support
     rival = plausible.supports[np.argmax(weight)]
     return rival if tableau(whitened, rival).wald.min(initial=np.inf) >= penalty else support
