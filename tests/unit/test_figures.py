@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 import pytest
+from drawing import drawn
 from matplotlib.text import Text
 
 from galloping.configuration.load import load, plain
@@ -43,7 +44,7 @@ def histories(cells):
     return {"case": "line", "columns": columns, "window": (50, 100)}
 
 
-def drawn(tmp_path, draw):
+def written(tmp_path, draw):
     """Bytes of the SVG and the PNG."""
     svg, png = tmp_path / "figure.svg", tmp_path / "figure.png"
     write_figure(svg, png, draw, dpi=60, font_size=8)
@@ -96,8 +97,8 @@ def swing():
 
 
 def test_same_data_same_bytes_without_a_date(tmp_path):
-    first = drawn(tmp_path, lambda: draw_noise_coefficients(noise_errors(), NAMES))
-    assert drawn(tmp_path, lambda: draw_noise_coefficients(noise_errors(), NAMES)) == first
+    first = written(tmp_path, lambda: draw_noise_coefficients(noise_errors(), NAMES))
+    assert written(tmp_path, lambda: draw_noise_coefficients(noise_errors(), NAMES)) == first
     assert b"<dc:date>" not in first[0]
     assert b"Software" not in first[1]
 
@@ -112,16 +113,16 @@ def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
 
 
 @pytest.mark.parametrize("levels", [(0,), (0.05,), (0, 0.01, 0.05)])
-def test_noise_levels_of_any_number_and_failures(tmp_path, levels):
-    drawn(tmp_path, lambda: draw_noise_coefficients(noise_errors(levels), NAMES))
+def test_noise_levels_of_any_number_and_failures(levels):
+    drawn(lambda: draw_noise_coefficients(noise_errors(levels), NAMES))
 
 
 @pytest.mark.parametrize("levels", [(0, 0.05), (0, 0.01, 0.05)])
-def test_the_bound_is_a_line_without_marks(tmp_path, levels):
+def test_the_bound_is_a_line_without_marks(levels):
     table, names = noise_errors(levels), {**NAMES, "methods": ["weak", "bound"]}
     bound = table[table["method"] == "weak"].assign(method="bound")
-    with_bound = drawn(tmp_path, lambda: draw_noise_coefficients(pd.concat([table, bound]), names))
-    assert with_bound != drawn(tmp_path, lambda: draw_noise_coefficients(table, names))
+    with_bound = drawn(lambda: draw_noise_coefficients(pd.concat([table, bound]), names))
+    assert with_bound != drawn(lambda: draw_noise_coefficients(table, names))
     assert shifts(["weak", "bound"], 0.1) == {"weak": 0.0, "bound": 0.0}
 
 
@@ -136,21 +137,20 @@ def efficiencies(methods=("weak", "maximum_likelihood", "bound"), joint=True):
 
 
 @pytest.mark.parametrize("joint", [False, True])
-def test_efficiency_with_failures_and_joint_recordings(tmp_path, joint):
+def test_efficiency_with_failures_and_joint_recordings(joint):
     settings = {"cases": ["line", "other"], "protocols": ["state", "displacement"],
                 "methods": ["weak", "maximum_likelihood", "absent", "bound"]}  # fmt: skip
-    first = drawn(tmp_path, lambda: draw_efficiency(efficiencies(joint=joint), settings))
-    assert drawn(tmp_path, lambda: draw_efficiency(efficiencies(joint=joint), settings)) == first
-    drawn(tmp_path, lambda: draw_efficiency(efficiencies(["bound"]), settings))
-    drawn(tmp_path, lambda: draw_efficiency(efficiencies()[:0], settings))
+    drawn(lambda: draw_efficiency(efficiencies(joint=joint), settings))
+    drawn(lambda: draw_efficiency(efficiencies(["bound"]), settings))
+    drawn(lambda: draw_efficiency(efficiencies()[:0], settings))
 
 
-def test_efficiency_of_joint_recordings_alone(tmp_path):
+def test_efficiency_of_joint_recordings_alone():
     # as of a study whose whole records have no noise
     settings = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "bound"]}
     both, table = efficiencies(), efficiencies().query("recordings == 2")
-    alone = drawn(tmp_path, lambda: draw_efficiency(table, settings))
-    assert alone != drawn(tmp_path, lambda: draw_efficiency(both, settings))
+    alone = drawn(lambda: draw_efficiency(table, settings))
+    assert alone != drawn(lambda: draw_efficiency(both, settings))
 
 
 def identifiable(t, recordings=(1, 2)):
@@ -164,11 +164,11 @@ def identifiable(t, recordings=(1, 2)):
 
 
 @pytest.mark.parametrize("t", [0.0, 7.6, 1e5])
-def test_identifiability_of_any_size(tmp_path, t):
+def test_identifiability_of_any_size(t):
     settings = {"cases": ["line", "other"], "protocols": ["state", "derivative"], "level": 0.05}
-    drawn(tmp_path, lambda: draw_identifiability(identifiable(t), settings))
-    drawn(tmp_path, lambda: draw_identifiability(identifiable(t, [1]), settings))
-    drawn(tmp_path, lambda: draw_identifiability(identifiable(t)[:0], settings))
+    drawn(lambda: draw_identifiability(identifiable(t), settings))
+    drawn(lambda: draw_identifiability(identifiable(t, [1]), settings))
+    drawn(lambda: draw_identifiability(identifiable(t)[:0], settings))
 
 
 def scored(methods, error=5.0, levels=(0, 0.01, 0.05)):
@@ -251,14 +251,13 @@ def test_eight_cases_keep_to_a_page_without_labels_upon_each_other(draw, table, 
         ["new_method"],
     ],
 )
-def test_overview_with_the_methods_there_are(tmp_path, methods, error):
+def test_overview_with_the_methods_there_are(methods, error):
     settings = {"case": "line", "protocol": "state"}
     table = scored(methods, error).fillna(0.0)
-    first = drawn(tmp_path, lambda: draw_overview(table, settings))
-    assert drawn(tmp_path, lambda: draw_overview(table, settings)) == first
+    drawn(lambda: draw_overview(table, settings))
     one_level = table[table["level"] < 0.05]
-    drawn(tmp_path, lambda: draw_overview(one_level, settings))
-    drawn(tmp_path, lambda: draw_overview(table[table["level"] == 0], settings))
+    drawn(lambda: draw_overview(one_level, settings))
+    drawn(lambda: draw_overview(table[table["level"] == 0], settings))
 
 
 def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
@@ -277,24 +276,24 @@ def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
 
 
 @pytest.mark.parametrize("median", [1.0, 0.97, -3.0, -np.inf])
-def test_r2_of_any_size(tmp_path, median):
-    drawn(tmp_path, lambda: draw_noise_r2(noise_motion(median), NAMES))
+def test_r2_of_any_size(median):
+    drawn(lambda: draw_noise_r2(noise_motion(median), NAMES))
 
 
 @pytest.mark.parametrize("error", [0.0, 5.0, np.inf])
-def test_amplitude_errors_of_any_size(tmp_path, error):
+def test_amplitude_errors_of_any_size(error):
     table = amounts(error)
-    drawn(tmp_path, lambda: draw_data_amount(table, {**NAMES, "level": 0.05}))
-    drawn(tmp_path, lambda: draw_data_amount(table[:0], {**NAMES, "level": 0.05}))
+    drawn(lambda: draw_data_amount(table, {**NAMES, "level": 0.05}))
+    drawn(lambda: draw_data_amount(table[:0], {**NAMES, "level": 0.05}))
 
 
 @pytest.mark.parametrize("bad", [0.0, np.nan])
-def test_motions_that_ended_early(tmp_path, swing, bad):
+def test_motions_that_ended_early(swing, bad):
     of_cell = dict.fromkeys(("weak", "maximum_likelihood"), motion(swing.states + bad))
     settings = histories({"line/state/noise_0.1": "noise level 0.1"})
-    drawn(tmp_path, lambda: draw_histories([swing], {"line/state/noise_0.1": of_cell}, settings))
+    drawn(lambda: draw_histories([swing], {"line/state/noise_0.1": of_cell}, settings))
     settings = {"cases": ["line"], "protocol": "state", "method": "weak", "level": 0}
-    drawn(tmp_path, lambda: draw_recovery({"line": [swing]}, {"line": of_cell}, settings))
+    drawn(lambda: draw_recovery({"line": [swing]}, {"line": of_cell}, settings))
 
 
 def test_figures_without_cells_say_so(tmp_path, swing):
@@ -305,10 +304,10 @@ def test_figures_without_cells_say_so(tmp_path, swing):
             pd.DataFrame(columns=["claim", "case", "protocol", "method"]), {"combinations": []}
         ),
     ):
-        assert b"<svg" in drawn(tmp_path, draw)[0]
+        assert b"<svg" in written(tmp_path, draw)[0]
 
 
-def test_coefficients_with_missing_and_spurious_terms(tmp_path):
+def test_coefficients_with_missing_and_spurious_terms():
     values = LINE.model.on_library(library(4, 3)).coefficients
     off = values.copy()
     off[2, 0], off[3, 4] = 9.0, 0.0
@@ -316,10 +315,10 @@ def test_coefficients_with_missing_and_spurious_terms(tmp_path):
     replicates = [IdentifiedModel(replace(line, coefficients=c), "unjudged") for c in (values, off)]
     models = {"cell": {"weak": replicates}}
     settings = {**CELL, "levels": {"cell": 0.05}, "degree": 3}
-    drawn(tmp_path, lambda: draw_coefficients(LINE, models, settings))
+    drawn(lambda: draw_coefficients(LINE, models, settings))
 
 
-def test_claims_with_failures_and_cells_not_run(tmp_path):
+def test_claims_with_failures_and_cells_not_run():
     def row(claim, verdict, value):
         return {
             "claim": claim.name, "case": "line", "quantity": claim.quantity,
@@ -333,10 +332,10 @@ def test_claims_with_failures_and_cells_not_run(tmp_path):
     table = pd.DataFrame(
         [row(claim, *verdicts[k % len(verdicts)]) for k, claim in enumerate(CLAIMS)]
     )
-    drawn(tmp_path, lambda: draw_claims(table, {"combinations": [["state", "weak"]]}))
+    drawn(lambda: draw_claims(table, {"combinations": [["state", "weak"]]}))
 
 
-def test_drawings_of_the_configured_line(tmp_path, swing):
+def test_drawings_of_the_configured_line(swing):
     study = plain(load({"cases": {"pair": {"bundle": {"subconductors": 2}}}}))
     case = study["cases"]["pair"]
     settings = {"degree": 3, "protocols": ["state"], "methods": ["weak"], "levels": [0],
@@ -346,7 +345,7 @@ def test_drawings_of_the_configured_line(tmp_path, swing):
         lambda: draw_load([swing], {"line": case}),
         lambda: draw_flow(settings),
     ):
-        drawn(tmp_path, draw)
+        drawn(draw)
 
 
 def test_a_status_is_right_where_its_claim_holds_or_its_doubt_is_due():

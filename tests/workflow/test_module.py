@@ -1,11 +1,14 @@
-"""The study as a module of somebody else's workflow: their folder, Snakefile and settings."""
+"""The study as a module of somebody else's workflow: their folder, Snakefile, settings and lines.
 
-import csv
+Of their lines one diverges and one never gallops.
+"""
+
 import json
 import os
 import subprocess
 import sys
 
+import pandas as pd
 import pytest
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("module")]
@@ -17,8 +20,7 @@ configfile: "config.yaml"
 rule all:
     input:
         "scores.txt",
-        "study/tables/reference_summary.csv",
-        "study/figures/overview.svg",
+        "study/report.html",
 
 
 module galloping:
@@ -52,13 +54,21 @@ def count(path):
 """
 SETTINGS = """
 results: study
-cases: {windy: {wind: {speed: 13}}}
-simulation: {duration: 120, steady_window: [80, 120]}
-measurement: {replicates: 2, protocols: [state], levels: [0.05], subsets: {points: [1000]}}
-identification: {methods: [stlsq]}
+cases:
+  storm: {wind: {speed: 40}}
+  calm: {wind: {speed: 3}}
+simulation: {duration: 100, sampling_rate: 50, steady_window: [60, 100]}
+measurement: {replicates: 1, protocols: [state], levels: [0.05], subsets: {points: [1000]}}
+identification: {degree: 2, methods: [stlsq, maximum_likelihood]}
+sweeps:
+  wind: {values: [2, 6, 4]}
+  resonance: {values: [4, 8, 4], second_values: [24000, 26000, 2000]}
 assessment:
+  winds: [4, 8]
+  design_wind: 3
   open_parameters:
     {wind_speed: [], damping_ratio: [], bundle_dimension: [], initial_displacement: []}
+figures: {dpi: 50}
 """
 
 
@@ -90,9 +100,7 @@ class User:
         )
 
     def table(self, name):
-        file = self.folder / "study" / "tables" / f"{name}.csv"
-        with file.open(encoding="utf-8", newline="") as lines:
-            return list(csv.DictReader(lines))
+        return pd.read_csv(self.folder / "study" / "tables" / f"{name}.csv")
 
 
 @pytest.fixture(scope="module")
@@ -122,8 +130,28 @@ def test_it_runs_to_the_end_in_the_users_folder(user):
     assert int((user.folder / "scores.txt").read_text()) == len(user.table("scores")) > 0
     made = {path.name for path in user.folder.iterdir() if not path.name.startswith(".")}
     assert made == {"Snakefile", "config.yaml", "count.py", "lib", "scores.txt", "study"}
-    assert {row["case"] for row in user.table("scores")} == {"windy"}
-    assert {row["verdict"] for row in user.table("reference_summary")} == {"no reference"}
+    assert set(user.table("scores")["case"]) == {"storm", "calm"}
+    assert set(user.table("reference_summary")["verdict"]) == {"no reference"}
+
+
+def test_a_line_that_diverges_is_rows_with_their_reason(user):
+    storm = user.table("scores").query("case == 'storm'")
+    assert len(storm) and storm["status"].str.startswith("the line itself diverged").all()
+    assert storm["r2_q_v"].isna().all()
+
+
+def test_amplitudes_of_a_line_at_rest_are_undefined(user):
+    calm = user.table("scores").query("case == 'calm'")
+    assert calm["amplitude_error_q_v_percent"].isna().all()
+
+
+def test_claims_of_the_paper_are_not_about_these_lines(user):
+    assert user.table("claims").empty
+
+
+def test_nothing_is_reported_of_limit_cycles_that_are_not_there(user):
+    cycles = user.table("limit_cycles").query("case == 'calm' and branch == 'simulation'")
+    assert set(cycles["kind"]) == {"rest", "cycle"} and len(cycles) == 2
 
 
 def test_rules_have_the_users_names(user):

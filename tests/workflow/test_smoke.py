@@ -94,25 +94,6 @@ def test_second_run_has_nothing_to_do(study):
     assert study.files() == before
 
 
-def test_lost_results_come_back_with_the_same_bytes(study):
-    cell = "/non_resonant/state/noise_0.05"
-    stages = ("identified", "scores", "reconstructions", "tables")
-    lost = [
-        path
-        for stage in stages
-        for path in (study.results / stage).rglob("[!.]*.*")
-        if path.is_file() and (stage == "tables" or cell in path.as_posix())
-    ]
-    before = {path: path.read_bytes() for path in lost}
-    assert {path.relative_to(study.results).parts[0] for path in lost} == set(stages)
-    for path in lost:
-        path.unlink()
-    run = study.snakemake()
-    assert run.returncode == 0, run.stdout
-    changed = [str(path) for path, content in before.items() if path.read_bytes() != content]
-    assert changed == []
-
-
 @pytest.mark.parametrize(
     ("edit", "line"),
     [

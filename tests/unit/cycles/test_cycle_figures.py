@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from drawing import drawn
 from PIL import Image
 
 from galloping.configuration.load import load, plain
@@ -28,7 +29,6 @@ from galloping.figures.orbit import draw_orbits
 from galloping.figures.prediction import draw_prediction
 from galloping.figures.reproduction import draw_reproduction
 from galloping.figures.resonance_map import draw_resonance_map
-from galloping.figures.write import write_figure
 from galloping.physics.equations import STATES
 from galloping.physics.measures import ice_removal, pendulum
 from galloping.simulation import Simulator
@@ -46,13 +46,7 @@ def simulator():
     return Simulator(STATES, LIBRARY)
 
 
-def drawn(tmp_path, draw):
-    svg, png = tmp_path / "figure.svg", tmp_path / "figure.png"
-    write_figure(svg, png, draw, dpi=50, font_size=8)
-    return svg.read_text()
-
-
-def test_diagram(tmp_path, case, simulator):
+def test_diagram(case, simulator):
     along = line_diagram(case, "wind_speed", 4, 9, simulator)
     simulated = simulation_rows("line", case, "wind_speed", [4, 8], simulator)
     assert [row["kind"] for row in simulated] == ["rest", "cycle"]
@@ -64,7 +58,7 @@ def test_diagram(tmp_path, case, simulator):
     ends = changes[changes["name"] == "end"]
     assert list(ends["note"]) == ["reached 9"] * 3
     settings = {"cases": ["line"], "parameter": "wind_speed", "label": "wind speed, m/s"}
-    drawn(tmp_path, lambda: draw_limit_cycles(cycles, changes, settings))
+    drawn(lambda: draw_limit_cycles(cycles, changes, settings))
 
 
 def test_parameters_without_a_hopf_bifurcation_in_their_range(case, simulator):
@@ -86,7 +80,7 @@ def test_parameters_without_a_hopf_bifurcation_in_their_range(case, simulator):
         line_diagram(case, "phase_of_the_moon", 0, 1, simulator)
 
 
-def test_map_and_orbits(tmp_path, case, simulator):
+def test_map_and_orbits(case, simulator):
     table = pd.DataFrame(
         map_rows(
             "line", case, ("wind_speed", [8.0, 30.0]), ("tension", [22e3, 25e3, 28e3]), simulator
@@ -95,16 +89,16 @@ def test_map_and_orbits(tmp_path, case, simulator):
     assert table["frequency_ratio"].is_monotonic_decreasing
     assert not np.isfinite(table["v_m"]).all()  # 30 m/s is too much for the model
     settings = {"case": "line", "x_label": "x", "y_label": "y", "y_scale": 1000}
-    drawn(tmp_path, lambda: draw_resonance_map(table, settings))
+    drawn(lambda: draw_resonance_map(table, settings))
     angle = np.linspace(0, 6.28, 50)
     orbits = {"line": {8.0: np.column_stack([np.cos(angle), np.sin(2 * angle)])}}
-    drawn(tmp_path, lambda: draw_orbits(orbits, {"cases": {"line": case}}))
+    drawn(lambda: draw_orbits(orbits, {"cases": {"line": case}}))
     many = [f"line {k}" for k in range(11)]
     figure = draw_orbits(dict.fromkeys(many, orbits["line"]), {"cases": dict.fromkeys(many, case)})
     assert figure.get_figheight() <= 12
 
 
-def test_clearance_and_measures(tmp_path, case, simulator):
+def test_clearance_and_measures(case, simulator):
     rows = clearance_rows("line", case, [12.0], (0.0, 8.0), 3.0, simulator)
     assert [row["what"] for row in rows] == ["Davison", "Toye", "CIGRE 322", "cycle"]
     assert rows[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3) and rows[-1]["kept"]
@@ -115,13 +109,13 @@ def test_clearance_and_measures(tmp_path, case, simulator):
     )  # fmt: skip
     table = pd.DataFrame(measure_rows("line", outcomes, design))
     assert table["measure"][0] == "ice removed" and "torsion" in " ".join(table["note"])
-    drawn(tmp_path, lambda: draw_measures(table, {"cases": ["line"]}))
+    drawn(lambda: draw_measures(table, {"cases": ["line"]}))
     many = [f"line {k}" for k in range(20)]
     tall = draw_measures(pd.concat([table.assign(case=name) for name in many]), {"cases": many})
     assert tall.get_figheight() <= 12 and "line 19" in tall.get_supxlabel()
 
 
-def test_prediction(tmp_path, case, simulator):
+def test_prediction(case, simulator):
     true = steady_truth(case, [8.0, 12.0], simulator)
     near = np.column_stack([true, true])
     wide = Prediction(np.array([8.0, 12.0]), near, 0.9 * near, 1.1 * near, np.zeros(2))
@@ -134,7 +128,7 @@ def test_prediction(tmp_path, case, simulator):
     assert not any(row["inside"] for row in rows[4:])
     settings = {"case": "line", "protocols": ["state"], "method": "maximum_likelihood",
                 "replicate": 0, "recorded": 12.0, "peer": "stlsq"}  # fmt: skip
-    drawn(tmp_path, lambda: draw_prediction(pd.DataFrame(rows), settings))
+    drawn(lambda: draw_prediction(pd.DataFrame(rows), settings))
 
 
 def test_animation_is_the_same_twice_and_small(tmp_path, case):
@@ -149,7 +143,7 @@ def test_animation_is_the_same_twice_and_small(tmp_path, case):
     assert sorted(tmp_path.iterdir()) == files
 
 
-def test_a_study_without_sweeps_or_models_says_so(tmp_path):
+def test_a_study_without_sweeps_or_models_says_so():
     nothing = pd.DataFrame(columns=["case"])
     for draw in (
         lambda: draw_limit_cycles(nothing, nothing, {}),
@@ -157,4 +151,4 @@ def test_a_study_without_sweeps_or_models_says_so(tmp_path):
         lambda: draw_prediction(nothing, {}),
         lambda: draw_reproduction(nothing, {}),
     ):
-        assert "<svg" in drawn(tmp_path, draw)
+        assert drawn(draw)

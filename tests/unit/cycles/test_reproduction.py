@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from drawing import drawn
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.reproduction import Plan, best, reproduction_rows
 from galloping.figures.reproduction import draw_reproduction
-from galloping.figures.write import write_figure
 from galloping.identification.registry import METHODS
 
 SETTINGS = plain(load({}))
@@ -18,7 +18,7 @@ PLAN = Plan(
 )  # fmt: skip
 
 
-def test_rows_and_figure(tmp_path):
+def test_rows_and_figure():
     case = SETTINGS["cases"]["internal_resonance"]
     values = {"wind_speed": (12.0, 14.0), "initial_displacement": (0.1, 0.5)}
     rows = reproduction_rows(PLAN, case, values)
@@ -30,8 +30,7 @@ def test_rows_and_figure(tmp_path):
     counts = best(rows)
     assert counts["met"].is_monotonic_decreasing and (counts["met"] <= counts["claims"]).all()
     labels = {"wind_speed": "wind, m/s", "initial_displacement": "release, m"}
-    svg, png = tmp_path / "figure.svg", tmp_path / "figure.png"
-    write_figure(svg, png, lambda: draw_reproduction(rows, {"labels": labels}), 50, 8)
+    drawn(lambda: draw_reproduction(rows, {"labels": labels}))
 
 
 def test_what_the_paper_does_not_leave_open():

@@ -17,17 +17,8 @@ MAX_SIZE = 4 * 2**30  # bytes, of all files together
 EARLIEST = (1980, 1, 1, 0, 0, 0)  # the time that every entry has; a zip knows none before
 PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=-]*(/[A-Za-z0-9_][A-Za-z0-9_.+=-]*)*")
 # what is raised for what is no zip file, a broken one, or one with a name twice
-UNSOUND = (
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    EOFError,
-    ValueError,
-    RuntimeError,
-    FileExistsError,
-    NotADirectoryError,
-    IsADirectoryError,
-)
+BROKEN = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, ValueError, RuntimeError)
+UNSOUND = (*BROKEN, FileExistsError, NotADirectoryError, IsADirectoryError)
 
 
 class UnsafeArchive(Exception):

@@ -22,16 +22,9 @@ from galloping.storage import partial_prefix, write_json, write_text
 PUBLICATION = "publication"
 RECEIPTS = "receipts.json"
 SOURCES = (
-    "CITATION.cff",
-    "LICENSE",
-    "Makefile",
-    "README.md",
-    "Snakefile",
-    "pyproject.toml",
-    "requirements.lock",
-    "config",
-    "workflow",
-)
+    "CITATION.cff", "LICENSE", "Makefile", "README.md", "Snakefile", "pyproject.toml",
+    "requirements.lock", "config", "workflow",
+)  # fmt: skip
 ALLOWABLE = ("dirty", "incomplete", "outdated")
 
 
