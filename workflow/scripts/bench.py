@@ -16,6 +16,7 @@ import time
 from functools import partial
 from pathlib import Path
 
+import heyoka as hy
 import numpy as np
 import pandas as pd
 import pysindy as ps
@@ -23,7 +24,11 @@ import yaml
 from scipy.integrate import solve_ivp
 
 from galloping.configuration.load import load
+from galloping.identification.likelihood.condense import ORDER
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.problem import posed
+from galloping.identification.likelihood.sensitivity import integrate
+from galloping.identification.likelihood.taylor import system, tables
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.reduction import reduce
 from galloping.identification.sparse.stlsq import normalised
@@ -167,6 +172,54 @@ def limit(results: Path) -> list[dict]:
     ]  # fmt: skip
 
 
+def sensitivity(results: Path) -> list[dict]:
+    """The compiled Taylor integrator with its projections beside heyoka's variational equations.
+
+    Both of the whole library's free coefficients and of the initial state, over 300 s.
+    """
+    line = models.read(results / f"models/{CASE}.json").model.on_library(library(4, 3))
+    start = trajectories.read(results / f"trajectories/{CASE}.npz")[0].states[0]
+    free, steps = posed(line.states, line.terms).candidates, 2048
+    compiled = system(tables(line.terms), line.coefficients, free)
+    functionals = np.ones((steps, len(line.states), 2, ORDER + 1))
+    ours = partial(
+        integrate, compiled, 300.0 / steps, np.array([0, steps]), start[np.newaxis], functionals,
+        np.arange(len(line.states)), sensitive=True,
+    )  # fmt: skip
+    ours()
+
+    variables = hy.make_vars(*line.states)
+    values = line.coefficients.astype(object)
+    for k, (equation, term) in enumerate(free):
+        values[equation, term] = hy.par[k]
+    monomials = [
+        hy.prod(
+            [hy.expression(1.0), *(variables[k] for k, e in enumerate(exponents) for _ in range(e))]
+        )
+        for exponents in line.terms
+    ]
+    rates = [hy.sum([c * m for c, m in zip(each, monomials, strict=True)]) for each in values]
+    parameters = [hy.par[k] for k in range(len(free))]
+    equations = hy.var_ode_sys(
+        list(zip(variables, rates, strict=True)), [*variables, *parameters], order=1
+    )
+    integrator = hy.taylor_adaptive(
+        equations, list(start), pars=list(line.coefficients[tuple(free.T)]), tol=1e-9,
+        compact_mode=True,
+    )  # fmt: skip
+    begin = integrator.state.copy()
+
+    def theirs() -> None:
+        integrator.time, integrator.state[:] = 0.0, begin
+        integrator.propagate_until(300.0)
+
+    mine, peer = seconds(ours, 15), seconds(theirs, 15)
+    return [
+        row(f"sensitivities to {len(free)} coefficients with projections, 300 s", mine, "s",
+            "heyoka's variational equations without output", peer / mine),
+    ]  # fmt: skip
+
+
 def recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
     """Those of the default study at noise level 0.05, by replicate."""
     cell = Study(load({})).cell(CASE, protocol, "noise_0.05")
@@ -255,6 +308,7 @@ def main(results: str, output: str, older: str | None = None) -> None:
         *simulation(folder),
         *identification(folder),
         *limit(folder),
+        *sensitivity(folder),
         *whole_runs(),
     ]
     write_rows(output, rows)

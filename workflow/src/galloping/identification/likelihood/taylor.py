@@ -3,7 +3,9 @@
 The right-hand side is data (index tables), not code, so one compilation, cached on disk by numba,
 serves every library, support, number of states and replicate. Each step of length h yields the
 Taylor polynomial of the states and of the sensitivities over the whole step; observations inside
-the step are linear functionals of that polynomial (see `condense`).
+the step are linear functionals of that polynomial (see `condense`). heyoka, which simulates without
+sensitivities, compiles its variational equations for every library anew and took 2 to 3.5 times as
+long over them (`make bench`).
 """
 
 from __future__ import annotations
