@@ -60,9 +60,7 @@ cases:
 simulation: {duration: 100, sampling_rate: 50, steady_window: [60, 100]}
 measurement: {replicates: 1, protocols: [state], levels: [0.05], subsets: {points: [1000]}}
 identification: {degree: 2, methods: [stlsq, maximum_likelihood]}
-sweeps:
-  wind: {values: [2, 6, 4]}
-  resonance: {values: [4, 8, 4], second_values: [24000, 26000, 2000]}
+sweeps: {wind: {values: [2, 6, 4]}}
 assessment:
   winds: [4, 8]
   design_wind: 3

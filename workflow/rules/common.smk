@@ -88,4 +88,6 @@ def benchmark_of(path):
 def captions(kind, *names):
     """Captions of `tables` or `figures`, by name; `introduction` is that of the whole report."""
     files = {name: workflow.source_path(f"../report/{kind}/{name}.rst") for name in names}
-    return {name: Path(file).read_text(encoding="utf-8") for name, file in files.items()}
+    texts = {name: Path(file).read_text(encoding="utf-8") for name, file in files.items()}
+    # read from a git host, files come without their last end of line
+    return {name: text.rstrip("\n") + "\n" for name, text in texts.items()}
