@@ -59,7 +59,8 @@ class Study:
 
 
 def copy_repository(root: Path, folder: Path) -> None:
-    """What is or will be tracked by git: of the results only the published ones."""
+    """What is or will be tracked by git, of the results only the published ones, and what numba
+    compiled of it."""
     listed = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
         cwd=root,
@@ -67,7 +68,8 @@ def copy_repository(root: Path, folder: Path) -> None:
         text=True,
         check=True,
     ).stdout
-    for name in filter(None, listed.split("\0")):
+    compiled = (root / "workflow" / "src").rglob("*.nb[ci]")
+    for name in [*filter(None, listed.split("\0")), *(c.relative_to(root) for c in compiled)]:
         source = root / name
         if source.is_file() or source.is_symlink():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
