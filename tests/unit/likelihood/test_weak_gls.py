@@ -3,7 +3,8 @@ import pytest
 from identification_cases import RELEASE, TIME, line, noisy, solution, unknown_support
 
 from galloping.bounds.information import Experiment, state_bound
-from galloping.identification.likelihood.weak_gls import weak_gls
+from galloping.identification.likelihood.problem import posed
+from galloping.identification.likelihood.weak_gls import begin, rough_fit, weak_gls
 from galloping.polynomial import library
 from galloping.recording import Recording
 
@@ -38,6 +39,18 @@ def test_samples_may_be_irregular() -> None:
     chosen = np.sort(np.random.default_rng(0).choice(len(TIME), 10_000, replace=False))
     found = weak_gls([Recording(TIME[chosen], LINE.states, recording.values[chosen])], LINE.terms)
     assert np.array_equal(found.support, unknown_support(LINE))
+
+
+def test_a_long_recording_starts_from_where_its_motion_grows() -> None:
+    time = np.linspace(0.0, 5200.0, 52_001)
+    recording = noisy(LINE, solution(LINE, RELEASE, time), time, 0.05, 0)
+    problem = posed(LINE.states, LINE.terms)
+    start = begin(problem, [recording])
+    true = LINE.coefficients[problem.candidates[:, 0], problem.candidates[:, 1]]
+    rough, whole = (
+        np.abs(fit.free - true)[true == 0.0].max() for fit in (rough_fit(problem, start), start.fit)
+    )
+    assert rough < 0.7 * whole
 
 
 def test_without_noise_the_terms_are_exact() -> None:
