@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from identification_cases import RELEASE, TIME, line, noisy, solution, unknown_support
+from identification_cases import RELEASE, TIME, line, model, noisy, solution, unknown_support
 
 from galloping.bounds.information import Experiment, state_bound
 from galloping.identification.likelihood.problem import posed
@@ -41,16 +41,20 @@ def test_samples_may_be_irregular() -> None:
     assert np.array_equal(found.support, unknown_support(LINE))
 
 
-def test_a_long_recording_starts_from_where_its_motion_grows() -> None:
-    time = np.linspace(0.0, 5200.0, 52_001)
-    recording = noisy(LINE, solution(LINE, RELEASE, time), time, 0.05, 0)
-    problem = posed(LINE.states, LINE.terms)
-    start = begin(problem, [recording])
-    true = LINE.coefficients[problem.candidates[:, 0], problem.candidates[:, 1]]
-    rough, whole = (
-        np.abs(fit.free - true)[true == 0.0].max() for fit in (rough_fit(problem, start), start.fit)
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_long_recording_starts_from_where_its_motion_grows(order: int) -> None:
+    true = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.1, "x^2 dx": -0.1})
+    problem = posed(true.states, true.terms)
+    time = np.arange(0.0, 7000.0, 0.5)
+    settled, growing = (
+        noisy(true, solution(true, np.array([x, 0.0]), time), time, 0.05, seed)
+        for seed, x in enumerate((2.0, 0.01))
     )
-    assert rough < 0.7 * whole
+    values = np.vstack([one.values for one in (settled, growing)[::order]])
+    start = begin(problem, [Recording(0.5 * np.arange(len(values)), true.states, values)])
+    alone, misled = (begin(problem, [one]).fit.free for one in (growing, settled))
+    assert np.allclose(rough_fit(problem, start).free, alone, atol=0.02)
+    assert not np.allclose(misled, alone, atol=0.2)
 
 
 def test_without_noise_the_terms_are_exact() -> None:
