@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
-from identification_cases import RELEASE, TIME, line, noisy, solution, unknown_support
+from identification_cases import RELEASE, TIME, line, model, noisy, solution, unknown_support
 
 from galloping.bounds.information import Experiment, state_bound
-from galloping.identification.likelihood.weak_gls import weak_gls
+from galloping.identification.likelihood.problem import posed
+from galloping.identification.likelihood.weak_gls import begin, rough_fit, weak_gls
 from galloping.polynomial import library
 from galloping.recording import Recording
 
@@ -38,6 +39,22 @@ def test_samples_may_be_irregular() -> None:
     chosen = np.sort(np.random.default_rng(0).choice(len(TIME), 10_000, replace=False))
     found = weak_gls([Recording(TIME[chosen], LINE.states, recording.values[chosen])], LINE.terms)
     assert np.array_equal(found.support, unknown_support(LINE))
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_long_recording_starts_from_where_its_motion_grows(order: int) -> None:
+    true = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.1, "x^2 dx": -0.1})
+    problem = posed(true.states, true.terms)
+    time = np.arange(0.0, 7000.0, 0.5)
+    settled, growing = (
+        noisy(true, solution(true, np.array([x, 0.0]), time), time, 0.05, seed)
+        for seed, x in enumerate((2.0, 0.01))
+    )
+    values = np.vstack([one.values for one in (settled, growing)[::order]])
+    start = begin(problem, [Recording(0.5 * np.arange(len(values)), true.states, values)])
+    alone, misled = (begin(problem, [one]).fit.free for one in (growing, settled))
+    assert np.allclose(rough_fit(problem, start).free, alone, atol=0.02)
+    assert not np.allclose(misled, alone, atol=0.2)
 
 
 def test_without_noise_the_terms_are_exact() -> None:

@@ -70,18 +70,18 @@ class Condensed:
 
     @property
     def samplings(self) -> np.ndarray:
-        """(n_windows, n_observed, ROWS, ORDER): the functionals on what a channel measures."""
-        own = self.functionals[..., :-1].copy()
-        powers = self.step / np.arange(1, self.functionals.shape[3])
+        """(n_windows, n_observed, ROWS, 2): functionals on what a channel measures and its rate."""
+        own = self.functionals[..., :2].copy()
         rates = np.flatnonzero(self.is_rate)
-        own[:, rates] = self.functionals[:, rates, :, 1:] * powers
+        own[:, rates] = self.functionals[:, rates, :, 1:3] * (self.step / np.array([1, 2]))
         return own
 
 
 def of_rates(functionals: np.ndarray, step: float) -> np.ndarray:
     """Functionals of a state's Taylor coefficients that read its rate in place of itself."""
     shifted = np.zeros_like(functionals)
-    shifted[..., 1:] = functionals[..., :-1] * (np.arange(1, functionals.shape[-1]) / step)
+    powers = np.arange(1, functionals.shape[-1]) / step
+    np.multiply(functionals[..., :-1], powers, out=shifted[..., 1:])
     return shifted
 
 

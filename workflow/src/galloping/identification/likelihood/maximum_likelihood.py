@@ -25,7 +25,7 @@ from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.shooting import Segments, residuals
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.verdict import Residue, residue
-from galloping.identification.likelihood.weak_gls import Start, begin
+from galloping.identification.likelihood.weak_gls import Start, begin, rough_fit
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
@@ -90,7 +90,7 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
     kept = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
-    penalty, start = begun.penalty, begun.fit
+    penalty, start = begun.penalty, rough_fit(problem, begun)
     largest = _largest(problem, smoothed)
     condensed, segments, step = follow(problem, recordings, smoothed, period, start, largest)
     fit = step.fit

@@ -90,6 +90,6 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
 def _local_median(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
     """(n,) median of the values within stretches of `length` s, interpolated between them."""
     stretch = ((time - time[0]) // length).astype(np.int64)
-    places = [stretch == k for k in np.unique(stretch)]
-    centres = [time[place].mean() for place in places]
-    return np.interp(time, centres, [np.median(values[place]) for place in places])
+    edges = np.flatnonzero(np.diff(stretch)) + 1
+    centres = [part.mean() for part in np.split(time, edges)]
+    return np.interp(time, centres, [np.median(part) for part in np.split(values, edges)])

@@ -12,6 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
 from galloping.identification.likelihood.constants import (
+    BATCH_OF_TESTS,
     TEST_RADIUS,
     TEST_SHARPNESS,
     TEST_STRIDE,
@@ -33,29 +34,24 @@ def whitened_weak_form(
     design (n_rows, n_candidates) and the right-hand side (n_rows,).
     """
     phi, slope = _bump(smooth.time[1] - smooth.time[0])
-    n_states = len(problem.states)
-    theta = design_matrix(smooth.states, problem.terms)
-    tested = _tested(theta, phi)
-    moments = _tested(smooth.states, slope)
-    n_tests = len(tested)
-    right = -(moments + tested @ problem.known.T)
-    design = np.zeros((n_tests, n_states, len(problem.candidates)))
-    n_terms = len(problem.terms)
-    for block, equation in enumerate(problem.unknown):
-        design[:, equation, block * n_terms : (block + 1) * n_terms] = tested
+    n_states, n_terms = len(problem.states), len(problem.terms)
     usable = np.all(sliding_window_view(smooth.valid, len(phi))[::TEST_STRIDE], axis=1)
-    design[~usable], right[~usable] = 0.0, 0.0
     keep = [i for i in range(n_states) if smooth.derived[i] < 0 or i in problem.unknown]
     keep = [i for i in keep if not np.any(smooth.derived == i) or i in problem.unknown]
-    design, right = design[:, keep], right[:, keep]
+    moments = _tested(smooth.states, slope)
+    tested = _tested(design_matrix(smooth.states, problem.terms), phi)
+    # columns first, as LAPACK wants them: of a long recording a copy would be the largest array
+    rows = np.zeros((len(problem.candidates) + 1, len(tested), len(keep)))
+    for block, equation in enumerate(problem.unknown):
+        rows[block * n_terms : (block + 1) * n_terms, :, keep.index(equation)] = tested.T
+    rows[-1] = -(moments + tested @ problem.known.T)[:, keep]
+    rows[:, ~usable] = 0.0
     if coefficients is None:
-        scale = np.sqrt(np.mean(moments[:, keep] ** 2, axis=0)) + np.finfo(float).tiny
-        design, right = design / scale[:, None], right / scale
-        return design.reshape(-1, design.shape[2]), right.ravel()
-    influence = _noise_influence(problem.tables, smooth, coefficients, phi, slope)[:, keep]
-    influence[~usable] = 0.0
-    stacked = np.concatenate([design, right[:, :, None]], axis=2)
-    white = _whiten(influence, usable, stacked.reshape(-1, stacked.shape[2]))
+        rows /= np.sqrt(np.mean(moments[:, keep] ** 2, axis=0)) + np.finfo(float).tiny
+        white = rows.reshape(len(rows), -1).T.copy()
+    else:
+        bands = _covariance(problem.tables, smooth, coefficients, phi, slope, usable, keep)
+        white = _whiten(bands, rows.reshape(len(rows), -1).T)
     return white[:, :-1], white[:, -1]
 
 
@@ -79,12 +75,58 @@ def _tested(series: np.ndarray, phi: np.ndarray) -> np.ndarray:
     return windows @ phi
 
 
-def _noise_influence(
-    table: Tables, smooth: Smooth, coefficients: np.ndarray, phi: np.ndarray, slope: np.ndarray
+def _covariance(
+    table: Tables,
+    smooth: Smooth,
+    coefficients: np.ndarray,
+    phi: np.ndarray,
+    slope: np.ndarray,
+    usable: np.ndarray,
+    keep: list[int],
 ) -> np.ndarray:
-    """(n_tests, n_states, n_points * n_states): derivative of each row by unit noise samples."""
+    """Covariance of the rows by test and by kept equation, as lower bands (width, n_rows).
+
+    usable: (n_tests,); the rows of the other tests, all zero, get a variance of one.
+    """
+    n_tests, n_rows = len(usable), len(keep)
+    reach = (len(phi) - 1) // TEST_STRIDE
+    bands = np.zeros((n_rows * (reach + 1), n_tests * n_rows))
+    a, b = np.meshgrid(np.arange(n_rows), np.arange(n_rows), indexing="ij")
+    for begin in range(0, n_tests, BATCH_OF_TESTS):
+        end = min(begin + BATCH_OF_TESTS, n_tests)
+        last = min(end + reach, n_tests)
+        points = slice(begin * TEST_STRIDE, (last - 1) * TEST_STRIDE + len(phi))
+        influence = _noise_influence(table, smooth, points, coefficients, phi, slope)[:, keep]
+        influence[~usable[begin:last]] = 0.0
+        for lag in range(min(reach, n_tests - 1) + 1):
+            shift, count = lag * TEST_STRIDE, min(end, n_tests - lag) - begin
+            if count <= 0:
+                break
+            early = influence[:count, :, :, shift:].reshape(count, n_rows, -1)
+            late = influence[lag : lag + count, :, :, : len(phi) - shift]
+            block = late.reshape(count, n_rows, -1) @ early.transpose(0, 2, 1)
+            below = lag * n_rows + a - b
+            column = np.arange(begin, begin + count)[:, None, None] * n_rows + b
+            use = np.broadcast_to(below >= 0, block.shape)
+            bands[np.broadcast_to(below, block.shape)[use], column[use]] = block[use]
+    bands[0] = bands[0] * (1.0 + 1e-9) + np.repeat(~usable, n_rows)
+    return bands
+
+
+def _noise_influence(
+    table: Tables,
+    smooth: Smooth,
+    points: slice,
+    coefficients: np.ndarray,
+    phi: np.ndarray,
+    slope: np.ndarray,
+) -> np.ndarray:
+    """(n_tests, n_states, n_states, n_points): derivative of each row by unit noise samples.
+
+    points: those of the grid that the tests reach.
+    """
     n_states = smooth.states.shape[1]
-    theta = design_matrix(smooth.states, table.monomials)
+    theta = design_matrix(smooth.states[points], table.monomials)
     jacobian = np.empty((len(theta), n_states, n_states))
     for state in range(n_states):
         lowered = np.zeros((n_states, len(table.monomials)))
@@ -107,28 +149,10 @@ def _noise_influence(
     return influence * sigma[:, None]
 
 
-def _whiten(influence: np.ndarray, usable: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Multiply `rows` by the inverse Cholesky factor of the rows' (banded) covariance.
-
-    usable: (n_tests,); the rows of the other tests, all zero, get a variance of one.
-    """
-    n_tests, n_rows, _, n_points = influence.shape
-    reach = (n_points - 1) // TEST_STRIDE
-    width = n_rows * (reach + 1)
-    bands = np.zeros((width, n_tests * n_rows))
-    a, b = np.meshgrid(np.arange(n_rows), np.arange(n_rows), indexing="ij")
-    for lag in range(min(reach, n_tests - 1) + 1):
-        shift = lag * TEST_STRIDE
-        early = influence[: n_tests - lag, :, :, shift:].reshape(n_tests - lag, n_rows, -1)
-        late = influence[lag:, :, :, : n_points - shift].reshape(n_tests - lag, n_rows, -1)
-        block = late @ early.transpose(0, 2, 1)
-        below = lag * n_rows + a - b
-        column = np.arange(n_tests - lag)[:, None, None] * n_rows + b
-        use = np.broadcast_to(below >= 0, block.shape)
-        bands[np.broadcast_to(below, block.shape)[use], column[use]] = block[use]
-    bands[0] = bands[0] * (1.0 + 1e-9) + np.repeat(~usable, n_rows)
+def _whiten(bands: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """`rows` times the inverse Cholesky factor of their banded covariance, in their place."""
     factor, info = lapack.dpbtrf(bands, lower=1)
     if info:
         raise np.linalg.LinAlgError("the covariance of the weak form is not positive definite")
-    white, info = lapack.dtbtrs(factor, rows, uplo="L")
+    white, info = lapack.dtbtrs(factor, rows, uplo="L", overwrite_b=1)
     return white

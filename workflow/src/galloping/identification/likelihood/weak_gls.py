@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from galloping.identification.likelihood.constants import (
     MOST_MISFIT,
+    START_PERIODS,
     WEAK_ITERATIONS,
 )
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
@@ -19,7 +21,7 @@ from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.smoothing import Smooth, shortest_period
 from galloping.identification.likelihood.weak_form import whitened_weak_form
 from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import Exponents, PolynomialModel
+from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
 
 
@@ -89,6 +91,38 @@ def begin(problem: Problem, recordings: list[Recording]) -> Start:
     penalty = 2.0 * np.log(samples)
     fit = weak_fit(problem, smoothed, penalty)
     return Start(recordings, smoothed, period, penalty, fit)
+
+
+def rough_fit(problem: Problem, start: Start) -> WeakFit:
+    """The weak fit of the start, that of long recordings to the stretch of each that tells most.
+
+    The longer a motion has settled, the more the errors of the weak form, small but the same in
+    every period, outweigh what the rest of a recording says about motions beside that one.
+    """
+    stretches = [_telling(problem, one, start.period) for one in start.smoothed]
+    if all(own is one for own, one in zip(stretches, start.smoothed, strict=True)):
+        return start.fit
+    return weak_fit(problem, stretches, start.penalty)
+
+
+def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
+    """The stretch of some START_PERIODS in which the moments of the library are most diverse: their
+    determinant is the largest (D-optimality, J. Kiefer and J. Wolfowitz, 1960).
+
+    The curve itself where it is shorter than two of them.
+    """
+    count = int((smooth.time[-1] - smooth.time[0]) / (START_PERIODS * period))
+    if count < 2:
+        return smooth
+    edges = np.linspace(0, len(smooth.time), count + 1).astype(int)
+    told, scale = [], np.std(smooth.states, axis=0) + np.finfo(float).tiny
+    for a, b in pairwise(edges):
+        theta = design_matrix(smooth.states[a:b][smooth.valid[a:b]] / scale, problem.terms)
+        told.append(np.linalg.slogdet(theta.T @ theta)[1])
+    best = int(np.argmax(told))
+    own = slice(edges[best], edges[best + 1])
+    time, states, valid = smooth.time[own], smooth.states[own], smooth.valid[own]
+    return replace(smooth, time=time, states=states, valid=valid)
 
 
 def weak_gls(
