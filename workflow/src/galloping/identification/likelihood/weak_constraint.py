@@ -1,0 +1,221 @@
+"""Segments of a recording whose equations hold up to jumps of the state between them.
+
+Weak-constraint estimation (Y. Tremolet, Q. J. R. Meteorol. Soc. 132, 2006): the misfit of the
+segments, linearised about a fit, and its normal equations with the states eliminated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from galloping.identification.likelihood.condense import Condensed
+from galloping.identification.likelihood.constants import (
+    HUGE,
+    MOST_HALVINGS,
+    QUIET,
+    STATE_RIDGE,
+)
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.sensitivity import integrate
+from galloping.identification.likelihood.shooting import Segments
+from galloping.identification.likelihood.taylor import system
+
+
+@dataclass(frozen=True)
+class Record:
+    """What is fitted. segments: of some periods each; their chains are not looked at. states:
+    (n_windows, n_states) smoothed, from which the iteration and the forecasts start. floor:
+    (n_recordings, n_observed) least noise of the projections.
+    """
+
+    problem: Problem
+    condensed: Condensed
+    segments: Segments
+    states: np.ndarray
+    floor: np.ndarray
+
+    @cached_property
+    def size(self) -> np.ndarray:
+        """(n_segments,) root mean square of the motion in each, relative to the whole record."""
+        mean = np.mean(self.states**2, axis=0) + np.finfo(float).tiny
+        squares = np.mean(self.states**2 / mean, axis=1)
+        first = self.segments.first
+        return np.sqrt(np.add.reduceat(squares, first[:-1]) / np.diff(first) + QUIET**2)
+
+    @property
+    def starts(self) -> np.ndarray:
+        """(n_segments, n_states) smoothed states at the beginning of each segment."""
+        return self.states[self.segments.first[:-1]]
+
+    @cached_property
+    def followed(self) -> np.ndarray:
+        """Indices of the segments that another one of the same recording follows."""
+        return np.flatnonzero(np.diff(self.segments.recording) == 0)
+
+    def precision(self, jump: np.ndarray) -> np.ndarray:
+        """Of a jump after each segment; jump: its covariance at full motion."""
+        return np.linalg.inv(jump) / self.size[:, None, None] ** 2
+
+    def part(self, segments: np.ndarray) -> tuple[slice, Record]:
+        """The windows of consecutive segments, and the record of them alone."""
+        own = slice(self.segments.first[segments[0]], self.segments.first[segments[-1] + 1])
+        first = self.segments.first[segments[0] : segments[-1] + 2] - own.start
+        return own, replace(
+            self,
+            condensed=replace(self.condensed, functionals=self.condensed.functionals[own]),
+            segments=replace(self.segments, first=first),
+        )
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Normal equations of every segment in (coefficients, segment state), with its end."""
+
+    information: np.ndarray
+    right: np.ndarray
+    squares: np.ndarray
+    ends: np.ndarray
+    by_coefficients: np.ndarray
+    by_state: np.ndarray
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Normal equations of the coefficients, the segments' states eliminated.
+
+    response: (n_segments, n_states, n + 1), of the states to a change of the coefficients, and
+    constant. variance, covariance: (n_segments, n_states, n_states), of each state, and of each
+    with its successor, at given coefficients.
+    """
+
+    information: np.ndarray
+    right: np.ndarray
+    response: np.ndarray
+    variance: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True)
+class Fit:
+    """free, support: (n_candidates,). starts: (n_segments, n_states). sigma: (n_recordings,
+    n_observed) noise of the projections. jump: (n_states, n_states) covariance at full motion.
+    """
+
+    free: np.ndarray
+    support: np.ndarray
+    starts: np.ndarray
+    sigma: np.ndarray
+    jump: np.ndarray
+
+
+def integrable(record: Record, fit: Fit, following: Fit) -> Fit:
+    """`following`, or as much of the step to it as can be integrated over every segment."""
+    for _ in range(MOST_HALVINGS):
+        if np.all(np.isfinite(predictions(record, following.free, following.starts))):
+            return following
+        following = replace(
+            following,
+            free=(fit.free + following.free) / 2.0,
+            starts=(fit.starts + following.starts) / 2.0,
+            support=fit.support | following.support,
+        )
+    raise FloatingPointError("no model found that can be integrated over a few periods")
+
+
+def predictions(record: Record, free: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """(n_windows, n_observed, n_rows) projections of the solution, not finite where it diverges."""
+    problem, condensed = record.problem, record.condensed
+    compiled = system(problem.tables, problem.coefficients(free), problem.candidates[:0])
+    with np.errstate(all="ignore"):
+        predicted = integrate(
+            compiled, condensed.step, record.segments.first, starts, condensed.functionals,
+            condensed.observed, sensitive=False,
+        )[0]  # fmt: skip
+    return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
+
+
+def linearised(record: Record, fit: Fit) -> Linear:
+    """Misfit of every segment about a fit. Raises FloatingPointError where that diverges."""
+    problem, condensed, segments = record.problem, record.condensed, record.segments
+    compiled = system(problem.tables, problem.coefficients(fit.free), problem.candidates)
+    count, n, m = len(fit.starts), len(fit.free), len(fit.free) + fit.starts.shape[1]
+    information, right = np.empty((count, m, m)), np.empty((count, m))
+    squares = np.zeros(fit.sigma.shape)
+    ends, slopes = np.empty(fit.starts.shape), np.empty((*fit.starts.shape, m))
+    for g in range(count):  # one by one: the rows of a long recording do not fit in memory
+        own = slice(segments.first[g], segments.first[g + 1])
+        predicted, rows, ends[g], slopes[g], _ = integrate(
+            compiled, condensed.step, segments.first[g : g + 2] - own.start, fit.starts[g : g + 1],
+            condensed.functionals[own], condensed.observed, sensitive=True,
+        )  # fmt: skip
+        if not (np.all(np.abs(ends[g]) < HUGE) and np.all(np.abs(slopes[g]) < HUGE)):
+            raise FloatingPointError("the model diverges within a segment")
+        weight = 1.0 / fit.sigma[segments.recording[g]][:, None]
+        scaled = (condensed.targets[own] - predicted) * weight
+        squares[segments.recording[g]] += np.sum(scaled**2, axis=(0, 2))
+        rows = (rows * weight[..., None]).reshape(-1, m)
+        information[g], right[g] = rows.T @ rows, scaled.ravel() @ rows
+    return Linear(information, right, squares, ends, slopes[:, :, :n], slopes[:, :, n:])
+
+
+def joint(
+    record: Record,
+    linear: Linear,
+    starts: np.ndarray,
+    precision: np.ndarray,
+    left_out: np.ndarray | None = None,
+) -> Joint:
+    """Eliminate the states of segments, each of which follows the one before up to a jump.
+
+    starts: (n_segments, n_states). precision: (n_segments, n_states, n_states) of the jump from
+    each to the next. left_out: (n_segments,) whose data, and whose jumps to and from them, do not
+    count.
+    """
+    count, n_states = starts.shape
+    n = linear.right.shape[1] - n_states
+    used = np.ones(count) if left_out is None else (~left_out).astype(float)
+    information = np.einsum("g,gij->ij", used, linear.information[:, :n, :n])
+    right = used @ linear.right[:, :n]
+    own = used[:, None, None] * linear.information[:, n:, n:]
+    own += STATE_RIDGE * np.diag(np.diag(linear.information[:, n:, n:].mean(axis=0)))
+    cross = np.concatenate([linear.information[:, n:, :n], linear.right[:, n:, None]], axis=2)
+    cross = used[:, None, None] * cross
+    ahead = np.zeros((count, n_states, n_states))
+    for g in record.followed:
+        if not used[g] * used[g + 1]:
+            continue
+        slope, by_state = linear.by_coefficients[g], linear.by_state[g]
+        aside = np.column_stack([slope, starts[g + 1] - linear.ends[g]])
+        weighted = precision[g] @ aside
+        information += slope.T @ weighted[:, :n]
+        right += slope.T @ weighted[:, n]
+        own[g] += by_state.T @ precision[g] @ by_state
+        own[g + 1] += precision[g]
+        ahead[g] = -by_state.T @ precision[g]
+        cross[g] += by_state.T @ weighted
+        cross[g + 1] -= weighted
+    # block tridiagonal elimination, forward and back
+    pivot, reduced = np.empty_like(own), cross.copy()
+    for g in range(count):
+        if g:
+            factor = ahead[g - 1].T @ pivot[g - 1]
+            own[g] -= factor @ ahead[g - 1]
+            reduced[g] -= factor @ reduced[g - 1]
+        pivot[g] = np.linalg.inv((own[g] + own[g].T) / 2.0)
+    solved, variance, covariance = np.empty_like(cross), pivot.copy(), np.zeros_like(own)
+    for g in range(count - 1, -1, -1):
+        rest = reduced[g]
+        if g + 1 < count:
+            gain = pivot[g] @ ahead[g]
+            rest = rest - ahead[g] @ solved[g + 1]
+            covariance[g] = -gain @ variance[g + 1]
+            variance[g] += gain @ variance[g + 1] @ gain.T
+        solved[g] = pivot[g] @ rest
+    flat, back = cross.reshape(-1, n + 1), solved.reshape(-1, n + 1)
+    information = information - flat[:, :n].T @ back[:, :n]
+    right = right - flat[:, :n].T @ back[:, n]
+    response = np.concatenate([-solved[:, :, :n], solved[:, :, n:]], axis=2)
+    return Joint((information + information.T) / 2.0, right, response, variance, covariance)
