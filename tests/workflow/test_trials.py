@@ -6,7 +6,7 @@ from studies import run_configured
 
 from galloping.configuration.load import read
 
-pytestmark = [pytest.mark.slow]
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("trials")]
 
 ONE = {"seed": 7, "replicates": 1}
 TRIALS = {
