@@ -283,7 +283,7 @@ def whole_runs() -> list[dict]:
         for name in filter(None, tracked):
             target = Path(folder) / name
             target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, target)
+            shutil.copy2(ROOT / name, target, follow_symlinks=False)
 
         def study(*options: str) -> float:
             snakemake = [sys.executable, "-m", "snakemake", "--quiet", "all", "--cores", "2"]
