@@ -62,6 +62,7 @@ def draw_overview(
             (x, claim.paper_value), (4, 8) if above else (-7, 0),
             textcoords="offset points", ha="right",
             va="bottom" if above else "center", color=PAPER, fontsize="small",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},  # over bars and lines
         )  # fmt: skip
     if levels := beaten_at(errors):
         axes.set_title(f"the oracle is better than ours at {levels}", fontsize="small")
