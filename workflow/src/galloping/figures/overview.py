@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from galloping.figures import panels, paper
 from galloping.figures.style import PAPER, SINGLE, method_style
@@ -62,7 +63,7 @@ def draw_overview(
             (x, claim.paper_value), (4, 8) if above else (-7, 0),
             textcoords="offset points", ha="right",
             va="bottom" if above else "center", color=PAPER, fontsize="small",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},  # over bars and lines
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],  # upon bars and lines
         )  # fmt: skip
     if levels := beaten_at(errors):
         axes.set_title(f"the oracle is better than ours at {levels}", fontsize="small")
