@@ -28,6 +28,7 @@ from galloping.configuration.load import (
 from galloping.configuration.parameters import conductor_parameters, spacer_parameters
 from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import Settings, paper_cases_in
+from galloping.identification.registry import BY_NAME as METHODS
 from galloping.physics.galerkin import derive
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
@@ -194,6 +195,15 @@ REFUSED = [
     (case(line={"span": [1]}), "cases.a.line.span: [1] is not a number; must be 1..10000 m"),
     (case(line={"span": math.inf}), "cases.a.line.span: inf is not finite; must be 1..10000 m"),
     (case(line={"span": "1e400"}), "cases.a.line.span: '1e400' is not finite; must be 1..10000 m"),
+    (
+        {"measurement": {"levels": [-0.1]}},
+        "measurement.levels: -0.1 is not allowed; each must be >= 0 and < 10",
+    ),
+    (
+        {"identification": {"methods": ["stlsk"]}},
+        "identification.methods: unknown method 'stlsk'; did you mean 'stlsq'? "
+        f"allowed: {', '.join(METHODS)}",
+    ),
     (
         case(initial_state={"dq_v": "x"}),
         "cases.a.initial_state.dq_v: 'x' is text, not a number; must be -100..100 m/s",

@@ -7,7 +7,11 @@ import pytest
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("copies")]
 
 CASE, CELL = "non_resonant", "points_1000"
-LOST = (  # of every stage from the line to its figures
+STAGES = {
+    "models", "trajectories", "identified", "bounds", "scores", "reconstructions", "sweeps",
+    "assessment", "tables", "figures",
+}  # fmt: skip
+LOST = (  # of every stage
     f"models/{CASE}.*", f"trajectories/{CASE}.*", f"identified/{CASE}/state/{CELL}/*",
     f"*/{CASE}/state/{CELL}.*", f"sweeps/{CASE}/**/*.csv", f"assessment/{CASE}/*",
     "tables/limit_cycles.csv", "tables/clearance.csv", "figures/limit_cycles.*",
@@ -26,7 +30,7 @@ def test_cores_place_time_zone_locale_and_hashes_change_no_byte(study, tmp_path)
     other = type(study)(tmp_path / "another place")
     shutil.copytree(study.folder, other.folder, symlinks=True)
     gone = lost(other)
-    assert len(gone) > 18
+    assert {name.partition("/")[0] for name in gone} == STAGES
     for path in gone.values():
         path.unlink()
     run = other.snakemake(
@@ -35,5 +39,4 @@ def test_cores_place_time_zone_locale_and_hashes_change_no_byte(study, tmp_path)
     )  # fmt: skip
     assert run.returncode == 0, run.stdout
     here = lost(study)
-    assert here.keys() == gone.keys()
     assert [name for name in here if here[name].read_bytes() != gone[name].read_bytes()] == []

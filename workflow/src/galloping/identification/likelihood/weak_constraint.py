@@ -72,7 +72,13 @@ class Record:
 
 @dataclass(frozen=True)
 class Linear:
-    """Normal equations of every segment in (coefficients, segment state), with its end."""
+    """Normal equations of every segment in m unknowns, n coefficients and the segment's state.
+
+    information: (n_segments, m, m); right: (n_segments, m). squares: (n_recordings, n_observed)
+    sums of squared residuals, in units of sigma^2. ends: (n_segments, n_states), and their
+    derivatives: by_coefficients (n_segments, n_states, n), by_state (n_segments, n_states,
+    n_states).
+    """
 
     information: np.ndarray
     right: np.ndarray
