@@ -8,7 +8,8 @@ from galloping.configuration.load import load
 from galloping.figures.model_error import draw_model_error
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.importing import imported
-from galloping.physics.equations import STATES
+from galloping.physics.equations import STATES, model
+from galloping.physics.galerkin import coefficients
 from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.study.cells import Study
@@ -55,6 +56,21 @@ def test_a_line_of_nine_modes_is_answered_with_what_the_answer_is_worth(case):
         < np.linalg.norm(shares)
         == pytest.approx(found.diagnostics["error_share_all_q_w"], rel=0.05)
     )
+
+
+def test_gusts_are_told_from_what_a_model_lacks(case):
+    """Where gusts alone keep the model from being right, its terms are found and its damping."""
+    found = maximum_likelihood([recorded(case, "two modes, gusts 5 %")], TERMS)
+    truth = model(coefficients(case)).on_library(TERMS)
+    assert found.status == "approximate"
+    assert "fluctuates, as in gusts" in found.reason
+    assert np.array_equal(found.support[2:], truth.support[2:])  # the others are known
+    error = (found.model.coefficients - truth.coefficients)[found.support]
+    assert np.all(np.abs(error) < 5 * found.standard_errors[found.support])
+    assert -linear_modes(found.model)[0] == pytest.approx(2 * 0.016964, rel=0.1)
+    lacking = maximum_likelihood([recorded(case, "9 modes, gusts 5 %")], TERMS)
+    assert lacking.status == "approximate"
+    assert "fluctuates" not in lacking.reason
 
 
 def test_what_predicts_nothing_is_refused():

@@ -86,6 +86,20 @@ FIRST_JUMP = 0.05  # relative to each state
 QUIET = 0.03  # size of a motion, relative to the whole record's, below which jumps stay as large
 STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
 
+# Coefficients that fluctuate. Parts of a stretch in which they are constant: a sixth of the
+# correlation length or less. Measured: with ten parts the slow mode seems to fluctuate as well.
+FLUCTUATION_PARTS = 24
+# Periods of correlation. Measured: dampings and amplitudes in gusts are as good with the true
+# spectrum of the wind as with 2 to 7 periods.
+FLUCTUATION_PERIODS = 4.0
+FIRST_FLUCTUATION, LEAST_FLUCTUATION = 2e-3, 1e-6  # of a coefficient, relative to 2 pi a period
+CONTINUOUS = 1e-4  # jump between parts of a stretch, relative to each state
+FLUCTUATING_PASSES, VARIANCE_PASSES = 4, 5  # of the fit, and of the variances in each
+# Share of the logarithm of misfit over noise, summed over the channels. Measured: fluctuations
+# explain 0.7 or more of it where gusts are all that the model lacks, 0.6 or less on a line with
+# more modes in the same gusts, of which then the terms that are chosen imitate the modes.
+EXPLAINED = 0.65
+
 # Selection.
 # Added to the diagonal of an information matrix with unit diagonal so that it can be factored:
 # a few roundings. It moves a chi^2 by 1e-15 |c|^2, by 0.1 for c of 1e7 in its unit.

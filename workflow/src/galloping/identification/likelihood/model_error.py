@@ -10,7 +10,7 @@ how sure they are and what the model predicts is judged on stretches that were l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtri, stdtrit
@@ -30,6 +30,7 @@ from galloping.identification.likelihood.constants import (
     SYSTEMATIC,
     WORTH,
 )
+from galloping.identification.likelihood.fluctuation import fluctuating
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.result import refused
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
@@ -54,11 +55,12 @@ class Approximation:
 
     free, support: (n_candidates,). starts: (n_segments, n_states). information, covariance: of
     the candidates with the disturbance accounted for, and of the supported ones by leaving
-    stretches out (delete-a-group jackknife), widened for what errs alike in all stretches.
+    stretches out (delete-a-group jackknife), widened for what errs alike in all stretches, or,
+    where the coefficients fluctuate, that of their means.
     forecast: per segment and channel the mean squares of data, of what is left of them by
     forecasts from its beginning, and of the noise, (3, n_segments, n_observed). residual:
     (n_windows, n_observed) of those forecasts, as the mean of a window's samples times the root
-    of their number.
+    of their number. fluctuates: whether the coefficients are means of what varies.
     """
 
     free: np.ndarray
@@ -68,6 +70,7 @@ class Approximation:
     covariance: np.ndarray
     forecast: np.ndarray
     residual: np.ndarray
+    fluctuates: bool = False
 
     @property
     def skill(self) -> float:
@@ -110,6 +113,8 @@ def approximation(
     noise = np.full((len(condensed.counts), len(problem.states)), np.nan)
     inside = np.where(condensed.counts > 0, np.sqrt(condensed.noise_variance), np.nan)
     noise[:, condensed.observed[~condensed.is_rate]] = inside[:, ~condensed.is_rate]
+    if made.fluctuates:
+        objection += "; its damping fluctuates, as in gusts"
     named = ", ".join(
         f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
     )
@@ -145,17 +150,20 @@ def _approximate(
     """Of several supports the smallest whose squared forecast error exceeds the least by no more
     than a quarter of the standard error of the difference for every term saved.
 
+    Where coefficients fluctuate, its own are their means, and its terms those chosen with them.
     Raises FloatingPointError where no model is found that can be integrated over a segment.
     """
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     jump = np.diag((FIRST_JUMP * scale) ** 2)
     fit = Fit(free, np.ones(len(free), bool), record.starts, sigma, jump)
     made: list[Approximation] = []
+    fits: list[Fit] = []
     for times in PENALTIES:
         fit = _iterate(record, fit, times * penalty)
         if not fit.support.any():
             break
         made.append(_judged(record, fit))
+        fits.append(fit)
     if not made:
         raise FloatingPointError("no term stands out of the noise")
     errors = [np.mean(each.forecast[1] / each.forecast[0].mean(axis=0), axis=1) for each in made]
@@ -165,6 +173,9 @@ def _approximate(
         saved = max(made[best].support.sum() - made[k].support.sum(), 0)
         if np.mean(worse) <= WORTH * saved * np.std(worse) / np.sqrt(len(worse)):
             chosen = k
+    if varying := fluctuating(record, fits[chosen], penalty):
+        means, covariance = varying
+        return replace(_judged(record, means), covariance=covariance, fluctuates=True)
     return made[chosen]
 
 

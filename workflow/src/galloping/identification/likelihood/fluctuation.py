@@ -1,0 +1,202 @@
+"""Coefficients that fluctuate while a recording is made, as gusts vary the damping.
+
+Those of the linear terms in the rates, which damp and drive the motion, vary about a mean, each by
+itself, with a correlation that falls exponentially in time. Their variances, and those of the
+jumps that are left between stretches, are estimated by expectation maximisation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from galloping.identification.likelihood.constants import (
+    CONTINUOUS,
+    EXPLAINED,
+    FIRST_FLUCTUATION,
+    FLUCTUATING_PASSES,
+    FLUCTUATION_PARTS,
+    FLUCTUATION_PERIODS,
+    LEAST_FLUCTUATION,
+    STATE_RIDGE,
+    STRETCH_PERIODS,
+    VARIANCE_PASSES,
+    WINDOWS_PER_PERIOD,
+)
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.likelihood.weak_constraint import (
+    Fit,
+    Joint,
+    Linear,
+    Record,
+    integrable,
+    joint,
+    linearised,
+)
+
+
+def fluctuating(record: Record, fit: Fit, penalty: float) -> tuple[Fit, np.ndarray] | None:
+    """The fit with means of coefficients that fluctuate, the terms chosen with them, and the
+    covariance of the means (n_support, n_support).
+
+    None unless fluctuations explain EXPLAINED of what `fit` leaves beyond the noise: where a model
+    lacks something else, such as modes that a sensor sees besides, they would take part of it for
+    themselves. None, too, where they make the iteration diverge.
+    penalty: worth of a term in units of chi^2, were the model exact.
+    """
+    rates = _rate_terms(record.problem)
+    excess = _excess(record, fit.sigma)
+    if not (len(rates) and excess > 0.0):
+        return None
+    try:
+        return _means(record, fit, penalty, rates, excess)
+    except (FloatingPointError, np.linalg.LinAlgError):
+        return None
+
+
+def _means(
+    record: Record, fit: Fit, penalty: float, rates: np.ndarray, excess: float
+) -> tuple[Fit, np.ndarray] | None:
+    parts, edges = _parts(record)
+    size = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
+    unit = _units(record, size, rates)
+    variance, least = (FIRST_FLUCTUATION * unit) ** 2, (LEAST_FLUCTUATION * unit) ** 2
+    fine = replace(fit, starts=parts.starts)
+    for passed in range(FLUCTUATING_PASSES):
+        linear = linearised(parts, fine)
+        sigma = np.sqrt(linear.squares * fine.sigma**2 / np.maximum(parts.condensed.rows, 1))
+        sigma = np.maximum(sigma, parts.floor)
+        if passed and excess - _excess(record, sigma) < EXPLAINED * excess:
+            return None
+        wider = _with_fluctuations(parts, linear, variance, rates)
+        starts = np.pad(fine.starts, ((0, 0), (0, len(rates))))
+        support, jump = fine.support, fine.jump
+        for settling in reversed(range(VARIANCE_PASSES)):
+            precision = _precision(parts, edges, jump, size, variance)
+            solved = joint(parts, _stationary(parts, wider, variance), starts, precision)
+            right = solved.right + solved.information @ fine.free
+            if not settling and 0 < passed < FLUCTUATING_PASSES - 1:
+                tried = [np.ones(len(right), bool), support]
+                support = select(solved.information, right, tried, penalty)
+            free, covariance = solve_support(solved.information, right, support)
+            change = free - fine.free
+            moved = solved.response[:, :, :-1] @ change + solved.response[:, :, -1]
+            jump = _jumps(parts, edges, wider, starts, solved, change, moved, size)
+            own = np.diagonal(solved.variance, axis1=1, axis2=2) + moved**2
+            variance = np.maximum(own[:, len(size) :].mean(axis=0), least)
+        following = Fit(
+            fine.free + change, support, fine.starts + moved[:, : len(size)], sigma, jump
+        )
+        fine = integrable(parts, fine, following)
+    return replace(fit, free=fine.free, support=fine.support), covariance
+
+
+def _excess(record: Record, sigma: np.ndarray) -> float:
+    """Logarithm of misfit over noise, summed over the channels."""
+    noise = np.maximum(record.condensed.noise_variance, record.floor**2)
+    return float(np.sum(np.log(sigma**2 / noise)))
+
+
+def _rate_terms(problem: Problem) -> np.ndarray:
+    """Indices of the candidates that are linear in a state whose own equation is unknown."""
+    exponents = np.array(problem.terms)[problem.candidates[:, 1]]
+    unknown = exponents[:, np.unique(problem.candidates[:, 0])]
+    return np.flatnonzero((exponents.sum(axis=1) == 1) & (unknown.sum(axis=1) == 1))
+
+
+def _parts(record: Record) -> tuple[Record, np.ndarray]:
+    """The record in parts of its segments, and whether each is the last of a segment."""
+    segments = record.segments
+    first = np.linspace(
+        segments.first[:-1], segments.first[1:], FLUCTUATION_PARTS, endpoint=False, axis=1
+    )
+    first = np.append(first.round().astype(np.int64), segments.first[-1])
+    owner = np.repeat(segments.recording, FLUCTUATION_PARTS)
+    edges = np.arange(len(owner)) % FLUCTUATION_PARTS == FLUCTUATION_PARTS - 1
+    return replace(record, segments=replace(segments, first=first, recording=owner)), edges
+
+
+def _units(record: Record, size: np.ndarray, rates: np.ndarray) -> np.ndarray:
+    """Of each fluctuating coefficient: the rate of the motion, by the sizes of the states."""
+    candidates = record.problem.candidates[rates]
+    of = np.argmax(np.array(record.problem.terms)[candidates[:, 1]], axis=1)
+    period = WINDOWS_PER_PERIOD * record.condensed.step
+    return 2.0 * np.pi / period * size[candidates[:, 0]] / size[of]
+
+
+def _memory() -> float:
+    """Correlation of a fluctuation with itself one part later."""
+    return np.exp(-STRETCH_PERIODS / (FLUCTUATION_PARTS * FLUCTUATION_PERIODS))
+
+
+def _with_fluctuations(
+    record: Record, linear: Linear, variance: np.ndarray, rates: np.ndarray
+) -> Linear:
+    """The normal equations with the fluctuations of each segment added to its state.
+
+    In a segment a fluctuation acts as its coefficient does.
+    """
+    n, extra = linear.by_coefficients.shape[2], len(variance)
+    n_states = linear.ends.shape[1]
+    twice = np.append(np.arange(n + n_states), rates)
+    by_state = np.zeros((len(linear.ends), n_states + extra, n_states + extra))
+    by_state[:, :n_states, :n_states] = linear.by_state
+    by_state[:, :n_states, n_states:] = linear.by_coefficients[:, :, rates]
+    by_state[:, n_states:, n_states:] = _memory() * np.eye(extra)
+    return Linear(
+        linear.information[:, twice][:, :, twice],
+        linear.right[:, twice],
+        linear.squares,
+        np.pad(linear.ends, ((0, 0), (0, extra))),
+        np.pad(linear.by_coefficients, ((0, 0), (0, extra), (0, 0))),
+        by_state,
+    )
+
+
+def _stationary(record: Record, linear: Linear, variance: np.ndarray) -> Linear:
+    """The same with fluctuations of that variance where each recording begins."""
+    information = linear.information.copy()
+    begins = np.unique(record.segments.recording, return_index=True)[1]
+    own = slice(information.shape[1] - len(variance), None)
+    information[begins, own, own] += np.diag(1.0 / variance)
+    return replace(linear, information=information)
+
+
+def _precision(
+    record: Record, edges: np.ndarray, jump: np.ndarray, size: np.ndarray, variance: np.ndarray
+) -> np.ndarray:
+    """Of state and fluctuations from each segment to the next: states jump at `edges` only."""
+    n_states, extra = len(size), len(variance)
+    precision = np.zeros((len(edges), n_states + extra, n_states + extra))
+    continuous = record.precision(np.diag((CONTINUOUS * size) ** 2))
+    states = np.where(edges[:, None, None], record.precision(jump), continuous)
+    precision[:, :n_states, :n_states] = states
+    precision[:, n_states:, n_states:] = np.diag(1.0 / ((1.0 - _memory() ** 2) * variance))
+    return precision
+
+
+def _jumps(
+    record: Record,
+    edges: np.ndarray,
+    linear: Linear,
+    starts: np.ndarray,
+    solved: Joint,
+    change: np.ndarray,
+    moved: np.ndarray,
+    size: np.ndarray,
+) -> np.ndarray:
+    """Expected covariance of the states' jumps at full motion, given the data."""
+    at = record.followed[edges[record.followed]]
+    own = slice(len(size))
+    by_state = linear.by_state[at]
+    ends = linear.ends[at] + linear.by_coefficients[at] @ change
+    ends += np.einsum("gij,gj->gi", by_state, moved[at])
+    gap = (starts[at + 1] + moved[at + 1] - ends)[:, own]
+    mixed = by_state @ solved.covariance[at]
+    spread = solved.variance[at + 1] + by_state @ solved.variance[at] @ by_state.transpose(0, 2, 1)
+    spread = (spread - mixed - mixed.transpose(0, 2, 1))[:, own, own]
+    squares = gap[:, :, None] * gap[:, None, :] + spread
+    total = np.sum(squares / record.size[at, None, None] ** 2, axis=0)
+    return total / max(len(at), 1) + STATE_RIDGE * np.diag(size**2)
