@@ -2,7 +2,7 @@
 # make smoke      the same in two minutes, in results/smoke
 # make trust      may the verdicts be trusted? trials on thousands of recordings, in results/trust
 # make reality    what a recording gives of a line that is not its own model, in results/reality
-# make test       the study, then all checks
+# make test       the study, then its checks; SLOW=yes: all checks, as in CI
 # make repair     after a kill, a crash or an edit by hand: mend what is there, then the study
 # make verify     compare every result with its receipt, and every receipt with the settings
 # make publish    the finished study as a folder and an archive, in results/publication
@@ -63,7 +63,7 @@ prune: $(VENV)/made
 	@$(SCRIPT)/prune_results.py $(if $(filter yes,$(DELETE)),--delete) $(OPTIONS)
 
 test: study browser
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -n 2 --dist loadgroup $(if $(CI)$(SLOW),-m 'not faults and not slurm')
 
 # For the checks of the report: Debian's Chromium, where no browser is and one may be installed.
 browser:

@@ -12,10 +12,19 @@ from threadpoolctl import threadpool_limits
 from galloping.configuration.load import load, plain
 
 pytest_plugins = ["browser", "studies"]
+SLOW = (
+    "Slow tests were not run: studies killed, damaged, grown, moved, of one's own lines, trials. "
+    "`make test SLOW=yes` runs them."
+)
 ROOT = Path(__file__).parents[1]
 os.environ["PYTHONPATH"] = str(ROOT / "workflow" / "src")  # for the processes that tests start
 hypothesis.settings.register_profile("study", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("study")
+
+
+def pytest_unconfigure(config):
+    if not hasattr(config, "workerinput") and "not slow" in config.option.markexpr:
+        print(SLOW)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -11,7 +11,6 @@ import pytest
 from galloping.reproducibility.receipts import Receipt, receipt_path
 from galloping.storage import write_json
 
-pytestmark = pytest.mark.slow
 
 
 def script(folder, name, *options):

@@ -15,7 +15,7 @@ from galloping.publication import manifest
 from galloping.publication.archive import unpack
 from galloping.reproducibility.receipts import digest
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
+pytestmark = pytest.mark.xdist_group("study")
 
 RESULTS = "results/smoke"
 TABLE = f"{RESULTS}/tables/noise_r2.csv"

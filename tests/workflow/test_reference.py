@@ -9,7 +9,7 @@ import sys
 import pandas as pd
 import pytest
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
+pytestmark = pytest.mark.xdist_group("study")
 
 
 def table(study, name):

@@ -27,7 +27,7 @@ from studies import copy_repository
 
 from galloping.identification.registry import METHODS
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
+pytestmark = pytest.mark.xdist_group("study")
 
 PAGE = Path(__file__).parents[2] / "config" / "reruns.md"
 HEADER = ["| Edit | Rules that run again | Of which cells |", "| --- | --- | --- |"]

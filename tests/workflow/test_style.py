@@ -29,7 +29,6 @@ def test_style(root, command):
     assert run.returncode == 0, run.stdout
 
 
-@pytest.mark.slow
 def test_the_profiles_agree_and_that_for_slurm_names_every_rule(fresh):
     run = fresh.snakemake("--list-rules", "--quiet", "all")
     assert run.returncode == 0, run.stdout

@@ -43,7 +43,6 @@ def test_inspect_names_gaps_and_frequencies():
     assert "4938 samples" in run("inspect", SPAN, *MAP)
 
 
-@pytest.mark.slow
 def test_the_example_gives_the_limit_cycle_of_the_span(example):
     assert sorted(path.name for path in example.iterdir()) == sorted(OUTPUTS)
     identified = IdentifiedModel.load(example / "model.json")
@@ -59,7 +58,6 @@ def test_the_example_gives_the_limit_cycle_of_the_span(example):
     assert all(float(row["q_v_low"]) < float(row["q_v_high"]) for row in rows)
 
 
-@pytest.mark.slow
 def test_a_model_is_shown_simulated_and_forecasts(example):
     model = example / "model.json"
     assert run("show", model, "--latex").count(r"\frac") == 4

@@ -142,7 +142,6 @@ def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field):
     assert "further modes" in sentences(None, "approximate")[0]
 
 
-@pytest.mark.slow
 def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):
     held = []
     for number in (0, 1, 2):  # motions of the first one part within seconds

@@ -53,7 +53,6 @@ def test_a_window_of_rates_is_that_of_the_derivative():
     )
 
 
-@pytest.mark.slow
 def test_accelerations_with_offset_and_drift_sharpen_the_model():
     rng = np.random.default_rng(4)
     both = maximum_likelihood(recording(rng, offset=0.3), TERMS)

@@ -86,8 +86,8 @@ FIRST_JUMP = 0.05  # relative to each state
 QUIET = 0.03  # size of a motion, relative to the whole record's, below which jumps stay as large
 STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
 
-# Coefficients that fluctuate. Parts of a stretch in which they are constant: a sixth of the
-# correlation length or less. Measured: with ten parts the slow mode seems to fluctuate as well.
+# Coefficients that fluctuate. Parts of a stretch in which they are constant: a tenth of the
+# correlation. Measured: with ten parts the slow mode seems to fluctuate as well.
 FLUCTUATION_PARTS = 24
 # Periods of correlation. Measured: dampings and amplitudes in gusts are as good with the true
 # spectrum of the wind as with 2 to 7 periods.
