@@ -113,6 +113,14 @@ def test_a_short_recording_is_not_identifiable() -> None:
     assert "cannot tell" in found.reason
 
 
+@pytest.mark.parametrize("seconds", [4, 10])  # of some two and four periods
+def test_a_few_periods_are_answered_in_words(seconds: int) -> None:
+    few = round(seconds / TIME[1])
+    found = identify(measured()[:few], TIME[:few])
+    assert found.status == "not identifiable"
+    assert "the data cannot tell" in found.reason
+
+
 def test_a_library_without_the_cubic_terms_is_never_right() -> None:
     recording = Recording(TIME, LINE_STATES, measured())
     found = maximum_likelihood([recording], library(4, 2))

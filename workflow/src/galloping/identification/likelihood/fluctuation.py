@@ -43,12 +43,13 @@ def fluctuating(record: Record, fit: Fit, penalty: float) -> tuple[Fit, np.ndarr
 
     None unless fluctuations explain EXPLAINED of what `fit` leaves beyond the noise: where a model
     lacks something else, such as modes that a sensor sees besides, they would take part of it for
-    themselves. None, too, where they make the iteration diverge.
+    themselves. None, too, where segments are too short, or fluctuations make the iteration diverge.
     penalty: worth of a term in units of chi^2, were the model exact.
     """
     rates = _rate_terms(record.problem)
     excess = _excess(record, fit.sigma)
-    if not (len(rates) and excess > 0.0):
+    divisible = np.diff(record.segments.first).min() >= FLUCTUATION_PARTS
+    if not (len(rates) and excess > 0.0 and divisible):
         return None
     try:
         return _means(record, fit, penalty, rates, excess)
@@ -68,7 +69,7 @@ def _means(
         linear = linearised(parts, fine)
         sigma = np.sqrt(linear.squares * fine.sigma**2 / np.maximum(parts.condensed.rows, 1))
         sigma = np.maximum(sigma, parts.floor)
-        if passed and excess - _excess(record, sigma) < EXPLAINED * excess:
+        if passed and not excess - _excess(record, sigma) >= EXPLAINED * excess:
             return None
         wider = _with_fluctuations(parts, linear, variance, rates)
         starts = np.pad(fine.starts, ((0, 0), (0, len(rates))))

@@ -125,7 +125,12 @@ def _misfit(condensed: Condensed, residual: np.ndarray, parameters: int) -> tupl
 
 
 def _line(power: np.ndarray) -> tuple[float, int]:
-    """Highest ratio of a periodogram bin to the mean of its neighbours, and the bin."""
+    """Highest ratio of a periodogram bin to the mean of its neighbours, and the bin.
+
+    Zero of a record that is too short to have so many.
+    """
+    if len(power) <= 2 * NEIGHBOURS:
+        return 0.0, 1
     around = np.ones(2 * NEIGHBOURS + 1)
     around[NEIGHBOURS - 2 : NEIGHBOURS + 3] = 0.0
     weight = np.convolve(np.ones(len(power)), around, mode="same")
