@@ -93,6 +93,15 @@ def test_constant_channels_are_refused() -> None:
     assert "no channel varies" in found.reason
 
 
+def test_a_sensor_that_drifts_is_named_and_the_rest_answered() -> None:
+    values = measured()
+    values[:, 0] += 0.2 * values[:, 0].std() * (TIME / TIME[-1])
+    found = identify(values)
+    assert found.status == "approximate"
+    assert found.reason.startswith("q_v drifts; ")
+    assert found.diagnostics["forecast_r2"] > 0.9
+
+
 def test_gaps() -> None:
     values = measured()
     values[5000:7000] = np.nan

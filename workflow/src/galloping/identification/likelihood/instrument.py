@@ -34,6 +34,7 @@ from galloping.identification.likelihood.shooting import (
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
 JITTER = "errors grow with the speed of the motion: sampling times jitter, or the model is wrong"
 GROWING = "the noise grows with the signal"
+DRIFTS = "drifts"  # after the name of the channel
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,11 @@ class Fault:
 def of_the_model(causes: list[Fault]) -> bool:
     """Whether the model may be what is wrong, for the clearest fault is not one of calibration.
 
-    Residuals of a wrong model are larger where the motion is, like noise that grows with it.
+    Residuals of a wrong model are larger where the motion is, like noise that grows with it, and
+    what a model lacks may be slow, like a drift.
     """
-    return not causes or causes[0].cause in (FORCES, JITTER, GROWING)
+    first = causes[0].cause if causes else FORCES
+    return first in (FORCES, JITTER, GROWING) or first.endswith(DRIFTS)
 
 
 def faults(
@@ -137,7 +140,7 @@ def _parameters(
     first = len(entries)
     for o, name in enumerate(names):
         test([first + o], f"{name} is delayed against the other channels")
-        test([first + count + o], f"{name} drifts")
+        test([first + count + o], f"{name} {DRIFTS}")
     for i, v in kinematic if len(kinematic) > 1 else []:
         both = [first + channel[i], first + channel[v]]
         test(both, f"{problem.states[i]} and {problem.states[v]} are delayed against the others")
