@@ -12,7 +12,6 @@ from galloping.reproducibility.receipts import Receipt, receipt_path
 from galloping.storage import write_json
 
 
-
 def script(folder, name, *options):
     run = subprocess.run(
         [sys.executable, f"workflow/scripts/{name}.py", *options],

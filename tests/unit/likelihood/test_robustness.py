@@ -152,3 +152,20 @@ def test_a_term_outside_the_library_leaves_an_approximate_model() -> None:
 def test_unsorted_or_repeated_times_are_an_error(time: list[float]) -> None:
     with pytest.raises(ValueError, match="strictly increasing"):
         Recording(np.array(time), ("x",), np.zeros((3, 1)))
+
+
+def test_what_is_known_must_leave_an_equation() -> None:
+    recording = Recording(TIME[:200], LINE_STATES, measured()[:200])
+    model = line()
+    for known, names, says in (
+        (model, LINE_STATES, "all known"),
+        (None, ("dq_v",), "needs `known`"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            maximum_likelihood([recording], model.terms, known, names)
+
+
+@pytest.mark.parametrize("name", ["known_noise", "unknown_scales", "unknown_offsets"])
+def test_what_is_said_of_a_recording_is_checked(name: str) -> None:
+    with pytest.raises(ValueError, match=f"recording: {name}"):
+        Recording([0.0, 1.0, 2.0], ["x", "y"], np.zeros((3, 2)), **{name: [0.1]})

@@ -31,6 +31,12 @@ def extended(terms: tuple[Exponents, ...], model: PolynomialModel) -> tuple[Expo
     return tuple(dict.fromkeys([*terms, *present]))
 
 
+def velocity_pairs(states: tuple[str, ...]) -> dict[int, int]:
+    """Index of each state X whose derivative is a state too, named `dX`, with that of dX."""
+    index = {name: i for i, name in enumerate(states)}
+    return {i: index[f"d{name}"] for i, name in enumerate(states) if f"d{name}" in index}
+
+
 def term_name(exponents: Exponents, states: tuple[str, ...]) -> str:
     """Name of a monomial as pysindy prints it: `1`, `q_v`, `q_v q_w^2`."""
     factors = [f"{s}^{e}" if e > 1 else s for s, e in zip(states, exponents, strict=True) if e]
@@ -73,6 +79,7 @@ class PolynomialModel:
     coefficients: np.ndarray
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "coefficients", np.asarray(self.coefficients, float))
         if self.coefficients.shape != (len(self.states), len(self.terms)):
             raise ValueError(
                 f"coefficients: shape {self.coefficients.shape}, expected "

@@ -40,11 +40,12 @@ class Recording:
         states = self.states
         if isinstance(states, str) or not all(isinstance(name, str) for name in states):
             raise ValueError(f"recording: states: {states!r:.60}; must be a list of names")
+        states = tuple(states)
         if not states or len(set(states)) < len(states):
             raise ValueError(f"recording: states: {states!r:.60}; must be distinct, one or more")
         time = increasing("recording: time", self.time)
         shape = len(time), len(states)
-        checked = {"time": time, "states": tuple(states)}
+        checked = {"time": time, "states": states}
         for name in ("values", "derivatives", "rates"):
             if (given := getattr(self, name)) is not None:
                 array = checked[name] = floats(f"recording: {name}", given, shape)
@@ -54,6 +55,16 @@ class Recording:
                         f"recording: {name}: {array[row, column]:g} in row {row} of "
                         f"{checked['states'][column]}; must be finite, or NaN where missing"
                     )
+        for name in ("unknown_offsets", "unknown_scales"):
+            if (given := getattr(self, name)) is not None:
+                checked[name] = array = np.asarray(given)
+                if array.dtype != bool or array.shape != shape[1:]:
+                    raise ValueError(
+                        f"recording: {name}: {given!r:.60}; must be a truth value a state"
+                    )
+        if self.known_noise is not None:
+            noise = floats("recording: known_noise", self.known_noise, (2, len(states)))
+            checked["known_noise"] = noise
         for name, array in checked.items():
             object.__setattr__(self, name, array)
 

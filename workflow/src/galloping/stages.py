@@ -9,13 +9,12 @@ import numpy as np
 from galloping.arrays import finite, increasing
 from galloping.bounds.information import Experiment, state_bound
 from galloping.configuration.load import ConfigurationError, load, plain
-from galloping.identification.likelihood.problem import velocity_pairs
 from galloping.measurement.measuring import measure as recordings_of
 from galloping.measurement.motion import Motion
 from galloping.measurement.protocols import BY_NAME
 from galloping.physics.equations import model as equations_of
 from galloping.physics.galerkin import coefficients
-from galloping.polynomial import PolynomialModel
+from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 from galloping.simulation import Simulator, Trajectory
 

@@ -20,7 +20,7 @@ from galloping.cycles.continuation import Range, length
 from galloping.cycles.family import Family, VectorField
 from galloping.cycles.limit_cycles import CycleProblem, at_value, from_motion
 from galloping.cycles.motion import settle
-from galloping.polynomial import Exponents, PolynomialModel
+from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.simulation import Simulator
 
 SAMPLES = 39  # of which the least and the greatest are then the ends of the band, without bias
@@ -110,7 +110,7 @@ def split(
         i = first.states.index(state)
         stiffness = _stiffness(identified, i)
         fixed[i, own[[row for row, _ in own].index(i)][1]] = -2 * ratio * np.sqrt(stiffness)
-    velocities = [k for k, state in enumerate(first.states) if state[1:] in first.states]
+    velocities = velocity_pairs(first.states).values()
     entries, powers = [], []
     for i, j in np.argwhere(support).tolist():
         # only equations of motion hold loads; d(q)/dt = dq does not depend on the wind
@@ -126,9 +126,9 @@ def split(
 def _own_velocities(states: tuple[str, ...], terms: tuple[Exponents, ...]) -> list[tuple[int, int]]:
     """(equation, term) of each coordinate's velocity in its own equation of motion."""
     pairs = []
-    for i, state in enumerate(states):
+    for i in sorted(velocity_pairs(states).values()):
         linear = tuple(int(k == i) for k in range(len(states)))
-        if state.startswith("d") and state[1:] in states and linear in terms:
+        if linear in terms:
             pairs.append((i, terms.index(linear)))
     return pairs
 

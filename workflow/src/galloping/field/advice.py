@@ -8,9 +8,8 @@ import numpy as np
 
 from galloping.bounds.information import Experiment, bound_of, information
 from galloping.field.units import coefficient_unit
-from galloping.identification.likelihood.problem import velocity_pairs
 from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import term_name
+from galloping.polynomial import term_name, velocity_pairs
 from galloping.recording import Recording
 
 LARGER = 1.5  # times the largest displacement that was recorded

@@ -13,9 +13,8 @@ from galloping.cycles.limit_cycles import settled
 from galloping.cycles.motion import settle
 from galloping.cycles.prediction import near
 from galloping.field.forecast import drawn, simulator_of
-from galloping.identification.likelihood.problem import velocity_pairs
 from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import PolynomialModel
+from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.simulation import Simulator
 
 DRAWS = 39  # of which the least and the greatest are then the ends of the band

@@ -8,7 +8,7 @@ import numpy as np
 
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import PolynomialModel
+from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 from galloping.simulation import Simulator
 
@@ -166,12 +166,13 @@ def first_guess(recording: Recording, begin: int) -> np.ndarray:
     """A state near the sample `begin`: interpolated values, slopes for unmeasured velocities."""
     time, states = recording.time, recording.states
     guess = np.zeros(len(states))
-    for k, name in enumerate(states):
+    displacement = {velocity: k for k, velocity in velocity_pairs(states).items()}
+    for k in range(len(states)):
         known = np.isfinite(recording.values[:, k])
         if known.any():
             guess[k] = np.interp(time[begin], time[known], recording.values[known, k])
-        elif name[1:] in states:
-            source = recording.values[:, states.index(name[1:])]
+        elif k in displacement:
+            source = recording.values[:, displacement[k]]
             known = np.isfinite(source)
             away = np.abs(time[known] - time[begin])
             within = max(

@@ -39,7 +39,6 @@ class Method:
     options: type[Section]
     takes: tuple[str, ...]
     needs_uniform: bool
-    summary: str
     given: tuple[str, ...] = ()
     by_default: bool = True
 
@@ -82,7 +81,6 @@ METHODS = (
         options=Scanned,
         takes=(RATES, STATES),
         needs_uniform=False,
-        summary="sequentially thresholded least squares on normalised columns",
     ),
     Method(
         name="stlsq_raw",
@@ -92,7 +90,6 @@ METHODS = (
         options=Scanned,
         takes=(RATES, STATES),
         needs_uniform=False,
-        summary="the same on columns as they are, as the paper most likely did",
     ),
     Method(
         name="lasso",
@@ -102,7 +99,6 @@ METHODS = (
         options=Thresholded,
         takes=(RATES, STATES),
         needs_uniform=False,
-        summary="least squares with an l1 penalty",
         by_default=False,  # no better than frols where it was tried, at twenty times the cost
     ),
     Method(
@@ -113,7 +109,6 @@ METHODS = (
         options=NoOptions,
         takes=(RATES, STATES),
         needs_uniform=False,
-        summary="forward regression by orthogonal least squares",
     ),
     Method(
         name="ensemble",
@@ -124,7 +119,6 @@ METHODS = (
         given=("rng",),
         takes=(RATES, STATES),
         needs_uniform=False,
-        summary="median of thresholded fits to bootstrap samples of the recording",
     ),
     Method(
         name="weak",
@@ -134,7 +128,6 @@ METHODS = (
         options=Scanned,
         takes=(STATES,),
         needs_uniform=True,
-        summary="weak form: integrals against test functions in place of derivatives",
     ),
     Method(
         name="weak_gls",
@@ -144,7 +137,6 @@ METHODS = (
         options=NoOptions,
         takes=(STATES, DISPLACEMENTS),
         needs_uniform=False,
-        summary="weak form by generalised least squares, with the kinematic identity as rows",
     ),
     Method(
         name="maximum_likelihood",
@@ -154,7 +146,6 @@ METHODS = (
         options=NoOptions,
         takes=(RATES, STATES, DISPLACEMENTS),
         needs_uniform=False,
-        summary="multiple shooting with selection: the Cramer-Rao bound",
     ),
 )
 BY_NAME = {method.name: method for method in METHODS}

@@ -10,10 +10,9 @@ import numpy as np
 
 from galloping.bounds.cell import bound, on_library
 from galloping.identification.cell import identify
-from galloping.identification.likelihood.problem import velocity_pairs
 from galloping.measurement.measuring import measure, noises_of
 from galloping.measurement.motion import Motion
-from galloping.polynomial import PolynomialModel
+from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 from galloping.trials.scores import claims
 

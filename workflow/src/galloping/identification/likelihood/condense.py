@@ -69,6 +69,12 @@ class Condensed:
         )
 
     @property
+    def tells_noise(self) -> np.ndarray:
+        """(n_recordings, n_observed) whether it is known or windows have samples to spare."""
+        spare = self.counts - self.rows
+        return self.is_known | (spare > 0.3 * np.maximum(self.counts, 1))
+
+    @property
     def samplings(self) -> np.ndarray:
         """(n_windows, n_observed, ROWS, 2): functionals on what a channel measures and its rate."""
         own = self.functionals[..., :2].copy()

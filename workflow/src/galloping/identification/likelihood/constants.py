@@ -89,6 +89,7 @@ STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells n
 # Coefficients that fluctuate. Parts of a stretch in which they are constant: a tenth of the
 # correlation. Measured: with ten parts the slow mode seems to fluctuate as well.
 FLUCTUATION_PARTS = 24
+MOST_DIVIDED = 200  # stretches of a record, each part of which needs 50 kB and more
 # Periods of correlation. Measured: dampings and amplitudes in gusts are as good with the true
 # spectrum of the wind as with 2 to 7 periods.
 FLUCTUATION_PERIODS = 4.0

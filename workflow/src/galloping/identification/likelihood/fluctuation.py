@@ -1,8 +1,8 @@
 """Coefficients that fluctuate while a recording is made, as gusts vary the damping.
 
-Those of the linear terms in the rates, which damp and drive the motion, vary about a mean, each by
-itself, with a correlation that falls exponentially in time. Their variances, and those of the
-jumps that are left between stretches, are estimated by expectation maximisation.
+Those of terms linear in a state whose equation is sought, of a line the dampings, vary about a
+mean, each by itself, with a correlation that falls exponentially in time. Their variances, and
+those of the jumps that are left between stretches, are estimated by expectation maximisation.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from galloping.identification.likelihood.constants import (
     FLUCTUATION_PARTS,
     FLUCTUATION_PERIODS,
     LEAST_FLUCTUATION,
+    MOST_DIVIDED,
     STATE_RIDGE,
     STRETCH_PERIODS,
     VARIANCE_PASSES,
@@ -43,23 +44,16 @@ def fluctuating(record: Record, fit: Fit, penalty: float) -> tuple[Fit, np.ndarr
 
     None unless fluctuations explain EXPLAINED of what `fit` leaves beyond the noise: where a model
     lacks something else, such as modes that a sensor sees besides, they would take part of it for
-    themselves. None, too, where segments are too short, or fluctuations make the iteration diverge.
+    themselves. None, too, where segments are too short or too many to be divided, or no term is
+    left. Raises FloatingPointError or LinAlgError where the iteration diverges.
     penalty: worth of a term in units of chi^2, were the model exact.
     """
     rates = _rate_terms(record.problem)
     excess = _excess(record, fit.sigma)
-    divisible = np.diff(record.segments.first).min() >= FLUCTUATION_PARTS
+    windows = np.diff(record.segments.first)
+    divisible = windows.min() >= FLUCTUATION_PARTS and len(windows) <= MOST_DIVIDED
     if not (len(rates) and excess > 0.0 and divisible):
         return None
-    try:
-        return _means(record, fit, penalty, rates, excess)
-    except (FloatingPointError, np.linalg.LinAlgError):
-        return None
-
-
-def _means(
-    record: Record, fit: Fit, penalty: float, rates: np.ndarray, excess: float
-) -> tuple[Fit, np.ndarray] | None:
     parts, edges = _parts(record)
     size = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     unit = _units(record, size, rates)
@@ -71,7 +65,7 @@ def _means(
         sigma = np.maximum(sigma, parts.floor)
         if passed and not excess - _excess(record, sigma) >= EXPLAINED * excess:
             return None
-        wider = _with_fluctuations(parts, linear, variance, rates)
+        wider = _with_fluctuations(linear, rates)
         starts = np.pad(fine.starts, ((0, 0), (0, len(rates))))
         support, jump = fine.support, fine.jump
         for settling in reversed(range(VARIANCE_PASSES)):
@@ -91,13 +85,16 @@ def _means(
             fine.free + change, support, fine.starts + moved[:, : len(size)], sigma, jump
         )
         fine = integrable(parts, fine, following)
+    if not fine.support.any():
+        return None
     return replace(fit, free=fine.free, support=fine.support), covariance
 
 
 def _excess(record: Record, sigma: np.ndarray) -> float:
-    """Logarithm of misfit over noise, summed over the channels."""
-    noise = np.maximum(record.condensed.noise_variance, record.floor**2)
-    return float(np.sum(np.log(sigma**2 / noise)))
+    """Logarithm of misfit over noise, summed over the channels whose samples tell their noise."""
+    condensed = record.condensed
+    noise = np.maximum(condensed.noise_variance, record.floor**2)
+    return float(np.sum(np.log(sigma**2 / noise)[condensed.tells_noise]))
 
 
 def _rate_terms(problem: Problem) -> np.ndarray:
@@ -132,14 +129,12 @@ def _memory() -> float:
     return np.exp(-STRETCH_PERIODS / (FLUCTUATION_PARTS * FLUCTUATION_PERIODS))
 
 
-def _with_fluctuations(
-    record: Record, linear: Linear, variance: np.ndarray, rates: np.ndarray
-) -> Linear:
+def _with_fluctuations(linear: Linear, rates: np.ndarray) -> Linear:
     """The normal equations with the fluctuations of each segment added to its state.
 
     In a segment a fluctuation acts as its coefficient does.
     """
-    n, extra = linear.by_coefficients.shape[2], len(variance)
+    n, extra = linear.by_coefficients.shape[2], len(rates)
     n_states = linear.ends.shape[1]
     twice = np.append(np.arange(n + n_states), rates)
     by_state = np.zeros((len(linear.ends), n_states + extra, n_states + extra))

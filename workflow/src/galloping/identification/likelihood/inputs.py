@@ -55,3 +55,5 @@ def check_question(
     for name in known_states:
         if name not in states:
             raise ValueError(f"known_states: {name!r}; must be among {', '.join(states)}")
+    if known_states and known is None:
+        raise ValueError(f"known_states: {', '.join(known_states)}; needs `known`, their equations")

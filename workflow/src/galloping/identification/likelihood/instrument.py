@@ -21,7 +21,7 @@ from galloping.identification.likelihood.constants import (
     FALSE_ALARM,
     STRETCHES,
 )
-from galloping.identification.likelihood.problem import Problem, velocity_pairs
+from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import (
     Linearised,
@@ -30,6 +30,7 @@ from galloping.identification.likelihood.shooting import (
     linearise,
     residuals,
 )
+from galloping.polynomial import velocity_pairs
 
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
 JITTER = "errors grow with the speed of the motion: sampling times jitter, or the model is wrong"

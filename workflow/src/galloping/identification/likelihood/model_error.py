@@ -114,7 +114,7 @@ def approximation(
     inside = np.where(condensed.counts > 0, np.sqrt(condensed.noise_variance), np.nan)
     noise[:, condensed.observed[~condensed.is_rate]] = inside[:, ~condensed.is_rate]
     if made.fluctuates:
-        objection += "; its damping fluctuates, as in gusts"
+        objection += "; its linear coefficients fluctuate, as in gusts"
     named = ", ".join(
         f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
     )
@@ -173,10 +173,20 @@ def _approximate(
         saved = max(made[best].support.sum() - made[k].support.sum(), 0)
         if np.mean(worse) <= WORTH * saved * np.std(worse) / np.sqrt(len(worse)):
             chosen = k
-    if varying := fluctuating(record, fits[chosen], penalty):
+    return _varying(record, fits[chosen], penalty) or made[chosen]
+
+
+def _varying(record: Record, fit: Fit, penalty: float) -> Approximation | None:
+    """Means of coefficients that fluctuate, judged as a fit is, where they predict anything."""
+    try:
+        varying = fluctuating(record, fit, penalty)
+        if varying is None:
+            return None
         means, covariance = varying
-        return replace(_judged(record, means), covariance=covariance, fluctuates=True)
-    return made[chosen]
+        judged = _judged(record, means)
+    except (FloatingPointError, np.linalg.LinAlgError):
+        return None
+    return replace(judged, covariance=covariance, fluctuates=True) if judged.skill > 0.0 else None
 
 
 def _iterate(record: Record, fit: Fit, penalty: float) -> Fit:

@@ -8,13 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from galloping.identification.likelihood.taylor import Tables, tables
-from galloping.polynomial import Exponents, PolynomialModel
-
-
-def velocity_pairs(states: tuple[str, ...]) -> dict[int, int]:
-    """Index of each state X whose derivative is a state too, named `dX`, with that of dX."""
-    index = {name: i for i, name in enumerate(states)}
-    return {i: index[f"d{name}"] for i, name in enumerate(states) if f"d{name}" in index}
+from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
 
 
 @dataclass(frozen=True)
@@ -68,7 +62,7 @@ def posed(
 
     The equation of a state X is known, dX/dt = dX, where `dX` is a state too. Further equations
     are known through `known`, a model whose rows named in `known_states` are taken as they are.
-    Raises ValueError where a known equation needs a term outside the library.
+    Raises ValueError where a known equation needs a term outside the library, or all are known.
     """
     rows = np.zeros((len(states), len(terms)))
     given = set()
@@ -85,4 +79,8 @@ def posed(
             rows[states.index(name)] = model.coefficients[states.index(name)]
             given.add(states.index(name))
     unknown = tuple(i for i in range(len(states)) if i not in given)
+    if not unknown:
+        raise ValueError(
+            f"the equations of {', '.join(states)} are all known; none is left to find"
+        )
     return Problem(tuple(states), tuple(terms), rows, unknown)

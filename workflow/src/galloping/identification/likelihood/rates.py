@@ -19,9 +19,9 @@ from galloping.identification.likelihood.constants import (
     RATE_MARGIN,
     RATE_OUTLIER,
 )
-from galloping.identification.likelihood.problem import velocity_pairs
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.weak_gls import Start
+from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 
 TEST = Polynomial([1.0, 0.0, -1.0]) ** 5  # zero at -1 and 1, with four derivatives

@@ -29,7 +29,7 @@ from galloping.identification.likelihood.constants import (
     SPLINE_ACCURACY,
     SPLINE_DEGREE,
 )
-from galloping.identification.likelihood.problem import velocity_pairs
+from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 
 

@@ -71,12 +71,10 @@ class System:
     """One model in the form the compiled integrator reads, built by `system`.
 
     rates: (n, 2) int, (equation, monomial) of each coefficient present; rate_values: (n,).
-    jacobian: (n, 3) int, (equation, state, monomial); jacobian_values: (n,). Its rows are
-    sorted so that constant entries (monomial 0) come first, `n_constant` of them.
+    jacobian: (n, 3) int, (equation, state, monomial); jacobian_values: (n,).
     columns: (n_columns, 2) int, (equation, monomial) of each free coefficient.
     """
 
-    n_states: int
     parent: np.ndarray
     factor: np.ndarray
     rates: np.ndarray
@@ -103,7 +101,6 @@ def system(table: Tables, coefficients: np.ndarray, free: np.ndarray) -> System:
                 entries[key] = entries.get(key, 0.0) + value * table.exponents[m, k]
     jacobian = np.array(sorted(entries), np.int64).reshape(-1, 3)
     return System(
-        n_states,
         table.parent,
         table.factor,
         np.column_stack([present[:, 0], monomial]).astype(np.int64).reshape(-1, 2),

@@ -112,7 +112,7 @@ def _misfit(condensed: Condensed, residual: np.ndarray, parameters: int) -> tupl
     """chi^2 per degree of freedom against the noise inside the windows, and the largest allowed."""
     squares = np.add.reduceat((residual**2).sum(axis=2), condensed.first[:-1], axis=0)
     spare = np.where(condensed.is_known, np.inf, condensed.counts - condensed.rows)
-    measured = spare > 0.3 * np.maximum(condensed.counts, 1)
+    measured = condensed.tells_noise
     if not np.any(measured):
         return np.nan, np.nan
     inside = np.maximum(condensed.noise_variance[measured], np.finfo(float).tiny)
