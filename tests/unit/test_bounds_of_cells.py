@@ -140,3 +140,5 @@ def test_efficiency_table_counts_everything():
     assert (first["amplitude_error_percent"], first["coverage_95_percent"]) == (2.0, 87.5)
     assert (second["efficiency"], second["failures"], second["exact_support"]) == (np.inf, 1, 1)
     assert (first["weakest_t"], second["weakest_t"]) == (5.0, 2.5)
+    without_noise = efficiency(scores[scores["level"] == 0], known, {})
+    assert without_noise.empty and list(without_noise) == list(rows)

@@ -382,6 +382,29 @@ REFUSED = [
     ),
     ({"measurement": {"levels": []}}, "measurement.levels: [] is empty; must hold at least one"),
     (
+        {"recordings": {"span": {"files": ["/data/span.csv"], "publish": True}}},
+        "recordings.span.publish: '/data/span.csv' cannot be published; must be below the working "
+        "folder",
+    ),
+    (
+        {"sweeps": {"wind": {"values": [10, 12, 5]}}},
+        "sweeps.wind.values: [10, 12, 5] is not a range: must be a first and a larger last value, "
+        "and a step that gives 2 to 1000 values",
+    ),
+    (
+        {
+            "assessment": {
+                "measures": {"far": {"kind": "spacers", "mass": 4, "positions": [9, 301]}}
+            }
+        },
+        "assessment.measures.far: 301 m is outside the span of internal_resonance; must be inside "
+        "0..300 m",
+    ),
+    (
+        {"assessment": {"measures": {"none": {"kind": "spacers", "mass": 4, "positions": []}}}},
+        "assessment.measures.none.positions: is empty; must hold one place or more",
+    ),
+    (
         {"measurement": {"levels": [0.1, 0.10000000000001]}},
         "measurement.levels: 0.10000000000001 and 0.1 agree to twelve digits; must be distinct",
     ),

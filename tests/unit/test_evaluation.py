@@ -414,6 +414,9 @@ def test_data_amount_holds_subsets():
     assert (table["amplitude_error_percent_high"] == INF).all()
     assert (table["r2_low"] == -INF).all()
     assert np.isfinite(table[["amplitude_error_percent", "r2"]]).all(axis=None)
+    scores = study_scores()
+    none = data_amount(scores[scores["kind"] != "points"], {})
+    assert none.empty and list(none) == list(table)
 
 
 def test_scores_of_cells_stand_in_one_order():

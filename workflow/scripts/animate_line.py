@@ -1,5 +1,7 @@
 """The first line at the design wind, moving on its limit cycle."""
 
+from contextlib import suppress
+
 import numpy as np
 
 from galloping.cycles.collocation import circle
@@ -20,10 +22,12 @@ def main() -> None:
     start = np.array(initial_state(case))
     motion = settle(Simulator(STATES, LIBRARY), family.model(wind), start)
     title = f"{spoken(settings['name'])}, wind {wind:g} m/s"
+    orbit = None
     if motion.kind == "cycle":
-        _, point = settled(family, wind, motion.time, motion.states, resolution=1.0)
-        orbit = point.solution
-    else:
+        with suppress(ValueError):  # none near enough
+            _, point = settled(family, wind, motion.time, motion.states, resolution=1.0)
+            orbit = point.solution
+    if orbit is None:
         orbit = circle(np.zeros(len(STATES)), np.zeros(len(STATES), complex), 1.0, wind, 8)
         title += f": no limit cycle ({motion.kind})"
     write_animation(snakemake.output.animation, case, orbit, title)

@@ -1,5 +1,7 @@
 """Clearance of one line, its orbits, and what measures would do, with intervals."""
 
+from contextlib import suppress
+
 import numpy as np
 
 from galloping.cycles.line_family import LIBRARY, initial_state, line_family
@@ -40,8 +42,10 @@ def main() -> None:
     identified = read["identified"][OURS][settings["replicate"]] if read else None
     if identified is not None and len(identified.covariance):
         damping = {state: case["damping"][key] for state, key in DAMPING}
-        parts = split([identified], [case["wind"]["speed"]], damping)
-        draws = parts.sampled(generator(settings["seed"], "measures", name), SAMPLES)
+        with suppress(ValueError, np.linalg.LinAlgError):  # a model that tells no stiffness
+            told = split([identified], [case["wind"]["speed"]], damping)
+            draws = told.sampled(generator(settings["seed"], "measures", name), SAMPLES)
+            parts = told
     chosen = [_measure(each) for each in settings["measures"]] or usual(case)
     design = Design(settings["design_wind"], start, tuple(distance), limit)
     outcomes = ranked(parts, case, chosen, design, simulator, draws)

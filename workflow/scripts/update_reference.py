@@ -15,6 +15,7 @@ from galloping.reproducibility.plan import planning
 from galloping.storage import replacing, write_json
 from galloping.tables.reference.processor import processor
 from galloping.tables.reference.study import Origin
+from galloping.tables.registry import BY_NAME
 
 
 def main() -> None:
@@ -31,8 +32,8 @@ def main() -> None:
         )
     tables = [Path(path) for path in comparison.inputs if Path(path).is_relative_to(results)]
     tables = [path for path in tables if not path.is_relative_to(reference)]
-    for gone in {path.name for path in reference.glob("*.csv")} - {path.name for path in tables}:
-        (reference / gone).unlink()
+    for gone in BY_NAME.keys() - {path.stem for path in tables}:  # and no file of anybody else
+        (reference / f"{gone}.csv").unlink(missing_ok=True)
     for path in tables:
         with replacing(reference / path.name) as partial:
             shutil.copyfile(path, partial)

@@ -36,6 +36,9 @@ def test_outline_and_envelope():
     assert design_ellipses(plain(load({}))["cases"]["internal_resonance"]).keys() == {
         "Davison", "Toye", "CIGRE 322",
     }  # fmt: skip
+    of_150_m = {"line": {"span": 150}, "spacers": {"positions": [75]}}
+    short = plain(load({"cases": {"a": of_150_m}}))["cases"]["a"]
+    assert design_ellipses(short).keys() == {"Davison", "Toye"}  # its sag is too small for the last
 
 
 def test_clearance_of_two_circles():

@@ -116,6 +116,8 @@ def test_ranking():
     design = Design(12.0, np.array([0.1, 0.1, 0, 0]), (0.0, 8.0), limit=3.0)
     parts = derived(case())
     draws = parts.values * (1 + 0.002 * np.random.default_rng(3).normal(size=(19, 1)))
+    bare = {**case(), "spacers": {"mass": 0.0, "positions": []}}
+    assert len(usual(bare)) == len(usual(case())) - 2
     chosen = [m for m in usual(case()) if "ice" in m.label or "damper" in m.label]
     order = ranked(parts, case(), chosen, design, simulator(), draws)
     assert [o.measure.label for o in order] == [

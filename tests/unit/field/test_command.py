@@ -117,3 +117,19 @@ def test_help_imports_nothing_heavy():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()
     assert not {"numpy", "pandas", "matplotlib", "heyoka", "numba"} & set(modules)
+
+
+def test_a_refused_model_and_a_broken_mapping_are_told_in_one_line(tmp_path):
+    refused = IdentifiedModel.refused(("q", "dq"), ((1, 0), (0, 1)), "nothing follows the data")
+    refused.save(tmp_path / "model.json")
+    write_text(tmp_path / "map.yaml", "states: [q\n")
+    write_text(tmp_path / "case.yaml", "wind: {speed: 14}\nwind: {speed: 15}\n")
+    for says, *options in (
+        ("holds no model; refused: nothing", "forecast", tmp_path / "model.json", SPAN),
+        ("holds no model; refused: nothing", "simulate", tmp_path / "model.json"),
+        ("map.yaml:2: ", "inspect", SPAN, "--map", tmp_path / "map.yaml"),
+        ("--map stands alone", "inspect", SPAN, *MAP, "--unit", "mm"),
+        ("case.yaml:2: ", "derive", tmp_path / "case.yaml"),
+    ):
+        output = run(*options, code=1)
+        assert says in output and output.count("\n") == 1

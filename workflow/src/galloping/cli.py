@@ -67,8 +67,10 @@ def _mapping(time_column, states, measures, units, noises, span, decimal, map_fi
     from galloping.field.mapping import MappingError, channel_of, read_mapping, validated
 
     if map_file:
-        if states or measures or noises:
-            raise MappingError("--map stands alone: leave --states, --measure and --noise out")
+        if states or measures or units or noises or span is not None:
+            raise MappingError(
+                "--map stands alone: leave --states, --measure, --unit, --noise and --span out"
+            )
         return read_mapping(map_file)
     named = [name.strip() for name in states.split(",")] if states else []
     channels = [channel_of(text) for text in measures]
@@ -91,7 +93,7 @@ def _mapping(time_column, states, measures, units, noises, span, decimal, map_fi
     if noise_of:
         raise MappingError(f"--noise: no column {next(iter(noise_of))!r} is measured")
     content = {"time": time, "states": named, "channels": channels, "decimal": decimal}
-    return validated({**content, **({"span": span} if span else {})})
+    return validated({**content, **({} if span is None else {"span": span})})
 
 
 @main.command()
@@ -166,9 +168,8 @@ def forecast(model, file, duration, window, seed, as_json, **mapping):
     from galloping.field.forecast import forecast as forecast_from
     from galloping.field.outputs import forecast_rows
     from galloping.field.study import PERIODS, read_field
-    from galloping.identification.model import IdentifiedModel
 
-    loaded = IdentifiedModel.load(model)
+    loaded = _answered(model)
     states = loaded.model.states
     if not (mapping["states"] or mapping["map_file"]):
         measured = zip(states, np.isfinite(loaded.sigma[-1]), strict=True)
@@ -181,11 +182,22 @@ def forecast(model, file, duration, window, seed, as_json, **mapping):
         raise ValueError(f"{model}: has the states {', '.join(states)}; --states must be the same")
     recording = field.recordings[0]
     step = float(np.median(np.diff(recording.time)))
+    steps = np.arange(1, max(round(duration / step), 1) + 1)
     ahead = forecast_from(
-        loaded, recording, recording.time[-1] + step * np.arange(1, round(duration / step) + 1),
+        loaded, recording, recording.time[-1] + step * steps,
         window or PERIODS * field.period, np.random.default_rng(seed),
     )  # fmt: skip
     _print_rows(forecast_rows(ahead, states), as_json)
+
+
+def _answered(path):
+    """The model in a file, where there is one."""
+    from galloping.identification.model import IdentifiedModel
+
+    loaded = IdentifiedModel.load(path)
+    if loaded.status == "refused":
+        raise ValueError(f"{path}: holds no model; {loaded.verdict}")
+    return loaded
 
 
 def _print_rows(rows: list[dict], as_json: bool) -> None:
@@ -223,10 +235,9 @@ def simulate(model, duration, rate, initial, as_json):
     """Simulate a MODEL and print its states as CSV."""
     import numpy as np
 
-    from galloping.identification.model import IdentifiedModel
     from galloping.simulation import time_grid
 
-    loaded = IdentifiedModel.load(model)
+    loaded = _answered(model)
     if initial:
         start = np.array([float(text) for text in initial.split(",")])
     elif len(loaded.initial_states):
@@ -248,15 +259,11 @@ def simulate(model, duration, rate, initial, as_json):
 @click.option("--json", "as_json", is_flag=True, help="Print coefficients for machines.")
 def derive(case, as_json):
     """Derive the galloping equations of a line from CASE.yaml, a case of the configuration."""
-    import yaml
-
+    from galloping.configuration.load import read
     from galloping.identification.model import IdentifiedModel
     from galloping.stages import derive as derived
 
-    section = yaml.safe_load(Path(case).read_text(encoding="utf-8")) or {}
-    if not isinstance(section, dict):
-        raise ValueError(f"{case}: expected sections such as `line:` and `wind:`")
-    model = derived(**section)
+    model = derived(**read(case))
     exact = IdentifiedModel(model, "unjudged")
     if as_json:
         rows = {

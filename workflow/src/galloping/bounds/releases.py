@@ -22,9 +22,9 @@ def ranked_releases(
 
     first: the recording that there is. level: of the noise on every state, in units of its
     deviation. Releases from which the line's motion ends early are left out; where that of `first`
-    does, all are.
+    does, or there is no noise, which leaves nothing to learn, all are.
     """
-    if first.status != "ok":
+    if first.status != "ok" or level == 0:
         return []
     simulator = Simulator(line.states, line.terms)
     names, options = [], []

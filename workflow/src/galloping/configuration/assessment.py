@@ -41,7 +41,7 @@ MEASURES = {
     "ice_removal": (),
 }
 MOST_VALUES = 1000
-RANGE_RULE = f"first below last, at most {MOST_VALUES} values"
+RANGE_RULE = f"first below last, 2 to {MOST_VALUES} values"
 
 
 class Sweep(Section):
@@ -61,10 +61,10 @@ class Sweep(Section):
     def _a_range(cls, values: tuple | None) -> tuple | None:
         if values is not None:
             first, last, step = values
-            if not first < last or (last - first) / step > MOST_VALUES:
+            if not (first < last and 1 - 1e-9 <= (last - first) / step <= MOST_VALUES):
                 raise invalid(
                     f"{show(values)} is not a range: must be a first and a larger last value, and "
-                    f"a step that gives at most {MOST_VALUES} values"
+                    f"a step that gives 2 to {MOST_VALUES} values"
                 )
         return values
 
@@ -100,7 +100,14 @@ class Measure(Section):
         if given != wanted:
             keys = ", ".join(MEASURES[self.kind]) or "nothing else"
             raise invalid(f"{self.kind} takes {keys}", "kind")
+        if self.positions is not None and not self.positions:
+            raise invalid("is empty; must hold one place or more", "positions")
         return self
+
+    @property
+    def places(self) -> tuple[float, ...]:
+        """Where on the span it is, m."""
+        return self.positions or (() if self.position is None else (self.position,))
 
 
 class OpenParameters(Section):

@@ -173,6 +173,14 @@ class Recordings(Section):
     )
     publish: bool = setting(False, "whether the files go into a publication of the study")
 
+    @field_validator("publish")
+    @classmethod
+    def _below_the_working_folder(cls, publish: bool, info: ValidationInfo) -> bool:
+        for file in info.data.get("files", ()) if publish else ():
+            if file.startswith(("/", ".")) or ".." in Path(file).parts:
+                raise invalid(f"{show(file)} cannot be published; must be below the working folder")
+        return publish
+
 
 class Figures(Section):
     """How figures are drawn."""
@@ -295,6 +303,21 @@ class Settings(Section):
                     name,
                     "case",
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _measures_inside_the_spans(self) -> Settings:
+        for name, case in self.cases.items():
+            for label, measure in self.assessment.measures.items():
+                for place in measure.places:
+                    if not 0 < place < case.line.span:
+                        raise invalid(
+                            f"{show(place)} m is outside the span of {name}; "
+                            f"must be inside 0..{show(case.line.span)} m",
+                            "assessment",
+                            "measures",
+                            label,
+                        )
         return self
 
     @model_validator(mode="after")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -151,9 +152,11 @@ def evaluate(
     if motion.kind == "rest" or critical >= design.wind:
         still = clearance(np.zeros((1, 2)), np.zeros((1, 2)), design.distance).least
         return Outcome(measure, critical_wind, (0.0,) * 3, (0.0,) * 3, (still,) * 3, "rest")
+    family, point = line.family(), None
     if motion.kind == "cycle":
-        family = line.family()
-        _, point = settled(family, design.wind, motion.time, motion.states, resolution=1.0)
+        with suppress(ValueError):  # of none near enough the motion itself is shown
+            _, point = settled(family, design.wind, motion.time, motion.states, resolution=1.0)
+    if point is not None:
         orbits = [near(line.family(values), point.solution) for values in scaled]
         places = [_places(orbit.sampled()[1]) for orbit in orbits if orbit is not None]
         centre = _places(point.solution.sampled()[1])

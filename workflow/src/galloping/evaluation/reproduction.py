@@ -41,8 +41,9 @@ class Plan:
     """What is measured and identified of each variant of a case.
 
     case: its name, by which claims are about it. protocol, method: name; options: `Method.settings`
-    of it. levels: of noise on whole records; points: sizes of the subsets at subset_level. degree:
-    of the candidate library. duration: s, sampling_rate: Hz, steady: window in s.
+    of it. levels: of noise on whole records; points: sizes of the subsets at subset_level.
+    relative: whether levels are in units of what is measured. degree: of the candidate library.
+    duration: s, sampling_rate: Hz, steady: window in s.
     """
 
     case: str
@@ -54,6 +55,7 @@ class Plan:
     subset_level: float
     replicates: int
     seed: int
+    relative: bool = True
     degree: int = 3
     duration: float = 300.0
     sampling_rate: float = 100.0
@@ -123,9 +125,9 @@ def _scores(plan: Plan, case: Mapping) -> pd.DataFrame:
     unbounded = np.full((1, *true.coefficients.shape), np.nan)
     rows = []
     for kind, level, points in cells:
-        name = (plan.case, plan.protocol, f"{kind}_{points if kind == SUBSET else level:g}")
+        name = (plan.case, plan.protocol, f"{kind}_{points if kind == SUBSET else level:.12g}")
         recordings = measure(
-            [motion], protocol=plan.protocol, level=level, relative=True, samples=points,
+            [motion], protocol=plan.protocol, level=level, relative=plan.relative, samples=points,
             recordings=1, replicates=plan.replicates, seed=plan.seed, name=name,
         )  # fmt: skip
         models = identify({plan.method: plan.options}, recordings, terms, name)

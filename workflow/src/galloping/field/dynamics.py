@@ -132,7 +132,9 @@ def _linear(model: PolynomialModel, pairs: dict[int, int]) -> np.ndarray:
 def sentences(of: Dynamics) -> list[str]:
     """The same in words."""
     said = [
-        f"{state} oscillates at {_words(of.frequencies[state], 'Hz')}, net damping "
+        f"{state} does not oscillate by itself"
+        if np.isnan(of.frequencies[state].value)
+        else f"{state} oscillates at {_words(of.frequencies[state], 'Hz')}, net damping "
         f"{_words(of.damping[state], '% of critical', 100)}"
         + (": it grows" if of.damping[state].value < 0 else "")
         for state in of.frequencies

@@ -20,9 +20,12 @@ def excerpts(recordings: list[Recording]) -> list[Recording]:
     recording is cut into equal parts. From every other part comes the stretch in which the size of
     the motion varies most, for what grows and decays tells of damping; from the others that in
     which the motion is largest, for it tells of the cubic terms. Stretches without gaps go before
-    others. Raises ValueError where no channel varies.
+    others. Recordings of which no channel varies above its noise have no period, and stay whole.
     """
-    period = shortest_period(recordings)
+    try:
+        period = shortest_period(recordings)
+    except ValueError:
+        return recordings
     each = max(STRETCHES // len(recordings), 1)
     return [piece for recording in recordings for piece in _pieces(recording, each, period)]
 

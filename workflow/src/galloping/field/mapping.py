@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 from typing import Literal
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 NAME = re.compile(r"[^\W\d]\w*")
@@ -114,10 +113,15 @@ def validated(content: object) -> Mapping:
 
 
 def read_mapping(path: str | Path) -> Mapping:
-    """A mapping from a YAML file. Raises MappingError, the lines of which begin with its name."""
+    """A mapping from a YAML file.
+
+    Raises MappingError or ConfigurationError, the lines of which begin with its name.
+    """
+    from galloping.configuration.load import read  # slow to import; few need it
+
     try:
-        return validated(yaml.safe_load(Path(path).read_text(encoding="utf-8")))
-    except (MappingError, yaml.YAMLError) as error:
+        return validated(read(path))
+    except MappingError as error:
         raise MappingError(f"{path}: {error}") from error
 
 

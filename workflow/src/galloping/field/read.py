@@ -82,6 +82,11 @@ def read_series(path: str | Path, mapping: Mapping) -> Series:
         known = column[np.isfinite(column)]
         if not len(known):
             raise FileError(f"{table.path}: column {channel.column!r} is empty")
+        if len(known) < FEWEST <= len(time):
+            raise FileError(
+                f"{table.path}: column {channel.column!r} has {len(known)} samples, fewer than the "
+                f"{FEWEST} needed"
+            )
         if np.ptp(known) == 0:
             raise FileError(
                 f"{table.path}: column {channel.column!r} is {known[0]:g} throughout: the sensor "

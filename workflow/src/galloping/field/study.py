@@ -311,7 +311,7 @@ def _dynamics(findings: Findings) -> list[str]:
 
 def _used(recordings: Sequence[Recording]) -> str:
     stretches = excerpts(list(recordings))
-    if len(stretches) == len(recordings):
+    if all(one is other for one, other in zip(stretches, recordings, strict=False)):
         return ""
     duration = sum(one.time[-1] - one.time[0] for one in recordings)
     share = 100 * sum(one.time[-1] - one.time[0] for one in stretches) / duration

@@ -45,8 +45,10 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
         axes.set_visible(False)
     for axes in grid[:, 0]:
         axes.set_ylabel("vertical, m from rest")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6)
+    named = {}
+    for axes in grid.flat:
+        named |= dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    figure.legend(named.values(), named, loc="outside lower center", ncols=6)
     panels.note_left_out(figure, names[len(shown) :], "clearance.csv")
     return figure
 

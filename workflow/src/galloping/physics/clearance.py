@@ -7,6 +7,7 @@ ellipse stands upright at mid-span (major axis vertical); sag is that of the ice
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from math import log, sqrt
 
@@ -84,13 +85,15 @@ def _positive(**lengths: float) -> None:
 
 
 def design_ellipses(case: Mapping) -> dict[str, Ellipse]:
-    """The three ellipses of a case; a conductor's diameter is the bundle's dimension by number."""
+    """The ellipses of a case, without that of CIGRE 322 where the sag is too small for it.
+
+    A conductor's diameter is the bundle's dimension by number.
+    """
     sag, count = Line.from_case(case).sag, case["bundle"]["subconductors"]
-    return {
-        "Davison": davison(sag),
-        "Toye": toye(case["line"]["span"], sag),
-        "CIGRE 322": cigre(sag, case["bundle"]["dimension"] / count, bundle=count > 1),
-    }
+    found = {"Davison": davison(sag), "Toye": toye(case["line"]["span"], sag)}
+    with suppress(ValueError):
+        found["CIGRE 322"] = cigre(sag, case["bundle"]["dimension"] / count, bundle=count > 1)
+    return found
 
 
 def envelope(orbit: np.ndarray) -> tuple[float, float, float]:

@@ -60,7 +60,7 @@ def damper(position: float, coefficient: float) -> Measure:
 
 def spacers(mass: float, positions: Sequence[float]) -> Measure:
     """Other spacers: their mass lowers both frequencies, each by its mode at their places."""
-    _positive(mass=mass, **{"first position": positions[0]})
+    _positive(mass=mass, **{"first position": min(positions, default=0.0)})
     label = f"spacers of {mass:g} kg at {', '.join(f'{p:g}' for p in positions)} m"
     new = {"mass": mass, "positions": list(positions)}
     return Measure(label, lambda case: {**case, "spacers": new}, source=CIGRE)
@@ -103,15 +103,16 @@ def measure(kind: str, **settings: object) -> Measure:
 
 
 def usual(case: Mapping) -> tuple[Measure, ...]:
-    """Measures of a size that practice uses, for a case."""
+    """Measures of a size that practice uses, for a case; other spacers where it has any."""
     span, mass = case["line"]["span"], case["spacers"]["mass"]
+    positions = case["spacers"]["positions"]
     thirds = [float(round(share * span)) for share in (2 / 9, 4 / 9, 7 / 9)]
+    others = (spacers(4 * mass, positions), spacers(mass, thirds)) if mass and positions else ()
     return (
         tension(1.2),
         tension(0.8),
         damper(round(0.1 * span, 3), 200.0),
-        spacers(4 * mass, case["spacers"]["positions"]),
-        spacers(mass, thirds),
+        *others,
         pendulum(20.0, thirds),
         ice_removal(),
     )

@@ -183,6 +183,7 @@ def vary_parameter(study: Study, parameter: str) -> Job:
         "levels": list(measurement.levels),
         "points": list(measurement.subsets.points),
         "subset_level": measurement.subsets.level,
+        "relative": protocol.is_scaled and measurement.state_noise == "relative",
         "replicates": min(measurement.replicates, MOST_DRAWS),
         "seed": measurement.seed,
         "degree": study.settings.identification.degree,

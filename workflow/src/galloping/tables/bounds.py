@@ -15,6 +15,10 @@ from galloping.tables.summary import failures
 
 CELL = ["case", "recordings", "protocol", "level", "points"]  # what names a cell
 KEYS = [*CELL, "method"]
+EFFICIENCY = [
+    "replicates", "exact_support", "efficiency", "r2_q_v", "r2_q_w", "amplitude_error_percent",
+    "coverage_95_percent", "weakest_t", "failures",
+]  # fmt: skip
 COLUMNS = [*CELL, "equation", "term", "true", "bound", "t", "verdict"]
 
 
@@ -96,7 +100,7 @@ def efficiency(
                 "failures": failures(cell),
             }
         )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=[*KEYS, *EFFICIENCY])
 
 
 def _coverage(cell: pd.DataFrame) -> float:

@@ -57,4 +57,5 @@ def summarise(
                     "failures": failures(group),
                 }
             )
-    return pd.DataFrame(rows)
+    values = (value, f"{value}_low", f"{value}_high")
+    return pd.DataFrame(rows, columns=[*keys, axis, *values, "replicates", "failures"])
