@@ -27,7 +27,7 @@ class Claim:
 
     name: its row. quantity: what is compared, with unit. paper_value: as printed.
     kind: `value` or `at_least` or `at_most`. level, points: the cell; points None is the record.
-    column: of the scores, or a pair whose first must exceed its second.
+    column: of the scores; minus: another column, which is taken from it, or None.
     case: the case it is about, or None for every case. source: where in the paper.
     """
 
