@@ -89,3 +89,9 @@ def test_only_a_finished_study_becomes_the_reference(edited, study):
     assert tables == before.keys() - {"origin.json"}
     for name in tables:
         assert (reference / name).read_bytes() == (study.results / "tables" / name).read_bytes()
+
+    (reference / "origin.json").unlink()
+    run = update_reference(edited)
+    assert run.returncode != 0
+    assert run.stdout.endswith("holds tables of something else; must be a folder of its own\n")
+    assert {path.name for path in reference.iterdir()} == tables

@@ -164,7 +164,6 @@ NEW_METHOD = """METHODS = (
         options=Thresholded,
         takes=(RATES, STATES),
         needs_uniform=False,
-        summary="a new one",
     ),
 """
 

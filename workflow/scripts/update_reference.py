@@ -15,7 +15,6 @@ from galloping.reproducibility.plan import planning
 from galloping.storage import replacing, write_json
 from galloping.tables.reference.processor import processor
 from galloping.tables.reference.study import Origin
-from galloping.tables.registry import BY_NAME
 
 
 def main() -> None:
@@ -24,6 +23,8 @@ def main() -> None:
     plan = planning(parser.parse_args().configfile)
     results, reference = plan.results, Path(plan.settings["reference"])
     faults = plan.maker.keys() - set(audit(plan).sound)
+    if any(reference.glob("*.csv")) and not (reference / "origin.json").exists():
+        sys.exit(f"{reference}: holds tables of something else; must be a folder of its own")
     comparison = next(job for job in plan.jobs if job.rule == "compare_reference")
     if faults:
         sys.exit(
@@ -32,8 +33,8 @@ def main() -> None:
         )
     tables = [Path(path) for path in comparison.inputs if Path(path).is_relative_to(results)]
     tables = [path for path in tables if not path.is_relative_to(reference)]
-    for gone in BY_NAME.keys() - {path.stem for path in tables}:  # and no file of anybody else
-        (reference / f"{gone}.csv").unlink(missing_ok=True)
+    for gone in {path.name for path in reference.glob("*.csv")} - {path.name for path in tables}:
+        (reference / gone).unlink()
     for path in tables:
         with replacing(reference / path.name) as partial:
             shutil.copyfile(path, partial)
