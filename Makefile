@@ -63,7 +63,7 @@ prune: $(VENV)/made
 	@$(SCRIPT)/prune_results.py $(if $(filter yes,$(DELETE)),--delete) $(OPTIONS)
 
 test: study browser
-	$(BIN)/python -m pytest -n 2 --dist loadgroup $(if $(CI)$(SLOW),-m 'not faults and not slurm')
+	$(BIN)/python -m pytest -n 2 --dist loadgroup $(if $(CI)$(filter yes,$(SLOW)),-m 'not faults and not slurm')
 
 # For the checks of the report: Debian's Chromium, where no browser is and one may be installed.
 browser:

@@ -35,8 +35,10 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
     rows, height = panels.fitting(range(math.ceil(len(names) / columns)), 0.6, 3.6)
     shown = names[: len(rows) * columns]
     figure = Figure(figsize=(DOUBLE, height), layout="constrained")
-    places = [places for of_case in orbits.values() for places in of_case.values()]
-    reach = 1.35 * max((np.max(np.abs(each[:, 0])) for each in places), default=1.0)
+    drawn = [places for of_case in orbits.values() for places in of_case.values()]
+    for name in shown:
+        drawn += [each.outline() for each in design_ellipses(settings["cases"][name]).values()]
+    reach = 1.35 * max(np.max(np.abs(each[:, 0])) for each in drawn)
     grid = figure.subplots(len(rows), columns, squeeze=False, sharex=True, sharey=True)
     for k, (axes, name) in enumerate(zip(grid.flat, shown, strict=False)):
         panels.letter(axes, k, spoken(name))
