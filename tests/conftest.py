@@ -13,7 +13,7 @@ from galloping.configuration.load import load, plain
 
 pytest_plugins = ["browser", "studies"]
 SLOW = (
-    "Slow tests were not run: studies killed, damaged, grown, moved, of one's own lines, trials. "
+    "Slow tests were not run, such as studies killed, damaged, grown and moved, and trials: "
     "`make test SLOW=yes` runs them."
 )
 ROOT = Path(__file__).parents[1]

@@ -207,6 +207,7 @@ def boxes(figure):
     return [*drawn, *(("legend", legend.get_window_extent()) for legend in figure.legends)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("draw", "table"),
     [

@@ -51,6 +51,7 @@ def test_a_number_of_cores_that_is_none_is_one_line(root, cores):
     )
 
 
+@pytest.mark.slow
 def test_pruning_shows_what_it_would_remove(fresh, tmp_path):
     folder = tmp_path / "study"
     shutil.copytree(fresh.folder, folder, ignore=shutil.ignore_patterns(".snakemake"))

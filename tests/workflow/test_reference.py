@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -21,20 +22,20 @@ def test_the_numbers_of_the_reference_come_out_again(study, root, hold_to_refere
     hold_to_reference(study.results / "tables", root / "results" / "reference" / "smoke")
 
 
-@pytest.fixture
-def edited(study, tmp_path):
-    """A copy of the finished study in which one column of the reference is another."""
-    edited = type(study)(tmp_path / "edited")
+@pytest.fixture(scope="module")
+def edited(study, tmp_path_factory):
+    """A copy of the finished study in which one column of the reference is another, run again."""
+    edited = type(study)(tmp_path_factory.mktemp("reference") / "edited")
     shutil.copytree(study.folder, edited.folder)
     file = edited.folder / "results/reference/smoke/efficiency.csv"
     numbers = pd.read_csv(file)
     numbers["weakest_t"] *= 1.01
     numbers.to_csv(file, index=False)
-    return edited
+    return replace(edited, first=edited.snakemake())
 
 
 def test_another_reference_runs_the_comparison_alone_and_shows(edited, hold_to_reference):
-    run = edited.snakemake()
+    run = edited.first
     assert run.returncode == 0, run.stdout
     assert "3 of 3 steps (100%) done" in run.stdout  # the comparison, the report, the rule of all
     summary = {row["table"]: row for row in table(edited, "reference_summary")}
@@ -65,6 +66,7 @@ def update_reference(study):
     )
 
 
+@pytest.mark.slow
 def test_only_a_finished_study_becomes_the_reference(edited, study):
     reference = edited.folder / "results/reference/smoke"
     lost = edited.results / "bounds/non_resonant/state/noise_0.05.npz"
@@ -80,8 +82,6 @@ def test_only_a_finished_study_becomes_the_reference(edited, study):
     assert {path.name: path.read_bytes() for path in reference.iterdir()} == before
 
     kept.rename(lost)
-    run = edited.snakemake()
-    assert run.returncode == 0, run.stdout
     (reference / "gone.csv").write_text("case\n")
     run = update_reference(edited)
     assert run.returncode == 0, run.stdout

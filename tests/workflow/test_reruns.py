@@ -27,8 +27,6 @@ from studies import copy_repository
 
 from galloping.identification.registry import METHODS
 
-pytestmark = pytest.mark.xdist_group("study")
-
 PAGE = Path(__file__).parents[2] / "config" / "reruns.md"
 HEADER = ["| Edit | Rules that run again | Of which cells |", "| --- | --- | --- |"]
 FAMILIES = {method.family for method in METHODS}
@@ -368,6 +366,7 @@ def test_every_edit_has_a_row_and_every_row_an_edit():
 OF_FILES = ("a number in `results/reference`", "a script, module, rule file or result touched")
 
 
+@pytest.mark.xdist_group("reruns")
 @pytest.mark.parametrize(
     "row",
     [
@@ -401,11 +400,13 @@ def dry_run(study, folder, *edits):
     }
 
 
+@pytest.mark.xdist_group("study")
 def test_snakemake_runs_what_the_plans_say(study, edited, tmp_path):
     edits = [EDITS[name] for name in ("a threshold of `stlsq`", "the wind speed of another case")]
     assert dry_run(study, tmp_path, *edits) == set(edited(*edits))
 
 
+@pytest.mark.xdist_group("study")
 def test_what_runs_nothing_runs_nothing(study, tmp_path):
     # together: none of them can take back what another does
     edits = [EDITS[row.edit] for row in rows() if row.rules == "nothing"]

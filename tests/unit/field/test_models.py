@@ -54,6 +54,7 @@ def field(tmp_path_factory):
     return read_field([recorded(path, motion.time[::20], motion.states[::20])], mapping())
 
 
+@pytest.mark.slow
 def test_a_recording_of_the_study_gives_the_same_numbers_through_a_file(tmp_path):
     line, motion = simulate("internal_resonance")
     time, states = motion.time[:10001], motion.states[:10001]
