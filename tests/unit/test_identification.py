@@ -13,12 +13,18 @@ from galloping.configuration.load import load, plain
 from galloping.identification.cell import identify
 from galloping.identification.model import BY_TERM, IdentifiedModel
 from galloping.identification.registry import BY_NAME, METHODS
-from galloping.identification.sparse import reduction, selection, stlsq
+from galloping.identification.sparse import reduction, stlsq
 from galloping.identification.sparse.bagging import bagged_medians
 from galloping.identification.sparse.differentiation import differentiate
 from galloping.identification.sparse.drawing import seeded
 from galloping.identification.sparse.reduction import reduce
 from galloping.identification.sparse.regression import regression, stretches
+from galloping.identification.sparse.supports import (
+    best_threshold,
+    ebic,
+    refit,
+    thresholded_supports,
+)
 from galloping.importing import imported
 from galloping.measurement.measuring import measure
 from galloping.measurement.motion import Motion
@@ -185,7 +191,7 @@ def test_thresholded_supports_are_those_of_pysindy(simulated, protocol):
     targets = problem.targets / np.linalg.norm(problem.targets, axis=0)
     thresholds = np.geomspace(1e-4, 0.5, 25)
     for weights in (np.ones(len(TERMS)), lengths.min() / lengths):
-        ours = selection.thresholded_supports(
+        ours = thresholded_supports(
             unit.T @ unit, targets.T @ unit, np.tile(thresholds, (4, 1)), weights
         )
         for row, k in np.ndindex(4, len(thresholds)):
@@ -217,7 +223,7 @@ def test_refit_is_least_squares_on_each_support():
     rng = np.random.default_rng(5)
     theta, targets = rng.standard_normal((40, 6)), rng.standard_normal((40, 2))
     supports = rng.random((2, 5, 6)) < 0.5
-    coefficients = selection.refit(theta, targets, supports)
+    coefficients = refit(theta, targets, supports)
     for row, k in np.ndindex(2, 5):
         mask = supports[row, k]
         expected = np.linalg.lstsq(theta[:, mask], targets[:, row], rcond=None)[0]
@@ -226,17 +232,17 @@ def test_refit_is_least_squares_on_each_support():
 
 
 def test_ebic_charges_for_terms():
-    lean, rich = selection.ebic(np.array([1.0, 1.0]), np.array([3, 4]), 1000, 35)
+    lean, rich = ebic(np.array([1.0, 1.0]), np.array([3, 4]), 1000, 35)
     assert rich - lean == pytest.approx(np.log(1000) + 2 * np.log(35))
-    worse, better = selection.ebic(np.array([2.0, 1.0]), np.array([3, 3]), 1000, 35)
+    worse, better = ebic(np.array([2.0, 1.0]), np.array([3, 3]), 1000, 35)
     assert worse - better == pytest.approx(1000 * np.log(2))
-    assert np.isfinite(selection.ebic(np.array([0.0]), np.array([3]), 1000, 35)).all()
+    assert np.isfinite(ebic(np.array([0.0]), np.array([3]), 1000, 35)).all()
 
 
 def test_best_threshold_is_the_middle_of_its_range():
     thresholds = np.array([0.001, 0.01, 0.1, 1.0])
     supports = np.array([[1, 1, 1], [1, 1, 0], [1, 1, 0], [1, 0, 0]], dtype=bool)
-    assert selection.best_threshold(thresholds, supports, 1) == pytest.approx(10**-1.5)
+    assert best_threshold(thresholds, supports, 1) == pytest.approx(10**-1.5)
 
 
 @pytest.mark.parametrize("method", ["stlsq", "stlsq_raw", "lasso", "ensemble"])

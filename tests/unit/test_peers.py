@@ -13,7 +13,7 @@ from galloping.identification.sparse.cross_validation import FOLDS, Judged, judg
 from galloping.identification.sparse.drawing import seeded
 from galloping.identification.sparse.filters import Filtered, savitzky_golay, weak_form
 from galloping.identification.sparse.regression import Regression
-from galloping.identification.sparse.selection import forward_supports
+from galloping.identification.sparse.supports import forward_supports
 from galloping.measurement.measuring import measure
 from galloping.measurement.motion import Motion
 from galloping.physics.equations import EQUATIONS
@@ -148,7 +148,7 @@ def test_tuned_smoothing_is_better_than_a_spline_and_worse_than_the_oracle(line)
     options = {"threshold": None, "path_length": 30}
     tuned = stlsq.normalised(evidence, **options).model.coefficients
     plain = stlsq.normalised(
-        reduction.Evidence(evidence.plain, evidence.plain), **options
+        reduction.Regressions(evidence.plain, evidence.plain), **options
     ).model.coefficients
     assert error(true, tuned) < 0.6 * error(true, plain)
     models = alternatives(evidence, PATHS["stlsq"](30))

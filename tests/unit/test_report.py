@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from galloping.report.headline import headline
-from galloping.report.page import Item, Page, Recordings, as_html, render
+from galloping.report.page import Item, Page, RecordingSection, as_html, render
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def page(tmp_path):
     figure = Item("f", "01 a figure", "It shows *this*.", svg)
     table = Item("t", "a table", "It holds ``that``.", csv)
     return Page("A study", ["One & one."], figure, [("span", "300 m")], "Words.",
-                [figure], [table], [Recordings("span", "# <Summary>", [figure])],
+                [figure], [table], [RecordingSection("span", "# <Summary>", [figure])],
                 {"python": "3.11"})  # fmt: skip
 
 

@@ -294,6 +294,6 @@ def test_a_study_in_the_folder_of_another_is_its_own(tmp_path, monkeypatch):
     small.write_text("1\n")
     (tmp_path / ".snakemake").mkdir()
     kept = {"results/smoke/a.csv": [1, 2, 3, 4, "digest"]}
-    inspection.remember("results/smoke", inspection.Findings((), (), (), (), kept))
+    inspection.remember("results/smoke", inspection.Deviations((), (), (), (), kept))
     assert inspection.inspect("results", {}).unknown == ()
     assert inspection.inspect("results/smoke", {}).unknown == ("results/smoke/a.csv",)

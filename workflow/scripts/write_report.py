@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from galloping.report.headline import headline, verdicts
-from galloping.report.page import Item, Page, Recordings, render
+from galloping.report.page import Item, Page, RecordingSection, render
 from galloping.report.settings import described, versions
 from galloping.reproducibility.job import run
 from galloping.storage import write_text
@@ -33,11 +33,11 @@ def main() -> None:
     trust = read.pop("trust", None)
     sentences = headline(**read, **settings["headline"]) if read else []
 
-    def recordings(name: str) -> Recordings:
+    def recordings(name: str) -> RecordingSection:
         shown = {
             figure: Path(paths[f"recordings/{name}/{figure}.svg"]) for figure in CAPTIONS_OF_FIELD
         }
-        return Recordings(
+        return RecordingSection(
             name,
             Path(paths[f"recordings/{name}/summary.md"]).read_text(encoding="utf-8"),
             [Item(k, f"{name}: {k}", CAPTIONS_OF_FIELD[k], path) for k, path in shown.items()],

@@ -44,7 +44,7 @@ MOST_VALUES = 1000
 RANGE_RULE = f"first below last, 2 to {MOST_VALUES} values"
 
 
-class Sweep(Section):
+class SweepSection(Section):
     """One parameter of every line over a range, or two."""
 
     parameter: one_of(SWEPT) = setting("wind_speed", "what is varied")
@@ -69,7 +69,7 @@ class Sweep(Section):
         return values
 
     @model_validator(mode="after")
-    def _second_is_whole(self) -> Sweep:
+    def _second_is_whole(self) -> SweepSection:
         if (self.second is None) != (self.second_values is None):
             raise invalid("a map needs both second and second_values", "second")
         if self.second == self.parameter:
@@ -77,7 +77,7 @@ class Sweep(Section):
         return self
 
 
-class Measure(Section):
+class MeasureSection(Section):
     """One measure against galloping."""
 
     kind: one_of(tuple(MEASURES)) = setting("ice_removal", "what is done")
@@ -94,7 +94,7 @@ class Measure(Section):
     )
 
     @model_validator(mode="after")
-    def _of_its_kind(self) -> Measure:
+    def _of_its_kind(self) -> MeasureSection:
         given = {k for k, v in self.model_dump(exclude={"kind"}).items() if v is not None}
         wanted = set(MEASURES[self.kind])
         if given != wanted:
@@ -110,7 +110,7 @@ class Measure(Section):
         return self.positions or (() if self.position is None else (self.position,))
 
 
-class OpenParameters(Section):
+class OpenParametersSection(Section):
     """What the paper leaves open of its first line: values at which its claims are judged."""
 
     wind_speed: distinct(real(ge=0.1, le=120)) = setting((8, 10, 12, 14, 16), "wind speed", "m/s")
@@ -125,7 +125,7 @@ class OpenParameters(Section):
     )
 
 
-class Assessment(Section):
+class AssessmentSection(Section):
     """What a line engineer asks of the lines: how far they gallop, and what stops them."""
 
     design_wind: real(ge=0.1, le=120) = setting(
@@ -138,8 +138,8 @@ class Assessment(Section):
     winds: selection(real(ge=0.1, le=120)) = setting(
         (8, 10, 12, 14, 16), "wind speeds that are predicted from identified models", "m/s"
     )
-    open_parameters: OpenParameters = section(OpenParameters)
-    measures: dict[Name, Measure] = setting(
+    open_parameters: OpenParametersSection = section(OpenParametersSection)
+    measures: dict[Name, MeasureSection] = setting(
         {},
         "measures that are compared, by name; without any, those of a usual size",
         rule=NAME_RULE,

@@ -31,10 +31,10 @@ Aerodynamic = real(ge=-1e4, le=1e4)  # an airfoil has 6 a radian; cubic terms re
 LARGEST_SAG = 0.25  # of the span: beyond, the parabola is off by more than a tenth of the tension
 # Of the continuous line: `galloping.physics.continuous`, `galloping.physics.gusts`.
 AERODYNAMICS = ("small_angle", "relative")
-SPECTRA = ("von_karman", "kaimal")
+SPECTRUM_NAMES = ("von_karman", "kaimal")
 
 
-class Conductor(Section):
+class ConductorSection(Section):
     """One sub-conductor."""
 
     mass: real(ge=0.01, le=100) = parameter(
@@ -64,7 +64,7 @@ class Conductor(Section):
     )
 
 
-class Bundle(Section):
+class BundleSection(Section):
     """How many sub-conductors there are, and the size the wind sees."""
 
     subconductors: whole(ge=1, le=24) = parameter(
@@ -81,7 +81,7 @@ class Bundle(Section):
     )
 
 
-class Line(Section):
+class LineSection(Section):
     """The span and how it hangs."""
 
     span: real(ge=1, le=10000) = parameter(
@@ -107,7 +107,7 @@ class Line(Section):
     )
 
 
-class Spacers(Section):
+class SpacersSection(Section):
     """Point masses along the span."""
 
     mass: real(ge=0, le=1e4) = parameter(
@@ -133,7 +133,7 @@ class Spacers(Section):
         return positions
 
 
-class Ice(Section):
+class IceSection(Section):
     """Aerodynamic coefficients of the iced section."""
 
     reading: Literal["swapped", "milli", "custom"] = parameter(
@@ -176,7 +176,7 @@ class Ice(Section):
         return value
 
 
-class Wind(Section):
+class WindSection(Section):
     """The steady wind across the line."""
 
     speed: real(ge=0.1, le=120) = parameter(
@@ -192,7 +192,7 @@ class Wind(Section):
     )
 
 
-class Damping(Section):
+class DampingSection(Section):
     """Structural damping, as ratios to critical."""
 
     vertical: DampingRatio = parameter(
@@ -203,7 +203,7 @@ class Damping(Section):
     )
 
 
-class InitialState(Section):
+class InitialStateSection(Section):
     """Where the trajectory starts."""
 
     q_v: Motion = parameter(0.1, "vertical modal displacement", "m", "q_v(0)", "assumed")
@@ -212,7 +212,7 @@ class InitialState(Section):
     dq_w: Motion = parameter(0, "horizontal modal velocity", "m/s", "dq_w(0)", "assumed")
 
 
-class Gusts(Section):
+class GustsSection(Section):
     """The wind about its mean, the same along the span."""
 
     intensity: real(ge=0, le=0.5) = parameter(
@@ -226,12 +226,12 @@ class Gusts(Section):
     length_scale: real(ge=1, le=2000) = parameter(
         100, "integral length of the turbulence along the wind", "m", "L", "assumed"
     )
-    spectrum: one_of(SPECTRA) = parameter(
+    spectrum: one_of(SPECTRUM_NAMES) = parameter(
         "von_karman", "spectrum of the wind speed", "", "S", "assumed"
     )
 
 
-class Truth(Section):
+class TruthSection(Section):
     """What moves, and where it is observed."""
 
     model: Literal["two_mode", "continuous"] = parameter(
@@ -260,7 +260,7 @@ class Truth(Section):
         0, "first antisymmetric vertical mode at a quarter of the span, at each release", "m",
         "q_a(0)", "assumed",
     )  # fmt: skip
-    gusts: Gusts = section(Gusts)
+    gusts: GustsSection = section(GustsSection)
     sensors: selection(real(gt=0, lt=1)) = parameter(
         (0.25, 0.5, 0.75),
         "places of the sensors, in spans from the left end; as many sine modes are told apart, "
@@ -271,38 +271,38 @@ class Truth(Section):
     )
 
     @model_validator(mode="after")
-    def _only_what_counts(self) -> Truth:
+    def _only_what_counts(self) -> TruthSection:
         if self.model != "continuous":
             for name in sorted(self.model_fields_set - {"model"}):
-                if getattr(self, name) != getattr(Truth(), name):
+                if getattr(self, name) != getattr(TruthSection(), name):
                     raise invalid("must be left out, or the model continuous", name)
         return self
 
 
-class Case(Section):
+class CaseSection(Section):
     """One line in one wind."""
 
-    conductor: Conductor = section(Conductor)
-    bundle: Bundle = section(Bundle)
-    line: Line = section(Line)
-    spacers: Spacers = section(Spacers)
-    ice: Ice = section(Ice)
-    wind: Wind = section(Wind)
-    damping: Damping = section(Damping)
-    initial_state: InitialState = section(InitialState)
-    releases: dict[Name, InitialState] = setting(
+    conductor: ConductorSection = section(ConductorSection)
+    bundle: BundleSection = section(BundleSection)
+    line: LineSection = section(LineSection)
+    spacers: SpacersSection = section(SpacersSection)
+    ice: IceSection = section(IceSection)
+    wind: WindSection = section(WindSection)
+    damping: DampingSection = section(DampingSection)
+    initial_state: InitialStateSection = section(InitialStateSection)
+    releases: dict[Name, InitialStateSection] = setting(
         {},
         "further recordings of the same line, each released from a state of its own",
         rule=NAME_RULE,
     )
-    truth: Truth = section(Truth)
+    truth: TruthSection = section(TruthSection)
     gravity: real(ge=0.1, le=100) = parameter(
         9.81, "gravitational acceleration", "m/s2", "g", "assumed", why="an asteroid to Jupiter"
     )
 
     @field_validator("spacers")
     @classmethod
-    def _inside_the_span(cls, spacers: Spacers, info: ValidationInfo) -> Spacers:
+    def _inside_the_span(cls, spacers: SpacersSection, info: ValidationInfo) -> SpacersSection:
         if line := info.data.get("line"):
             for position in spacers.positions:
                 if position >= line.span:
@@ -314,7 +314,7 @@ class Case(Section):
         return spacers
 
     @model_validator(mode="after")
-    def _hangs_as_a_shallow_cable(self) -> Case:
+    def _hangs_as_a_shallow_cable(self) -> CaseSection:
         weight = self.conductor.mass * self.gravity
         sag = weight * self.line.span**2 / (8 * self.line.tension)
         if sag > LARGEST_SAG * self.line.span:
@@ -328,8 +328,8 @@ class Case(Section):
         return self
 
 
-def paper_cases() -> dict[str, Case]:
+def paper_cases() -> dict[str, CaseSection]:
     """The two lines of the paper: tuned to internal resonance, and away from it."""
-    wide = InitialState(q_w=3)
-    non_resonant = Case(line=Line(tension=35000), releases={"wide": wide})
-    return {"internal_resonance": Case(), "non_resonant": non_resonant}
+    wide = InitialStateSection(q_w=3)
+    non_resonant = CaseSection(line=LineSection(tension=35000), releases={"wide": wide})
+    return {"internal_resonance": CaseSection(), "non_resonant": non_resonant}

@@ -14,7 +14,7 @@ from galloping.configuration.settings import Settings
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ParameterRow:
     """One row of a parameter table; `key` is the path below the case."""
 
     case: str
@@ -26,17 +26,17 @@ class Parameter:
     note: str
 
 
-def conductor_parameters(settings: Settings) -> list[Parameter]:
+def conductor_parameters(settings: Settings) -> list[ParameterRow]:
     """Table 1: everything about a case except its spacers."""
     return [row for row in _rows(settings) if not row.key.startswith("spacers.")]
 
 
-def spacer_parameters(settings: Settings) -> list[Parameter]:
+def spacer_parameters(settings: Settings) -> list[ParameterRow]:
     """Table 2: mass and positions of the spacers, one position a row."""
     return [row for row in _rows(settings) if row.key.startswith("spacers.")]
 
 
-def _rows(settings: Settings) -> Iterator[Parameter]:
+def _rows(settings: Settings) -> Iterator[ParameterRow]:
     for name, case in settings.cases.items():
         values = plain(case)
         named = [
@@ -50,7 +50,9 @@ def _rows(settings: Settings) -> Iterator[Parameter]:
             for i, item in enumerate(value if isinstance(value, list) else [value]):
                 if item is not None:
                     symbol = node["symbol"].format(i + 1)
-                    yield Parameter(name, key, symbol, item, node["unit"], *_source(node, i, item))
+                    yield ParameterRow(
+                        name, key, symbol, item, node["unit"], *_source(node, i, item)
+                    )
 
 
 def _source(node: dict, i: int, value: float | int | str) -> tuple[Provenance, str]:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
-from galloping.configuration.assessment import Assessment, Sweep
+from galloping.configuration.assessment import AssessmentSection, SweepSection
 from galloping.configuration.fields import (
     NAME_RULE,
     Name,
@@ -24,10 +24,10 @@ from galloping.configuration.fields import (
     show,
     whole,
 )
-from galloping.configuration.lines import Case, paper_cases
-from galloping.configuration.trials import MethodName, Protocol, Trial
-from galloping.identification.registry import METHODS, PROTOCOLS
-from galloping.measurement.protocols import PROTOCOLS as ALL_PROTOCOLS
+from galloping.configuration.lines import CaseSection, paper_cases
+from galloping.configuration.trials import MethodName, Protocol, TrialSection
+from galloping.identification.registry import METHODS, PROTOCOL_NAMES
+from galloping.measurement.protocols import PROTOCOLS
 
 FolderName = Annotated[
     str,
@@ -43,7 +43,7 @@ WINDOW_SAMPLES = 10  # fewer show no amplitude
 MAX_INTERVALS = 10_000_000  # a slip in a power of ten should not fill the memory
 
 
-class Simulation(Section):
+class SimulationSection(Section):
     """The record that is simulated for each case."""
 
     duration: real(ge=1e-3, le=1e7) = setting(300, "length of the record", "s")
@@ -95,7 +95,7 @@ class Simulation(Section):
         return window
 
 
-class Subsets(Section):
+class SubsetsSection(Section):
     """Random subsets of the record, to see how much data is needed."""
 
     level: NoiseLevel = setting(0.05, "noise level of the subsets", "1")
@@ -107,7 +107,7 @@ class Subsets(Section):
     )
 
 
-class Measurement(Section):
+class MeasurementSection(Section):
     """What a recording keeps of the trajectory."""
 
     seed: whole(ge=0) = setting(20260130, "seed from which all noise is drawn", "1")
@@ -115,14 +115,14 @@ class Measurement(Section):
         20, "independent realisations of the noise in a cell", "1"
     )
     protocols: selection(Protocol) = setting(
-        PROTOCOLS,
+        PROTOCOL_NAMES,
         "what is measured: "
-        + ", ".join(f"{protocol.meaning} ({protocol.name})" for protocol in ALL_PROTOCOLS),
+        + ", ".join(f"{protocol.meaning} ({protocol.name})" for protocol in PROTOCOLS),
     )
     levels: selection(NoiseLevel) = setting(
         (0, 0.01, 0.03, 0.05, 0.1, 0.15), "noise levels of the whole record", "1"
     )
-    subsets: Subsets = section(Subsets)
+    subsets: SubsetsSection = section(SubsetsSection)
     joint_levels: selection(NoiseLevel) = setting(
         (0.05,), "noise levels of all recordings of a case together, where it has releases", "1"
     )
@@ -133,7 +133,7 @@ class Measurement(Section):
     )
 
 
-class Library(Section):
+class LibrarySection(Section):
     """What models are found of, and how."""
 
     degree: whole(ge=1, le=5) = setting(3, "highest degree of the candidate library", "1")
@@ -145,13 +145,13 @@ class Library(Section):
 # with a section for each method that has settings
 Identification = create_model(
     "Identification",
-    __base__=Library,
+    __base__=LibrarySection,
     __doc__="How models are found.",
     **{m.name: (m.options, section(m.options)) for m in METHODS if m.options.model_fields},
 )
 
 
-class Recordings(Section):
+class RecordingsSection(Section):
     """Recordings of one system, in files of its instruments."""
 
     files: selection(FolderPath) = setting((), "files, all read by one mapping", rule="each a path")
@@ -182,7 +182,7 @@ class Recordings(Section):
         return publish
 
 
-class Figures(Section):
+class FiguresSection(Section):
     """How figures are drawn."""
 
     dpi: whole(ge=50, le=1200) = setting(200, "resolution of the PNG files", "px/inch")
@@ -216,36 +216,36 @@ class Settings(Section):
         "folder of the numbers that the tables are compared with, if it is there",
         rule="a path of letters, digits, '_', '-' and '.', from the root or the working folder",
     )
-    cases: dict[Name, Case] = Field(
+    cases: dict[Name, CaseSection] = Field(
         default_factory=paper_cases,
         description="the lines under study, by name",
         json_schema_extra={"rule": NAME_RULE},
     )
-    simulation: Simulation = section(Simulation)
-    measurement: Measurement = section(Measurement)
+    simulation: SimulationSection = section(SimulationSection)
+    measurement: MeasurementSection = section(MeasurementSection)
     identification: Identification = section(Identification)
-    recordings: dict[Name, Recordings] = Field(
+    recordings: dict[Name, RecordingsSection] = Field(
         default_factory=dict,
         description="recordings from the field, by name",
         json_schema_extra={"rule": NAME_RULE},
     )
-    sweeps: dict[Name, Sweep] = Field(
+    sweeps: dict[Name, SweepSection] = Field(
         default_factory=lambda: {
-            "wind": Sweep(),
-            "resonance": Sweep(
+            "wind": SweepSection(),
+            "resonance": SweepSection(
                 values=(4, 24, 2), second="tension", second_values=(15000, 45000, 3000)
             ),
         },
         description="parameters of the lines that are varied, by name",
         json_schema_extra={"rule": NAME_RULE},
     )
-    assessment: Assessment = section(Assessment)
-    trials: dict[Name, Trial] = Field(
+    assessment: AssessmentSection = section(AssessmentSection)
+    trials: dict[Name, TrialSection] = Field(
         default_factory=dict,
         description="trials of what the identification claims, by name",
         json_schema_extra={"rule": NAME_RULE},
     )
-    figures: Figures = section(Figures)
+    figures: FiguresSection = section(FiguresSection)
 
     @field_validator("results")
     @classmethod
@@ -260,7 +260,9 @@ class Settings(Section):
 
     @field_validator("measurement")
     @classmethod
-    def _subsets_fit_the_record(cls, measurement: Measurement, info: ValidationInfo) -> Measurement:
+    def _subsets_fit_the_record(
+        cls, measurement: MeasurementSection, info: ValidationInfo
+    ) -> MeasurementSection:
         if simulation := info.data.get("simulation"):
             for points in measurement.subsets.points:
                 if points > simulation.samples:

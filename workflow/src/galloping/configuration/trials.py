@@ -14,14 +14,14 @@ from galloping.configuration.fields import (
     show,
     whole,
 )
-from galloping.identification.registry import METHODS, PROTOCOLS
+from galloping.identification.registry import METHODS, PROTOCOL_NAMES
 from galloping.trials.registry import KINDS
 
-Protocol = one_of(PROTOCOLS)
+Protocol = one_of(PROTOCOL_NAMES)
 MethodName = one_of(tuple(method.name for method in METHODS))
 
 
-class Trial(Section):
+class TrialSection(Section):
     """Fits to many recordings whose truth is known."""
 
     kind: one_of(tuple(KINDS)) = setting("random_lines", "what is recorded and identified")
@@ -45,7 +45,7 @@ class Trial(Section):
     )
 
     @model_validator(mode="after")
-    def _of_its_kind(self) -> Trial:
+    def _of_its_kind(self) -> TrialSection:
         kind = KINDS[self.kind]
         for key in ("protocols", "levels", "samples"):
             if getattr(self, key) is not None and key not in kind.options:

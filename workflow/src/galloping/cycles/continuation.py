@@ -2,7 +2,7 @@
 
 Predictor along the tangent, Newton corrector on the plane across it, step controlled by the
 corrector and the turn of the tangent (Keller 1977; Seydel, Practical Bifurcation and Stability
-Analysis, ch. 4). What is continued, equilibria or limit cycles, is a `Problem`.
+Analysis, ch. 4). What is continued, equilibria or limit cycles, is a `ContinuationProblem`.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ LEAST_COSINE = 0.9  # of the turn of the tangent in one step
 CLOSED = 1e-3  # relative difference of period and size at which a branch has returned to its start
 
 
-class Border(Protocol):
+class LinearCondition(Protocol):
     """A linear condition on changes."""
 
     def of(self, change: Any) -> float: ...
 
 
-class Problem(Protocol):
+class ContinuationProblem(Protocol):
     """What is continued. A solution has a `value` of the parameter; a change of it is linear."""
 
     def linearise(self, solution: Any) -> Any: ...
 
-    def across(self, change: Any) -> Border:
+    def across(self, change: Any) -> LinearCondition:
         """The inner product with a change, in which a step of one is as long as steps may be."""
 
-    def along_parameter(self) -> Border:
+    def along_parameter(self) -> LinearCondition:
         """The change of the parameter alone."""
 
     def examine(self, solution: Any, linearisation: Any, tangent: Any) -> tuple[Any, dict]:
@@ -43,7 +43,7 @@ class Problem(Protocol):
     def confirmed(self, name: str, stability: Any) -> bool:
         """Whether a zero of test `name` is the bifurcation of that name."""
 
-    def moved(self, solution: Any) -> Problem:
+    def moved(self, solution: Any) -> ContinuationProblem:
         """The problem about a new solution."""
 
     def refined(self, solution: Any, tangent: Any, stability: Any) -> tuple[Any, Any] | None:
@@ -109,7 +109,9 @@ class Range:
             raise ValueError(f"range: low {self.low:g} must be below high {self.high:g}")
 
 
-def corrected(problem: Problem, solution: Any, border: Border) -> tuple[Any, Any]:
+def corrected(
+    problem: ContinuationProblem, solution: Any, border: LinearCondition
+) -> tuple[Any, Any]:
     """The solution near a guess on the plane of `border`, with its linearisation.
 
     Raises NotConverged.
@@ -130,18 +132,20 @@ def corrected(problem: Problem, solution: Any, border: Border) -> tuple[Any, Any
     raise NotConverged(f"no convergence in {CORRECTIONS} corrections (the last {size:.1e})")
 
 
-def length(problem: Problem, change: Any) -> float:
+def length(problem: ContinuationProblem, change: Any) -> float:
     return float(np.sqrt(abs(problem.across(change).of(change))))
 
 
-def point_at(problem: Problem, solution: Any, linearisation: Any, border: Border) -> Point:
+def point_at(
+    problem: ContinuationProblem, solution: Any, linearisation: Any, border: LinearCondition
+) -> Point:
     """The solution with its tangent, oriented so that `border` is positive on it."""
     tangent = linearisation.solve(border, 1.0, False)
     tangent = tangent.scaled(1 / length(problem, tangent))
     return Point(solution, tangent, *problem.examine(solution, linearisation, tangent))
 
 
-def resolved(problem: Problem, point: Point) -> Point:
+def resolved(problem: ContinuationProblem, point: Point) -> Point:
     """The point in a discretisation that is good enough for it. Raises NotConverged."""
     while better := problem.refined(point.solution, point.tangent, point.stability):
         solution, tangent = better
@@ -151,7 +155,9 @@ def resolved(problem: Problem, point: Point) -> Point:
     return point
 
 
-def follow(problem: Problem, start: Point, span: Range, first_step: float = 0.1) -> Branch:
+def follow(
+    problem: ContinuationProblem, start: Point, span: Range, first_step: float = 0.1
+) -> Branch:
     """The branch from `start` in the direction of its tangent."""
     points, bifurcations = [start], []
     step, largest = first_step, 1.0
@@ -193,7 +199,7 @@ def _branch(points: list, bifurcations: list, complete: bool, reason: str) -> Br
     return Branch(tuple(points), tuple(bifurcations), complete, reason)
 
 
-def _next(problem: Problem, last: Point, step: float) -> Point:
+def _next(problem: ContinuationProblem, last: Point, step: float) -> Point:
     """The point one step ahead. Raises NotConverged."""
     border = problem.across(last.tangent)
     guess = last.tangent.applied(last.solution, step)
@@ -206,7 +212,7 @@ def _next(problem: Problem, last: Point, step: float) -> Point:
     return resolved(problem, point)
 
 
-def _at_value(problem: Problem, near: Point, value: float) -> Point:
+def _at_value(problem: ContinuationProblem, near: Point, value: float) -> Point:
     """The point of the branch at a value of the parameter close to that of `near`."""
     problem = problem.moved(near.solution)
     along = problem.along_parameter()
@@ -217,7 +223,9 @@ def _at_value(problem: Problem, near: Point, value: float) -> Point:
     return resolved(problem, point)
 
 
-def _bifurcations(problem: Problem, last: Point, point: Point, step: float) -> list[Bifurcation]:
+def _bifurcations(
+    problem: ContinuationProblem, last: Point, point: Point, step: float
+) -> list[Bifurcation]:
     """Bifurcations between two points, in order, each located along the step."""
     between = []
     for name, before in last.tests.items():
@@ -232,7 +240,9 @@ def _bifurcations(problem: Problem, last: Point, point: Point, step: float) -> l
     return [bifurcation for _, bifurcation in sorted(between, key=lambda pair: pair[0])]
 
 
-def _located(problem: Problem, last: Point, name: str, step: float) -> tuple[float, Point]:
+def _located(
+    problem: ContinuationProblem, last: Point, name: str, step: float
+) -> tuple[float, Point]:
     """Length along the last tangent and the point where a test vanishes."""
     points = {0.0: last}
 
@@ -246,7 +256,7 @@ def _located(problem: Problem, last: Point, name: str, step: float) -> tuple[flo
     return root, points[root]
 
 
-def _returned(problem: Problem, start: Point, last: Point, point: Point) -> bool:
+def _returned(problem: ContinuationProblem, start: Point, last: Point, point: Point) -> bool:
     """Whether the branch passes its start between two points."""
     begin, end = last.solution.value, point.solution.value
     if begin == end or not min(begin, end) <= start.solution.value <= max(begin, end):

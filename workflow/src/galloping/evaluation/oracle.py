@@ -17,7 +17,7 @@ from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse import reduction, weak
 from galloping.identification.sparse.alternatives import PATHS, alternatives
 from galloping.identification.sparse.cross_validation import Path
-from galloping.identification.sparse.reduction import Evidence
+from galloping.identification.sparse.reduction import Regressions
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
@@ -83,7 +83,7 @@ def oracle_rows(
 def _chosen(
     true: PolynomialModel,
     recordings: Sequence[Recording],
-    make: Callable[..., Evidence],
+    make: Callable[..., Regressions],
     paths: Mapping[str, Callable[[int], Path]],
     path_length: int,
 ) -> Iterator[tuple[str, list[IdentifiedModel]]]:

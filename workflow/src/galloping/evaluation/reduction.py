@@ -50,7 +50,7 @@ VARIANTS = {
 
 
 @dataclass(frozen=True)
-class Motion:
+class SpanMotion:
     """time: (n,) s. mid_span: (n, 2) m, vertical and horizontal. antisymmetric: (n, 2) m, half of
     the difference between both quarters of the span.
     """
@@ -68,7 +68,7 @@ def reduction_table(settings: Mapping) -> pd.DataFrame:
     return reduction(case, {name: line_motion(case, v, **gusts) for name, v in VARIANTS.items()})
 
 
-def two_mode_motion(case: Mapping) -> Motion:
+def two_mode_motion(case: Mapping) -> SpanMotion:
     """The paper's model in steady wind, up to its limit cycle."""
     phi, psi = galerkin.modes(case, Line.from_case(case))
     return _motion(span(case, [phi], [psi]), np.array(initial_state(case)))
@@ -76,7 +76,7 @@ def two_mode_motion(case: Mapping) -> Motion:
 
 def line_motion(
     case: Mapping, variant: Variant, *, length_scale: float, spectrum: str, seed: int
-) -> Motion:
+) -> SpanMotion:
     """The continuous line, released as the two-mode model is. The rest is that of the gusts."""
     line = continuous_line(case, variant.modes, aerodynamic=variant.aerodynamics, drag=variant.drag)
     start = initial_state(case)
@@ -94,15 +94,15 @@ def _time() -> np.ndarray:
     return np.arange(LIMIT_CYCLE[1] * RATE + 1) / RATE
 
 
-def _motion(line: Span, start: np.ndarray, speed: np.ndarray | None = None) -> Motion:
+def _motion(line: Span, start: np.ndarray, speed: np.ndarray | None = None) -> SpanMotion:
     time = _time()
     where = [share * line.line.span for share in QUARTERS]
     states = simulate(line, start, time, speed, STEP)
     left, middle, right = np.moveaxis(readings(line, states, where, "displacement"), 1, 0)
-    return Motion(time, middle, (left - right) / 2.0)
+    return SpanMotion(time, middle, (left - right) / 2.0)
 
 
-def reduction(case: Mapping, motions: Mapping[str, Motion]) -> pd.DataFrame:
+def reduction(case: Mapping, motions: Mapping[str, SpanMotion]) -> pd.DataFrame:
     """One row for each line and direction, at mid-span, the two-mode model first.
 
     motions: of the lines, as `line_motion` gives them. Amplitude and frequency are those of
@@ -136,7 +136,7 @@ def _between(time: np.ndarray, window: tuple[int, int]) -> np.ndarray:
     return (time >= window[0]) & (time <= window[1])
 
 
-def _described(motion: Motion) -> dict[str, np.ndarray]:
+def _described(motion: SpanMotion) -> dict[str, np.ndarray]:
     """Amplitude, frequency, limit cycle and antisymmetric motion, (2,) each."""
     steady = _between(motion.time, STEADY)
     settled = _between(motion.time, LIMIT_CYCLE)

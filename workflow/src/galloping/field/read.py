@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from galloping.field.mapping import Channel, Mapping
-from galloping.field.tables import FileError, Table, read_table
+from galloping.field.tables import FileError, FileTable, read_table
 from galloping.field.units import UnitError, amount, factor, state_unit
 
 FEWEST = 100  # samples: fewer hold no oscillation that could be told from noise
@@ -98,7 +98,7 @@ def read_series(path: str | Path, mapping: Mapping) -> Series:
     return Series(table.path, time, start, values, rows, tuple(notes), noise)
 
 
-def _seconds(table: Table, mapping: Mapping) -> tuple[np.ndarray, str]:
+def _seconds(table: FileTable, mapping: Mapping) -> tuple[np.ndarray, str]:
     """Times in s since the first, and when that was, if the file says it."""
     column = table.column(mapping.time.column)
     if column.dtype.kind == "M":
@@ -123,13 +123,13 @@ def _seconds(table: Table, mapping: Mapping) -> tuple[np.ndarray, str]:
     return np.asarray((stamps - first).total_seconds(), float), first.isoformat()
 
 
-def _in_si(table: Table, channel: Channel) -> np.ndarray:
+def _in_si(table: FileTable, channel: Channel) -> np.ndarray:
     unit = channel.unit or table.units.get(channel.column, "")
     wanted = state_unit(channel.measures)
     return table.numbers(channel.column) * _factor(table, channel.column, unit, wanted)
 
 
-def _known_noise(table: Table, channel: Channel) -> float:
+def _known_noise(table: FileTable, channel: Channel) -> float:
     if channel.noise is None:
         return np.nan
     unit = channel.unit or table.units.get(channel.column, "")
@@ -142,7 +142,7 @@ def _known_noise(table: Table, channel: Channel) -> float:
     return noise
 
 
-def _factor(table: Table, column: str, unit: str, wanted: str) -> float:
+def _factor(table: FileTable, column: str, unit: str, wanted: str) -> float:
     if not unit:
         raise FileError(
             f"{table.path}: column {column!r} has no unit; add --unit {column}={wanted}, or "

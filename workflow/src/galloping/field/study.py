@@ -77,7 +77,7 @@ class Field:
 
 
 @dataclass(frozen=True)
-class Trial:
+class HeldOut:
     """A forecast of what was held out, with what was measured there.
 
     skill: (n_states,) R2 of the median. held: (n_states,) share of the samples inside the band.
@@ -96,7 +96,7 @@ class Findings:
     shown: as `stretches` gives them. further: which recording would help. beside: a case by name.
     """
 
-    trial: Trial | None = None
+    trial: HeldOut | None = None
     ahead: Forecast | None = None
     shown: Sequence[tuple[np.ndarray, np.ndarray]] = ()
     of_line: Dynamics | None = None
@@ -194,7 +194,7 @@ def analyse(
 
 def tried(
     field: Field, identify: Callable[[list[Recording]], IdentifiedModel], rng: np.random.Generator
-) -> Trial | None:
+) -> HeldOut | None:
     """Identify without the last part of the last recording, and forecast it.
 
     None where the shorter recordings give no model.
@@ -218,7 +218,7 @@ def tried(
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.nansum(measured, axis=0) / counts
         spread = np.nansum((measured - mean) ** 2, axis=0)
-        return Trial(ahead, measured, 1.0 - rest / spread, inside.sum(axis=0) / counts)
+        return HeldOut(ahead, measured, 1.0 - rest / spread, inside.sum(axis=0) / counts)
 
 
 def stretches(
@@ -321,7 +321,7 @@ def _used(recordings: Sequence[Recording]) -> str:
     )
 
 
-def _skill(trial: Trial | None, states: Sequence[str]) -> str:
+def _skill(trial: HeldOut | None, states: Sequence[str]) -> str:
     if trial is None:
         return ""
     said = [

@@ -27,7 +27,7 @@ class FileError(ValueError):
 
 
 @dataclass(frozen=True)
-class Table:
+class FileTable:
     """Columns of one file.
 
     columns: (n,) arrays by name: of floats, or of text (times in ISO 8601). units: by column, where
@@ -71,7 +71,7 @@ class Table:
         )
 
 
-def read_table(path: str | Path, decimal: str = ".") -> Table:
+def read_table(path: str | Path, decimal: str = ".") -> FileTable:
     """The columns of a file, by its suffix: .csv .txt .tsv .dat .parquet .h5 .hdf5 .nc .mat.
 
     decimal: the decimal mark of text tables. The `unit` of fields in a `datapackage.json` beside a
@@ -101,10 +101,12 @@ def read_table(path: str | Path, decimal: str = ".") -> Table:
     lengths = {len(column) for column in table.columns.values()}
     if not table.columns or max(lengths) == 0:
         raise FileError(f"{path}: no rows of data")
-    return Table(path, table.columns, {**table.units, **_described_units(path)}, table.first_row)
+    return FileTable(
+        path, table.columns, {**table.units, **_described_units(path)}, table.first_row
+    )
 
 
-def _read_text(path: Path, decimal: str) -> Table:
+def _read_text(path: Path, decimal: str) -> FileTable:
     size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(65536)
@@ -152,7 +154,7 @@ def _read_text(path: Path, decimal: str) -> Table:
     except UnicodeDecodeError as error:
         byte = error.object[error.start]
         raise FileError(f"{path}: byte {byte:#x} is not UTF-8; save the file as UTF-8") from error
-    return Table(path, {n: frame[n].to_numpy() for n in header}, units, comments + 2)
+    return FileTable(path, {n: frame[n].to_numpy() for n in header}, units, comments + 2)
 
 
 def _separator(line: str) -> str | None:
@@ -181,7 +183,7 @@ def _bare(name: str) -> str:
     return name.partition("[")[0].strip() if _unit_in_name(name) else name
 
 
-def _read_parquet(path: Path, _: str) -> Table:
+def _read_parquet(path: Path, _: str) -> FileTable:
     from pyarrow import parquet
 
     table = parquet.read_table(path)
@@ -194,10 +196,10 @@ def _read_parquet(path: Path, _: str) -> Table:
         name: column.to_numpy()
         for name, column in zip(table.column_names, table.columns, strict=True)
     }
-    return Table(path, columns, units, 1)
+    return FileTable(path, columns, units, 1)
 
 
-def _read_hdf5(path: Path, _: str) -> Table:
+def _read_hdf5(path: Path, _: str) -> FileTable:
     """One-dimensional data sets, anywhere in an HDF5 or NetCDF-4 file, by their path in it."""
     import h5py
 
@@ -214,10 +216,10 @@ def _read_hdf5(path: Path, _: str) -> Table:
 
     with h5py.File(path, "r") as file:
         file.visititems(take)
-    return Table(path, columns, units, 1)
+    return FileTable(path, columns, units, 1)
 
 
-def _read_netcdf(path: Path, decimal: str) -> Table:
+def _read_netcdf(path: Path, decimal: str) -> FileTable:
     with path.open("rb") as file:
         classic = file.read(3) == b"CDF"
     if not classic:
@@ -231,10 +233,10 @@ def _read_netcdf(path: Path, decimal: str) -> Table:
                 columns[name] = np.array(variable.data)
                 if hasattr(variable, "units"):
                     units[name] = variable.units.decode()
-    return Table(path, columns, units, 1)
+    return FileTable(path, columns, units, 1)
 
 
-def _read_matlab(path: Path, decimal: str) -> Table:
+def _read_matlab(path: Path, decimal: str) -> FileTable:
     with path.open("rb") as file:
         if b"MATLAB 7.3" in file.read(128):
             return _read_hdf5(path, decimal)
@@ -248,7 +250,7 @@ def _read_matlab(path: Path, decimal: str) -> Table:
         and np.ndim(value) <= 1
         and np.asarray(value).dtype.kind in "fiuU"
     }
-    return Table(path, columns, {}, 1)
+    return FileTable(path, columns, {}, 1)
 
 
 READERS = {

@@ -18,7 +18,7 @@ from galloping.tables.claims import CLAIMS
 
 ROW, HEAD = 0.23, 1.25  # inches: height of a claim, room for the heads and the legend
 GAPS = {"none": 0.36, "error": 0.66, "r2": 0.66}  # below a group: its axis, the next one's title
-VERDICTS = {  # marker and colour
+VERDICT_LOOKS = {  # marker and colour
     "better": ("^", "#2fa86a"),
     "reproduced": ("o", "#2fa86a"),
     "in reach": ("D", "#e69f00"),
@@ -201,7 +201,7 @@ def _cells(axes: Axes, table: pd.DataFrame, group: Group, pairs: list[tuple[str,
             found = _of(table, row, pair)
             if found is None:
                 continue
-            marker, color = VERDICTS[found["verdict"]]
+            marker, color = VERDICT_LOOKS[found["verdict"]]
             axes.plot(j + 0.08, k, marker=marker, color=color, ms=4, mew=1.2)
             if found["replicates"]:
                 axes.text(
@@ -242,6 +242,6 @@ def _heads(figure: Figure, pairs: list[tuple[str, str]], height: float, place: t
         )  # fmt: skip
     entries += [
         Line2D([], [], ls="", marker=marker, color=color, ms=4.5, mew=1.2, label=verdict)
-        for verdict, (marker, color) in VERDICTS.items()
+        for verdict, (marker, color) in VERDICT_LOOKS.items()
     ]
     figure.legend(handles=entries, loc="upper left", ncols=3, columnspacing=1.2, handletextpad=0.3)

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from galloping.figures import panels
 from galloping.figures.style import DOUBLE, MODEL
 
-STATUSES = ("ok", "not identifiable", "approximate", "refused")
+JUDGED_STATUSES = ("ok", "not identifiable", "approximate", "refused")
 WHOLE = {"facecolor": "white", "edgecolor": "#5f5f5f", "linewidth": 0.7, "hatch": "////"}
 
 
@@ -57,8 +57,8 @@ def _right(fits: pd.DataFrame) -> pd.Series:
 
 
 def _bars(axes: Axes, fits: pd.DataFrame) -> None:
-    places = np.arange(len(STATUSES))
-    of_status = [fits[fits["status"] == status] for status in STATUSES]
+    places = np.arange(len(JUDGED_STATUSES))
+    of_status = [fits[fits["status"] == status] for status in JUDGED_STATUSES]
     counts = np.array([len(each) for each in of_status])
     right = np.array([each["right"].sum() for each in of_status])
     share = 100.0 / len(fits)
@@ -67,8 +67,8 @@ def _bars(axes: Axes, fits: pd.DataFrame) -> None:
     for place, count, good in zip(places, counts, right, strict=True):
         text = f"{good} of {count}" if count else "none"
         axes.text(share * count + 1.5, place, text, va="center", size="small")
-    axes.set_yticks(places, STATUSES)
+    axes.set_yticks(places, JUDGED_STATUSES)
     axes.tick_params(axis="y", length=0)
-    axes.set_ylim(len(STATUSES) - 0.4, -0.6)
+    axes.set_ylim(len(JUDGED_STATUSES) - 0.4, -0.6)
     axes.set_xlim(0, 118)
     axes.set_xticks([0, 25, 50, 75, 100])

@@ -10,7 +10,7 @@ from galloping.identification.options import Ensemble, NoOptions, Scanned, Thres
 from galloping.measurement import protocols
 from galloping.measurement.protocols import DISPLACEMENTS, RATES, STATES, Protocol
 
-PROTOCOLS = tuple(protocol.name for protocol in protocols.PROTOCOLS)
+PROTOCOL_NAMES = tuple(protocol.name for protocol in protocols.PROTOCOLS)
 REGRESSION = "galloping.identification.sparse.reduction:reduce"
 WEAK_FORM = "galloping.identification.sparse.weak:reduce"
 START = "galloping.identification.likelihood.methods:start"
@@ -133,7 +133,7 @@ METHODS = (
         name="weak_gls",
         family="likelihood",
         evidence=START,
-        function="galloping.identification.likelihood.methods:weak_gls",
+        function="galloping.identification.likelihood.methods:by_weak_gls",
         options=NoOptions,
         takes=(STATES, DISPLACEMENTS),
         needs_uniform=False,
@@ -142,7 +142,7 @@ METHODS = (
         name="maximum_likelihood",
         family="likelihood",
         evidence=START,
-        function="galloping.identification.likelihood.methods:maximum_likelihood",
+        function="galloping.identification.likelihood.methods:by_maximum_likelihood",
         options=NoOptions,
         takes=(RATES, STATES, DISPLACEMENTS),
         needs_uniform=False,

@@ -57,7 +57,7 @@ class Item:
 
 
 @dataclass(frozen=True)
-class Recordings:
+class RecordingSection:
     """What recordings from the field gave: a summary in Markdown, shown as it is, and figures."""
 
     name: str
@@ -80,7 +80,7 @@ class Page:
     introduction: str
     figures: list[Item]
     tables: list[Item]
-    recordings: list[Recordings]
+    recordings: list[RecordingSection]
     versions: dict[str, str]
 
 

@@ -19,7 +19,7 @@ SEEN = Path(".snakemake/digests.json")
 
 
 @dataclass(frozen=True)
-class Findings:
+class Deviations:
     """Files that are not as their receipts say, by path.
 
     missing: should be here and are not. damaged: have other content. unknown: were here before,
@@ -41,7 +41,7 @@ def make_command(configfiles: Iterable[str | Path] = (), goal: str = "") -> str:
     return " ".join(filter(None, ("make", goal, settings)))
 
 
-def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = False) -> Findings:
+def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = False) -> Deviations:
     """Compare files with their receipts.
 
     known: receipts by path. thorough: read every file, also those whose size and times are as when
@@ -53,7 +53,7 @@ def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = Fals
     with ThreadPoolExecutor() as pool:
         digests = dict(zip(read, pool.map(digest, read), strict=True))
     present = {p: [*state, digests.get(p) or seen[p][-1]] for p, state in states.items()}
-    return Findings(
+    return Deviations(
         missing=tuple(p for p, receipt in known.items() if receipt.kept and p not in present),
         damaged=tuple(p for p in present if present[p][-1] != known[p].sha256),
         unknown=tuple(path for path in seen if path not in known and Path(path).exists()),
@@ -62,7 +62,7 @@ def inspect(results: str, known: Mapping[str, Receipt], *, thorough: bool = Fals
     )
 
 
-def remember(results: str, findings: Findings) -> None:
+def remember(results: str, findings: Deviations) -> None:
     """Note what is here, which the next inspection need not read again."""
     seen = _seen()
     if (now := seen | {results: findings.present}) != seen:

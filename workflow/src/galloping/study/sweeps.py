@@ -40,7 +40,7 @@ class Sweep:
         )
 
 
-def sweep(name: str, configured: assessment.Sweep) -> Sweep:
+def sweep(name: str, configured: assessment.SweepSection) -> Sweep:
     """A sweep as configured, its ranges written out."""
     return Sweep(
         name,

@@ -44,7 +44,7 @@ class Trial:
         )
 
 
-def trial(name: str, configured: trials.Trial) -> Trial:
+def trial(name: str, configured: trials.TrialSection) -> Trial:
     """A trial as configured, keys left out at the defaults of its kind."""
     kind = KINDS[configured.kind]
     options = {key: getattr(configured, key) or default for key, default in kind.options.items()}

@@ -8,7 +8,7 @@ import pandas as pd
 
 from galloping.configuration.load import load, plain
 from galloping.configuration.parameters import (
-    Parameter,
+    ParameterRow,
     conductor_parameters,
     spacer_parameters,
 )
@@ -34,17 +34,17 @@ def spacers(settings: dict) -> pd.DataFrame:
     return _table(spacer_parameters(load({"cases": settings["cases"]})))
 
 
-def _table(rows: list[Parameter]) -> pd.DataFrame:
-    names = [field.name for field in fields(Parameter)]
+def _table(rows: list[ParameterRow]) -> pd.DataFrame:
+    names = [field.name for field in fields(ParameterRow)]
     return pd.DataFrame(list(map(asdict, rows)), columns=names, dtype=object)
 
 
-def _aerodynamic(case: str, ice: dict) -> list[Parameter]:
+def _aerodynamic(case: str, ice: dict) -> list[ParameterRow]:
     if ice["reading"] == "custom":
         return []  # configured one by one, and listed as such
     names = zip(("beta", "eta"), ("vertical", "horizontal"), strict=True)
     return [
-        Parameter(
+        ParameterRow(
             case=case,
             key=f"ice.{direction}",
             symbol=f"{symbol}_{i}",

@@ -23,7 +23,7 @@ MARGIN = 1.0  # s of motion after the recording, for sensors that are late or ea
 
 
 @dataclass(frozen=True)
-class Line:
+class MovingLine:
     """Its case, its model, when it was recorded, and how it moved then."""
 
     case: dict
@@ -38,13 +38,13 @@ class Line:
 
 
 @cache
-def default_line() -> Line:
+def default_line() -> MovingLine:
     case = plain(load({}))["cases"][CASE]
     line = model(coefficients(case))
     start = np.array([case["initial_state"][state] for state in STATES])
     long = time_grid(DURATION + MARGIN, RATE)
     states = Simulator(line.states, line.terms)(line, start, long).states
-    return Line(case, line, start, time_grid(DURATION, RATE), CubicSpline(long, states))
+    return MovingLine(case, line, start, time_grid(DURATION, RATE), CubicSpline(long, states))
 
 
 def trial(

@@ -19,7 +19,7 @@ from galloping.polynomial import PolynomialModel, design_matrix
 from galloping.recording import Recording
 from galloping.seeds import generator
 from galloping.trials.attempts import Attempt, fits
-from galloping.trials.default_line import DURATION, MARGIN, RATE, Line, default_line
+from galloping.trials.default_line import DURATION, MARGIN, RATE, MovingLine, default_line
 
 GROUP = "sensor faults"
 FORCE_RATE = 10.0  # Hz, of the values between which a random force is linear
@@ -27,7 +27,7 @@ SUBSTEPS = 2  # of the integration between two such values; a fortieth of the sh
 
 
 @dataclass(frozen=True)
-class Fault:
+class InjectedFault:
     """named: what the reason must contain. sizes: range from which the size is drawn.
 
     record: (line, size, noise (n, 4), rng) -> times (n,) and values (n, 4).
@@ -35,7 +35,9 @@ class Fault:
 
     named: str
     sizes: tuple[float, float]
-    record: Callable[[Line, float, np.ndarray, np.random.Generator], tuple[np.ndarray, np.ndarray]]
+    record: Callable[
+        [MovingLine, float, np.ndarray, np.random.Generator], tuple[np.ndarray, np.ndarray]
+    ]
 
 
 def _none(line, size, noise, rng):
@@ -100,7 +102,11 @@ def _gusts(line, size, noise, rng):
 
 
 def _driven(
-    line: Line, change: PolynomialModel, knots: np.ndarray, share: np.ndarray, force: np.ndarray
+    line: MovingLine,
+    change: PolynomialModel,
+    knots: np.ndarray,
+    share: np.ndarray,
+    force: np.ndarray,
 ) -> np.ndarray:
     """(n, 4) motion where the model varies by `share` (n_knots,) of `change` and is forced.
 
@@ -134,14 +140,14 @@ def _driven(
 
 
 FAULTS = {
-    "none": Fault("", (0.0, 0.0), _none),
-    "clock": Fault("clock", (0.001, 0.005), _clock),
-    "velocity scale": Fault("scale", (1.005, 1.005), _scale),
-    "late channels": Fault("delayed", (0.02, 0.2), _delay),
-    "random force": Fault("forces", (0.005, 0.02), _forced),
-    "gusts": Fault("forces", (0.001, 0.005), _gusts),
-    "jitter": Fault("jitter", (4.0, 4.0), _jitter),
-    "multiplicative noise": Fault("noise grows", (0.01, 0.01), _multiplicative),
+    "none": InjectedFault("", (0.0, 0.0), _none),
+    "clock": InjectedFault("clock", (0.001, 0.005), _clock),
+    "velocity scale": InjectedFault("scale", (1.005, 1.005), _scale),
+    "late channels": InjectedFault("delayed", (0.02, 0.2), _delay),
+    "random force": InjectedFault("forces", (0.005, 0.02), _forced),
+    "gusts": InjectedFault("forces", (0.001, 0.005), _gusts),
+    "jitter": InjectedFault("jitter", (4.0, 4.0), _jitter),
+    "multiplicative noise": InjectedFault("noise grows", (0.01, 0.01), _multiplicative),
 }
 
 

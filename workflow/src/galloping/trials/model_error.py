@@ -54,7 +54,7 @@ SENSORS = {"projected": QUARTERS, "mid-span": (0.5,), "states": ()}  # places, i
 
 
 @dataclass(frozen=True)
-class Truth:
+class SensedLine:
     """A line and its sensors.
 
     modes: sine modes in each direction, or 0 for the two shapes of the paper's model.
@@ -71,17 +71,17 @@ class Truth:
 
 
 TRUTHS = {
-    "9 modes": Truth(),
-    "9 modes, relative wind": Truth(aerodynamics="relative"),
-    "9 modes, gusts 5 %": Truth(intensity=0.05),
-    "9 modes, mid-span": Truth(sensors="mid-span"),
-    "9 modes, displacement only": Truth(velocities=False),
-    "two modes, gusts 2 %": Truth(modes=0, intensity=0.02, sensors="states"),
-    "two modes, gusts 5 %": Truth(modes=0, intensity=0.05, sensors="states"),
+    "9 modes": SensedLine(),
+    "9 modes, relative wind": SensedLine(aerodynamics="relative"),
+    "9 modes, gusts 5 %": SensedLine(intensity=0.05),
+    "9 modes, mid-span": SensedLine(sensors="mid-span"),
+    "9 modes, displacement only": SensedLine(velocities=False),
+    "two modes, gusts 2 %": SensedLine(modes=0, intensity=0.02, sensors="states"),
+    "two modes, gusts 5 %": SensedLine(modes=0, intensity=0.05, sensors="states"),
 }
 
 
-def line_of(case: Mapping, truth: Truth) -> Span:
+def line_of(case: Mapping, truth: SensedLine) -> Span:
     """The line of a truth in the wind of a `cases` section."""
     if truth.modes:
         return continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
@@ -90,7 +90,7 @@ def line_of(case: Mapping, truth: Truth) -> Span:
 
 
 def motion(
-    case: Mapping, line: Span, truth: Truth, time: np.ndarray, rng: np.random.Generator | None
+    case: Mapping, line: Span, truth: SensedLine, time: np.ndarray, rng: np.random.Generator | None
 ) -> np.ndarray:
     """(n, n_sensors, 4): q_v, q_w, dq_v, dq_w as each sensor reads them, without noise.
 
@@ -111,14 +111,14 @@ def motion(
     return np.concatenate(both, axis=2)
 
 
-def combined(line: Span, truth: Truth, values: np.ndarray) -> np.ndarray:
+def combined(line: Span, truth: SensedLine, values: np.ndarray) -> np.ndarray:
     """(n, 4): the states that are made of the sensors' readings (n, n_sensors, 4)."""
     if truth.sensors == "states":
         return values[:, 0]
     return first_modes(values, _places(line, truth), line.line.span)[:, 0]
 
 
-def _places(line: Span, truth: Truth) -> list[float]:
+def _places(line: Span, truth: SensedLine) -> list[float]:
     return [share * line.line.span for share in SENSORS[truth.sensors]]
 
 

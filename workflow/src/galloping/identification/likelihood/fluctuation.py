@@ -20,7 +20,6 @@ from galloping.identification.likelihood.constants import (
     FLUCTUATION_PERIODS,
     LEAST_FLUCTUATION,
     MOST_DIVIDED,
-    STATE_RIDGE,
     STRETCH_PERIODS,
     VARIANCE_PASSES,
     WINDOWS_PER_PERIOD,
@@ -28,17 +27,20 @@ from galloping.identification.likelihood.constants import (
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.weak_constraint import (
-    Fit,
     Joint,
     Linear,
     Record,
+    StretchFit,
     integrable,
     joint,
+    jump_covariance,
     linearised,
 )
 
 
-def fluctuating(record: Record, fit: Fit, penalty: float) -> tuple[Fit, np.ndarray] | None:
+def fluctuating(
+    record: Record, fit: StretchFit, penalty: float
+) -> tuple[StretchFit, np.ndarray] | None:
     """The fit with means of coefficients that fluctuate, the terms chosen with them, and the
     covariance of the means (n_support, n_support).
 
@@ -81,7 +83,7 @@ def fluctuating(record: Record, fit: Fit, penalty: float) -> tuple[Fit, np.ndarr
             jump = _jumps(parts, edges, wider, starts, solved, change, moved, size)
             own = np.diagonal(solved.variance, axis1=1, axis2=2) + moved**2
             variance = np.maximum(own[:, len(size) :].mean(axis=0), least)
-        following = Fit(
+        following = StretchFit(
             fine.free + change, support, fine.starts + moved[:, : len(size)], sigma, jump
         )
         fine = integrable(parts, fine, following)
@@ -190,9 +192,4 @@ def _jumps(
     ends = linear.ends[at] + linear.by_coefficients[at] @ change
     ends += np.einsum("gij,gj->gi", by_state, moved[at])
     gap = (starts[at + 1] + moved[at + 1] - ends)[:, own]
-    mixed = by_state @ solved.covariance[at]
-    spread = solved.variance[at + 1] + by_state @ solved.variance[at] @ by_state.transpose(0, 2, 1)
-    spread = (spread - mixed - mixed.transpose(0, 2, 1))[:, own, own]
-    squares = gap[:, :, None] * gap[:, None, :] + spread
-    total = np.sum(squares / record.size[at, None, None] ** 2, axis=0)
-    return total / max(len(at), 1) + STATE_RIDGE * np.diag(size**2)
+    return jump_covariance(record, at, gap, by_state, solved)

@@ -38,11 +38,11 @@ def start(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evid
     return Evidence(list(recordings), terms, begin)
 
 
-def weak_gls(evidence: Evidence) -> IdentifiedModel:
+def by_weak_gls(evidence: Evidence) -> IdentifiedModel:
     """`likelihood.weak_gls` on the polynomial library."""
     return weak.weak_gls(evidence.recordings, evidence.terms, begin=evidence.begin)
 
 
-def maximum_likelihood(evidence: Evidence) -> IdentifiedModel:
+def by_maximum_likelihood(evidence: Evidence) -> IdentifiedModel:
     """`likelihood.maximum_likelihood` on the polynomial library."""
     return likelihood.maximum_likelihood(evidence.recordings, evidence.terms, begin=evidence.begin)

@@ -25,7 +25,6 @@ from galloping.identification.likelihood.constants import (
     FREE_PASSES,
     MOST_GROUPS,
     PENALTIES,
-    STATE_RIDGE,
     STRETCH_PERIODS,
     SYSTEMATIC,
     WORTH,
@@ -36,12 +35,13 @@ from galloping.identification.likelihood.result import refused
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.shooting import Segments
 from galloping.identification.likelihood.weak_constraint import (
-    Fit,
     Joint,
     Linear,
     Record,
+    StretchFit,
     integrable,
     joint,
+    jump_covariance,
     linearised,
     predictions,
 )
@@ -155,9 +155,9 @@ def _approximate(
     """
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     jump = np.diag((FIRST_JUMP * scale) ** 2)
-    fit = Fit(free, np.ones(len(free), bool), record.starts, sigma, jump)
+    fit = StretchFit(free, np.ones(len(free), bool), record.starts, sigma, jump)
     made: list[Approximation] = []
-    fits: list[Fit] = []
+    fits: list[StretchFit] = []
     for times in PENALTIES:
         fit = _iterate(record, fit, times * penalty)
         if not fit.support.any():
@@ -176,7 +176,7 @@ def _approximate(
     return _varying(record, fits[chosen], penalty) or made[chosen]
 
 
-def _varying(record: Record, fit: Fit, penalty: float) -> Approximation | None:
+def _varying(record: Record, fit: StretchFit, penalty: float) -> Approximation | None:
     """Means of coefficients that fluctuate, judged as a fit is, where they predict anything."""
     try:
         varying = fluctuating(record, fit, penalty)
@@ -189,7 +189,7 @@ def _varying(record: Record, fit: Fit, penalty: float) -> Approximation | None:
     return replace(judged, covariance=covariance, fluctuates=True) if judged.skill > 0.0 else None
 
 
-def _iterate(record: Record, fit: Fit, penalty: float) -> Fit:
+def _iterate(record: Record, fit: StretchFit, penalty: float) -> StretchFit:
     """Gauss-Newton, with terms chosen and covariances estimated on the way."""
     for passed in range(ERROR_PASSES):
         linear = linearised(record, fit)
@@ -205,7 +205,7 @@ def _iterate(record: Record, fit: Fit, penalty: float) -> Fit:
         sigma = np.sqrt(linear.squares * fit.sigma**2 / np.maximum(record.condensed.rows, 1))
         jump = _jump(record, linear, fit.starts, solved) if passed else fit.jump
         same = np.array_equal(support, fit.support)
-        following = Fit(free, support, starts, np.maximum(sigma, record.floor), jump)
+        following = StretchFit(free, support, starts, np.maximum(sigma, record.floor), jump)
         fit = integrable(record, fit, following)
         if same and passed > FREE_PASSES and change @ solved.information @ change < ERROR_CONVERGED:
             break
@@ -213,20 +213,15 @@ def _iterate(record: Record, fit: Fit, penalty: float) -> Fit:
 
 
 def _jump(record: Record, linear: Linear, starts: np.ndarray, solved: Joint) -> np.ndarray:
-    """Expected covariance of the jumps at full motion, given the data."""
-    total = np.zeros((starts.shape[1], starts.shape[1]))
-    for g in record.followed:
-        # the states after the step, linear in that of the segment
-        constant, by_state = solved.response[:, :, -1], linear.by_state[g]
-        gap = starts[g + 1] + constant[g + 1] - linear.ends[g] - by_state @ constant[g]
-        mixed = by_state @ solved.covariance[g]
-        spread = solved.variance[g + 1] + by_state @ solved.variance[g] @ by_state.T
-        total += (np.outer(gap, gap) + spread - mixed - mixed.T) / record.size[g] ** 2
-    floor = STATE_RIDGE * np.diag(np.mean(starts**2, axis=0) + np.finfo(float).tiny)
-    return total / max(len(record.followed), 1) + floor
+    """Expected covariance of the jumps at full motion, given the data and the coefficients."""
+    at = record.followed
+    moved = solved.response[:, :, -1]
+    by_state = linear.by_state[at]
+    ends = linear.ends[at] + np.einsum("gij,gj->gi", by_state, moved[at])
+    return jump_covariance(record, at, starts[at + 1] + moved[at + 1] - ends, by_state, solved)
 
 
-def _judged(record: Record, fit: Fit) -> Approximation:
+def _judged(record: Record, fit: StretchFit) -> Approximation:
     """The fit with its covariance and its forecasts, both by leaving groups of segments out."""
     condensed, segments = record.condensed, record.segments
     linear = linearised(record, fit)

@@ -105,7 +105,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Fit:
+class StretchFit:
     """free, support: (n_candidates,). starts: (n_segments, n_states). sigma: (n_recordings,
     n_observed) noise of the projections. jump: (n_states, n_states) covariance at full motion.
     """
@@ -117,7 +117,7 @@ class Fit:
     jump: np.ndarray
 
 
-def integrable(record: Record, fit: Fit, following: Fit) -> Fit:
+def integrable(record: Record, fit: StretchFit, following: StretchFit) -> StretchFit:
     """`following`, or as much of the step to it as can be integrated over every segment."""
     for _ in range(MOST_HALVINGS):
         if np.all(np.isfinite(predictions(record, following.free, following.starts))):
@@ -143,7 +143,7 @@ def predictions(record: Record, free: np.ndarray, starts: np.ndarray) -> np.ndar
     return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
 
 
-def linearised(record: Record, fit: Fit) -> Linear:
+def linearised(record: Record, fit: StretchFit) -> Linear:
     """Misfit of every segment about a fit. Raises FloatingPointError where that diverges."""
     problem, condensed, segments = record.problem, record.condensed, record.segments
     compiled = system(problem.tables, problem.coefficients(fit.free), problem.candidates)
@@ -225,3 +225,22 @@ def joint(
     right = right - flat[:, :n].T @ back[:, n]
     response = np.concatenate([-solved[:, :, :n], solved[:, :, n:]], axis=2)
     return Joint((information + information.T) / 2.0, right, response, variance, covariance)
+
+
+def jump_covariance(
+    record: Record, at: np.ndarray, gap: np.ndarray, by_state: np.ndarray, solved: Joint
+) -> np.ndarray:
+    """(n_states, n_states) expected covariance of the states' jumps at full motion, given the data.
+
+    at: (n,) segments after which the state jumps. gap: (n, n_states) by how much at the solution.
+    by_state: (n, m, m) derivative of what a segment leaves to the next by what it begins with; the
+    states are the first of the m.
+    """
+    n_states = gap.shape[1]
+    mixed = by_state @ solved.covariance[at]
+    spread = solved.variance[at + 1] + by_state @ solved.variance[at] @ by_state.transpose(0, 2, 1)
+    spread = (spread - mixed - mixed.transpose(0, 2, 1))[:, :n_states, :n_states]
+    squares = gap[:, :, None] * gap[:, None, :] + spread
+    total = np.sum(squares / record.size[at, None, None] ** 2, axis=0) / max(len(at), 1)
+    floor = np.mean(record.states**2, axis=0) + np.finfo(float).tiny
+    return total + STATE_RIDGE * np.diag(floor)

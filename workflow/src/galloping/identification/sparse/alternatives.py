@@ -9,11 +9,11 @@ import numpy as np
 
 from galloping.identification.sparse import frols, stlsq
 from galloping.identification.sparse.cross_validation import Path
-from galloping.identification.sparse.reduction import Evidence
-from galloping.identification.sparse.selection import NEGLIGIBLE, solve
+from galloping.identification.sparse.reduction import Regressions
+from galloping.identification.sparse.supports import NEGLIGIBLE, solve
 
 
-def alternatives(evidence: Evidence, path: Path) -> list[np.ndarray]:
+def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
     """The distinct models of each equation, (k, n_terms), over all settings of the evidence.
 
     path: the supports that a method's thresholds give, least squares on them the model.

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from galloping.identification.sparse.regression import Regression
-from galloping.identification.sparse.selection import solve
+from galloping.identification.sparse.supports import solve
 
 FOLDS = 5  # every fifth stretch of a recording is left out at a time
 ROUNDING = 1e-13  # share of a sum of squares below which a difference of such sums is nothing

@@ -7,13 +7,13 @@ from scipy.fft import dct
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.bagging import bagged_medians
-from galloping.identification.sparse.reduction import Evidence
-from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit
+from galloping.identification.sparse.reduction import Regressions
 from galloping.identification.sparse.stlsq import normalised
+from galloping.identification.sparse.supports import NEGLIGIBLE, compact, refit
 
 
 def ensemble(
-    evidence: Evidence,
+    evidence: Regressions,
     *,
     threshold: float | None,
     path_length: int,

@@ -6,8 +6,8 @@ import numpy as np
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.cross_validation import judge
-from galloping.identification.sparse.reduction import Evidence
-from galloping.identification.sparse.selection import (
+from galloping.identification.sparse.reduction import Regressions
+from galloping.identification.sparse.supports import (
     NEGLIGIBLE,
     compact,
     forward_supports,
@@ -19,7 +19,7 @@ from galloping.identification.sparse.selection import (
 STEPS = 20  # the largest model of an equation
 
 
-def frols(evidence: Evidence) -> IdentifiedModel:
+def frols(evidence: Regressions) -> IdentifiedModel:
     """The term that explains most is added until held-out stretches, or EBIC, ask for no more.
 
     Terms that their successors have made NEGLIGIBLE are dropped.

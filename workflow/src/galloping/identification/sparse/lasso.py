@@ -8,13 +8,13 @@ from sklearn.linear_model import LassoLars, lars_path, lars_path_gram
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.cross_validation import judge
-from galloping.identification.sparse.reduction import Evidence
-from galloping.identification.sparse.selection import NEGLIGIBLE, compact, refit, scores, solve
+from galloping.identification.sparse.reduction import Regressions
+from galloping.identification.sparse.supports import NEGLIGIBLE, compact, refit, scores, solve
 
 PENALTIES = np.geomspace(1, 1e-6, 45)  # of unit columns and targets, as sums over rows
 
 
-def lasso(evidence: Evidence, *, threshold: float | None) -> IdentifiedModel:
+def lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
     """The l1 penalty of each equation: cross-validated, or the kink of its path that EBIC prefers.
 
     threshold: penalty alpha on unit columns and targets, or None to choose it. Terms whose

@@ -15,7 +15,7 @@ from galloping.recording import Recording
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Regressions:
     """What the methods that regress derivatives on states see of the recordings of one replicate.
 
     plain: derivatives as measured, or those of a spline that generalised cross-validation made as
@@ -28,7 +28,7 @@ class Evidence:
     settings: tuple[Regression, ...] = ()
 
 
-def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evidence:
+def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
     """The regressions of recordings of one system on the candidate library `terms`.
 
     Where no derivatives were measured they come from smoothing, and so do the states: it is chosen
@@ -39,7 +39,7 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evi
     if any(np.isnan(recording.values).all() for recording in recordings):
         theta, targets = np.full((1, len(terms)), np.nan), np.full((1, len(states)), np.nan)
         nothing = Regression(theta, targets, np.zeros(len(states)), states, terms)
-        return Evidence(nothing, nothing)
+        return Regressions(nothing, nothing)
     parts = [_differentiated(recording) for recording in recordings]
     x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
     observations = sum(part[2] for part in parts)
@@ -48,7 +48,7 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evi
     plain = regression(blocks, observations, states, terms)
     settings = smoothings(recordings, terms)
     tuned = settings[best_setting(settings)] if settings else plain
-    return Evidence(plain, tuned, tuple(settings))
+    return Regressions(plain, tuned, tuple(settings))
 
 
 def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

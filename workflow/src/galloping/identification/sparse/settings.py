@@ -17,7 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from galloping.identification.sparse.cross_validation import judge
 from galloping.identification.sparse.filters import Filtered, savitzky_golay, weak_form
 from galloping.identification.sparse.regression import BLOCKS, Regression, regression
-from galloping.identification.sparse.selection import forward_supports
+from galloping.identification.sparse.supports import forward_supports
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
 

@@ -10,9 +10,9 @@ from sklearn import config_context
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.cross_validation import judge
-from galloping.identification.sparse.reduction import Evidence
+from galloping.identification.sparse.reduction import Regressions
 from galloping.identification.sparse.regression import Regression
-from galloping.identification.sparse.selection import (
+from galloping.identification.sparse.supports import (
     NEGLIGIBLE,
     best_threshold,
     compact,
@@ -25,7 +25,9 @@ from galloping.identification.sparse.selection import (
 RIDGES = (0.0, 1e-4)
 
 
-def normalised(evidence: Evidence, *, threshold: float | None, path_length: int) -> IdentifiedModel:
+def normalised(
+    evidence: Regressions, *, threshold: float | None, path_length: int
+) -> IdentifiedModel:
     """Thresholds act on each term's share of the state derivative.
 
     threshold: share in (0, 1), or None to choose one for each equation out of `path_length`
@@ -51,7 +53,7 @@ def normalised(evidence: Evidence, *, threshold: float | None, path_length: int)
     return problem.model(coefficients * scale[:, np.newaxis] / lengths, chosen)
 
 
-def raw(evidence: Evidence, *, threshold: float | None, path_length: int) -> IdentifiedModel:
+def raw(evidence: Regressions, *, threshold: float | None, path_length: int) -> IdentifiedModel:
     """Thresholds act on the coefficients as they are, in SI units, as the paper most likely did.
 
     threshold: in the coefficients' units, or None to choose one for each equation by EBIC out

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from galloping.identification.sparse.reduction import Evidence
+from galloping.identification.sparse.reduction import Regressions
 from galloping.identification.sparse.settings import best_setting, test_functions
 from galloping.polynomial import Exponents
 from galloping.recording import Recording
 
 
-def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evidence:
+def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
     """Weak forms of recordings of one system: integrals against test functions, not derivatives.
 
     Raises ValueError for irregular, short or missing samples.
@@ -26,4 +26,4 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evi
     if not settings:
         raise ValueError("the recording is too short for its test functions")
     chosen = settings[best_setting(settings)]
-    return Evidence(chosen, chosen, tuple(settings))
+    return Regressions(chosen, chosen, tuple(settings))
