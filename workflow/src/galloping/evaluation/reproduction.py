@@ -86,14 +86,6 @@ def reproduction_rows(
     return pd.concat(tables, ignore_index=True)
 
 
-def best(rows: pd.DataFrame) -> pd.DataFrame:
-    """Claims met for each value, the best first: parameter, unit, value, default, met, claims."""
-    keys = ["parameter", "unit", "value", "default"]
-    judged = rows[rows["verdict"] != "not run"]
-    counts = judged.groupby(keys, sort=False)["met"].agg(met="sum", claims="size").reset_index()
-    return counts.sort_values("met", ascending=False, kind="stable", ignore_index=True)
-
-
 def _distance(case: Mapping, varied: Mapping) -> float:
     """Relative change of the model and its release."""
     before, after = (

@@ -104,11 +104,10 @@ def envelope(orbit: np.ndarray) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class Clearance:
-    """least: distance of two galloping phases in m, whatever their phases in time.
-    together: the same while both move in step. limit: what is required, m."""
+    """least: distance of two galloping phases in m, whatever their phases in time. limit: what is
+    required, m."""
 
     least: float
-    together: float
     limit: float
 
     @property
@@ -121,15 +120,10 @@ def clearance(
 ) -> Clearance:
     """Least clearance of two galloping spans at mid-span, where their modes are largest.
 
-    first, second: (n, 2) places (w, v) of each over one period, closed, in m, at equal times.
-    distance: (horizontal, vertical) from the first to the second at rest, m. Raises ValueError
-    where the two have different numbers of places.
+    first, second: (n, 2) places (w, v) of each over one period, closed, in m. distance:
+    (horizontal, vertical) from the first to the second at rest, m.
     """
-    if first.shape != second.shape:
-        raise ValueError(f"orbits: {len(first)} and {len(second)} places; must be as many")
-    moved = second + np.asarray(distance, float)
-    together = float(np.min(np.linalg.norm(moved - first, axis=1)))
-    return Clearance(_least(first, moved), together, limit)
+    return Clearance(_least(first, second + np.asarray(distance, float)), limit)
 
 
 def _least(first: np.ndarray, second: np.ndarray) -> float:
