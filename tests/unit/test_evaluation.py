@@ -22,7 +22,7 @@ from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, st
 from galloping.evaluation.reconstruction import summarise as summarise_motions
 from galloping.evaluation.score import Truth, score
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.sparse.reduction import reduce
+from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
 from galloping.measurement.measuring import measure
 from galloping.measurement.motion import Motion

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
-from galloping.physics import aerodynamics
+from galloping.physics import ice_coefficients
 from galloping.physics.equations import STATES, TERMS, model, symbol_of
 from galloping.physics.galerkin import coefficients, derive
 from galloping.physics.line import Line
@@ -140,7 +140,7 @@ def lagrange(case):
     )
     alpha = v_t / speed
     forces = []
-    for printed in aerodynamics.coefficients(case["ice"]):
+    for printed in ice_coefficients.coefficients(case["ice"]):
         load = sum(sp.Rational(str(c)) * alpha**i for i, c in enumerate(printed, start=1))
         load *= density * width * speed**2 / 2
         forces.append(over_span(load * shape))  # virtual work per unit of q
@@ -275,7 +275,7 @@ def test_vertical_limit_cycle_by_averaging():
         case["wind"]["speed"],
         2 * derived.quantities["modal_mass_v_kg"] / case["line"]["span"],
     )
-    b1, _, b3 = aerodynamics.coefficients(case["ice"])[0]
+    b1, _, b3 = ice_coefficients.coefficients(case["ice"])[0]
     drag = case["wind"]["air_density"] * case["bundle"]["dimension"] * speed
     damped = 4 * mass * case["damping"]["vertical"] * omega / drag
     expected = speed / omega * 4 / 3 * sqrt((b1 - damped) / abs(b3))

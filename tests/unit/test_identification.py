@@ -13,11 +13,12 @@ from galloping.configuration.load import load, plain
 from galloping.identification.cell import identify
 from galloping.identification.model import BY_TERM, IdentifiedModel
 from galloping.identification.registry import BY_NAME, METHODS
-from galloping.identification.sparse import reduction, stlsq
+from galloping.identification.sparse import evidence as sparse_evidence
+from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.bagging import bagged_medians
 from galloping.identification.sparse.differentiation import differentiate
 from galloping.identification.sparse.drawing import seeded
-from galloping.identification.sparse.reduction import reduce
+from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.regression import regression, stretches
 from galloping.identification.sparse.supports import (
     best_threshold,
@@ -496,7 +497,9 @@ def test_a_model_prints_and_moves(resonant):
 
 def test_methods_of_a_family_share_their_evidence(resonant, monkeypatch):
     made = []
-    monkeypatch.setattr(reduction, "reduce", lambda *given: made.append(reduce(*given)) or made[-1])
+    monkeypatch.setattr(
+        sparse_evidence, "reduce", lambda *given: made.append(reduce(*given)) or made[-1]
+    )
     settings = {name: BY_NAME[name].settings(SETTINGS, 3) for name in ("stlsq", "lasso")}
     (recording,) = recordings(resonant, "derivative")
     together = identify(settings, [[recording]] * 2, TERMS, NAME)

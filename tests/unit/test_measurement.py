@@ -243,7 +243,7 @@ def test_a_protocol_is_its_noise(resonant, monkeypatch):
     """What it measures, and whether it scales, follow from the noise alone."""
     measures = {name: (p.measures, p.is_scaled) for name, p in BY_NAME.items()}
     assert measures == {
-        "derivative": ("rates", False), "state": ("states", True),
+        "derivative": ("derivatives", False), "state": ("states", True),
         "displacement": ("displacements", True),
     }  # fmt: skip
 

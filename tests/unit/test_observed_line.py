@@ -33,9 +33,9 @@ def test_first_modes_of_the_line_as_three_sensors_see_them():
     assert seen.status == "ok" and seen.names == STATES
     # the sagging line swings vertically in more than half a sine
     assert seen.states[0] == pytest.approx([0.42, 0.5, 0.0, 0.2], abs=0.01)
-    assert np.array_equal(seen.states[:, 2:], seen.rates[:, :2])
+    assert np.array_equal(seen.states[:, 2:], seen.derivatives[:, :2])
     slope = np.gradient(seen.states, TIME[1], axis=0)[1:-1]
-    assert seen.rates[1:-1] == pytest.approx(slope, abs=2e-3 * np.abs(slope).max())
+    assert seen.derivatives[1:-1] == pytest.approx(slope, abs=2e-3 * np.abs(slope).max())
     # one sensor at a quarter of the span cannot tell the antisymmetric mode from the first
     blind = observed(modes=3, antisymmetric=0.3, sensors=[0.25])
     assert np.abs(blind.states - seen.states)[:, 0].max() > 0.2

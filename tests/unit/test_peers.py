@@ -7,10 +7,11 @@ import pytest
 
 from galloping.evaluation.oracle import oracles
 from galloping.figures.overview import beaten_at
-from galloping.identification.sparse import reduction, stlsq
+from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.alternatives import PATHS, alternatives
 from galloping.identification.sparse.cross_validation import FOLDS, Judged, judge
 from galloping.identification.sparse.drawing import seeded
+from galloping.identification.sparse.evidence import Regressions, reduce
 from galloping.identification.sparse.filters import Filtered, savitzky_golay, weak_form
 from galloping.identification.sparse.regression import Regression
 from galloping.identification.sparse.supports import forward_supports
@@ -134,7 +135,7 @@ def line(resonant):
         [motion], protocol="state", level=0.05, relative=True, samples=len(motion.time),
         recordings=1, replicates=1, seed=71, name=("a_case", "state", "a_cell"),
     )  # fmt: skip
-    return model.on_library(TERMS), reduction.reduce([recording], TERMS)
+    return model.on_library(TERMS), reduce([recording], TERMS)
 
 
 def error(true, coefficients):
@@ -148,7 +149,7 @@ def test_tuned_smoothing_is_better_than_a_spline_and_worse_than_the_oracle(line)
     options = {"threshold": None, "path_length": 30}
     tuned = stlsq.normalised(evidence, **options).model.coefficients
     plain = stlsq.normalised(
-        reduction.Regressions(evidence.plain, evidence.plain), **options
+        Regressions(evidence.plain, evidence.plain), **options
     ).model.coefficients
     assert error(true, tuned) < 0.6 * error(true, plain)
     models = alternatives(evidence, PATHS["stlsq"](30))

@@ -160,7 +160,7 @@ NEW_METHOD = """METHODS = (
         evidence=REGRESSION,
         function="galloping.identification.sparse.ridge:ridge",
         options=Thresholded,
-        takes=(RATES, STATES),
+        takes=(DERIVATIVES, ALL_STATES),
         needs_uniform=False,
     ),
 """

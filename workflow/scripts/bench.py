@@ -30,7 +30,7 @@ from galloping.identification.likelihood.problem import posed
 from galloping.identification.likelihood.sensitivity import integrate
 from galloping.identification.likelihood.taylor import system, tables
 from galloping.identification.likelihood.weak_gls import weak_gls
-from galloping.identification.sparse.reduction import reduce
+from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
 from galloping.measurement.measuring import measure
 from galloping.polynomial import PolynomialModel, library

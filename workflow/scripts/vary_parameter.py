@@ -1,6 +1,6 @@
 """Which claims of the paper are met at each value of a parameter that it leaves open."""
 
-from galloping.evaluation.reproduction import Experiment, reproduction_rows
+from galloping.evaluation.reproduction import ReproductionPlan, reproduction_rows
 from galloping.reproducibility.job import run
 from galloping.study.files import tables
 
@@ -8,7 +8,7 @@ from galloping.study.files import tables
 def main() -> None:
     settings = snakemake.params.settings
     values = {settings["parameter"]: settings["values"]}
-    rows = reproduction_rows(Experiment(**settings["plan"]), settings["case"], values)
+    rows = reproduction_rows(ReproductionPlan(**settings["plan"]), settings["case"], values)
     tables.write(snakemake.output.table, rows)
 
 

@@ -5,13 +5,13 @@ import pytest
 from drawing import drawn
 
 from galloping.configuration.load import load, plain
-from galloping.evaluation.reproduction import Experiment, reproduction_rows
+from galloping.evaluation.reproduction import ReproductionPlan, reproduction_rows
 from galloping.figures.reproduction import draw_reproduction
 from galloping.identification.registry import METHODS
 
 SETTINGS = plain(load({}))
 STLSQ = next(method for method in METHODS if method.name == "stlsq")
-PLAN = Experiment(
+PLAN = ReproductionPlan(
     case="internal_resonance", protocol="derivative", method="stlsq",
     options=STLSQ.settings(SETTINGS["identification"], 1), levels=(0, 0.05), points=(1000,),
     subset_level=0.05, replicates=2, seed=5,

@@ -41,12 +41,15 @@ def bound(
     noise that is on states and on their derivatives.
     """
     free = free_terms(model, equations)
-    if any(np.any(np.isfinite(noise.rates)) for noise in noises):
-        if any(np.any(noise.states) or np.any(noise.rates != noises[0].rates) for noise in noises):
+    if any(np.any(np.isfinite(noise.derivatives)) for noise in noises):
+        if any(
+            np.any(noise.states) or np.any(noise.derivatives != noises[0].derivatives)
+            for noise in noises
+        ):
             raise ValueError("bound: measured derivatives need exact states, and the same noise")
         # one system, one noise: the rows of all recordings in one regression
         x = np.concatenate([recording.values for recording in recordings])
-        return derivative_bound(model, free, x, noises[0].rates)
+        return derivative_bound(model, free, x, noises[0].derivatives)
     experiments = [
         Experiment(start, recording.time, noise.states)
         for recording, start, noise in zip(recordings, starts, noises, strict=True)

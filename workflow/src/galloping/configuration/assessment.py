@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from galloping.configuration.fields import (
     NAME_RULE,
     DampingRatio,
-    Motion,
+    MotionAmount,
     Name,
     NonNegative,
     Positive,
@@ -120,7 +120,7 @@ class OpenParametersSection(Section):
     bundle_dimension: distinct(real(ge=1e-3, le=10)) = setting(
         (0.0276, 0.0552, 0.1104, 0.4), "characteristic dimension of the bundle", "m"
     )
-    initial_displacement: distinct(Motion) = setting(
+    initial_displacement: distinct(MotionAmount) = setting(
         (0.01, 0.1, 0.5, 1), "release of both modes", "m"
     )
 

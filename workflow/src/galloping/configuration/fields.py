@@ -151,7 +151,7 @@ def section(model: type[Section]) -> Any:
 
 Positive = real(gt=0)
 NonNegative = real(ge=0)
-Motion = real(ge=-100, le=100)  # m, m/s: a tenth of where a motion counts as diverged
+MotionAmount = real(ge=-100, le=100)  # m, m/s: a tenth of where a motion counts as diverged
 DampingRatio = real(ge=0, lt=1)
 NoiseLevel = real(ge=0, lt=10)
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]

@@ -10,7 +10,7 @@ from pydantic import ValidationInfo, field_validator, model_validator
 from galloping.configuration.fields import (
     NAME_RULE,
     DampingRatio,
-    Motion,
+    MotionAmount,
     Name,
     Positive,
     Section,
@@ -206,10 +206,10 @@ class DampingSection(Section):
 class InitialStateSection(Section):
     """Where the trajectory starts."""
 
-    q_v: Motion = parameter(0.1, "vertical modal displacement", "m", "q_v(0)", "assumed")
-    q_w: Motion = parameter(0.1, "horizontal modal displacement", "m", "q_w(0)", "assumed")
-    dq_v: Motion = parameter(0, "vertical modal velocity", "m/s", "dq_v(0)", "assumed")
-    dq_w: Motion = parameter(0, "horizontal modal velocity", "m/s", "dq_w(0)", "assumed")
+    q_v: MotionAmount = parameter(0.1, "vertical modal displacement", "m", "q_v(0)", "assumed")
+    q_w: MotionAmount = parameter(0.1, "horizontal modal displacement", "m", "q_w(0)", "assumed")
+    dq_v: MotionAmount = parameter(0, "vertical modal velocity", "m/s", "dq_v(0)", "assumed")
+    dq_w: MotionAmount = parameter(0, "horizontal modal velocity", "m/s", "dq_w(0)", "assumed")
 
 
 class GustsSection(Section):
@@ -256,7 +256,7 @@ class TruthSection(Section):
     drag: real(ge=0, le=10) = parameter(
         0, "static coefficient of the horizontal force", "1", "eta_0", "assumed"
     )
-    antisymmetric: Motion = parameter(
+    antisymmetric: MotionAmount = parameter(
         0, "first antisymmetric vertical mode at a quarter of the span, at each release", "m",
         "q_a(0)", "assumed",
     )  # fmt: skip

@@ -25,7 +25,7 @@ from galloping.configuration.fields import (
     whole,
 )
 from galloping.configuration.lines import CaseSection, paper_cases
-from galloping.configuration.trials import MethodName, Protocol, TrialSection
+from galloping.configuration.trials import MethodName, ProtocolName, TrialSection
 from galloping.identification.registry import METHODS, PROTOCOL_NAMES
 from galloping.measurement.protocols import PROTOCOLS
 
@@ -114,7 +114,7 @@ class MeasurementSection(Section):
     replicates: whole(ge=1, le=10000) = setting(
         20, "independent realisations of the noise in a cell", "1"
     )
-    protocols: selection(Protocol) = setting(
+    protocols: selection(ProtocolName) = setting(
         PROTOCOL_NAMES,
         "what is measured: "
         + ", ".join(f"{protocol.meaning} ({protocol.name})" for protocol in PROTOCOLS),

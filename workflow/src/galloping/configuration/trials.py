@@ -17,7 +17,7 @@ from galloping.configuration.fields import (
 from galloping.identification.registry import METHODS, PROTOCOL_NAMES
 from galloping.trials.registry import KINDS
 
-Protocol = one_of(PROTOCOL_NAMES)
+ProtocolName = one_of(PROTOCOL_NAMES)
 MethodName = one_of(tuple(method.name for method in METHODS))
 
 
@@ -34,7 +34,7 @@ class TrialSection(Section):
     methods: selection(MethodName) | None = setting(
         None, "identification methods; by default ours, of systems beside those that it is to beat"
     )
-    protocols: selection(Protocol) | None = setting(
+    protocols: selection(ProtocolName) | None = setting(
         None, "what is measured", rule="of `default_line` and `random_lines`"
     )
     levels: selection(NoiseLevel) | None = setting(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from galloping.cycles.family import Family
-from galloping.physics import aerodynamics
+from galloping.physics import ice_coefficients
 from galloping.physics.equations import STATES, TERMS, model
 from galloping.physics.galerkin import coefficients, frequencies, modes
 from galloping.physics.line import Line, integrate
@@ -48,7 +48,7 @@ def _damping(case: Mapping, value: float) -> dict:
 def _ice(direction: str, power: int) -> Callable[[Mapping, float], dict]:
     def at(case: Mapping, value: float) -> dict:
         both = dict(
-            zip(("vertical", "horizontal"), aerodynamics.coefficients(case["ice"]), strict=True)
+            zip(("vertical", "horizontal"), ice_coefficients.coefficients(case["ice"]), strict=True)
         )
         changed = list(both[direction])
         changed[power - 1] = value
@@ -108,7 +108,7 @@ def critical_wind(case: Mapping) -> float:
     line = Line.from_case(case)
     phi, psi = modes(case, line)
     omega_v, _, m_v, _ = frequencies(line, phi, psi)
-    (b1, _, _), _ = aerodynamics.coefficients(case["ice"])
+    (b1, _, _), _ = ice_coefficients.coefficients(case["ice"])
     per_speed = (
         0.5
         * case["wind"]["air_density"]

@@ -14,15 +14,15 @@ from galloping.evaluation.cell import reconstruct
 from galloping.evaluation.coefficients import ORDERS
 from galloping.evaluation.score import UNKNOWN, Truth, score
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.sparse import reduction, weak
+from galloping.identification.sparse import evidence, weak
 from galloping.identification.sparse.alternatives import PATHS, alternatives
 from galloping.identification.sparse.cross_validation import Path
-from galloping.identification.sparse.reduction import Regressions
+from galloping.identification.sparse.evidence import Regressions
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
 CHOICES = ("least error", "right terms")
-EVIDENCE = ((reduction.reduce, ("stlsq", "frols")), (weak.reduce, ("weak",)))
+EVIDENCE = ((evidence.reduce, ("stlsq", "frols")), (weak.reduce, ("weak",)))
 
 
 def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

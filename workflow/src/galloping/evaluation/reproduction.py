@@ -37,7 +37,7 @@ MET = ("reproduced", "better")
 
 
 @dataclass(frozen=True)
-class Experiment:
+class ReproductionPlan:
     """What is measured and identified of each variant of a case.
 
     case: its name, by which claims are about it. protocol, method: name; options: `Method.settings`
@@ -63,7 +63,7 @@ class Experiment:
 
 
 def reproduction_rows(
-    plan: Experiment, case: Mapping, values: Mapping[str, Sequence[float]]
+    plan: ReproductionPlan, case: Mapping, values: Mapping[str, Sequence[float]]
 ) -> pd.DataFrame:
     """Every claim of the paper for every value of every open parameter, one varied at a time.
 
@@ -94,7 +94,7 @@ def _distance(case: Mapping, varied: Mapping) -> float:
     return float(np.max(np.abs(after - before) / np.maximum(np.abs(before), 1e-12)))
 
 
-def _claims(plan: Experiment, case: Mapping) -> pd.DataFrame:
+def _claims(plan: ReproductionPlan, case: Mapping) -> pd.DataFrame:
     settings = {
         "cases": [plan.case],
         "pairs": [(plan.protocol, plan.method)],
@@ -103,7 +103,7 @@ def _claims(plan: Experiment, case: Mapping) -> pd.DataFrame:
     return claims_table(_scores(plan, case), settings)
 
 
-def _scores(plan: Experiment, case: Mapping) -> pd.DataFrame:
+def _scores(plan: ReproductionPlan, case: Mapping) -> pd.DataFrame:
     """Scores of all replicates of all cells of one variant."""
     line = model(coefficients(case))
     time = time_grid(plan.duration, plan.sampling_rate)

@@ -20,7 +20,7 @@ from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import PolynomialModel
 from galloping.simulation import Trajectory
 
-DISPLACEMENTS = {"q_v": 0, "q_w": 1}
+DISPLACEMENT_COLUMNS = {"q_v": 0, "q_w": 1}
 UNKNOWN = tuple(EQUATIONS)  # the kinematic rows carry no parameter of the line
 
 
@@ -63,7 +63,7 @@ class Truth:
 
     @property
     def _steady(self) -> np.ndarray:
-        return self.states[self.steady_rows][:, list(DISPLACEMENTS.values())]
+        return self.states[self.steady_rows][:, list(DISPLACEMENT_COLUMNS.values())]
 
 
 def _on_terms_of(truth: Truth, values: np.ndarray, absent: float) -> np.ndarray:
@@ -95,7 +95,7 @@ def score(
     row |= coverage(truth.model, coefficients, standard_errors, UNKNOWN)
     if not truth.is_own_model:
         row |= {name: np.nan for name in row if name not in ("status", "verdict")}
-    columns = list(DISPLACEMENTS.values())
+    columns = list(DISPLACEMENT_COLUMNS.values())
     true, moved, steady_moved = (
         states[:, columns]
         for states in (truth.states, motion.states, motion.states[truth.steady_rows])
@@ -106,7 +106,7 @@ def score(
     frequency = _relative(
         lambda states: steady_frequency(states, truth.step), truth.frequency, steady_moved
     )
-    for k, name in enumerate(DISPLACEMENTS):
+    for k, name in enumerate(DISPLACEMENT_COLUMNS):
         row[f"r2_{name}"] = whole[k]
         row[f"r2_steady_{name}"] = steady[k]
         row[f"amplitude_error_{name}_percent"] = 100 * amplitude[k]

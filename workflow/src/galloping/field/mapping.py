@@ -50,7 +50,7 @@ class Channel(_Section):
     noise: str | float | None = None
 
 
-class Mapping(_Section):
+class ColumnMapping(_Section):
     """How to read recordings of one system from files.
 
     states: of the system; a state named dX is the rate of X. span: m, where channels have
@@ -64,7 +64,7 @@ class Mapping(_Section):
     decimal: Literal[".", ","] = "."
 
     @model_validator(mode="after")
-    def _consistent(self) -> Mapping:
+    def _consistent(self) -> ColumnMapping:
         for name in self.states:
             if not NAME.fullmatch(name):
                 raise ValueError(f"states: {name!r} is not a name")
@@ -99,10 +99,10 @@ class Mapping(_Section):
         )
 
 
-def validated(content: object) -> Mapping:
+def validated(content: object) -> ColumnMapping:
     """A mapping from plain values. Raises MappingError with one line a problem."""
     try:
-        return Mapping.model_validate(content)
+        return ColumnMapping.model_validate(content)
     except ValidationError as error:
         lines = []
         for problem in error.errors():
@@ -112,7 +112,7 @@ def validated(content: object) -> Mapping:
         raise MappingError("\n".join(lines)) from error
 
 
-def read_mapping(path: str | Path) -> Mapping:
+def read_mapping(path: str | Path) -> ColumnMapping:
     """A mapping from a YAML file.
 
     Raises MappingError or ConfigurationError, the lines of which begin with its name.

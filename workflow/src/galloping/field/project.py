@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from galloping.field.mapping import Channel, Mapping
+from galloping.field.mapping import Channel, ColumnMapping
 from galloping.field.read import Series
 from galloping.recording import Recording
 
 
-def recording(series: Series, mapping: Mapping) -> Recording:
+def recording(series: Series, mapping: ColumnMapping) -> Recording:
     """The recording that identification sees.
 
     Sensors of one quantity at m places along the span are projected on its first m sine modes, of
@@ -79,7 +79,7 @@ def _together(time: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
     return together
 
 
-def _aligned(series: Series, mapping: Mapping) -> tuple[np.ndarray, list[np.ndarray]]:
+def _aligned(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray, list[np.ndarray]]:
     """The channels at their own times, on the union of these times."""
     tick = 1e-6 * np.median(np.diff(series.time))  # times that differ by rounding are the same
     moved = [tick * np.round((series.time - c.delay) / tick) for c in mapping.channels]

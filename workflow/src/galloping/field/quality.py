@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 
-from galloping.field.mapping import Mapping
+from galloping.field.mapping import ColumnMapping
 from galloping.field.read import Series
 
 OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
@@ -15,7 +15,7 @@ PERIODS = 10  # fewer tell no damping
 SIGNAL = 3.0  # motion over noise below which terms can hardly be told
 
 
-def quality(series: Series, mapping: Mapping) -> dict:
+def quality(series: Series, mapping: ColumnMapping) -> dict:
     """Plain values: `sampling`, one entry of `channels` for each column, `problems`, `notes`.
 
     A problem names its column, the row in the file where it begins, and what it is. Frequencies in

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from galloping.field.mapping import Channel, Mapping
+from galloping.field.mapping import Channel, ColumnMapping
 from galloping.field.tables import FileError, FileTable, read_table
 from galloping.field.units import UnitError, amount, factor, state_unit
 
@@ -34,7 +34,7 @@ class Series:
     noise: np.ndarray
 
 
-def read_series(path: str | Path, mapping: Mapping) -> Series:
+def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     """Read and check a file. Raises FileError where it is unusable, in one line.
 
     Rows out of order are sorted, repeated ones dropped where they agree; both are noted.
@@ -98,7 +98,7 @@ def read_series(path: str | Path, mapping: Mapping) -> Series:
     return Series(table.path, time, start, values, rows, tuple(notes), noise)
 
 
-def _seconds(table: FileTable, mapping: Mapping) -> tuple[np.ndarray, str]:
+def _seconds(table: FileTable, mapping: ColumnMapping) -> tuple[np.ndarray, str]:
     """Times in s since the first, and when that was, if the file says it."""
     column = table.column(mapping.time.column)
     if column.dtype.kind == "M":

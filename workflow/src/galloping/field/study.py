@@ -15,7 +15,7 @@ from galloping.field.dynamics import Dynamics, dynamics, expected, sentences
 from galloping.field.equations import known_model
 from galloping.field.excerpt import excerpts
 from galloping.field.forecast import Following, Forecast, first_guess, forecast, simulator_of
-from galloping.field.mapping import Mapping
+from galloping.field.mapping import ColumnMapping
 from galloping.field.outputs import (
     MODEL_COLUMNS,
     describe_tables,
@@ -40,7 +40,7 @@ MOST_SAMPLES = 5000
 PERIODS = 6  # of the motion from which a forecast starts
 POINTS = 600  # of a drawn motion
 DPI, FONT_SIZE = 150, 8
-METHODS = {
+FIELD_METHODS = {
     name: f"galloping.identification.likelihood.{name}:{name}"
     for name in ("maximum_likelihood", "weak_gls")
 }
@@ -53,7 +53,7 @@ class Field:
     series, recordings, reports: one of each for each file; reports are those of `quality`.
     """
 
-    mapping: Mapping
+    mapping: ColumnMapping
     series: tuple[Series, ...]
     recordings: tuple[Recording, ...]
     reports: tuple[dict, ...]
@@ -111,7 +111,7 @@ class Findings:
         ]
 
 
-def read_field(paths: Sequence[str | Path], mapping: Mapping) -> Field:
+def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
     """Files of one system. Raises FileError in one line."""
     series = tuple(read_series(path, mapping) for path in paths)
     return Field(
@@ -141,7 +141,7 @@ STEPS = ("identify", "hold out", "forecast", "draw")
 
 def analyse(
     paths: Sequence[str | Path],
-    mapping: Mapping,
+    mapping: ColumnMapping,
     question: Question,
     folder: Path,
     advance: Callable[[str], object] = lambda _: None,
@@ -156,7 +156,7 @@ def analyse(
     field = read_field(paths, mapping)
     terms = library(len(mapping.states), question.degree)
     known, known_states = known_model(question.known, mapping.states, terms)
-    method = imported(METHODS[question.method])
+    method = imported(FIELD_METHODS[question.method])
     rng = np.random.default_rng(question.seed)
 
     def fitted(recordings: list[Recording]) -> IdentifiedModel:

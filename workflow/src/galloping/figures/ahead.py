@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from galloping.figures import panels
-from galloping.figures.style import DIRECTIONS, DOUBLE, PAPER, STATES, TRUE
+from galloping.figures.style import DIRECTIONS, DOUBLE, PAPER, STATE_LABELS, TRUE
 from galloping.measurement.protocols import BY_NAME
 
 SHIFT = 0.03  # decades between protocols
@@ -29,7 +29,7 @@ def draw_limit_cycle_ahead(table: pd.DataFrame, settings: Mapping) -> Figure:
     figure = Figure(figsize=(DOUBLE, 2.9), layout="constrained")
     for k, (state, axes) in enumerate(zip(states, figure.subplots(1, len(states)), strict=True)):
         of_state = table[table["state"] == state]
-        panels.letter(axes, k, f"{DIRECTIONS[state]}, {STATES[state]}")
+        panels.letter(axes, k, f"{DIRECTIONS[state]}, {STATE_LABELS[state]}")
         axis.prepare(axes, "noise level")
         axes.axhline(of_state["true_m"].iloc[0], color=TRUE, lw=4, zorder=1)
         axes.axhline(of_state["recorded_m"].iloc[0], color=PAPER, lw=1.0, ls="--", zorder=1)

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import panels, paper
-from galloping.figures.style import DOUBLE, STATES
+from galloping.figures.style import DOUBLE, STATE_LABELS
 
 POINTS_LABEL = "points"
 ERROR_LIMITS = (1e-2, 1e2)  # percent; a motion without galloping is 100 % wrong
@@ -26,7 +26,7 @@ def draw_data_amount(table: pd.DataFrame, settings: Mapping) -> Figure:
     noise.
     """
     columns = settings["protocols"]
-    shown = [(quantity, state) for quantity in QUANTITIES for state in STATES]
+    shown = [(quantity, state) for quantity in QUANTITIES for state in STATE_LABELS]
     cases, height = panels.fitting(settings["cases"], 0.8, 1.08 * len(shown))
     rows = [(case, *pair) for case in cases for pair in shown]
     figure = Figure(figsize=(DOUBLE, height), layout="constrained")
@@ -37,7 +37,7 @@ def draw_data_amount(table: pd.DataFrame, settings: Mapping) -> Figure:
         line = grids[case][row % len(shown)]
         of_row = table[(table["case"] == case) & (table["state"] == state)]
         for column, (axes, protocol) in enumerate(zip(line, columns, strict=True)):
-            panels.letter(axes, row * len(columns) + column, f"{STATES[state]}, {protocol}")
+            panels.letter(axes, row * len(columns) + column, f"{STATE_LABELS[state]}, {protocol}")
             chosen = of_row[of_row["protocol"] == protocol]
             if chosen.empty:
                 panels.nothing(axes, "no subsets")

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from galloping.figures import panels
-from galloping.figures.style import DOUBLE, PAPER, STATES, method_style, scientific, spoken
+from galloping.figures.style import DOUBLE, PAPER, STATE_LABELS, method_style, scientific, spoken
 from galloping.tables.claims import CLAIMS
 
 ROW, HEAD = 0.23, 1.25  # inches: height of a claim, room for the heads and the legend
@@ -102,7 +102,7 @@ def _labels(axes: Axes, group: Group) -> None:
 
 def _typeset(text: str) -> str:
     """R2, q_v and q_w as symbols."""
-    for plain, symbol in (("R2", "$R^2$"), *STATES.items(), ("percent points", "% points")):
+    for plain, symbol in (("R2", "$R^2$"), *STATE_LABELS.items(), ("percent points", "% points")):
         text = text.replace(plain, symbol)
     return text
 

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from galloping.cycles.rows import SIMULATION
 from galloping.figures import panels
-from galloping.figures.style import DIRECTIONS, DOUBLE, MODEL, PAPER, STATES
+from galloping.figures.style import DIRECTIONS, DOUBLE, MODEL, PAPER, STATE_LABELS
 
 COLUMNS = {"v_m": "q_v", "w_m": "q_w"}
 MARKS = {
@@ -45,7 +45,7 @@ def draw_limit_cycles(
         for column, (axes, name) in enumerate(zip(grids[case][0], COLUMNS, strict=True)):
             state = COLUMNS[name]
             panels.letter(
-                axes, row * len(COLUMNS) + column, f"{DIRECTIONS[state]}, {STATES[state]}"
+                axes, row * len(COLUMNS) + column, f"{DIRECTIONS[state]}, {STATE_LABELS[state]}"
             )
             _panel(axes, *of_case, name)
             axes.set(xlabel=settings["label"], ylabel="half range, m")

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 
 from galloping.field.forecast import Forecast
-from galloping.field.mapping import Mapping
+from galloping.field.mapping import ColumnMapping
 from galloping.field.quality import GAP, spectrum
 from galloping.field.read import Series
 from galloping.field.units import state_unit
@@ -26,7 +26,9 @@ DECADES = 6  # of a spectrum
 EDGE = "#a8741a"  # of the band, so that it is seen in grey
 
 
-def draw_quality(series: Sequence[Series], reports: Sequence[dict], mapping: Mapping) -> Figure:
+def draw_quality(
+    series: Sequence[Series], reports: Sequence[dict], mapping: ColumnMapping
+) -> Figure:
     """A row for each channel of each file: the samples with gaps shaded, and their spectrum."""
     rows = [(k, c) for k in range(len(series)) for c in range(len(mapping.channels))]
     figure = Figure(figsize=(DOUBLE, 0.5 + ROW * len(rows)), layout="constrained")

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from galloping.evaluation.reconstruction import Reconstruction
 from galloping.figures import panels
-from galloping.figures.style import BAND, DOUBLE, MODEL, STATES, TRUE, method_style, spoken
+from galloping.figures.style import BAND, DOUBLE, MODEL, STATE_LABELS, TRUE, method_style, spoken
 from galloping.measurement.motion import Motion
 
 HEADROOM = 1.5  # of the true motion: what goes beyond is cut
@@ -43,9 +43,9 @@ def draw_histories(
     for column, shown in enumerate(columns):
         for k, (cell, label) in enumerate(shown["cells"].items()):
             motion = reconstructions[cell][shown["method"]]
-            for j, state in enumerate(STATES):
+            for j, state in enumerate(STATE_LABELS):
                 _history(grid[2 * k + j, column], true, motion, j, window)
-                grid[2 * k + j, 0].set_ylabel(f"{STATES[state]}, m")
+                grid[2 * k + j, 0].set_ylabel(f"{STATE_LABELS[state]}, m")
             text = f"{label}, {shown['protocol']}, {method_style(shown['method']).label}"
             panels.letter(grid[2 * k, column], k * len(columns) + column, text)
     for axes in grid[-1]:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import panels, paper
-from galloping.figures.style import DIRECTIONS, DOUBLE, STATES
+from galloping.figures.style import DIRECTIONS, DOUBLE, STATE_LABELS
 
 ORDERS = ("linear", "quadratic", "cubic")
 LEVEL_LABEL = "noise level"
@@ -101,14 +101,14 @@ def draw_noise_r2(table: pd.DataFrame, settings: Mapping) -> Figure:
     table: noise_r2.csv. settings: cases, protocols, methods in the study's order.
     """
     columns = settings["protocols"]
-    cases, height = panels.fitting(settings["cases"], 0.8, 1.75 * len(STATES))
-    rows = [(case, state) for case in cases for state in STATES]
+    cases, height = panels.fitting(settings["cases"], 0.8, 1.75 * len(STATE_LABELS))
+    rows = [(case, state) for case in cases for state in STATE_LABELS]
     figure = Figure(figsize=(DOUBLE, height), layout="constrained")
-    grids = panels.case_grids(figure, cases, len(STATES), len(columns))
+    grids = panels.case_grids(figure, cases, len(STATE_LABELS), len(columns))
     places = panels.LogAxis.of(table["level"])
     marked = False
     for row, (case, state) in enumerate(rows):
-        line = grids[case][row % len(STATES)]
+        line = grids[case][row % len(STATE_LABELS)]
         for column, (axes, protocol) in enumerate(zip(line, columns, strict=True)):
             panels.letter(axes, row * len(columns) + column, f"{DIRECTIONS[state]}, {protocol}")
             chosen = table[
@@ -125,9 +125,9 @@ def draw_noise_r2(table: pd.DataFrame, settings: Mapping) -> Figure:
                     height = panels.r2_place(claim.paper_value)
                     paper.mark(axes, places.position(claim.level), height, claim)
                     marked = True
-            if row % len(STATES) < len(STATES) - 1:
+            if row % len(STATE_LABELS) < len(STATE_LABELS) - 1:
                 axes.set_xlabel("")
-        line[0].set_ylabel(f"$R^2$ of {STATES[state]}")
+        line[0].set_ylabel(f"$R^2$ of {STATE_LABELS[state]}")
     present = panels.in_order(table, "method", settings["methods"])
     panels.method_legend(figure, present, paper.handles(value=False, bound=marked), columns=4)
     panels.note_left_out(figure, settings["cases"][len(cases) :], "noise_r2.csv")

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from galloping.figures import panels
-from galloping.figures.style import BAND, DIRECTIONS, DOUBLE, STATES, TRUE, method_style
+from galloping.figures.style import BAND, DIRECTIONS, DOUBLE, STATE_LABELS, TRUE, method_style
 
 AXES = {"v": "q_v", "w": "q_w"}
 
@@ -42,7 +42,7 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
             panels.letter(
                 axes,
                 row * len(AXES) + column,
-                f"{DIRECTIONS[state]}, {STATES[state]}, from {protocol}",
+                f"{DIRECTIONS[state]}, {STATE_LABELS[state]}, from {protocol}",
             )
             of_panel = chosen[(chosen["protocol"] == protocol) & (chosen["direction"] == direction)]
             _panel(axes, of_panel, methods)

@@ -15,7 +15,7 @@ from galloping.figures.style import (
     DIRECTIONS,
     DOUBLE,
     MODEL,
-    STATES,
+    STATE_LABELS,
     TRUE,
     method_style,
     scientific,
@@ -41,14 +41,14 @@ def draw_recovery(
     grid = figure.subplots(2 * len(cases), 3, squeeze=False, width_ratios=(2, 2, 1.25))
     for k, case in enumerate(cases):
         true, motion = trajectories[case][0], reconstructions[case][settings["method"]]
-        for j, state in enumerate(STATES):
+        for j, state in enumerate(STATE_LABELS):
             row = grid[2 * k + j]
             _row(row, true, motion, j)
             panels.letter(row[0], 3 * (2 * k + j), fill(f"{spoken(case)}, {DIRECTIONS[state]}", 32))
             panels.letter(row[1], 3 * (2 * k + j) + 1, _distance(true, motion, j))
             panels.letter(row[2], 3 * (2 * k + j) + 2, "phase portrait")
-            row[0].set_ylabel(f"{STATES[state]}, m")
-            row[2].set(xlabel=f"{STATES[state]}, m", ylabel=rf"$\dot{{q}}_{state[-1]}$, m/s")
+            row[0].set_ylabel(f"{STATE_LABELS[state]}, m")
+            row[2].set(xlabel=f"{STATE_LABELS[state]}, m", ylabel=rf"$\dot{{q}}_{state[-1]}$, m/s")
             for axes in row[:2]:
                 axes.set_xlabel("time, s" if j else "")
     figure.legend(

@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from galloping.figures import panels
-from galloping.figures.style import DIRECTIONS, DOUBLE, PAPER, STATES
+from galloping.figures.style import DIRECTIONS, DOUBLE, PAPER, STATE_LABELS
 
 HIGHEST = 6.0  # m: larger motions, a sag or more, are drawn alike
 QUANTITIES = {"v_m": "q_v", "w_m": "q_w"}
@@ -28,7 +28,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
     figure = Figure(figsize=(DOUBLE, 3.1), layout="constrained")
     for k, (axes, name) in enumerate(zip(figure.subplots(1, 2), QUANTITIES, strict=True)):
         state = QUANTITIES[name]
-        panels.letter(axes, k, f"{DIRECTIONS[state]}, {STATES[state]}")
+        panels.letter(axes, k, f"{DIRECTIONS[state]}, {STATE_LABELS[state]}")
         grid = table.pivot(index="y", columns="x", values=name)
         x, y = grid.columns.to_numpy(float), grid.index.to_numpy(float) / scale
         shown = axes.pcolormesh(

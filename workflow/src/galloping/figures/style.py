@@ -18,7 +18,7 @@ MODEL = "#11115a"
 BAND = "#f2c46d"
 PAPER = "#b30000"  # what the paper prints
 
-STATES = {"q_v": "$q_v$", "q_w": "$q_w$"}
+STATE_LABELS = {"q_v": "$q_v$", "q_w": "$q_w$"}
 DIRECTIONS = {"q_v": "vertical", "q_w": "horizontal"}
 
 

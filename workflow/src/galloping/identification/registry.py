@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from galloping.configuration.fields import Section
 from galloping.identification.options import Ensemble, NoOptions, Scanned, Thresholded
 from galloping.measurement import protocols
-from galloping.measurement.protocols import DISPLACEMENTS, RATES, STATES, Protocol
+from galloping.measurement.protocols import ALL_STATES, DERIVATIVES, DISPLACEMENTS_ALONE, Protocol
 
 PROTOCOL_NAMES = tuple(protocol.name for protocol in protocols.PROTOCOLS)
-REGRESSION = "galloping.identification.sparse.reduction:reduce"
+REGRESSION = "galloping.identification.sparse.evidence:reduce"
 WEAK_FORM = "galloping.identification.sparse.weak:reduce"
 START = "galloping.identification.likelihood.methods:start"
 
@@ -28,7 +28,7 @@ class Method:
     options: its own section of the `identification` settings, keywords of the function. given:
     further keywords: `degree` of the library, `seed` of the study, `rng` of the replicate.
     by_default: whether a study has it that names none.
-    takes: what a protocol may measure: RATES, STATES, DISPLACEMENTS.
+    takes: what a protocol may measure: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE.
     needs_uniform: whether the samples must be equally spaced, which random subsets are not.
     """
 
@@ -79,7 +79,7 @@ METHODS = (
         evidence=REGRESSION,
         function="galloping.identification.sparse.stlsq:normalised",
         options=Scanned,
-        takes=(RATES, STATES),
+        takes=(DERIVATIVES, ALL_STATES),
         needs_uniform=False,
     ),
     Method(
@@ -88,7 +88,7 @@ METHODS = (
         evidence=REGRESSION,
         function="galloping.identification.sparse.stlsq:raw",
         options=Scanned,
-        takes=(RATES, STATES),
+        takes=(DERIVATIVES, ALL_STATES),
         needs_uniform=False,
     ),
     Method(
@@ -97,7 +97,7 @@ METHODS = (
         evidence=REGRESSION,
         function="galloping.identification.sparse.lasso:lasso",
         options=Thresholded,
-        takes=(RATES, STATES),
+        takes=(DERIVATIVES, ALL_STATES),
         needs_uniform=False,
         by_default=False,  # no better than frols where it was tried, at twenty times the cost
     ),
@@ -107,7 +107,7 @@ METHODS = (
         evidence=REGRESSION,
         function="galloping.identification.sparse.frols:frols",
         options=NoOptions,
-        takes=(RATES, STATES),
+        takes=(DERIVATIVES, ALL_STATES),
         needs_uniform=False,
     ),
     Method(
@@ -117,7 +117,7 @@ METHODS = (
         function="galloping.identification.sparse.ensemble:ensemble",
         options=Ensemble,
         given=("rng",),
-        takes=(RATES, STATES),
+        takes=(DERIVATIVES, ALL_STATES),
         needs_uniform=False,
     ),
     Method(
@@ -126,7 +126,7 @@ METHODS = (
         evidence=WEAK_FORM,
         function="galloping.identification.sparse.stlsq:normalised",
         options=Scanned,
-        takes=(STATES,),
+        takes=(ALL_STATES,),
         needs_uniform=True,
     ),
     Method(
@@ -135,7 +135,7 @@ METHODS = (
         evidence=START,
         function="galloping.identification.likelihood.methods:by_weak_gls",
         options=NoOptions,
-        takes=(STATES, DISPLACEMENTS),
+        takes=(ALL_STATES, DISPLACEMENTS_ALONE),
         needs_uniform=False,
     ),
     Method(
@@ -144,7 +144,7 @@ METHODS = (
         evidence=START,
         function="galloping.identification.likelihood.methods:by_maximum_likelihood",
         options=NoOptions,
-        takes=(RATES, STATES, DISPLACEMENTS),
+        takes=(DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE),
         needs_uniform=False,
     ),
 )

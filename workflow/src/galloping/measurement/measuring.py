@@ -44,8 +44,8 @@ def measure(
             motion.names,
             _channels(motion.states[rows], noise.states, rng),
             None
-            if np.all(np.isinf(noise.rates))
-            else _channels(motion.rates[rows], noise.rates, rng),
+            if np.all(np.isinf(noise.derivatives))
+            else _channels(motion.derivatives[rows], noise.derivatives, rng),
         )
 
     return [tuple(record(r, i) for i in range(recordings)) for r in range(replicates)]

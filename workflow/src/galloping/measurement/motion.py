@@ -11,12 +11,12 @@ import numpy as np
 class Motion:
     """The motion of a line after one release.
 
-    names: of the n_states states. time: (n,) s. states: (n, n_states), SI units. rates:
-    (n, n_states), their derivatives, per second. status: `ok`, or why the motion ended early.
+    names: of the n_states states. time: (n,) s. states: (n, n_states), SI units.
+    derivatives: (n, n_states), per second. status: `ok`, or why the motion ended early.
     """
 
     names: tuple[str, ...]
     time: np.ndarray
     states: np.ndarray
-    rates: np.ndarray
+    derivatives: np.ndarray
     status: str = "ok"

@@ -12,18 +12,21 @@ from dataclasses import dataclass
 import numpy as np
 
 # What recordings hold: states with their derivatives, all states, or not all of them.
-RATES, STATES, DISPLACEMENTS = "rates", "states", "displacements"
+DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE = (
+    "derivatives", "states", "displacements",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Noise:
     """Standard deviation of the noise on each channel: 0 where exact, inf where not measured.
 
-    states, rates: (n_states,), of the states in their units and of their derivatives.
+    states, derivatives: (n_states,), of the states in their units and of their derivatives. It is
+    drawn white and Gaussian (`measuring.measure`).
     """
 
     states: np.ndarray
-    rates: np.ndarray
+    derivatives: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -43,11 +46,11 @@ class Protocol:
 
     @property
     def measures(self) -> str:
-        """RATES, STATES or DISPLACEMENTS: what its recordings hold."""
+        """DERIVATIVES, ALL_STATES or DISPLACEMENTS_ALONE: what its recordings hold."""
         noise = self.noise(1.0, np.ones(2))
-        if np.any(np.isfinite(noise.rates)):
-            return RATES
-        return STATES if np.all(np.isfinite(noise.states)) else DISPLACEMENTS
+        if np.any(np.isfinite(noise.derivatives)):
+            return DERIVATIVES
+        return ALL_STATES if np.all(np.isfinite(noise.states)) else DISPLACEMENTS_ALONE
 
     @property
     def is_scaled(self) -> bool:
@@ -57,7 +60,7 @@ class Protocol:
         )
 
 
-def _rates(level: float, scale: np.ndarray) -> Noise:
+def _derivatives(level: float, scale: np.ndarray) -> Noise:
     """Absolute noise on every derivative (Brunton et al. 2016)."""
     return Noise(np.zeros(len(scale)), np.full(len(scale), level))
 
@@ -76,7 +79,7 @@ def _displacements(level: float, scale: np.ndarray) -> Noise:
 PROTOCOLS = (
     Protocol(
         name="derivative",
-        noise=_rates,
+        noise=_derivatives,
         meaning="exact states with noisy derivatives",
         label="derivative",
         color="#11115a",

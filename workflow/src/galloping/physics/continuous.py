@@ -15,7 +15,7 @@ from numba import njit
 from numpy.polynomial.legendre import legvander
 from scipy.optimize import root
 
-from galloping.physics import aerodynamics
+from galloping.physics import ice_coefficients
 from galloping.physics.line import Line, Mode, positions, weights
 
 AERODYNAMICS = ("small_angle", "relative")
@@ -130,7 +130,7 @@ def span(
         np.array([2.0 * stretch * a @ b for a, b in zip(inverses, quadratic, strict=True)]),
         np.ascontiguousarray(shapes),
         np.array([a @ (s.T * weight) for a, s in zip(inverses, shapes, strict=True)]),
-        np.hstack([static, aerodynamics.coefficients(case["ice"])]),
+        np.hstack([static, ice_coefficients.coefficients(case["ice"])]),
         0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"],
         aerodynamic == "relative",
     )  # fmt: skip

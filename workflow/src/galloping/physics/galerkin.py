@@ -7,7 +7,7 @@ from math import sqrt
 
 import numpy as np
 
-from galloping.physics import aerodynamics
+from galloping.physics import ice_coefficients
 from galloping.physics.derived import Derived
 from galloping.physics.equations import model
 from galloping.physics.line import MODES, Line, Mode, integrate, irvine_root, sine_mode
@@ -53,7 +53,7 @@ def coefficients(case: Mapping) -> dict[str, float]:
 
     speed = case["wind"]["speed"]
     pressure = 0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"] * speed**2
-    (b1, b2, b3), (e1, e2, e3) = aerodynamics.coefficients(case["ice"])
+    (b1, b2, b3), (e1, e2, e3) = ice_coefficients.coefficients(case["ice"])
 
     def vertical_load(b: float, power: int) -> float:
         return 0.0 - pressure * b / speed**power * integrate(phi.shape ** (power + 1), span) / m_v

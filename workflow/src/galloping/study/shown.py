@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
-from galloping.measurement.protocols import DISPLACEMENTS, STATES, Protocol
+from galloping.measurement.protocols import ALL_STATES, DISPLACEMENTS_ALONE, Protocol
 from galloping.study.cells import Case, Cell, Study
 from galloping.study.kinds import JOINT, NOISE, OURS, OURS_FAMILY, SUBSET
 
@@ -41,7 +41,7 @@ def paper_pair(study: Study) -> Pair:
 
 def sensor_protocol(study: Study) -> Protocol:
     """What a sensor gives, if the study has it."""
-    sensors = (protocol for protocol in study.protocols if protocol.measures == STATES)
+    sensors = (protocol for protocol in study.protocols if protocol.measures == ALL_STATES)
     return next(sensors, study.protocols[0])
 
 
@@ -107,7 +107,7 @@ def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
         if cell.case.name == case
         and not cell.case.is_continuous
         and (cell.kind, cell.level) == (NOISE, level)
-        and cell.protocol.measures in (STATES, DISPLACEMENTS)
+        and cell.protocol.measures in (ALL_STATES, DISPLACEMENTS_ALONE)
         and any(method.name == OURS for method in cell.methods)
     }
 
@@ -129,7 +129,7 @@ def oracle_cells(study: Study) -> list[Cell]:
     return [
         cell
         for cell in study.cells
-        if cell.kind == NOISE and cell.level > 0 and cell.protocol.measures == STATES
+        if cell.kind == NOISE and cell.level > 0 and cell.protocol.measures == ALL_STATES
         and not cell.case.is_continuous
         and any(method.evidence in (REGRESSION, WEAK_FORM) for method in cell.methods)
     ]  # fmt: skip

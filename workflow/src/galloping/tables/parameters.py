@@ -12,7 +12,7 @@ from galloping.configuration.parameters import (
     conductor_parameters,
     spacer_parameters,
 )
-from galloping.physics import aerodynamics
+from galloping.physics import ice_coefficients
 
 
 def conductor(settings: dict) -> pd.DataFrame:
@@ -53,6 +53,8 @@ def _aerodynamic(case: str, ice: dict) -> list[ParameterRow]:
             provenance="derived",
             note=f"printed digits, reading {ice['reading']}",
         )
-        for (symbol, direction), values in zip(names, aerodynamics.coefficients(ice), strict=True)
+        for (symbol, direction), values in zip(
+            names, ice_coefficients.coefficients(ice), strict=True
+        )
         for i, value in enumerate(values, start=1)
     ]

@@ -159,7 +159,7 @@ GROWTH = 2e3
 
 # Faults of the instrument.
 # Probability that a recording without any fault is accused of one.
-FALSE_ALARM = 5e-3
+FALSE_FAULT_RATE = 5e-3
 # Segments joined into one free stretch in the tests for unknown forces: a force that comes and
 # goes shows in short stretches, a phase that wanders in long ones.
 STRETCHES = (1, 2, 4)

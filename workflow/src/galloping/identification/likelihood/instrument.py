@@ -18,7 +18,7 @@ from galloping.identification.likelihood.constants import (
     CURIOUS,
     DISTINCT,
     EXACT,
-    FALSE_ALARM,
+    FALSE_FAULT_RATE,
     STRETCHES,
 )
 from galloping.identification.likelihood.problem import Problem
@@ -88,7 +88,7 @@ def faults(
     tested = [Fault(test.cause, z) for test, z in zip(tests, scores, strict=True)]
     tested += _gaps(own, segments, n, starts)
     tested += _variances(condensed, segments, sigma, residual, rates)
-    limit = -ndtri(FALSE_ALARM / 2.0 / max(len(tested), 1))
+    limit = -ndtri(FALSE_FAULT_RATE / 2.0 / max(len(tested), 1))
     doubtful = [k for k, z in enumerate(scores) if z > CURIOUS]
     if doubtful and max(scores) < np.sqrt(penalty):
         quadratic = eliminate(linear(np.ones(len(support), bool)), segments, starts)

@@ -20,11 +20,11 @@ from galloping.identification.likelihood.instrument import FORCES, Fault, faults
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.passes import Fit, follow, match, prepare, window_states
 from galloping.identification.likelihood.problem import Problem, posed
-from galloping.identification.likelihood.rates import scaled, scales_told, with_rates
+from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
+from galloping.identification.likelihood.residual_tests import Residue, residue
 from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.shooting import Segments, residuals
 from galloping.identification.likelihood.smoothing import Smooth
-from galloping.identification.likelihood.verdict import Residue, residue
 from galloping.identification.likelihood.weak_gls import Start, begin, rough_fit
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix

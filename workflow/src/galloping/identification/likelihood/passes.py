@@ -25,7 +25,7 @@ from galloping.identification.likelihood.constants import (
     WINDOWS_PER_PERIOD,
 )
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.rates import (
+from galloping.identification.likelihood.rate_channels import (
     channel_noise,
     channel_values,
     channels,

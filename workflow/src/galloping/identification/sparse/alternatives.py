@@ -9,7 +9,7 @@ import numpy as np
 
 from galloping.identification.sparse import frols, stlsq
 from galloping.identification.sparse.cross_validation import Path
-from galloping.identification.sparse.reduction import Regressions
+from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.supports import NEGLIGIBLE, solve
 
 

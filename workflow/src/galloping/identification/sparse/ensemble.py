@@ -7,7 +7,7 @@ from scipy.fft import dct
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.bagging import bagged_medians
-from galloping.identification.sparse.reduction import Regressions
+from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.stlsq import normalised
 from galloping.identification.sparse.supports import NEGLIGIBLE, compact, refit
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.cross_validation import judge
-from galloping.identification.sparse.reduction import Regressions
+from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.supports import (
     NEGLIGIBLE,
     compact,

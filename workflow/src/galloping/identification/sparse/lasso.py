@@ -8,7 +8,7 @@ from sklearn.linear_model import LassoLars, lars_path, lars_path_gram
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.cross_validation import judge
-from galloping.identification.sparse.reduction import Regressions
+from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.supports import NEGLIGIBLE, compact, refit, scores, solve
 
 PENALTIES = np.geomspace(1, 1e-6, 45)  # of unit columns and targets, as sums over rows

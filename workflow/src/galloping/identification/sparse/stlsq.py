@@ -10,7 +10,7 @@ from sklearn import config_context
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.cross_validation import judge
-from galloping.identification.sparse.reduction import Regressions
+from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Regression
 from galloping.identification.sparse.supports import (
     NEGLIGIBLE,

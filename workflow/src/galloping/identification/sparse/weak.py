@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from galloping.identification.sparse.reduction import Regressions
-from galloping.identification.sparse.settings import best_setting, test_functions
+from galloping.identification.sparse.evidence import Regressions
+from galloping.identification.sparse.tuning import best_setting, test_functions
 from galloping.polynomial import Exponents
 from galloping.recording import Recording
 

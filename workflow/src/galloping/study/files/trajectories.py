@@ -18,7 +18,7 @@ def write(path: str | os.PathLike, motions: Sequence[Motion]) -> None:
         names=np.array(motions[0].names),
         time=motions[0].time,
         states=np.stack([motion.states for motion in motions]),
-        rates=np.stack([motion.rates for motion in motions]),
+        derivatives=np.stack([motion.derivatives for motion in motions]),
         status=np.array([motion.status for motion in motions]),
     )
 
@@ -27,5 +27,5 @@ def read(path: str | os.PathLike) -> tuple[Motion, ...]:
     """The motion of each release; the first one is what models are judged by."""
     with np.load(path) as file:
         names, time = tuple(map(str, file["names"])), file["time"]
-        motions = zip(file["states"], file["rates"], file["status"].tolist(), strict=True)
+        motions = zip(file["states"], file["derivatives"], file["status"].tolist(), strict=True)
         return tuple(Motion(names, time, *motion) for motion in motions)

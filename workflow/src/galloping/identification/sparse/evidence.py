@@ -9,7 +9,7 @@ import numpy as np
 
 from galloping.identification.sparse.differentiation import differentiate
 from galloping.identification.sparse.regression import Regression, regression, stretches
-from galloping.identification.sparse.settings import best_setting, smoothings
+from galloping.identification.sparse.tuning import best_setting, smoothings
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
 

@@ -8,7 +8,7 @@ import pytest
 from galloping import Recording, derive, maximum_likelihood, polynomial_library, simulate
 from galloping.identification.likelihood.condense import condense
 from galloping.identification.likelihood.problem import posed
-from galloping.identification.likelihood.rates import scaled, scales_told
+from galloping.identification.likelihood.rate_channels import scaled, scales_told
 from galloping.identification.likelihood.weak_gls import begin
 
 TERMS = polynomial_library(4, 3)
