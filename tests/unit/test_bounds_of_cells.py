@@ -112,12 +112,12 @@ def test_identifiability_tells_which_terms_can_be_known():
 def test_efficiency_table_counts_everything():
     base = {
         "case": "a", "recordings": 1, "protocol": "state", "points": 9, "method": "m",
-        "missing": 0, "spurious": 0, "r2_q_v": 0.9, "r2_q_w": 0.8, "status": "ok",
+        "missing": 0, "spurious": 0, "r2_q_v": 0.9, "r2_q_w": 0.8, "motion": "ok",
         "amplitude_error_q_v_percent": 1.0, "amplitude_error_q_w_percent": 2.0,
         "intervals": 4.0, "intervals_holding": 4.0,
     }  # fmt: skip
     failed = {
-        "level": 0.1, "efficiency": np.inf, "missing": 4, "status": "m: no luck",
+        "level": 0.1, "efficiency": np.inf, "missing": 4, "motion": "m: no luck",
         "r2_q_v": -np.inf, "r2_q_w": -np.inf, "intervals": np.nan, "intervals_holding": np.nan,
     }  # fmt: skip
     scores = pd.DataFrame(

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from snakemake.utils import update_config
 
-from galloping.configuration import reference
+from galloping.configuration import assessment, lines, reference
 from galloping.configuration.load import (
     ENDLESS,
     ConfigurationError,
@@ -28,8 +28,12 @@ from galloping.configuration.load import (
 from galloping.configuration.parameters import conductor_parameters, spacer_parameters
 from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import Settings, paper_cases_in
+from galloping.cycles import line_family
+from galloping.evaluation import reproduction
 from galloping.identification.registry import BY_NAME as METHODS
+from galloping.physics import continuous, gusts, measures
 from galloping.physics.galerkin import derive
+from galloping.study.kinds import OPEN_PARAMETERS
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
 ROOT = Path(__file__).parents[2]
@@ -452,7 +456,7 @@ REFUSED = [
     ),
     (
         {"trials": {"a": {"kind": "sensor_faults", "samples": [500]}}},
-        "trials.a.samples: is no key of sensor_faults",
+        "trials.a.samples: is no key of sensor_faults; its own keys: levels",
     ),
     (
         {"trials": {"a": {"kind": "random_lines", "cases": ["some"]}}},
@@ -836,3 +840,12 @@ def test_configuration_stays_light():
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_settings_allow_what_there_is():
+    """Settings name what they allow themselves: without the imports of what does it."""
+    assert set(lines.SPECTRUM_NAMES) == set(gusts.SPECTRA)
+    assert set(lines.AERODYNAMICS) == set(continuous.AERODYNAMICS)
+    assert set(assessment.SWEPT) == set(line_family.PARAMETERS)
+    assert set(assessment.MEASURES) == set(measures.KINDS)
+    assert set(OPEN_PARAMETERS) == set(reproduction.OPEN)

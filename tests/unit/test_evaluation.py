@@ -21,6 +21,7 @@ from galloping.evaluation.coefficients import (
 from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.reconstruction import summarise as summarise_motions
 from galloping.evaluation.score import Truth, score
+from galloping.figures.claims import VERDICT_LOOKS
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
@@ -31,7 +32,7 @@ from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, extended, library
 from galloping.simulation import Simulator, Trajectory
-from galloping.tables.claims import CLAIMS, VERDICTS, Claim, claims_table, verdict
+from galloping.tables.claims import CLAIMS, Claim, claims_table, verdict
 from galloping.tables.coefficients import identified_terms, table3
 from galloping.tables.data_amount import data_amount
 from galloping.tables.noise import noise_coefficients, noise_r2
@@ -173,7 +174,7 @@ def test_the_true_model_scores_best(truth):
     (row,), shown = evaluate(truth, models, NO_BOUND[np.newaxis])
     assert (row["method"], row["replicate"]) == ("stlsq", 0)
     assert np.array_equal(shown["stlsq"].low, shown["stlsq"].high)
-    assert row["status"] == "ok"
+    assert row["motion"] == "ok"
     assert (row["missing"], row["spurious"], row["true_positive_ratio"]) == (0, 0, 1)
     errors = [value for name, value in row.items() if "error" in name or name == "e2"]
     assert len(errors) == 8 and max(errors) < 1e-6
@@ -211,7 +212,7 @@ def test_failures_are_rows_of_worst_values(truth, failure):
     (motion,) = reconstruct(truth, [result])
     row = score(truth, result, motion, bound)
     expected = "refused: stlsq: no luck" if failure == "fit" else "diverged: |x| exceeded 1000"
-    assert row["status"].startswith(expected)
+    assert row["motion"].startswith(expected)
     for state in ("q_v", "q_w"):
         assert row[f"r2_{state}"] == row[f"r2_steady_{state}"] == -INF
         assert row[f"amplitude_error_{state}_percent"] == INF
@@ -285,7 +286,7 @@ def test_a_line_that_diverges_is_a_row_with_its_reason(cases):
     failed = IdentifiedModel.refused(line.states, line.terms, "stlsq: no data")
     (motion,) = reconstruct(truth, [failed])
     row = score(truth, failed, motion, np.full(line.coefficients.shape, np.nan))
-    assert row.pop("status") == "the line itself diverged: |x| exceeded 1000 at t = 3 s"
+    assert row.pop("motion") == "the line itself diverged: |x| exceeded 1000 at t = 3 s"
     assert row.pop("verdict") == "refused: stlsq: no data"
     assert np.isnan(list(row.values())).all()
 
@@ -354,7 +355,7 @@ def study_scores(replicates=4):
                 "points": points,
                 "method": method,
                 "replicate": replicate,
-                "status": "diverged: far away" if failed else "ok",
+                "motion": "diverged: far away" if failed else "ok",
                 "mean_error_linear_percent": error[0],
                 "mean_error_quadratic_percent": error[1],
                 "mean_error_cubic_percent": error[2],
@@ -494,7 +495,7 @@ def test_claims_table_is_complete_and_says_what_was_not_run():
     assert (table.loc[not_run, "replicates"] == 0).all()
     assert table.loc[not_run, ["study_value", "low", "high", "met_by"]].isna().all(axis=None)
     assert (table.loc[~not_run, "replicates"] == 4).all()
-    assert set(table.loc[~not_run, "verdict"]) <= {*VERDICTS} - {"not run"}
+    assert set(table.loc[~not_run, "verdict"]) <= {*VERDICT_LOOKS} - {"not run"}
 
 
 def test_only_the_papers_lines_are_judged():
@@ -536,7 +537,7 @@ def test_a_difference_is_taken_within_replicates():
 
 def test_failures_reproduce_no_claim():
     scores = study_scores()
-    scores["status"] = "diverged: far away"
+    scores["motion"] = "diverged: far away"
     for column in scores.columns:
         if column.startswith(("mean_error", "amplitude", "e2")):
             scores[column] = INF

@@ -50,7 +50,10 @@ def test_gusts_are_drawn_and_count():
     ("truth", "line"),
     [
         ({"model": "plate"}, "model: unknown model 'plate'; allowed: two_mode, continuous"),
-        ({"modes": 3}, "modes: must be left out, or the model continuous"),
+        (
+            {"modes": 3},
+            "modes: is not allowed with model two_mode; must be left out",
+        ),
         ({"model": "continuous", "modes": 0}, "modes: 0 is not allowed; must be a whole number"),
         ({"model": "continuous", "sensors": [1.5]}, "sensors: 1.5 is not allowed; each must be"),
         ({"model": "continuous", "gusts": {"spectrum": "pink"}}, "unknown spectrum 'pink'"),
@@ -79,5 +82,5 @@ def test_no_coefficient_is_true_but_the_motion_is_judged(cases):
     unbounded = np.full((1, *line.coefficients.shape), np.nan)
     (row,), _ = evaluate(truth, {"any": [IdentifiedModel(line, "ok")]}, unbounded)
     assert np.isnan([row["e2"], row["missing"], row["mean_error_linear_percent"]]).all()
-    assert row["status"] == "ok" and row["r2_q_v"] > 0.9
+    assert row["motion"] == "ok" and row["r2_q_v"] > 0.9
     assert np.isfinite(row["amplitude_error_q_w_percent"])

@@ -134,7 +134,7 @@ def test_it_runs_to_the_end_in_the_users_folder(user):
 
 def test_a_line_that_diverges_is_rows_with_their_reason(user):
     storm = user.table("scores").query("case == 'storm'")
-    assert len(storm) and storm["status"].str.startswith("the line itself diverged").all()
+    assert len(storm) and storm["motion"].str.startswith("the line itself diverged").all()
     assert storm["r2_q_v"].isna().all()
 
 

@@ -107,7 +107,7 @@ def test_known_equations_are_read_as_they_are_printed():
     row = dict(zip(model.term_names, model.coefficients[1], strict=True))
     assert {n: c for n, c in row.items() if c} == {"q": -3.5, "dq": -0.02, "q^2 dq": 1.0}
     for wrong in ("dq", "x=q", "dq=2 y", "dq=q q q q", "dq=q dq 3"):
-        with pytest.raises(ValueError, match="--known"):
+        with pytest.raises(ValueError, match="known equation"):
             known_model([wrong], states, terms)
 
 

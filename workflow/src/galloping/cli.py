@@ -37,7 +37,7 @@ def main() -> None:
 def _mapping_options(command):
     for option in reversed(
         (
-            click.option("--time", "time_column", default="t", help="Column of the times."),
+            click.option("--time", "time_column", help="Column of the times; t."),
             click.option("--states", help="States, such as x,y,z; each is a column of its name."),
             click.option(
                 "--measure", "measures", multiple=True, metavar="STATE=COLUMN[UNIT]@POSITION",
@@ -52,7 +52,7 @@ def _mapping_options(command):
                 help="Known standard deviation, for maximum_likelihood; else estimated.",
             ),
             click.option("--span", type=float, help="m, where columns have positions."),
-            click.option("--decimal", default=".", help="Decimal mark of text files."),
+            click.option("--decimal", help="Decimal mark of text files; a point."),
             click.option(
                 "--map", "map_file", type=click.Path(dir_okay=False),
                 help="A YAML file with all of this.",
@@ -67,11 +67,11 @@ def _mapping(time_column, states, measures, units, noises, span, decimal, map_fi
     from galloping.field.mapping import MappingError, channel_of, read_mapping, validated
 
     if map_file:
-        if states or measures or units or noises or span is not None:
-            raise MappingError(
-                "--map stands alone: leave --states, --measure, --unit, --noise and --span out"
-            )
+        others = (states, measures, units, noises, span, time_column, decimal)
+        if any(other not in (None, ()) for other in others):
+            raise MappingError("--map stands alone: leave out all other options of columns")
         return read_mapping(map_file)
+    time_column, decimal = time_column or "t", decimal or "."
     named = [name.strip() for name in states.split(",")] if states else []
     channels = [channel_of(text) for text in measures]
     if not channels:
@@ -80,7 +80,9 @@ def _mapping(time_column, states, measures, units, noises, span, decimal, map_fi
         raise MappingError("--states: name the states of the system, such as q_v,q_w,dq_v,dq_w")
     by_column = dict(text.partition("=")[::2] for text in units if "=" in text)
     noise_of = dict(text.partition("=")[::2] for text in noises)
-    for_all = next((text for text in units if "=" not in text), None)
+    for_all, *more = [text for text in units if "=" not in text] or [None]
+    if more:
+        raise MappingError(f"--unit: {for_all} and {more[0]}; must be one for all, or COLUMN=UNIT")
     for channel in channels:
         unit = by_column.pop(channel["column"], None) or channel.get("unit") or for_all
         if unit:
@@ -239,7 +241,12 @@ def simulate(model, duration, rate, initial, as_json):
 
     loaded = _answered(model)
     if initial:
-        start = np.array([float(text) for text in initial.split(",")])
+        try:
+            start = np.array([float(text) for text in initial.split(",")])
+        except ValueError:
+            start = np.array([np.nan])
+        if not np.all(np.isfinite(start)):
+            raise ValueError(f"--initial: {initial!r} is not allowed; must be numbers with commas")
     elif len(loaded.initial_states):
         start = loaded.initial_states[0]
     else:
@@ -259,11 +266,15 @@ def simulate(model, duration, rate, initial, as_json):
 @click.option("--json", "as_json", is_flag=True, help="Print coefficients for machines.")
 def derive(case, as_json):
     """Derive the galloping equations of a line from CASE.yaml, a case of the configuration."""
-    from galloping.configuration.load import read
+    from galloping.configuration.load import ConfigurationError, read
     from galloping.identification.model import IdentifiedModel
     from galloping.stages import derive as derived
 
-    model = derived(**read(case))
+    try:
+        model = derived(**{str(section): keys for section, keys in read(case).items()})
+    except ConfigurationError as error:
+        lines = str(error).replace(f"{case}: ", "").splitlines()
+        raise ValueError("\n".join(f"{case}: {line}" for line in lines)) from None
     exact = IdentifiedModel(model, "unjudged")
     if as_json:
         rows = {

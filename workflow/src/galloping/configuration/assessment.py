@@ -71,7 +71,11 @@ class SweepSection(Section):
     @model_validator(mode="after")
     def _second_is_whole(self) -> SweepSection:
         if (self.second is None) != (self.second_values is None):
-            raise invalid("a map needs both second and second_values", "second")
+            raise invalid(
+                f"{show(self.second)} is not allowed beside second_values "
+                f"{show(self.second_values)}; must both be given, or both be null",
+                "second",
+            )
         if self.second == self.parameter:
             raise invalid(f"{show(self.second)} is varied already; must be another", "second")
         return self
@@ -98,8 +102,9 @@ class MeasureSection(Section):
         given = {k for k, v in self.model_dump(exclude={"kind"}).items() if v is not None}
         wanted = set(MEASURES[self.kind])
         if given != wanted:
-            keys = ", ".join(MEASURES[self.kind]) or "nothing else"
-            raise invalid(f"{self.kind} takes {keys}", "kind")
+            keys = ", ".join(MEASURES[self.kind]) or "nothing"
+            here = ", ".join(sorted(given)) or "nothing"
+            raise invalid(f"{self.kind} beside {here}; must stand beside {keys}", "kind")
         if self.positions is not None and not self.positions:
             raise invalid("is empty; must hold one place or more", "positions")
         return self

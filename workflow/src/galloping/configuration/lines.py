@@ -275,7 +275,11 @@ class TruthSection(Section):
         if self.model != "continuous":
             for name in sorted(self.model_fields_set - {"model"}):
                 if getattr(self, name) != getattr(TruthSection(), name):
-                    raise invalid("must be left out, or the model continuous", name)
+                    raise invalid(
+                        f"is not allowed with model {self.model}; must be left out, or the model "
+                        "continuous",
+                        name,
+                    )
         return self
 
 

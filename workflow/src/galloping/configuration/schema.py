@@ -86,7 +86,9 @@ def _type(node: dict, unit: str) -> str:
         case {"type": "number"}:
             in_unit = f" in {unit}" if unit else ""
             return f"{bounds} {unit}".strip() if (bounds := _bounds(node)) else f"a number{in_unit}"
-    return ""  # text: its rule says it all
+        case {"type": "boolean"}:
+            return "true or false"
+    return "" if "rule" in node else "text"  # a rule says it all
 
 
 def _items(node: dict) -> str:

@@ -169,7 +169,7 @@ class RecordingsSection(Section):
     )
     seed: whole(ge=0) = setting(0, "seed of the draws behind intervals and forecasts", "1")
     case: Name | None = setting(
-        None, "case whose frequencies, damping and limit cycle are shown beside"
+        None, "case whose frequencies, damping and limit cycle are shown beside", rule=NAME_RULE
     )
     publish: bool = setting(False, "whether the files go into a publication of the study")
 

@@ -49,7 +49,8 @@ class TrialSection(Section):
         kind = KINDS[self.kind]
         for key in ("protocols", "levels", "samples"):
             if getattr(self, key) is not None and key not in kind.options:
-                raise invalid(f"is no key of {self.kind}", key)
+                taken = ", ".join(kind.options) or "none"
+                raise invalid(f"is no key of {self.kind}; its own keys: {taken}", key)
         for case in self.cases or ():
             if case not in kind.cases:
                 raise invalid(

@@ -82,7 +82,7 @@ def score(
     where the line itself diverges, those of coefficients where there are no true ones, the
     amplitude's error where it does not gallop.
     """
-    row: dict[str, float | str] = {"status": motion.status, "verdict": result.verdict}
+    row: dict[str, float | str] = {"motion": motion.status, "verdict": result.verdict}
     coefficients = _on_terms_of(truth, result.model.coefficients, absent=0.0)
     standard_errors = _on_terms_of(truth, result.standard_errors, absent=np.nan)
     if result.status == "refused":
@@ -94,7 +94,7 @@ def score(
     row["efficiency"] = efficiency(truth.model, coefficients, bound, UNKNOWN)
     row |= coverage(truth.model, coefficients, standard_errors, UNKNOWN)
     if not truth.is_own_model:
-        row |= {name: np.nan for name in row if name not in ("status", "verdict")}
+        row |= {name: np.nan for name in row if name not in ("motion", "verdict")}
     columns = list(DISPLACEMENT_COLUMNS.values())
     true, moved, steady_moved = (
         states[:, columns]
@@ -112,7 +112,7 @@ def score(
         row[f"amplitude_error_{name}_percent"] = 100 * amplitude[k]
         row[f"frequency_error_{name}_percent"] = 100 * frequency[k]
     if truth.status != "ok":
-        row |= {name: np.nan for name in row if name not in ("status", "verdict")}
+        row |= {name: np.nan for name in row if name not in ("motion", "verdict")}
     return row
 
 

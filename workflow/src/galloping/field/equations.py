@@ -28,7 +28,9 @@ def known_model(
         state, _, right = text.partition("=")
         state = state.strip()
         if state not in states or state in named:
-            raise ValueError(f"--known {text!r}: must be one of {', '.join(states)}, once each")
+            raise ValueError(
+                f"known equation {text!r}: must begin with one of {', '.join(states)}, each once"
+            )
         named.append(state)
         row = coefficients[states.index(state)]
         place, right = 0, right.strip()
@@ -36,14 +38,16 @@ def known_model(
             part = PART.match(right, place)
             sign, number, factors = part.groups()
             if part.end() == place or not (number or factors) or (place and not sign):
-                raise ValueError(f"--known {text!r}: cannot be read from {right[place:]!r}")
+                raise ValueError(f"known equation {text!r}: cannot be read from {right[place:]!r}")
             term = _exponents(factors, states, text)
             if term not in terms:
-                raise ValueError(f"--known {text!r}: {factors.strip()} is not in the library")
+                raise ValueError(
+                    f"known equation {text!r}: {factors.strip()} is not in the library"
+                )
             row[terms.index(term)] += float(f"{sign}{number or 1}")
             place = part.end()
         if not right:
-            raise ValueError(f"--known {text!r}: says nothing of d({state})/dt")
+            raise ValueError(f"known equation {text!r}: says nothing of d({state})/dt")
     return PolynomialModel(states, terms, coefficients), tuple(named)
 
 
@@ -52,6 +56,6 @@ def _exponents(factors: str, states: tuple[str, ...], text: str) -> Exponents:
     for factor in factors.replace("*", " ").split():
         name, _, power = factor.partition("^")
         if name not in states or not (power or "1").isdigit():
-            raise ValueError(f"--known {text!r}: {factor!r} is no power of a state")
+            raise ValueError(f"known equation {text!r}: {factor!r} is no power of a state")
         powers[states.index(name)] += int(power or 1)
     return tuple(powers)

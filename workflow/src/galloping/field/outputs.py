@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from galloping.evaluation.coefficients import NORMAL_95
 from galloping.field.forecast import Forecast
 from galloping.field.units import coefficient_unit
 from galloping.identification.model import IdentifiedModel
@@ -17,7 +18,6 @@ MODEL_COLUMNS = {  # with the unit of each
     "equation": "", "term": "", "coefficient": "of the row", "unit": "",
     "standard_error": "of the row", "low": "of the row", "high": "of the row", "verdict": "",
 }  # fmt: skip
-NORMAL_95 = 1.959964
 MEANING = {
     "ok": "The terms below are the right ones, and every absent one is smaller than its limit.",
     "not identifiable": "The model follows the recording, but the recording leaves open which "

@@ -136,9 +136,11 @@ def _known_noise(table: FileTable, channel: Channel) -> float:
     try:
         noise = amount(channel.noise, unit, state_unit(channel.measures))
     except UnitError as error:
-        raise FileError(f"noise of column {channel.column!r}: {error}") from error
+        raise FileError(f"{table.path}: noise of column {channel.column!r}: {error}") from error
     if not 0.0 < noise < np.inf:
-        raise FileError(f"noise of column {channel.column!r}: {channel.noise}; must be above 0")
+        raise FileError(
+            f"{table.path}: noise of column {channel.column!r}: {channel.noise}; must be above 0"
+        )
     return noise
 
 

@@ -72,19 +72,19 @@ class Field:
                 dominant = channel["dominant_frequencies_hz"]
                 frequencies += ([f for f in dominant if f >= least] or dominant)[:1]
         if not frequencies:
-            raise ValueError("no channel oscillates: there is no motion to identify")
+            files = ", ".join(str(report["file"]) for report in self.reports)
+            raise ValueError(f"{files}: no channel oscillates: there is no motion to identify")
         return 1.0 / min(frequencies)
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """A forecast of what was held out, with what was measured there.
+    """A forecast of what was held out.
 
     skill: (n_states,) R2 of the median. held: (n_states,) share of the samples inside the band.
     """
 
     forecast: Forecast
-    measured: np.ndarray
     skill: np.ndarray
     held: np.ndarray
 
@@ -126,7 +126,7 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
 class Question:
     """What is asked of recordings.
 
-    degree: of the polynomial library. method: a name of `METHODS`. known: equations as text, as
+    degree: of the polynomial library. method: a name of FIELD_METHODS. known: equations as text, as
     in `equations.known_model`. seed: of the draws of intervals and forecasts.
     """
 
@@ -218,7 +218,7 @@ def tried(
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.nansum(measured, axis=0) / counts
         spread = np.nansum((measured - mean) ** 2, axis=0)
-        return HeldOut(ahead, measured, 1.0 - rest / spread, inside.sum(axis=0) / counts)
+        return HeldOut(ahead, 1.0 - rest / spread, inside.sum(axis=0) / counts)
 
 
 def stretches(

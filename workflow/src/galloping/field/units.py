@@ -34,7 +34,7 @@ def factor(unit: str, wanted: str) -> float:
         target = _registry().parse_units("" if wanted in ("1", "") else wanted)
         return float(_registry().Quantity(1.0, source).to(target).magnitude)
     except pint.UndefinedUnitError as error:
-        raise UnitError(f"unit {unit!r} is not known") from error
+        raise UnitError(f"unit {unit!r} is not known; must be such as mm, m/s^2 or g_n") from error
     except pint.DimensionalityError as error:
         hint = "; an acceleration of gravity is written g_n" if unit == "g" else ""
         if wanted == "1":

@@ -54,7 +54,7 @@ def draw_coefficients(
         upper, lower = grid[:, column]
         parts = [table[table["equation"] == equation] for table in tables]
         _ratios(upper, parts, limits)
-        _shares(lower, parts, levels)
+        _shares(lower, parts)
         panels.letter(upper, column, f"{equation} equation")
         panels.letter(lower, len(equations) + column, "terms found")
         lower.set_xticks(*_ticks(parts[0][parts[0]["true"] != 0]), fontsize="x-small")
@@ -116,7 +116,7 @@ def _ratios(axes: Axes, parts: Sequence[pd.DataFrame], limits: tuple[float, floa
     axes.set_ylim(limits[0] - margin, limits[1] + margin)
 
 
-def _shares(axes: Axes, parts: Sequence[pd.DataFrame], levels: Sequence[float]) -> None:
+def _shares(axes: Axes, parts: Sequence[pd.DataFrame]) -> None:
     spurious = []
     for k, (table, (color, _)) in enumerate(zip(parts, LOOKS, strict=False)):
         found = table.loc[table["true"] != 0, "found"].to_numpy(float)

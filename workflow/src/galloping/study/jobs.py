@@ -8,7 +8,7 @@ from pathlib import Path
 
 from galloping.field import SHOWN
 from galloping.figures import registry as figures
-from galloping.identification.registry import BY_NAME as METHODS
+from galloping.identification.registry import BY_NAME
 from galloping.study import shown, sources
 from galloping.study.cells import Study
 from galloping.study.kinds import OURS_FAMILY
@@ -222,7 +222,7 @@ def find_oracle(study: Study, case: str, protocol: str, cell: str) -> Job:
 def run_trial(study: Study, trial: str, batch: str) -> Job:
     tried = study.trial(trial)
     part = next(each for each in tried.batches if each.name == batch)
-    methods = [METHODS[name] for name in tried.methods]
+    methods = [BY_NAME[name] for name in tried.methods]
     settings = {
         "function": tried.kind.function,
         "seed": tried.seed,

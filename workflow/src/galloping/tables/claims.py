@@ -63,7 +63,6 @@ def _subset_claims() -> list[Claim]:
     ]
 
 
-VERDICTS = ("better", "reproduced", "in reach", "not reproduced", "not run")
 MOST, RARE = 1 / 2, 1 / 20  # shares of the draws
 
 CLAIMS = [

@@ -32,7 +32,7 @@ def interval(values: Sequence[float]) -> tuple[float, float, float]:
 
 def failures(scores: pd.DataFrame) -> int:
     """Replicates without a model, or whose model's motion ended early."""
-    return int((scores["status"] != "ok").sum())
+    return int((scores["motion"] != "ok").sum())
 
 
 def summarise(

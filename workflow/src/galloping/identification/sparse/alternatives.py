@@ -10,7 +10,7 @@ import numpy as np
 from galloping.identification.sparse import frols, stlsq
 from galloping.identification.sparse.cross_validation import Path
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.supports import NEGLIGIBLE, solve
+from galloping.identification.sparse.supports import solve, threshold_path
 
 
 def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
@@ -35,7 +35,7 @@ def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
 
 
 PATHS: dict[str, Callable[[int], Path]] = {
-    "stlsq": lambda length: partial(stlsq.supports_along, np.geomspace(NEGLIGIBLE, 1, length)),
+    "stlsq": lambda length: partial(stlsq.supports_along, threshold_path(length)),
     "frols": lambda length: frols.supports_along,
 }
 """By method, what `alternatives` needs of it; length: of a path of thresholds.

@@ -13,10 +13,10 @@ from galloping.identification.sparse.cross_validation import judge
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Regression
 from galloping.identification.sparse.supports import (
-    NEGLIGIBLE,
     best_threshold,
     compact,
     scores,
+    threshold_path,
     thresholded_supports,
 )
 
@@ -38,7 +38,7 @@ def normalised(
     scale = np.linalg.norm(targets, axis=0)
     lengths = np.linalg.norm(library, axis=0)
     library, targets = library / lengths, targets / scale
-    path, ridges = np.geomspace(NEGLIGIBLE, 1, path_length), np.zeros(len(scale))
+    path, ridges = threshold_path(path_length), np.zeros(len(scale))
     if threshold is not None:
         chosen = np.full(len(scale), threshold)
     elif problem.held_out is None:
@@ -62,7 +62,7 @@ def raw(evidence: Regressions, *, threshold: float | None, path_length: int) -> 
     library, targets = compact(evidence.plain)
     if threshold is None:
         largest = np.abs(np.linalg.lstsq(library, targets, rcond=None)[0]).max(axis=0)
-        candidates = largest[:, np.newaxis] * np.geomspace(NEGLIGIBLE, 1, path_length)
+        candidates = largest[:, np.newaxis] * threshold_path(path_length)
         chosen = _scan(library, targets, candidates, evidence.plain.observations)
     else:
         chosen = np.full(targets.shape[1], threshold)
@@ -84,7 +84,7 @@ def supports_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> 
 @lru_cache(maxsize=1)  # ensembles ask again
 def _cross_validated(problem: Regression, path_length: int) -> tuple[np.ndarray, np.ndarray]:
     """The threshold and the ridge of each equation that held-out stretches prefer."""
-    path = np.geomspace(NEGLIGIBLE, 1, path_length)
+    path = threshold_path(path_length)
     judged = judge(problem, lambda *products: supports_along(path, *products))
     ridges, places = np.divmod(judged.chosen(), len(path))
     supports = judged.supports.reshape(len(ridges), len(RIDGES), len(path), -1)

@@ -11,6 +11,11 @@ NEGLIGIBLE = 1e-4
 COLLINEAR = 1e-12  # of a unit column's square: what rounding leaves of one that others make up
 
 
+def threshold_path(length: int) -> np.ndarray:
+    """(length,) thresholds to try, in equal ratios, as shares of the largest coefficient."""
+    return np.geomspace(NEGLIGIBLE, 1, length)
+
+
 def ebic(rss: np.ndarray, terms: np.ndarray, observations: int, candidates: int) -> np.ndarray:
     """Extended Bayesian information criterion with gamma = 1 (Chen and Chen 2008).
 
