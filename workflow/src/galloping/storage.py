@@ -39,15 +39,18 @@ def write_arrays(path: str | os.PathLike, **arrays: np.ndarray) -> None:
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:
+    """Text as UTF-8, whole or not at all."""
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
 
 
 def write_json(path: str | os.PathLike, content: object) -> None:
+    """Plain values as indented JSON. Raises ValueError for NaN and infinity."""
     write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 def read_json(path: str | os.PathLike) -> dict:
+    """The mapping in a JSON file."""
     return json.loads(Path(path).read_text(encoding="utf-8"))
 
 

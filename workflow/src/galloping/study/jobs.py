@@ -45,10 +45,12 @@ class Job:
 
 
 def derive_model(study: Study, case: str) -> Job:
+    """The modal equations of a line from its parameters."""
     return Job({}, {"line": study.case(case).line})
 
 
 def simulate_line(study: Study, case: str) -> Job:
+    """The true motion of a line after each release, of two modes or of the continuous line."""
     simulation, moving = study.settings.simulation, study.case(case)
     settings = {
         "releases": list(moving.releases),
@@ -68,17 +70,20 @@ def simulate_line(study: Study, case: str) -> Job:
 
 
 def rank_releases(study: Study, case: str) -> Job:
+    """Which further release would tell most of the weakest term."""
     reads = {"model": sources.model(study, case), "trajectory": sources.trajectory(study, case)}
     level = study.settings.measurement.subsets.level
     return _reading(reads, {"level": level, "heights": RELEASE_HEIGHTS})
 
 
 def measure_motion(study: Study, case: str, protocol: str, cell: str) -> Job:
+    """The recordings of one cell, made where they are asked for."""
     measurement = study.cell(case, protocol, cell).measurement
     return _reading({"trajectory": sources.trajectory(study, case)}, {"measurement": measurement})
 
 
 def identify_models(study: Study, case: str, protocol: str, cell: str, family: str) -> Job:
+    """The models of all replicates of one cell by the methods of one family."""
     measured = study.cell(case, protocol, cell)
     methods = measured.families[family]
     settings = {
@@ -101,6 +106,7 @@ def identify_recordings(study: Study, recording: str) -> Job:
 
 
 def evaluate_cell(study: Study, case: str, protocol: str, cell: str) -> Job:
+    """Scores, bounds and reconstructed motions of one cell."""
     measured = study.cell(case, protocol, cell)
     reads = {
         "model": sources.model(study, case),
@@ -120,6 +126,7 @@ def evaluate_cell(study: Study, case: str, protocol: str, cell: str) -> Job:
 
 
 def follow_cycles(study: Study, case: str, sweep: str) -> Job:
+    """Equilibria, limit cycles and bifurcations of a line along a sweep."""
     along = study.sweep(sweep)
     settings = {
         "case": study.case(case).released,
@@ -130,6 +137,7 @@ def follow_cycles(study: Study, case: str, sweep: str) -> Job:
 
 
 def simulate_sweep(study: Study, case: str, sweep: str, block: str) -> Job:
+    """Long simulations of a line at one block of the values of a sweep."""
     along = study.sweep(sweep)
     values = next(each for each in along.blocks if each.name == block)
     settings = {
@@ -159,6 +167,7 @@ def assess_line(study: Study, case: str) -> Job:
 
 
 def predict_winds(study: Study, case: str, protocol: str) -> Job:
+    """What models identified at one wind speed say of others."""
     cell = shown.predicted_cells(study, case)[protocol]
     settings = {
         "case": study.case(case).released,
@@ -197,12 +206,14 @@ def vary_parameter(study: Study, parameter: str) -> Job:
 
 
 def animate_line(study: Study) -> Job:
+    """The galloping span and its orbit, of the first case."""
     case = shown.first_case(study)
     wind = study.settings.assessment.design_wind
     return Job({}, {"case": case.released, "name": case.name, "wind": wind})
 
 
 def find_oracle(study: Study, case: str, protocol: str, cell: str) -> Job:
+    """The best that any setting of pysindy's methods could do on one cell, chosen with the truth."""
     measured = study.cell(case, protocol, cell)
     reads = {
         "model": sources.model(study, case),
@@ -220,6 +231,7 @@ def find_oracle(study: Study, case: str, protocol: str, cell: str) -> Job:
 
 
 def run_trial(study: Study, trial: str, batch: str) -> Job:
+    """One batch of the replicates of a trial of the verdicts."""
     tried = study.trial(trial)
     part = next(each for each in tried.batches if each.name == batch)
     methods = [BY_NAME[name] for name in tried.methods]
@@ -236,12 +248,14 @@ def run_trial(study: Study, trial: str, batch: str) -> Job:
 
 
 def make_table(study: Study, table: str) -> Job:
+    """One table of `tables.registry`."""
     described = tables.BY_NAME[table]
     settings = {"function": described.function, "shown": dict(described.settings(study))}
     return _reading(described.reads(study), settings, (described.function,))
 
 
 def draw_figure(study: Study, figure: str) -> Job:
+    """One figure of `figures.registry`."""
     described = figures.BY_NAME[figure]
     settings = {
         "function": described.function,

@@ -22,40 +22,49 @@ Sources = Mapping[str, Source | Mapping[str, Source]]  # by name, or by name and
 
 
 def model(study: Study, case: str) -> Source:
+    """The derived model of a line."""
     return Source(study.paths.model.format(case=case), f"{FILES}.models:read")
 
 
 def trajectory(study: Study, case: str) -> Source:
+    """Its motion after each release."""
     return Source(study.paths.trajectory.format(case=case), f"{FILES}.trajectories:read")
 
 
 def ranking(study: Study, case: str) -> Source:
+    """Its further releases, ranked."""
     return Source(study.paths.ranking.format(case=case), f"{FILES}.tables:read")
 
 
 def identified(study: Study, cell: Cell, family: str) -> Source:
+    """The models that a family of methods found in a cell."""
     path = study.paths.identified.format(**cell.wildcards, family=family)
     return Source(path, f"{FILES}.identified:read")
 
 
 def bounds(study: Study, cell: Cell) -> Source:
+    """The Cramér-Rao bounds of a cell."""
     return Source(study.paths.bounds.format(**cell.wildcards), f"{FILES}.bounds:read")
 
 
 def scores(study: Study, cell: Cell) -> Source:
+    """The scores of a cell."""
     return Source(study.paths.scores.format(**cell.wildcards), f"{FILES}.tables:read")
 
 
 def oracle(study: Study, cell: Cell) -> Source:
+    """The scores of the oracle of a cell."""
     return Source(study.paths.oracle.format(**cell.wildcards), f"{FILES}.tables:read")
 
 
 def reconstructions(study: Study, cell: Cell) -> Source:
+    """The motions of the models of a cell."""
     path = study.paths.reconstructions.format(**cell.wildcards)
     return Source(path, f"{FILES}.reconstructions:read")
 
 
 def table(study: Study, name: str) -> Source:
+    """A table of the study by name."""
     return Source(study.paths.table.format(table=name), f"{FILES}.tables:read")
 
 
@@ -77,6 +86,7 @@ def swept(study: Study, pattern: str, **names: str) -> Source:
 
 
 def orbits(study: Study, case: str) -> Source:
+    """The orbits of a line over one period."""
     return Source(study.paths.orbits.format(case=case), f"{FILES}.orbits:read")
 
 
