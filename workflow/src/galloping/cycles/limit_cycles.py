@@ -56,7 +56,7 @@ class Floquet:
 
 
 def floquet(linearisation: Linearisation) -> Floquet:
-    """Multipliers of a limit cycle without the trivial one, the largest first, and the error of that one."""
+    """Multipliers of a limit cycle, the largest first, and the error of the trivial one."""
     values = np.linalg.eigvals(linearisation.monodromy()).astype(complex)
     trivial = np.argmin(np.abs(values - 1))
     others = np.delete(values, trivial)

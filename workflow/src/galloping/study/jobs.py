@@ -213,7 +213,7 @@ def animate_line(study: Study) -> Job:
 
 
 def find_oracle(study: Study, case: str, protocol: str, cell: str) -> Job:
-    """The best that any setting of pysindy's methods could do on one cell, chosen with the truth."""
+    """The best that pysindy's methods could do on one cell, chosen with the truth."""
     measured = study.cell(case, protocol, cell)
     reads = {
         "model": sources.model(study, case),
