@@ -142,6 +142,11 @@ OTHERS = {
         (2.0, 0.0),
         25.0,
     ),
+    "cubic_oscillator": (  # its first swings are far quicker than most of the record
+        model(("x", "y"), 3, {"x^3": -0.1, "y^3": 2.0}, {"x^3": -2.0, "y^3": -0.1}),
+        (2.0, 0.0),
+        25.0,
+    ),
 }
 
 

@@ -7,6 +7,12 @@ motion; the cubic terms of a line make harmonics up to its third.
 
 from __future__ import annotations
 
+# Time scales that are tried, each half of the one before, which gave no model: the spectrum shows
+# that of most of the power, and a transient or a relaxation is quicker. Measured on systems of
+# `galloping.trials.systems`: a cubic oscillator that slows down as it decays needs a half or a
+# quarter of it, one that relaxes a half; an eighth and a sixteenth answered nothing more.
+TIME_SCALES = 3
+
 # Smooth curves. Quintic splines: their derivatives, which the weak form's errors need, are cubic.
 SPLINE_DEGREE = 5
 # Knots a period: five carry a sine to 2.5e-4 of its size, twelve its third harmonic to 1.4e-3.

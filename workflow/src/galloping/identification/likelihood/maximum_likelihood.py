@@ -9,11 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.constants import CLOSE, MOST_COLOUR, STRETCH_PERIODS
+from galloping.identification.likelihood.constants import (
+    CLOSE,
+    MOST_COLOUR,
+    STRETCH_PERIODS,
+    TIME_SCALES,
+)
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.instrument import FORCES, Fault, faults, of_the_model
@@ -30,13 +36,15 @@ from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
 
+NO_MODEL = (ValueError, FloatingPointError, np.linalg.LinAlgError)
+
 
 def maximum_likelihood(
     recordings: Recording | Sequence[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
-    begin: Callable[[Problem, list[Recording]], Start] = begin,
+    begin: Callable[..., Start] = begin,
 ) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
 
@@ -45,7 +53,8 @@ def maximum_likelihood(
     say it: then it is the least that is assumed, and what the misfit is held against. Where they
     carry derivatives, the states are exact and the equations are fitted directly.
     terms: the library. known: model whose equations of `known_states` hold; the equation of a
-    state X is known to be dX/dt = dX where a state has that name. begin: makes the start.
+    state X is known to be dX/dt = dX where a state has that name. begin: makes the start, as
+    `weak_gls.begin` does; with a shorter time scale of the motion where the first gives no model.
     The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
     model of the library follows the data to the noise; see `model_error`), or `refused`.
     Raises ValueError where the recordings differ in their states, and for other input.
@@ -57,18 +66,30 @@ def maximum_likelihood(
     try:
         if all(recording.derivatives is not None for recording in recordings):
             return derivative_fit(problem, recordings)
-        begun = begin(problem, recordings)
-        rescaled = scaled(recordings, begun)
-        if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
-            begun = begin(problem, rescaled)
-        identified = _from_states(problem, recordings, with_rates(begun, rescaled))
-        told = scales_told(recordings, rescaled)
-        return replace(identified, diagnostics={**identified.diagnostics, **told})
-    except (ValueError, FloatingPointError, np.linalg.LinAlgError) as error:
+    except NO_MODEL as error:
         return refused(problem, str(error))
+    reasons = []
+    for halvings in range(TIME_SCALES):
+        try:
+            return _from_states(problem, recordings, partial(begin, share=0.5**halvings))
+        except NO_MODEL as error:
+            reasons.append(str(error))
+    return refused(problem, reasons[0])
 
 
-def _from_states(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
+def _from_states(
+    problem: Problem, recordings: list[Recording], begin: Callable[..., Start]
+) -> IdentifiedModel:
+    begun = begin(problem, recordings)
+    rescaled = scaled(recordings, begun)
+    if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
+        begun = begin(problem, rescaled)
+    identified = _exact_or_near(problem, recordings, with_rates(begun, rescaled))
+    told = scales_told(recordings, rescaled)
+    return replace(identified, diagnostics={**identified.diagnostics, **told})
+
+
+def _exact_or_near(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
     try:
         return _exact(problem, recordings, begun)
     except FloatingPointError as objection:

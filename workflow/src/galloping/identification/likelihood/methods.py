@@ -23,14 +23,16 @@ class Evidence:
 
     recordings: list[Recording]
     terms: tuple[Exponents, ...]
-    begin: Callable[[Problem, list[Recording]], Start]
+    begin: Callable[..., Start]
 
 
 def start(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evidence:
     """Evidence whose start is made once, by the first method that needs it."""
     made: list[Start] = []
 
-    def begin(problem: Problem, given: list[Recording]) -> Start:
+    def begin(problem: Problem, given: list[Recording], share: float = 1.0) -> Start:
+        if share != 1.0:
+            return weak.begin(problem, given, share)
         if not made:
             made.append(weak.begin(problem, given))
         return made[0]

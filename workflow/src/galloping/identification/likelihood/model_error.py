@@ -96,16 +96,16 @@ def approximation(
     start. sigma, floor: (n_recordings, n_observed) noise of the projections and the least to
     assume. penalty: worth of a term in units of chi^2, were the model exact. objection: why no
     model of the library is right.
-    Refused where no model can be integrated or its forecasts are no better than the mean of the
-    data. The diagnostics are the R2 of the forecasts and the error of each channel as a share of
-    its motion: in all, slow (below half of the frequency at which the channel mostly moves), near
-    it, and fast (above one and a half).
+    Refused where its forecasts are no better than the mean of the data. Raises FloatingPointError
+    where no model can be integrated over a stretch. The diagnostics are the R2 of the forecasts and
+    the error of each channel as a share of its motion: in all, slow (below half of the frequency at
+    which the channel mostly moves), near it, and fast (above one and a half).
     """
     record = Record(problem, condensed, segments, states, floor)
     try:
         made = _approximate(record, free, sigma, penalty)
     except (FloatingPointError, np.linalg.LinAlgError) as error:
-        return refused(problem, f"{objection}; {error}")
+        raise FloatingPointError(f"{objection}; {error}") from error
     if not made.skill > 0.0:
         return refused(problem, f"{objection}; what comes near it predicts nothing")
     shares = error_shares(made, condensed)

@@ -37,12 +37,15 @@ class WeakFit:
     misfit: float
 
 
-def prepared(recordings: list[Recording]) -> tuple[list[Recording], list[Smooth], float]:
+def prepared(
+    recordings: list[Recording], share: float = 1.0
+) -> tuple[list[Recording], list[Smooth], float]:
     """The recordings without faults and outliers, their smooth curves, the shortest period, s.
 
-    Raises ValueError where no channel varies or a state cannot be had from the channels.
+    share: of the shortest period that the spectra show, which is taken in its place. Raises
+    ValueError where no channel varies or a state cannot be had from the channels.
     """
-    period = shortest_period(recordings)
+    period = share * shortest_period(recordings)
     recordings = [without_faults(recording, period) for recording in recordings]
     pairs = [smooth_without_outliers(recording, period) for recording in recordings]
     return [recording for recording, _ in pairs], [one for _, one in pairs], period
@@ -84,9 +87,9 @@ class Start:
     fit: WeakFit
 
 
-def begin(problem: Problem, recordings: list[Recording]) -> Start:
-    """The start from recordings. Raises what `prepared` and `weak_fit` raise."""
-    recordings, smoothed, period = prepared(recordings)
+def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
+    """The start from recordings. share: as in `prepared`. Raises what it and `weak_fit` raise."""
+    recordings, smoothed, period = prepared(recordings, share)
     samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     penalty = 2.0 * np.log(samples)
     fit = weak_fit(problem, smoothed, penalty)
