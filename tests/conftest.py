@@ -13,8 +13,8 @@ from galloping.configuration.load import load, plain
 
 pytest_plugins = ["browser", "studies"]
 SLOW = (
-    "Slow tests were not run, such as studies killed, damaged, grown and moved, and trials: "
-    "`make test SLOW=yes` runs them."
+    "Slow tests were not run, such as studies killed, damaged, grown, moved and published, and "
+    "trials: `make test SLOW=yes` runs them."
 )
 ROOT = Path(__file__).parents[1]
 os.environ["PYTHONPATH"] = str(ROOT / "workflow" / "src")  # for the processes that tests start

@@ -15,7 +15,7 @@ from galloping.publication import manifest
 from galloping.publication.archive import unpack
 from galloping.reproducibility.receipts import digest
 
-pytestmark = pytest.mark.xdist_group("study")
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 
 RESULTS = "results/smoke"
 TABLE = f"{RESULTS}/tables/noise_r2.csv"
@@ -107,7 +107,6 @@ def test_the_folder_is_the_archive_and_says_what_it_is(clone, unpacked):
     assert "snakemake" in json.loads(files["environment.json"])["packages"]
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning:rdflib")
 def test_the_crate_passes_the_required_checks_of_its_profile(unpacked, tmp_path):
     from requests import Request

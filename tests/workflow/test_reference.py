@@ -10,7 +10,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-pytestmark = pytest.mark.xdist_group("study")
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 
 
 def table(study, name):
@@ -66,7 +66,6 @@ def update_reference(study):
     )
 
 
-@pytest.mark.slow
 def test_only_a_finished_study_becomes_the_reference(edited, study):
     reference = edited.folder / "results/reference/smoke"
     lost = edited.results / "bounds/non_resonant/state/noise_0.05.npz"

@@ -400,12 +400,14 @@ def dry_run(study, folder, *edits):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("study")
 def test_snakemake_runs_what_the_plans_say(study, edited, tmp_path):
     edits = [EDITS[name] for name in ("a threshold of `stlsq`", "the wind speed of another case")]
     assert dry_run(study, tmp_path, *edits) == set(edited(*edits))
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("study")
 def test_what_runs_nothing_runs_nothing(study, tmp_path):
     # together: none of them can take back what another does

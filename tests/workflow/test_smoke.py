@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-pytestmark = pytest.mark.xdist_group("study")
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 
 # What a reader or a script can count on; tables may have more.
 COLUMNS = {

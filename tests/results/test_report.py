@@ -1,19 +1,25 @@
-"""The report in a real browser: figures load, tables open as tables, nothing comes from outside."""
+"""The default study's report in a real browser (run `make` first): figures load, tables open as
+tables, nothing comes from outside.
+"""
 
 import pandas as pd
 import pytest
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 
-pytestmark = pytest.mark.xdist_group("study")
+pytestmark = pytest.mark.xdist_group("report")
 
 
 @pytest.fixture
-def page(browser, study, tmp_path):
-    """The report of the smoke study, alone in a folder, so that it can use no file beside it."""
-    assert study.first.returncode == 0, "the smoke study failed: see test_smoke.py"
+def results(root):
+    return root / "results"
+
+
+@pytest.fixture
+def page(browser, results, tmp_path):
+    """The report alone in a folder, so that it can use no file beside it."""
     copy = tmp_path / "report.html"
-    copy.write_bytes((study.results / "report.html").read_bytes())
+    copy.write_bytes((results / "report.html").read_bytes())
     browser.get(copy.as_uri())
     return browser
 
@@ -29,8 +35,8 @@ def test_it_begins_with_what_was_found(page):
     assert "tension" in elements(page, "#settings dl")[0].text
 
 
-def test_every_figure_loads_with_its_caption_and_nothing_comes_from_outside(page, study):
-    drawn = (study.results / "figures").iterdir()
+def test_every_figure_loads_with_its_caption_and_nothing_comes_from_outside(page, results):
+    drawn = (results / "figures").iterdir()
     names = {path.stem for path in drawn if path.suffix in (".svg", ".gif")}
     figures = {figure.get_attribute("id"): figure for figure in elements(page, "figure[id]")}
     assert figures.keys() == names
@@ -48,8 +54,8 @@ def test_every_figure_loads_with_its_caption_and_nothing_comes_from_outside(page
     assert {url.partition(":")[0] for url in fetched} <= {"data"}
 
 
-def test_tables_open_as_tables_that_can_be_searched_and_sorted(page, study):
-    table = pd.read_csv(study.results / "tables" / "claims.csv")
+def test_tables_open_as_tables_that_can_be_searched_and_sorted(page, results):
+    table = pd.read_csv(results / "tables" / "claims.csv")
     elements(page, "nav a[href='#table-claims']")[0].click()
     part = elements(page, "#table-claims ~ details")[0]
     rows = part.find_elements(By.CSS_SELECTOR, "tbody tr")
