@@ -270,10 +270,11 @@ def derive(case, as_json):
     from galloping.identification.model import IdentifiedModel
     from galloping.stages import derive as derived
 
+    content = read(case)
     try:
-        model = derived(**{str(section): keys for section, keys in read(case).items()})
+        model = derived(**{str(section): keys for section, keys in content.items()})
     except ConfigurationError as error:
-        lines = str(error).replace(f"{case}: ", "").splitlines()
+        lines = [line.removeprefix(f"{case}: ") for line in str(error).splitlines()]
         raise ValueError("\n".join(f"{case}: {line}" for line in lines)) from None
     exact = IdentifiedModel(model, "unjudged")
     if as_json:
