@@ -10,7 +10,8 @@ from __future__ import annotations
 # Time scales that are tried, each half of the one before, which gave no model: the spectrum shows
 # that of most of the power, and a transient or a relaxation is quicker. Measured on systems of
 # `galloping.trials.systems`: a cubic oscillator that slows down as it decays needs a half or a
-# quarter of it, one that relaxes a half; an eighth and a sixteenth answered nothing more.
+# quarter of it, one that relaxes a half; of two that a quarter did not answer, neither did an
+# eighth or a sixteenth.
 TIME_SCALES = 3
 
 # Smooth curves. Quintic splines: their derivatives, which the weak form's errors need, are cubic.
