@@ -107,6 +107,17 @@ def test_random_lines_and_their_table():
     assert sentence.startswith(f"Of 2 fits to random lines, {line['ok']} were ok, ")
 
 
+def test_a_chaotic_system_is_followed_in_short_segments_where_long_ones_lead_astray():
+    fit = next(iter(systems.trial(4711, "lorenz", [0], METHODS, samples=[2000], levels=[0.1])))
+    assert fit["status"] == "ok" and fit["exact"]
+
+
+@pytest.mark.slow
+def test_terms_that_do_not_settle_at_once_settle_with_patience():
+    fits = trial(314159, "all", [193], METHODS, protocols=["state"], levels=[0.05])
+    assert all(fit["status"] == "ok" and fit["exact"] for fit in fits)
+
+
 def test_a_fault_is_named_and_a_system_is_compared_with_its_bound():
     system = next(iter(systems.trial(5, "van_der_pol", [0], METHODS, samples=[500], levels=[0.01])))
     assert system["exact"] and 0.2 < system["error_over_bound"] < 3.0

@@ -169,9 +169,11 @@ def _approximate(
     errors = [np.mean(each.forecast[1] / each.forecast[0].mean(axis=0), axis=1) for each in made]
     best = chosen = int(np.argmin([np.mean(error) for error in errors]))
     for k, error in enumerate(errors):
-        worse = error - errors[best]
+        with np.errstate(invalid="ignore"):  # infinite where forecasts diverge
+            worse = error - errors[best]
+            doubt = np.std(worse) / np.sqrt(len(worse))
         saved = max(made[best].support.sum() - made[k].support.sum(), 0)
-        if np.mean(worse) <= WORTH * saved * np.std(worse) / np.sqrt(len(worse)):
+        if np.mean(worse) <= WORTH * saved * doubt:
             chosen = k
     return _varying(record, fits[chosen], penalty) or made[chosen]
 

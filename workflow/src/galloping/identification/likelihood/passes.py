@@ -15,10 +15,12 @@ from galloping.identification.likelihood.constants import (
     CONVERGED,
     FIRST_CHAIN,
     MATCHED,
+    MOST_FREE_PASSES,
     MOST_HALVINGS,
     MOST_PASSES,
     PATIENCE,
     PERIODS_PER_SEGMENT,
+    SHORT,
     SHORTER,
     SMALLEST_NOISE,
     TRUNCATION,
@@ -99,33 +101,37 @@ def follow(
     """Condensed samples, and segments in which a fit with free first states follows the data.
 
     From a rough start, that of a sensitive system above all, long segments lead astray: they are
-    halved while that halves the misfit. A start that diverges even so is replaced by that of all
-    terms, each held to its `largest` size. Raises FloatingPointError where that diverges too.
+    halved until the fit is close, at most to the least misfit. A start that diverges even so is
+    replaced by that of all terms, each held to its `largest` size. Raises FloatingPointError where
+    that diverges too.
     """
     best = None
+    periods = PERIODS_PER_SEGMENT
     for halving in range(2 * SHORTER):
-        periods = PERIODS_PER_SEGMENT / 2 ** (halving % SHORTER)
         if halving == SHORTER:
             if best is not None:
                 return best
             scaled = start.information * largest * largest[:, None] + np.eye(len(largest))
             free = largest * np.linalg.solve(scaled, largest * start.right)
             start = replace(start, free=free, support=np.ones(len(free), bool))
+            periods = PERIODS_PER_SEGMENT
         try:
             condensed, segments, fit = prepare(
                 problem, recordings, smoothed, period, start, periods
             )
+            periods = np.median(np.diff(segments.first)) * condensed.step / period
             previous = fit
-            for _ in range(PATIENCE):
+            for _ in range(MOST_FREE_PASSES):
                 step = _guarded(problem, condensed, segments, previous, fit, 1, None)
                 previous, fit = step.before, step.fit
                 if fit.cost < CLOSE * float(np.sum(condensed.rows)):
                     return condensed, segments, step
         except FloatingPointError:
             continue
-        if best is not None and fit.cost > best[2].fit.cost / 2.0:
-            return best
-        best = condensed, segments, step
+        finally:
+            periods /= 2.0
+        if best is None or fit.cost < best[2].fit.cost:
+            best = condensed, segments, step
     if best is None:
         raise FloatingPointError(DIVERGES)
     return best
@@ -209,30 +215,48 @@ def match(
     Chains grow from pass to pass until the terms stay the same: about a rough fit, that of too
     many terms above all, the solution over a long chain is far from linear in the coefficients,
     and the terms that seem best then lead astray. Where those of the start, `step`, are the best
-    already, the chains are whole from the first.
+    already, the chains are whole from the first. What does not settle, as a chaotic recording may
+    not, is tried again with more passes at each length.
     unseen: whether a mixture of terms, together as large as the motion, fits nothing; then an
     iteration whose terms do not settle never will, and ends with the free segments that it began
     with.
     Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
-    previous, start = step.before, step.fit
-    fit = start
+    objections = []
+    for patience in (1, PATIENCE):
+        try:
+            return _settled(problem, condensed, segments, step, penalty, unseen, patience)
+        except FloatingPointError as error:
+            objections.append(error)
+    if unseen:
+        free = _gauss_newton(problem, condensed, segments, step.fit, 1, None)
+        if free.fit.cost < CLOSE * float(np.sum(condensed.rows)):
+            return step.fit, replace(free, settled=False)
+    raise objections[0]
+
+
+def _settled(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    step: Step,
+    penalty: float,
+    unseen: bool,
+    patience: int,
+) -> tuple[Fit, Step]:
+    """As `match`; patience: most passes with chains of one length, before the step is SHORT."""
+    previous, fit = step.before, step.fit
     every = np.ones(len(fit.support), bool)
     best = select(step.information, step.right, [every, fit.support], penalty, fit.free)
     longest = np.inf if np.array_equal(best, fit.support) else FIRST_CHAIN
-    preferring = False
-    for passed in range(MOST_PASSES):
-        choosing = passed < CHOOSING_PASSES and not preferring
+    preferring, stayed, rounds = False, 1, min(patience, 2)
+    for passed in range(rounds * MOST_PASSES):
+        choosing = passed < rounds * CHOOSING_PASSES and not preferring
         if unseen and not (choosing or preferring):
             break
-        try:
-            step = _guarded(
-                problem, condensed, segments, previous, fit, longest, penalty if choosing else None
-            )
-        except FloatingPointError:
-            if unseen:
-                break
-            raise
+        step = _guarded(
+            problem, condensed, segments, previous, fit, longest, penalty if choosing else None
+        )
         settled = np.array_equal(step.fit.support, step.before.support)
         previous, fit = step.before, step.fit
         whole = longest is None or longest >= len(segments.chains)
@@ -243,14 +267,14 @@ def match(
                 return fit, step
             preferring = True
             fit = replace(fit, support=support)
+        stays = stayed < patience and step.decrement > SHORT and not settled
+        stayed = stayed + 1 if stays else 1
         if settled and whole:
             segments, longest = step.segments, None  # chains that come and go would never settle
+        elif settled:
+            longest = np.inf
         else:
-            longest = np.inf if settled else CHAIN_GROWTH * (longest or np.inf)
-    if unseen:
-        step = _gauss_newton(problem, condensed, segments, start, 1, None)
-        if step.fit.cost < CLOSE * float(np.sum(condensed.rows)):
-            return start, replace(step, settled=False)
+            longest = (longest or np.inf) * (1 if stays else CHAIN_GROWTH)
     misfit = fit.cost / float(np.sum(condensed.rows))
     what = "follows the data" if misfit > CLOSE else "is preferred by the data"
     raise FloatingPointError(f"no model found that {what}: chi2/n {misfit:.3g}")
