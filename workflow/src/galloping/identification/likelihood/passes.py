@@ -217,9 +217,9 @@ def match(
     and the terms that seem best then lead astray. Where those of the start, `step`, are the best
     already, the chains are whole from the first. What does not settle, as a chaotic recording may
     not, is tried again with more passes at each length.
-    unseen: whether a mixture of terms, together as large as the motion, fits nothing; then an
-    iteration whose terms do not settle never will, and ends with the free segments that it began
-    with.
+    unseen: whether a mixture of terms, together as large as the motion, fits nothing; then what
+    does not settle while terms are chosen never will, and ends with the free segments that it
+    began with.
     Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
     objections = []
