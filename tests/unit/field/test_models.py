@@ -25,7 +25,7 @@ from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.seeds import generator
 from galloping.simulation import Simulator
-from galloping.trials.model_error import SENSORS, TRUTHS, combined, line_of, motion
+from galloping.trials.model_error import LAYOUTS, TRUTHS, combined, line_of, motion
 from galloping.trials.random_lines import draw
 
 STATES = ("q_v", "q_w", "dq_v", "dq_w")
@@ -80,7 +80,7 @@ def test_a_span_gives_the_same_numbers_through_a_file_as_its_projected_sensors(t
     noisy = clean + 0.05 * clean.std(axis=0) * np.random.default_rng(7).standard_normal(clean.shape)
     states = combined(line, truth, noisy)
     states[:, 2:] = np.nan
-    places = [line.line.span * share for share in SENSORS[truth.sensors]]
+    places = [line.line.span * share for share in LAYOUTS[truth.sensors]]
     columns = {(f"{q}_{k}", q, x): noisy[:, k, j] for k, x in enumerate(places)
                for j, q in enumerate(STATES[:2])}  # fmt: skip
     frame = {"t": time} | {name: values for (name, *_), values in columns.items()}

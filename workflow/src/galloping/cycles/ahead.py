@@ -9,8 +9,9 @@ import numpy as np
 from galloping.cycles.family import Family
 from galloping.cycles.limit_cycles import settled
 from galloping.cycles.motion import settle
-from galloping.cycles.prediction import BAND, SAMPLES, near
+from galloping.cycles.prediction import SAMPLES, near
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import QUANTILES_95
 from galloping.polynomial import PolynomialModel
 from galloping.simulation import Simulator
 
@@ -61,5 +62,5 @@ def limit_cycle_ahead(
         orbits = [near(Family(lambda _, c=c: model(c)), point.solution) for c in drawn]
         ranges = [orbit.half_range() for orbit in orbits if orbit is not None]
         if len(ranges) > SAMPLES / 2:
-            low, high = np.quantile(ranges, BAND, axis=0, method="weibull")
+            low, high = np.quantile(ranges, QUANTILES_95, axis=0, method="weibull")
     return LimitCycle(point.solution.half_range(), low, high)

@@ -20,11 +20,11 @@ from galloping.cycles.continuation import Range, length
 from galloping.cycles.family import Family, VectorField
 from galloping.cycles.limit_cycles import CycleProblem, at_value, from_motion
 from galloping.cycles.motion import settle
+from galloping.intervals import QUANTILES_95
 from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.simulation import Simulator
 
 SAMPLES = 39  # of which the least and the greatest are then the ends of the band, without bias
-BAND = (0.025, 0.975)
 SETTLED = 0.01  # steps: the second correction of a sampled cycle that is near the predicted one
 
 
@@ -230,7 +230,7 @@ def predict(
         ranges = np.array([orbit.half_range() for orbit in orbits if orbit is not None])
         unresolved[k] = 1 - len(ranges) / max(1, len(draws))
         if len(ranges) > len(draws) / 2:
-            low[k], high[k] = np.quantile(ranges, BAND, axis=0, method="weibull")
+            low[k], high[k] = np.quantile(ranges, QUANTILES_95, axis=0, method="weibull")
     reason = f"no stable limit cycle at {', '.join(missing)} m/s" if missing else ""
     return Prediction(winds, amplitude, low, high, unresolved, reason)
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from galloping.cycles.limit_cycles import settled
 from galloping.cycles.motion import settle
-from galloping.cycles.prediction import BAND, Split, near, split
+from galloping.cycles.prediction import Split, near, split
+from galloping.intervals import QUANTILES_95
 from galloping.physics.clearance import clearance
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
@@ -187,7 +188,7 @@ def _interval(value: float, samples: np.ndarray) -> tuple[float, float, float]:
         return value, np.nan, np.nan
     if np.all(samples == samples[0]):  # such as infinite, which quantiles cannot interpolate
         return value, float(samples[0]), float(samples[0])
-    low, high = np.quantile(samples, BAND, method="weibull")
+    low, high = np.quantile(samples, QUANTILES_95, method="weibull")
     return value, float(low), float(high)
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from galloping.intervals import NORMAL_95
 from galloping.polynomial import PolynomialModel
 
 ORDERS = {"linear": 1, "quadratic": 2, "cubic": 3}
-NORMAL_95 = 1.959964  # half width of a 95 % interval in standard deviations
 
 
 def relative_errors(true: PolynomialModel, coefficients: np.ndarray) -> np.ndarray:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.intervals import QUANTILES_90
+
 PLOT_RATE = 20.0  # Hz, an order of magnitude above the fastest harmonic that matters
-BAND = (0.05, 0.95)
 
 
 @dataclass(frozen=True)
@@ -31,5 +32,5 @@ def summarise(time: np.ndarray, states: np.ndarray, quality: np.ndarray) -> Reco
     stride = max(1, round(1 / (PLOT_RATE * (time[1] - time[0]))))
     middle = np.argsort(quality, kind="stable")[len(quality) // 2]
     thinned = states[:, ::stride]
-    low, high = np.quantile(thinned, BAND, axis=0)
+    low, high = np.quantile(thinned, QUANTILES_90, axis=0)
     return Reconstruction(time[::stride], thinned[middle], low, high)

@@ -14,11 +14,11 @@ from galloping.cycles.motion import settle
 from galloping.cycles.prediction import near
 from galloping.field.forecast import drawn, simulator_of
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import QUANTILES_95
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.simulation import Simulator
 
 DRAWS = 39  # of which the least and the greatest are then the ends of the band
-BAND = (0.025, 0.975)
 DURATION, FROM_NEARBY, WINDOW = 2000.0, 800.0, 200.0  # s, of the motion that settles on the cycle
 
 
@@ -105,7 +105,7 @@ def _orbit(model: PolynomialModel, orbit: Orbit, simulator: Simulator) -> Orbit 
 
 
 def _value(value: float, samples: np.ndarray) -> Value:
-    low, high = np.quantile(samples, BAND, method="weibull")
+    low, high = np.quantile(samples, QUANTILES_95, method="weibull")
     return Value(float(value), float(low), float(high))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import QUANTILES_90
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 from galloping.simulation import Simulator
@@ -68,7 +69,7 @@ def forecast(
     if len(motions) < DRAWS // 2:
         raise ValueError(f"{DRAWS - len(motions)} of {DRAWS} draws of the model diverge")
     seen = motions + np.maximum(sigma, missed) * rng.standard_normal(motions.shape)
-    low, high = np.quantile(seen, (0.05, 0.95), axis=0, method="weibull")
+    low, high = np.quantile(seen, QUANTILES_90, axis=0, method="weibull")
     return Forecast(time, np.median(motions, axis=0), low, high)
 
 

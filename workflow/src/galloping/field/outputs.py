@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from galloping.evaluation.coefficients import NORMAL_95
 from galloping.field.forecast import Forecast
 from galloping.field.units import coefficient_unit
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import NORMAL_95
 from galloping.polynomial import term_name
 from galloping.storage import write_json
 

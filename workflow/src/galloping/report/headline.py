@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-OURS = "maximum_likelihood"
+from galloping.study.kinds import OURS
 
 
 def headline(

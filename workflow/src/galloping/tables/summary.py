@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-INTERVAL = (0.05, 0.95)
+from galloping.intervals import QUANTILES_90
 
 
 def all_scores(cells: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
@@ -25,8 +25,8 @@ def of_kind(scores: pd.DataFrame, kind: str) -> pd.DataFrame:
 def interval(values: Sequence[float]) -> tuple[float, float, float]:
     """Median and the 5th and 95th percentile; a failure (inf) counts as the worst value."""
     values = np.asarray(values, dtype=float)
-    low = np.quantile(values, INTERVAL[0], method="lower")
-    high = np.quantile(values, INTERVAL[1], method="higher")
+    low = np.quantile(values, QUANTILES_90[0], method="lower")
+    high = np.quantile(values, QUANTILES_90[1], method="higher")
     return float(np.median(values)), float(low), float(high)
 
 

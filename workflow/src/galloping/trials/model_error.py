@@ -17,6 +17,7 @@ from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import NORMAL_95
 from galloping.physics import galerkin
 from galloping.physics.continuous import Span, continuous_line, eigenvalues, release, simulate, span
 from galloping.physics.equations import STATES
@@ -37,7 +38,6 @@ LENGTH_SCALE = 100.0  # m, of the gusts: some tens of metres above open country
 SPECTRUM = "von_karman"
 FORECAST = 15.0  # s: six vertical periods
 DRAWS = 24  # of the coefficients, for the intervals
-NORMAL = 1.96
 QUANTITIES = (
     "amplitude_v", "amplitude_w", "damping_v", "frequency_v", "damping_w", "frequency_w",
 )  # fmt: skip
@@ -50,7 +50,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-SENSORS = {"projected": QUARTERS, "mid-span": (0.5,), "states": ()}  # places, in spans
+LAYOUTS = {"projected": QUARTERS, "mid-span": (0.5,), "states": ()}  # places, in spans
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class SensedLine:
     """A line and its sensors.
 
     modes: sine modes in each direction, or 0 for the two shapes of the paper's model.
-    aerodynamics: as in `continuous.span`. intensity: of the gusts. sensors: of SENSORS, told apart
+    aerodynamics: as in `continuous.span`. intensity: of the gusts. sensors: of LAYOUTS, told apart
     into as many sine modes, the first of which is recorded; or the modal `states`. velocities:
     whether they are measured.
     """
@@ -119,7 +119,7 @@ def combined(line: Span, truth: SensedLine, values: np.ndarray) -> np.ndarray:
 
 
 def _places(line: Span, truth: SensedLine) -> list[float]:
-    return [share * line.line.span for share in SENSORS[truth.sensors]]
+    return [share * line.line.span for share in LAYOUTS[truth.sensors]]
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def answer(
         sampled = np.array([quantities(coefficients) for coefficients in drawn])
         # half of the middle 68 %: a few draws that diverge do not count
         low, high = np.nanquantile(sampled, [0.16, 0.84], axis=0)
-        widths = NORMAL * (high - low) / 2.0
+        widths = NORMAL_95 * (high - low) / 2.0
         left = [identified.diagnostics.get(f"error_share_all_{q}", 0.0) for q in STATES[:2]]
         widths[:2] = np.hypot(widths[:2], left * values[:2])
     return Answer(values, widths)

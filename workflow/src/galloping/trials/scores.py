@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.evaluation.coefficients import NORMAL_95
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import NORMAL_95
 from galloping.polynomial import PolynomialModel
 
 FAR = 4.0  # standard errors beyond which a coefficient is wrong

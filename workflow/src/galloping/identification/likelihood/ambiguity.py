@@ -12,8 +12,8 @@ from galloping.identification.likelihood.constants import (
     CHANGES,
     EXPANDED,
     FALSE_DOUBT_RATE,
-    FALSE_TERM_RATE,
     MISS_RATE,
+    MOST_RIVAL_WEIGHT,
     TAIL,
 )
 from galloping.identification.likelihood.problem import Problem
@@ -161,7 +161,7 @@ def detection_limits(errors: np.ndarray, support: np.ndarray, penalty: float) ->
 def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> str:
     """One line on why the terms found are not settled by the data, '' where they are.
 
-    They are not where the plausible supports without one of them weigh more than FALSE_TERM_RATE,
+    They are not where the plausible supports without one of them weigh more than MOST_RIVAL_WEIGHT,
     or where an absent term, or a pair, improves the fit more than noise does but for a rate of
     FALSE_DOUBT_RATE, yet less than selection asks.
     """
@@ -173,7 +173,7 @@ def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -
     reasons = []
     lacking = ~plausible.supports[:, support].all(axis=1)
     share = float(plausible.weight[lacking].sum())
-    if share > FALSE_TERM_RATE:
+    if share > MOST_RIVAL_WEIGHT:
         rival = np.flatnonzero(lacking)[np.argmax(plausible.weight[lacking])]
         other = plausible.supports[rival]
         gone = " with ".join(names[k] for k in np.flatnonzero(support & ~other))

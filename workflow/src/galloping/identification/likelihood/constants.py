@@ -71,11 +71,11 @@ MOST_FREE_PASSES = 5  # with free segments, which are matched after them, howeve
 # Segments that are matched in the first pass, and how many times more in the next. Measured: with
 # whole chains at once 6 of 92 clear lines did not settle, with these none.
 FIRST_CHAIN, CHAIN_GROWTH = 4, 4
-MOST_PASSES, CHOOSING_PASSES = 20, 14  # in all, and those in which terms are chosen
-# Passes at each length of the second try, of twice as many in all, unless the step is short before:
-# squared length, in standard deviations. Measured: of eight recordings of random lines that do not
-# settle in the first try, six do in this, each with the right terms.
-PATIENCE, SHORT = 4, 100.0
+# Passes of each try: in all, those in which terms are chosen, and with chains of one length unless
+# the step is SHORT before (squared length, in standard deviations). Measured: of eight recordings
+# of lines that do not settle in the first, six do in the second, each with the right terms.
+TRIES = (20, 14, 1), (40, 28, 4)
+SHORT = 100.0
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 CONVERGED = 0.01  # squared length of a step, in standard deviations
@@ -130,7 +130,7 @@ CHANCE = 0.1
 # Weight that the plausible supports without one of the terms found may have together, such that at
 # most one in fifty of the models that are `ok` holds a false term. Measured on 982 fits to random
 # lines (seed 314159): 11 of 692 do, where their weights expect 6; with 0.3 it would be 17 of 711.
-FALSE_TERM_RATE = 0.2
+MOST_RIVAL_WEIGHT = 0.2
 # Rate at which noise alone raises a doubt about a model that lacks no term, over all terms that
 # could be added and over all pairs of them.
 FALSE_DOUBT_RATE = 0.005

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtrit
 
 from galloping.identification.likelihood.ambiguity import detection_limits
 from galloping.identification.likelihood.condense import Condensed
@@ -46,6 +46,7 @@ from galloping.identification.likelihood.weak_constraint import (
     predictions,
 )
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import NORMAL_95, QUANTILES_95
 from galloping.polynomial import PolynomialModel
 
 
@@ -241,7 +242,7 @@ def _judged(record: Record, fit: StretchFit) -> Approximation:
         residual[own] = condensed.targets[own] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
-    few = (stdtrit(freedom, 0.975) / ndtri(0.975)) ** 2  # so that normal intervals hold
+    few = (stdtrit(freedom, QUANTILES_95[1]) / NORMAL_95) ** 2  # so that normal intervals hold
     covariance = SYSTEMATIC * few * freedom / len(groups) * spread.T @ spread
     windows = np.diff(segments.first)[:, None]
     squares = [

@@ -10,19 +10,17 @@ from galloping.identification.likelihood.ambiguity import preferred
 from galloping.identification.likelihood.condense import Condensed, condense
 from galloping.identification.likelihood.constants import (
     CHAIN_GROWTH,
-    CHOOSING_PASSES,
     CLOSE,
     CONVERGED,
     FIRST_CHAIN,
     MATCHED,
     MOST_FREE_PASSES,
     MOST_HALVINGS,
-    MOST_PASSES,
-    PATIENCE,
     PERIODS_PER_SEGMENT,
     SHORT,
     SHORTER,
     SMALLEST_NOISE,
+    TRIES,
     TRUNCATION,
     WINDOWS_PER_PERIOD,
 )
@@ -223,9 +221,9 @@ def match(
     Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
     objections = []
-    for patience in (1, PATIENCE):
+    for passes in TRIES:
         try:
-            return _settled(problem, condensed, segments, step, penalty, unseen, patience)
+            return _matched(problem, condensed, segments, step, penalty, unseen, *passes)
         except FloatingPointError as error:
             objections.append(error)
     if unseen:
@@ -235,43 +233,45 @@ def match(
     raise objections[0]
 
 
-def _settled(
+def _matched(
     problem: Problem,
     condensed: Condensed,
     segments: Segments,
     step: Step,
     penalty: float,
     unseen: bool,
-    patience: int,
+    most: int,
+    most_choosing: int,
+    most_alike: int,
 ) -> tuple[Fit, Step]:
-    """As `match`; patience: most passes with chains of one length, before the step is SHORT."""
+    """One of the TRIES of `match`, whose numbers of passes the last three are."""
     previous, fit = step.before, step.fit
     every = np.ones(len(fit.support), bool)
     best = select(step.information, step.right, [every, fit.support], penalty, fit.free)
     longest = np.inf if np.array_equal(best, fit.support) else FIRST_CHAIN
-    preferring, stayed, rounds = False, 1, min(patience, 2)
-    for passed in range(rounds * MOST_PASSES):
-        choosing = passed < rounds * CHOOSING_PASSES and not preferring
+    preferring, alike = False, 1
+    for passed in range(most):
+        choosing = passed < most_choosing and not preferring
         if unseen and not (choosing or preferring):
             break
         step = _guarded(
             problem, condensed, segments, previous, fit, longest, penalty if choosing else None
         )
-        settled = np.array_equal(step.fit.support, step.before.support)
+        unchanged = np.array_equal(step.fit.support, step.before.support)
         previous, fit = step.before, step.fit
         whole = longest is None or longest >= len(segments.chains)
-        if settled and whole and step.decrement < CONVERGED and step.gap < MATCHED:
+        if unchanged and whole and step.decrement < CONVERGED and step.gap < MATCHED:
             whitened = whiten(step.information, step.right, fit.free)
             support = fit.support if preferring else preferred(whitened, fit.support, penalty)
             if np.array_equal(support, fit.support):
                 return fit, step
             preferring = True
             fit = replace(fit, support=support)
-        stays = stayed < patience and step.decrement > SHORT and not settled
-        stayed = stayed + 1 if stays else 1
-        if settled and whole:
+        stays = not unchanged and alike < most_alike and step.decrement > SHORT
+        alike = alike + 1 if stays else 1
+        if unchanged and whole:
             segments, longest = step.segments, None  # chains that come and go would never settle
-        elif settled:
+        elif unchanged:
             longest = np.inf
         else:
             longest = (longest or np.inf) * (1 if stays else CHAIN_GROWTH)
@@ -332,8 +332,8 @@ def _gauss_newton(
     quadratic = eliminate(linear, segments, fit.starts)
     support = fit.support
     if penalty is not None:
-        starts = [np.ones(len(support), bool), fit.support]
-        support = select(quadratic.information, quadratic.right, starts, penalty, fit.free)
+        tried = [np.ones(len(support), bool), fit.support]
+        support = select(quadratic.information, quadratic.right, tried, penalty, fit.free)
     # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
     free = np.where(support, fit.free, 0.0)
     rest = quadratic.right + quadratic.information @ (fit.free - free)

@@ -44,11 +44,11 @@ def select(
     (n,) boolean support.
     """
     whitened = whiten(information, right, about)
-    settled: dict[bytes, tuple[float, np.ndarray]] = {}
+    known_best: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
-        value, support = _descend(whitened, start & whitened.usable, penalty, settled)
-        settled[support.tobytes()] = (value, support)
-    return min(settled.values(), key=lambda entry: entry[0])[1]
+        value, support = _descend(whitened, start & whitened.usable, penalty, known_best)
+        known_best[support.tobytes()] = (value, support)
+    return min(known_best.values(), key=lambda entry: entry[0])[1]
 
 
 @dataclass(frozen=True)
@@ -186,14 +186,14 @@ def _pairs(gradient: np.ndarray, information: np.ndarray) -> np.ndarray:
 
 
 def _descend(
-    whitened: Whitened, support: np.ndarray, penalty: float, settled: dict[bytes, tuple]
+    whitened: Whitened, support: np.ndarray, penalty: float, known_best: dict[bytes, tuple]
 ) -> tuple[float, np.ndarray]:
     """Removal, then the best small move while one lowers the criterion; with the criterion.
 
-    settled: supports from which no move does.
+    known_best: supports from which no move does.
     """
     support = _remove(whitened, support, penalty)
-    while support.tobytes() not in settled:
+    while support.tobytes() not in known_best:
         here = tableau(whitened, support)
         value = here.chi2 + penalty * len(here.kept)
         change, leaving, entering = _best_move(here, penalty)
@@ -202,7 +202,7 @@ def _descend(
         support = support.copy()
         support[leaving], support[entering] = False, True
         support = _remove(whitened, support, penalty)
-    return settled[support.tobytes()]
+    return known_best[support.tobytes()]
 
 
 def _best_move(here: Tableau, penalty: float) -> tuple[float, np.ndarray, np.ndarray]:
