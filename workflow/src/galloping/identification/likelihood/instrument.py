@@ -70,9 +70,8 @@ def faults(
 
     condensed, segments, sigma, free, starts: of a converged fit, as in `shooting.linearise`, the
     segments in their chains. support: (n_candidates,) terms of the model. penalty: worth of a
-    term in units of chi^2. A sound recording is accused with probability
-    FALSE_FAULT_RATE. Raises
-    FloatingPointError where the model diverges.
+    term in units of chi^2. A sound recording is accused with probability FALSE_FAULT_RATE.
+    Raises FloatingPointError where the model diverges.
     """
     residual, _ = residuals(problem, condensed, segments, free, starts)
     rates = _rates(problem, condensed, segments, free, starts)
