@@ -71,10 +71,10 @@ MOST_FREE_PASSES = 5  # with free segments, which are matched after them, howeve
 # Segments that are matched in the first pass, and how many times more in the next. Measured: with
 # whole chains at once 6 of 92 clear lines did not settle, with these none.
 FIRST_CHAIN, CHAIN_GROWTH = 4, 4
-# Passes of each try: in all, those in which terms are chosen, and with chains of one length unless
-# the step is SHORT before (squared length, in standard deviations). Measured: of eight recordings
-# of lines that do not settle in the first, six do in the second, each with the right terms.
-TRIES = (20, 14, 1), (40, 28, 4)
+# Passes of a try: in all, those in which terms are chosen, and with chains of one length unless
+# the step is SHORT before (squared length, in standard deviations). Measured: of six recordings of
+# lines that do not settle in the first, five do in the second, each with the right terms.
+FIRST_TRY, SECOND_TRY = (20, 14, 1), (40, 28, 4)
 SHORT = 100.0
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by

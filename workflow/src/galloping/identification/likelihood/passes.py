@@ -13,14 +13,15 @@ from galloping.identification.likelihood.constants import (
     CLOSE,
     CONVERGED,
     FIRST_CHAIN,
+    FIRST_TRY,
     MATCHED,
     MOST_FREE_PASSES,
     MOST_HALVINGS,
     PERIODS_PER_SEGMENT,
+    SECOND_TRY,
     SHORT,
     SHORTER,
     SMALLEST_NOISE,
-    TRIES,
     TRUNCATION,
     WINDOWS_PER_PERIOD,
 )
@@ -99,11 +100,12 @@ def follow(
     """Condensed samples, and segments in which a fit with free first states follows the data.
 
     From a rough start, that of a sensitive system above all, long segments lead astray: they are
-    halved until the fit is close, at most to the least misfit. A start that diverges even so is
-    replaced by that of all terms, each held to its `largest` size. Raises FloatingPointError where
-    that diverges too.
+    halved until the fit is close. Where none is, the segments are those to which halving halved
+    the misfit: shorter ones hide what the recording may have wrong. A start that diverges even so
+    is replaced by that of all terms, each held to its `largest` size. Raises FloatingPointError
+    where that diverges too.
     """
-    best = None
+    best, improving = None, True
     periods = PERIODS_PER_SEGMENT
     for halving in range(2 * SHORTER):
         if halving == SHORTER:
@@ -128,8 +130,8 @@ def follow(
             continue
         finally:
             periods /= 2.0
-        if best is None or fit.cost < best[2].fit.cost:
-            best = condensed, segments, step
+        improving = best is None or (improving and fit.cost <= best[2].fit.cost / 2.0)
+        best = (condensed, segments, step) if improving else best
     if best is None:
         raise FloatingPointError(DIVERGES)
     return best
@@ -214,23 +216,29 @@ def match(
     many terms above all, the solution over a long chain is far from linear in the coefficients,
     and the terms that seem best then lead astray. Where those of the start, `step`, are the best
     already, the chains are whole from the first. What does not settle, as a chaotic recording may
-    not, is tried again with more passes at each length.
+    not, is tried again with more passes at each length, and believed where it follows the data.
     unseen: whether a mixture of terms, together as large as the motion, fits nothing; then what
     does not settle while terms are chosen never will, and ends with the free segments that it
     began with.
     Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
-    objections = []
-    for passes in TRIES:
-        try:
-            return _matched(problem, condensed, segments, step, penalty, unseen, *passes)
-        except FloatingPointError as error:
-            objections.append(error)
+    close = CLOSE * float(np.sum(condensed.rows))
+    try:
+        return _matched(problem, condensed, segments, step, penalty, unseen, *FIRST_TRY)
+    except FloatingPointError as error:
+        objection = error
     if unseen:
         free = _gauss_newton(problem, condensed, segments, step.fit, 1, None)
-        if free.fit.cost < CLOSE * float(np.sum(condensed.rows)):
+        if free.fit.cost < close:
             return step.fit, replace(free, settled=False)
-    raise objections[0]
+        raise objection
+    try:
+        fit, last = _matched(problem, condensed, segments, step, penalty, unseen, *SECOND_TRY)
+    except FloatingPointError:
+        raise objection from None
+    if fit.cost < close:
+        return fit, last
+    raise objection
 
 
 def _matched(
@@ -244,7 +252,7 @@ def _matched(
     most_choosing: int,
     most_alike: int,
 ) -> tuple[Fit, Step]:
-    """One of the TRIES of `match`, whose numbers of passes the last three are."""
+    """A try of `match`; the last three as in FIRST_TRY."""
     previous, fit = step.before, step.fit
     every = np.ones(len(fit.support), bool)
     best = select(step.information, step.right, [every, fit.support], penalty, fit.free)
