@@ -13,7 +13,6 @@ from galloping.identification.likelihood.constants import (
     EXPANDED,
     FALSE_DOUBT_RATE,
     MISS_RATE,
-    MOST_RIVAL_WEIGHT,
     TAIL,
 )
 from galloping.identification.likelihood.problem import Problem
@@ -158,10 +157,12 @@ def detection_limits(errors: np.ndarray, support: np.ndarray, penalty: float) ->
     return np.where(support, np.nan, (np.sqrt(penalty) - ndtri(MISS_RATE)) * errors)
 
 
-def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> str:
+def open_questions(
+    problem: Problem, whitened: Whitened, plausible: Plausible, most_rival_weight: float
+) -> str:
     """One line on why the terms found are not settled by the data, '' where they are.
 
-    They are not where the plausible supports without one of them weigh more than MOST_RIVAL_WEIGHT,
+    They are not where the plausible supports without one of them weigh more than that together,
     or where an absent term, or a pair, improves the fit more than noise does but for a rate of
     FALSE_DOUBT_RATE, yet less than selection asks.
     """
@@ -173,7 +174,7 @@ def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -
     reasons = []
     lacking = ~plausible.supports[:, support].all(axis=1)
     share = float(plausible.weight[lacking].sum())
-    if share > MOST_RIVAL_WEIGHT:
+    if share > most_rival_weight:
         rival = np.flatnonzero(lacking)[np.argmax(plausible.weight[lacking])]
         other = plausible.supports[rival]
         gone = " with ".join(names[k] for k in np.flatnonzero(support & ~other))

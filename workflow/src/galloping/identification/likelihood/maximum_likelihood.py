@@ -157,6 +157,7 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     return judged(
         problem, step.information, step.right, fit.support, penalty,
         about=step.fit.free,
+        seen=not unseen,
         objection=objection,
         doubt=doubt,
         initial_states=fit.starts[_first_segments(segments)],

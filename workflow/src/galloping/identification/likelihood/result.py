@@ -10,6 +10,10 @@ from galloping.identification.likelihood.ambiguity import (
     plausible_supports,
     unconditional_errors,
 )
+from galloping.identification.likelihood.constants import (
+    MOST_RIVAL_WEIGHT,
+    MOST_RIVAL_WEIGHT_SEEN,
+)
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import added_deviation, solve_support, whiten
 from galloping.identification.model import IdentifiedModel
@@ -24,6 +28,7 @@ def judged(
     penalty: float,
     *,
     about: np.ndarray | None = None,
+    seen: bool = False,
     objection: str = "",
     doubt: str = "",
     initial_states: np.ndarray,
@@ -34,7 +39,8 @@ def judged(
     """The identified model and its status, the same for all methods.
 
     information, right, support, penalty, about: as in `selection`, `about` zero outside the
-    support. objection: why the fit must not be trusted, doubt: why its terms are not settled, ''
+    support. seen: whether every mixture of terms as large as the motion would leave a trace.
+    objection: why the fit must not be trusted, doubt: why its terms are not settled, ''
     where there is nothing to say. The rest as in `IdentifiedModel`.
 
     `ok` claims: the terms found are right, and every absent one is smaller than its stated limit.
@@ -47,10 +53,11 @@ def judged(
     status, reason = "not identifiable", "no term stands out of the noise"
     errors = added_deviation(information, support)
     if support.any():
+        rivals = MOST_RIVAL_WEIGHT_SEEN if seen else MOST_RIVAL_WEIGHT
         whitened = whiten(information, right, about)
         plausible = plausible_supports(whitened, support)
         errors = unconditional_errors(plausible, errors)
-        questions = open_questions(problem, whitened, plausible)
+        questions = open_questions(problem, whitened, plausible, rivals)
         reason = "; ".join(filter(None, [doubt, questions]))
         status = "not identifiable" if reason else "ok"
     conditional = np.full(len(support), np.nan)
