@@ -130,8 +130,8 @@ CHANCE = 0.1
 # Weight that the plausible supports without one of the terms found may have together: at most one
 # in twenty of the models that are just `ok` holds a false term. Where no mixture of terms goes
 # unseen, those looked at are all that there are, and the weight is such that at most one in fifty
-# of all models that are `ok` does. Measured on 982 fits to random lines (seed 314159): 11 of 692,
-# where their weights expect 6; with 0.3 it would be 17 of 711.
+# of all models that are `ok` does. Measured on 982 fits to random lines (seed 314159), with the
+# second weight for all: 11 of 692 hold a false term; with 0.3 it would be 17 of 711.
 MOST_RIVAL_WEIGHT, MOST_RIVAL_WEIGHT_SEEN = 0.05, 0.2
 # Rate at which noise alone raises a doubt about a model that lacks no term, over all terms that
 # could be added and over all pairs of them.
