@@ -7,6 +7,7 @@ import pytest
 from galloping.configuration.load import load
 from galloping.figures.model_error import draw_model_error
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.model import IdentifiedModel
 from galloping.importing import imported
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
@@ -56,6 +57,31 @@ def test_a_line_of_nine_modes_is_answered_with_what_the_answer_is_worth(case):
         < np.linalg.norm(shares)
         == pytest.approx(found.diagnostics["error_share_all_q_w"], rel=0.05)
     )
+
+
+def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(case, tmp_path):
+    """At mid-span the third and fifth horizontal modes, at three and five times the first one."""
+    found = maximum_likelihood([recorded(case, "9 modes, mid-span")], TERMS)
+    assert found.status == "approximate"
+    assert "besides it there oscillates q_v at 0.6" in found.reason
+    horizontal = [mode for mode in found.further_modes if mode.state == "q_w"]
+    assert {round(mode.frequency) for mode in horizontal} == {4, 7}
+    assert all(mode.growth > 0 for mode in horizontal)
+    line = line_of(case, TRUTHS["9 modes, mid-span"])
+    clean = combined(
+        line,
+        TRUTHS["9 modes, mid-span"],
+        motion(case, line, TRUTHS["9 modes, mid-span"], TIME, None),
+    )
+    own = found.simulate(clean[0], TIME).states
+    late = TIME >= 200
+    true, alone, together = (
+        np.ptp(motion[late, 1]) for motion in (clean, own, own + found.further_motion(TIME))
+    )
+    assert alone < 0.97 * true
+    assert together == pytest.approx(true, rel=0.04)
+    found.save(tmp_path / "model.json")
+    assert IdentifiedModel.load(tmp_path / "model.json").further_modes == found.further_modes
 
 
 def test_gusts_are_told_from_what_a_model_lacks(case):

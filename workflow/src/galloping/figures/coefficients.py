@@ -11,14 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from galloping.figures import panels
-from galloping.figures.style import DOUBLE, method_style, spoken
+from galloping.figures.style import DOUBLE, SERIES, method_style, spoken
 from galloping.identification.model import IdentifiedModel
 from galloping.physics.derived import Derived
 from galloping.physics.equations import STATES
 from galloping.polynomial import library
 from galloping.tables.coefficients import identified_terms
 
-LOOKS = (("#11115a", "o"), ("#1f78b4", "s"), ("#e69f00", "D"), ("#2fa86a", "P"), ("#8a1c3b", "X"))
 WIDEST = (-0.5, 2.5)  # of identified / true
 
 
@@ -63,7 +62,7 @@ def draw_coefficients(
     figure.legend(
         handles=[
             Line2D([], [], ls="", color=color, marker=marker, label=f"noise level {level:g}")
-            for level, (color, marker) in zip(levels, LOOKS, strict=False)
+            for level, (color, marker) in zip(levels, SERIES, strict=False)
         ],
         loc="outside upper center",
         ncols=len(levels),
@@ -103,7 +102,7 @@ def _dodge(k: int, count: int) -> float:
 
 def _ratios(axes: Axes, parts: Sequence[pd.DataFrame], limits: tuple[float, float]) -> None:
     axes.axhline(1, color="#9a9a9a", lw=0.8)
-    for k, (table, (color, marker)) in enumerate(zip(parts, LOOKS, strict=False)):
+    for k, (table, (color, marker)) in enumerate(zip(parts, SERIES, strict=False)):
         ratio = _ratio(table)
         x = np.arange(len(ratio)) + _dodge(k, len(parts))
         medians, lows, highs = np.clip(ratio, *limits).T
@@ -118,7 +117,7 @@ def _ratios(axes: Axes, parts: Sequence[pd.DataFrame], limits: tuple[float, floa
 
 def _shares(axes: Axes, parts: Sequence[pd.DataFrame]) -> None:
     spurious = []
-    for k, (table, (color, _)) in enumerate(zip(parts, LOOKS, strict=False)):
+    for k, (table, (color, _)) in enumerate(zip(parts, SERIES, strict=False)):
         found = table.loc[table["true"] != 0, "found"].to_numpy(float)
         x = np.arange(len(found)) + _dodge(k, len(parts))
         axes.bar(x, found, width=0.17, color=color)

@@ -18,6 +18,9 @@ MODEL = "#11115a"
 BAND = "#f2c46d"
 PAPER = "#b30000"  # what the paper prints
 
+# Colour and marker of series that are no methods, such as noise levels.
+SERIES = (("#11115a", "o"), ("#1f78b4", "s"), ("#e69f00", "D"), ("#2fa86a", "P"), ("#8a1c3b", "X"))
+
 STATE_LABELS = {"q_v": "$q_v$", "q_w": "$q_w$"}
 DIRECTIONS = {"q_v": "vertical", "q_w": "horizontal"}
 

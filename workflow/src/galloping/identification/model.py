@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from math import floor, log10
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,29 @@ if TYPE_CHECKING:
 
 STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
+
+
+@dataclass(frozen=True)
+class FurtherMode:
+    """An oscillation of a recording that is not in its model: a sinusoid that grows or decays.
+
+    recording: index; state: the one whose sensor reads it. frequency: rad/s; growth: 1/s, of its
+    amplitude. cosine, sine: in the unit of the state, at the first sample.
+    """
+
+    recording: int
+    state: str
+    frequency: float
+    growth: float
+    cosine: float
+    sine: float
+
+    def __call__(self, time: np.ndarray) -> np.ndarray:
+        """(n,) what it adds to the state at `time` (n,), s from the first sample."""
+        angle = self.frequency * time
+        return np.exp(self.growth * time) * (
+            self.cosine * np.cos(angle) + self.sine * np.sin(angle)
+        )
 
 
 @dataclass(frozen=True)
@@ -44,6 +67,7 @@ class IdentifiedModel:
     chi2: misfit per degree of freedom against the noise measured, NaN where unknown.
     known: indices of the equations that were known and not identified.
     diagnostics: figures behind the verdict, by name.
+    further_modes: what recordings hold besides an `approximate` model.
     Raises ValueError for a status that is none of these.
     """
 
@@ -60,6 +84,7 @@ class IdentifiedModel:
     chi2: float = np.nan
     known: tuple[int, ...] = ()
     diagnostics: dict[str, float] = field(default_factory=dict)
+    further_modes: tuple[FurtherMode, ...] = ()
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
@@ -121,6 +146,14 @@ class IdentifiedModel:
         simulator = Simulator(self.model.states, self.model.terms)
         return simulator(self.model, np.asarray(initial_state, float), np.asarray(time, float))
 
+    def further_motion(self, time: np.ndarray, recording: int = 0) -> np.ndarray:
+        """(n, n_states) of a recording's further modes at `time` (n,), s from its first sample."""
+        motion = np.zeros((len(time), len(self.model.states)))
+        for mode in self.further_modes:
+            if mode.recording == recording:
+                motion[:, self.model.states.index(mode.state)] += mode(np.asarray(time, float))
+        return motion
+
     def latex(self) -> str:
         """The equations as LaTeX, for amsmath; a velocity dX is written as X with a dot."""
         states, lines = self.model.states, []
@@ -157,6 +190,7 @@ class IdentifiedModel:
             **{name: _plain(getattr(self, name)) for name in arrays},
             "known": [int(i) for i in self.known],
             "diagnostics": {name: _plain(value) for name, value in self.diagnostics.items()},
+            "further_modes": [asdict(mode) for mode in self.further_modes],
             **about,
         }
         write_json(path, content)
@@ -174,6 +208,7 @@ class IdentifiedModel:
                 arrays[name] = _array(content.pop(name)).reshape(-1, len(states))
             covariance = _array(content.pop("covariance"))
             arrays["covariance"] = covariance.reshape(len(covariance), len(covariance))
+            modes = tuple(FurtherMode(**mode) for mode in content.pop("further_modes"))
             numbers = {name: float(v) for name, v in content.pop("diagnostics").items()}
             return cls(
                 model=model,
@@ -182,6 +217,7 @@ class IdentifiedModel:
                 chi2=float(content.pop("chi2")),
                 known=tuple(content.pop("known")),
                 diagnostics=numbers,
+                further_modes=modes,
                 **arrays,
             )
         except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:

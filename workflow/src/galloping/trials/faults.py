@@ -12,6 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from galloping.identification.likelihood.instrument import (
+    CLOCK,
+    DELAYED,
+    FORCES,
+    GROWING,
+    JITTER,
+    SCALE,
+)
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
 from galloping.physics.gusts import wind_speed
@@ -141,13 +149,13 @@ def _driven(
 
 FAULTS = {
     "none": InjectedFault("", (0.0, 0.0), _none),
-    "clock": InjectedFault("clock", (0.001, 0.005), _clock),
-    "velocity scale": InjectedFault("scale", (1.005, 1.005), _scale),
-    "late channels": InjectedFault("delayed", (0.02, 0.2), _delay),
-    "random force": InjectedFault("forces", (0.005, 0.02), _forced),
-    "gusts": InjectedFault("forces", (0.001, 0.005), _gusts),
-    "jitter": InjectedFault("jitter", (4.0, 4.0), _jitter),
-    "multiplicative noise": InjectedFault("noise grows", (0.01, 0.01), _multiplicative),
+    "clock": InjectedFault(CLOCK, (0.001, 0.005), _clock),
+    "velocity scale": InjectedFault(SCALE, (1.005, 1.005), _scale),
+    "late channels": InjectedFault(DELAYED, (0.02, 0.2), _delay),
+    "random force": InjectedFault(FORCES, (0.005, 0.02), _forced),
+    "gusts": InjectedFault(FORCES, (0.001, 0.005), _gusts),
+    "jitter": InjectedFault(JITTER, (4.0, 4.0), _jitter),
+    "multiplicative noise": InjectedFault(GROWING, (0.01, 0.01), _multiplicative),
 }
 
 

@@ -161,14 +161,15 @@ def answer(
     """Amplitudes of the motion from `start` (4,) after STEADY s, and the modes at rest.
 
     Intervals are those of models drawn with the covariance of the coefficients; NaN without one.
-    An amplitude is of the motion, not of the model alone: what an approximate model says that it
-    leaves of the motion is added.
+    An amplitude is of the motion, not of the model alone: the further modes that an approximate
+    model names are added to its motion, what it says that it leaves to the interval.
     """
     model = identified.model
+    besides = identified.further_motion(time)
 
     def quantities(coefficients: np.ndarray) -> np.ndarray:
         drawn = PolynomialModel(model.states, model.terms, coefficients)
-        states = simulator(drawn, start, time).states
+        states = simulator(drawn, start, time).states + besides
         return np.concatenate([steady_amplitude(states[time >= STEADY])[:2], linear_modes(drawn)])
 
     values = quantities(model.coefficients)

@@ -97,6 +97,15 @@ FIRST_JUMP = 0.05  # relative to each state
 QUIET = 0.03  # size of a motion, relative to the whole record's, below which jumps stay as large
 STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
 
+# Further modes, besides the model. Of a channel's main frequency, below one and a half times of
+# which errors of the model are; of one over the window, above which its mean tells little.
+FURTHER_FROM, FURTHER_TO = 1.5, 0.4
+MOST_FURTHER = 4  # of a channel
+FURTHER_SHARE = (
+    0.1  # of what is left of a channel that a mode takes away, or it is not worth a word
+)
+MOST_GROWTH = 20.0  # of its logarithm over a record: with more it is the end of it alone
+
 # Coefficients that fluctuate. Parts of a stretch in which they are constant: a tenth of the
 # correlation. Measured: with ten parts the slow mode seems to fluctuate as well.
 FLUCTUATION_PARTS = 24

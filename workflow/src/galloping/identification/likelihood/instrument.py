@@ -35,7 +35,8 @@ from galloping.polynomial import velocity_pairs
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
 JITTER = "errors grow with the speed of the motion: sampling times jitter, or the model is wrong"
 GROWING = "the noise grows with the signal"
-DRIFTS = "drifts"  # after the name of the channel
+# In the words for what is wrong with single channels, which begin with their names.
+CLOCK, SCALE, DELAYED, DRIFTS = "clock", "scale", "delayed against", "drifts"
 
 
 @dataclass(frozen=True)
@@ -135,16 +136,16 @@ def _parameters(
 
     for k, (i, v) in enumerate(kinematic):
         a, b = problem.states[i], problem.states[v]
-        test([k], f"{b} is not the rate of {a}: its scale or clock is off")
+        test([k], f"{b} is not the rate of {a}: its {SCALE} or {CLOCK} is off")
     if len(kinematic) > 1:
-        test(list(range(len(kinematic))), "the clock, or the scale of all velocities, is off")
+        test(list(range(len(kinematic))), f"the {CLOCK}, or the {SCALE} of all velocities, is off")
     first = len(entries)
     for o, name in enumerate(names):
-        test([first + o], f"{name} is delayed against the other channels")
+        test([first + o], f"{name} is {DELAYED} the other channels")
         test([first + count + o], f"{name} {DRIFTS}")
     for i, v in kinematic if len(kinematic) > 1 else []:
         both = [first + channel[i], first + channel[v]]
-        test(both, f"{problem.states[i]} and {problem.states[v]} are delayed against the others")
+        test(both, f"{problem.states[i]} and {problem.states[v]} are {DELAYED} the others")
     return np.array(entries, int).reshape(-1, 2), columns, tests
 
 

@@ -30,6 +30,7 @@ from galloping.identification.likelihood.constants import (
     WORTH,
 )
 from galloping.identification.likelihood.fluctuation import fluctuating
+from galloping.identification.likelihood.further_modes import further_modes
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.result import refused
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
@@ -45,7 +46,7 @@ from galloping.identification.likelihood.weak_constraint import (
     linearised,
     predictions,
 )
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import FurtherMode, IdentifiedModel
 from galloping.intervals import NORMAL_95, QUANTILES_95
 from galloping.polynomial import PolynomialModel
 
@@ -120,6 +121,8 @@ def approximation(
         f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
     )
     firsts = np.unique(segments.recording, return_index=True)[1]
+    followed = predictions(record, made.free, made.starts)
+    besides = further_modes(problem.states, condensed, condensed.targets - followed)
     noise_power = np.sum(made.forecast[2])
     errors = added_deviation(made.information, made.support)
     errors[made.support] = np.sqrt(np.diag(made.covariance))
@@ -133,7 +136,9 @@ def approximation(
         sigma=noise,
         chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
         status="approximate",
-        reason=f"{objection}; forecasts over {STRETCH_PERIODS} periods leave {named}",
+        reason=f"{objection}; forecasts over {STRETCH_PERIODS} periods leave {named}"
+        + _in_words(besides),
+        further_modes=besides,
         diagnostics={
             "forecast_r2": made.skill,
             **{
@@ -143,6 +148,15 @@ def approximation(
             },
         },
     )  # fmt: skip
+
+
+def _in_words(modes: tuple[FurtherMode, ...]) -> str:
+    """Further modes as the end of a reason, '' where there are none."""
+    lines: dict[str, set[str]] = {}
+    for mode in modes:
+        lines.setdefault(mode.state, set()).add(f"{mode.frequency / (2.0 * np.pi):.3g}")
+    parts = [f"{state} at {', '.join(sorted(hz, key=float))} Hz" for state, hz in lines.items()]
+    return f"; besides it there oscillates {', and '.join(parts)}" if parts else ""
 
 
 def _approximate(
