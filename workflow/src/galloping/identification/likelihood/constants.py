@@ -72,8 +72,8 @@ MOST_FREE_PASSES = 5  # with free segments, which are matched after them, howeve
 # whole chains at once 6 of 92 clear lines did not settle, with these none.
 FIRST_CHAIN, CHAIN_GROWTH = 4, 4
 # Passes of a try: in all, those in which terms are chosen, and with chains of one length unless
-# the step is SHORT before (squared length, in standard deviations). Measured: of six recordings of
-# lines that do not settle in the first, five do in the second, each with the right terms.
+# the step is SHORT before (squared length, in standard deviations). Measured: of five recordings of
+# chaotic lines that do not settle in the first, four do in the second, with the right terms.
 FIRST_TRY, SECOND_TRY = (20, 14, 1), (40, 28, 4)
 SHORT = 100.0
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
