@@ -52,6 +52,7 @@ def test_smoothing_is_that_of_pysindy(noisy, window, order):
     assert slope == pytest.approx(np.asarray(sindy(noisy, t=STEP))[rows], rel=1e-3, abs=1e-3)
 
 
+@pytest.mark.filterwarnings("ignore:.*axes labeled")  # pysindy's, of what it does itself
 @pytest.mark.parametrize(("half", "order"), [(10, 2), (40, 8)])
 def test_test_functions_are_those_of_pysindy(noisy, half, order):
     with seeded(np.random.default_rng(3)):
