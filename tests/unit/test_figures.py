@@ -24,7 +24,7 @@ from galloping.figures.noise import draw_noise_coefficients, draw_noise_r2
 from galloping.figures.overview import best_of_pysindy, draw_overview
 from galloping.figures.panels import shifts
 from galloping.figures.recovery import draw_recovery
-from galloping.figures.style import KNOWN, method_style, styled
+from galloping.figures.style import METHODS, method_style, styled
 from galloping.figures.trust import draw_trust
 from galloping.figures.write import write_figure
 from galloping.identification.model import IdentifiedModel
@@ -104,7 +104,7 @@ def test_same_data_same_bytes_without_a_date(tmp_path):
 
 
 def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
-    names = [*KNOWN, "new_method"]
+    names = [*METHODS, "new_method"]
     looks = [method_style(name) for name in names]
     assert looks == [method_style(name) for name in names]
     for one, other in combinations(looks, 2):

@@ -1,1 +1,1 @@
-"""How far an identified model is from the true one; the only place where the truth is known."""
+"""How far models are from the truth: identified ones from the line, two modes from many."""

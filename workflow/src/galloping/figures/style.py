@@ -39,7 +39,7 @@ class MethodStyle:
     weight: float = 1.0
 
 
-KNOWN = {
+METHODS = {
     "stlsq": MethodStyle("STLSQ", "#11115a", "o", "-"),
     "stlsq_raw": MethodStyle("STLSQ, raw columns", "#1f78b4", "s", "--"),
     "lasso": MethodStyle("LASSO", "#e69f00", "D", "-."),
@@ -60,8 +60,8 @@ _LINES = ((0, (3, 1)), (0, (9, 3)), (0, (1, 1)))
 
 def method_style(name: str) -> MethodStyle:
     """The style of a method, the same in every figure and every study."""
-    if name in KNOWN:
-        return KNOWN[name]
+    if name in METHODS:
+        return METHODS[name]
     first, second, third, *_ = sha256(name.encode()).digest()
     return MethodStyle(
         name.replace("_", " "),

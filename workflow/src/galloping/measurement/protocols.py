@@ -1,7 +1,8 @@
 """Measurement protocols: what each measures of a motion, and how well.
 
-A protocol is its noise: from it follow the recordings (`measuring`), the Cramer-Rao bound
-(`bounds.cell`) and which methods can use them (`identification.registry`).
+A protocol is its noise, on all states, on all displacements, or on all derivatives: from it follow
+the recordings (`measuring`), the Cramer-Rao bound (`bounds.cell`) and which methods can use them
+(`identification.registry`).
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ STEP = 0.005  # s, of the integrator: an eightieth of the shortest period of 13 
 class Span:
     """A line on n in-plane and n out-of-plane shapes, per unit of modal mass.
 
-    line: what it is made of. vertical, horizontal: the shapes. speed: mean wind, m/s.
+    line: what it is made of. vertical: its in-plane shapes. speed: mean wind, m/s.
     masses: (2, n, n) kg. stiffness, damping: (2, n, n), 1/s2 and 1/s, M^-1 K and M^-1 C without
     the strain. strain: (n,) 1/m, of the in-plane coordinates. quadratic: (2, n, n) 1/m2, strain
     by their squares. pull: (n,) and stretch: (2, n, n), M^-1 EA l times the derivatives of both.
@@ -37,7 +37,6 @@ class Span:
 
     line: Line
     vertical: tuple[Mode, ...]
-    horizontal: tuple[Mode, ...]
     speed: float
     masses: np.ndarray
     stiffness: np.ndarray
@@ -124,7 +123,7 @@ def span(
         quadratic.append(tension / (2.0 * line.span))
     static = np.array([[0.0], [drag]])
     return Span(
-        line, *directions, float(case["wind"]["speed"]), np.array(masses),
+        line, directions[0], float(case["wind"]["speed"]), np.array(masses),
         np.array(stiffness), np.array(damping), strain, np.array(quadratic),
         inverses[0] @ strain * stretch,
         np.array([2.0 * stretch * a @ b for a, b in zip(inverses, quadratic, strict=True)]),

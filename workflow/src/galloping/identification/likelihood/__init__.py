@@ -1,1 +1,1 @@
-"""Identification at the physical limit: bounds, weak form, maximum likelihood, and verdicts."""
+"""Identification at the physical limit: weak form, maximum likelihood, and verdicts."""

@@ -35,26 +35,21 @@ from galloping.polynomial import velocity_pairs
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
 JITTER = "errors grow with the speed of the motion: sampling times jitter, or the model is wrong"
 GROWING = "the noise grows with the signal"
-# In the words for what is wrong with single channels, which begin with their names.
-CLOCK, SCALE, DELAYED, DRIFTS = "clock", "scale", "delayed against", "drifts"
+# In the causes that name a channel first.
+CLOCK, SCALE, DELAYED = "clock", "scale", "delayed against"
 
 
 @dataclass(frozen=True)
 class Fault:
-    """cause: in words; z: how far the data deny its absence, in standard deviations."""
+    """cause: in words; z: how far the data deny its absence, in standard deviations.
+
+    or_model: whether a model that is wrong would show as this fault does. Its residuals are larger
+    where the motion is, like noise that grows with it, and what it lacks may be slow, like a drift.
+    """
 
     cause: str
     z: float
-
-
-def of_the_model(causes: list[Fault]) -> bool:
-    """Whether the model may be what is wrong, for the clearest fault is not one of calibration.
-
-    Residuals of a wrong model are larger where the motion is, like noise that grows with it, and
-    what a model lacks may be slow, like a drift.
-    """
-    first = causes[0].cause if causes else FORCES
-    return first in (FORCES, JITTER, GROWING) or first.endswith(DRIFTS)
+    or_model: bool
 
 
 def faults(
@@ -86,7 +81,7 @@ def faults(
     n = int(support.sum())
     quadratic = eliminate(own, segments, starts)
     scores = [_score(quadratic.information, quadratic.right, n, test.mixture) for test in tests]
-    tested = [Fault(test.cause, z) for test, z in zip(tests, scores, strict=True)]
+    tested = [Fault(test.cause, z, test.or_model) for test, z in zip(tests, scores, strict=True)]
     tested += _gaps(own, segments, n, starts)
     tested += _variances(condensed, segments, sigma, residual, rates)
     limit = -ndtri(FALSE_FAULT_RATE / 2.0 / max(len(tested), 1))
@@ -102,10 +97,11 @@ def faults(
 
 @dataclass(frozen=True)
 class _Test:
-    """mixture: (n_parameters,) of the faults' parameters, tested as one; cause: in words."""
+    """mixture: (n_parameters,) of the faults' parameters, tested as one. The rest as in `Fault`."""
 
     mixture: np.ndarray
     cause: str
+    or_model: bool
 
 
 def _parameters(
@@ -131,8 +127,8 @@ def _parameters(
         columns[:, o, :, count + o] = trend[:, o]
     n, tests = len(entries) + 2 * count, []
 
-    def test(places: list[int], cause: str) -> None:
-        tests.append(_Test(np.isin(np.arange(n), places).astype(float), cause))
+    def test(places: list[int], cause: str, or_model: bool = False) -> None:
+        tests.append(_Test(np.isin(np.arange(n), places).astype(float), cause, or_model))
 
     for k, (i, v) in enumerate(kinematic):
         a, b = problem.states[i], problem.states[v]
@@ -142,7 +138,7 @@ def _parameters(
     first = len(entries)
     for o, name in enumerate(names):
         test([first + o], f"{name} is {DELAYED} the other channels")
-        test([first + count + o], f"{name} {DRIFTS}")
+        test([first + count + o], f"{name} drifts", or_model=True)
     for i, v in kinematic if len(kinematic) > 1 else []:
         both = [first + channel[i], first + channel[v]]
         test(both, f"{problem.states[i]} and {problem.states[v]} are {DELAYED} the others")
@@ -239,7 +235,7 @@ def _gaps(linear: Linearised, segments: Segments, n: int, starts: np.ndarray) ->
             square = fall(replace(segments, chains=np.cumsum(begins) - 1)) - whole
             # a chi^2 variable's square root is almost Gaussian (R. A. Fisher)
             z = np.sqrt(2.0 * max(square, 0.0)) - np.sqrt(2.0 * freedom - 1.0)
-            tested.append(Fault(FORCES, float(z)))
+            tested.append(Fault(FORCES, float(z), or_model=True))
     return tested
 
 
@@ -277,5 +273,5 @@ def _variances(
                     total += float(size @ own) / spread
                     channels += 1
         if channels:
-            tested.append(Fault(cause, total / np.sqrt(channels)))
+            tested.append(Fault(cause, total / np.sqrt(channels), or_model=True))
     return tested

@@ -22,7 +22,7 @@ from galloping.identification.likelihood.constants import (
 )
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
-from galloping.identification.likelihood.instrument import FORCES, Fault, faults, of_the_model
+from galloping.identification.likelihood.instrument import FORCES, Fault, faults
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.passes import Fit, follow, match, prepare, window_states
 from galloping.identification.likelihood.problem import Problem, posed
@@ -150,7 +150,7 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     if step.settled:
         causes = _causes(problem, condensed, step.segments, fit, penalty)
         objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
-        if objection and of_the_model(causes):
+        if objection and (not causes or causes[0].or_model):
             raise FloatingPointError(objection)
     else:  # what it leaves in the residuals is that it is not the best fit
         objection, doubt = "", "many models follow the data alike"

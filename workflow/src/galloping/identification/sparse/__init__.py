@@ -1,1 +1,1 @@
-"""Sparse regression on a candidate library, with pysindy's optimizers."""
+"""Sparse regression on a candidate library, with pysindy's smoothing, weak form and optimizers."""
