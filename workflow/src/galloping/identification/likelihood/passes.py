@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,11 +18,13 @@ from galloping.identification.likelihood.constants import (
     MATCHED,
     MOST_FREE_PASSES,
     MOST_HALVINGS,
+    PATIENT_TRY,
     PERIODS_PER_SEGMENT,
-    SECOND_TRY,
+    RAISED_PENALTIES,
     SHORT,
     SHORTER,
     SMALLEST_NOISE,
+    SPARSE_TRY,
     TRUNCATION,
     WINDOWS_PER_PERIOD,
 )
@@ -217,27 +220,27 @@ def match(
     and the terms that seem best then lead astray. Where those of the start, `step`, are the best
     already, the chains are whole from the first. What does not settle, as a chaotic recording may
     not, is tried again with more passes at each length, and believed where it follows the data.
-    unseen: whether a mixture of terms, together as large as the motion, fits nothing; then what
-    does not settle while terms are chosen never will, and ends with the free segments that it
-    began with.
+    unseen: whether a mixture of terms, together as large as the motion, fits nothing; then it is
+    tried again from few terms, and what does not settle while terms are chosen never will, and ends
+    with the free segments that it began with.
     Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
     close = CLOSE * float(np.sum(condensed.rows))
+    matched = partial(_matched, problem, condensed, segments, step, penalty, unseen)
     try:
-        return _matched(problem, condensed, segments, step, penalty, unseen, *FIRST_TRY)
+        return matched(*FIRST_TRY)
     except FloatingPointError as error:
         objection = error
+    try:
+        fit, last = matched(*SPARSE_TRY, RAISED_PENALTIES) if unseen else matched(*PATIENT_TRY)
+        if fit.cost < close:
+            return fit, last
+    except FloatingPointError:
+        pass  # the first objection is the one to tell
     if unseen:
         free = _gauss_newton(problem, condensed, segments, step.fit, 1, None)
         if free.fit.cost < close:
             return step.fit, replace(free, settled=False)
-        raise objection
-    try:
-        fit, last = _matched(problem, condensed, segments, step, penalty, unseen, *SECOND_TRY)
-    except FloatingPointError:
-        raise objection from None
-    if fit.cost < close:
-        return fit, last
     raise objection
 
 
@@ -251,8 +254,9 @@ def _matched(
     most: int,
     most_choosing: int,
     most_alike: int,
+    raised: tuple[int, ...] = (),
 ) -> tuple[Fit, Step]:
-    """A try of `match`; the last three as in FIRST_TRY."""
+    """A try of `match`; the numbers as in FIRST_TRY. raised: penalties of the first passes."""
     previous, fit = step.before, step.fit
     every = np.ones(len(fit.support), bool)
     best = select(step.information, step.right, [every, fit.support], penalty, fit.free)
@@ -260,15 +264,17 @@ def _matched(
     preferring, alike = False, 1
     for passed in range(most):
         choosing = passed < most_choosing and not preferring
+        price = penalty * (raised[passed] if passed < len(raised) else 1)
         if unseen and not (choosing or preferring):
             break
         step = _guarded(
-            problem, condensed, segments, previous, fit, longest, penalty if choosing else None
+            problem, condensed, segments, previous, fit, longest, price if choosing else None
         )
         unchanged = np.array_equal(step.fit.support, step.before.support)
         previous, fit = step.before, step.fit
         whole = longest is None or longest >= len(segments.chains)
-        if unchanged and whole and step.decrement < CONVERGED and step.gap < MATCHED:
+        settled = step.decrement < CONVERGED and step.gap < MATCHED and passed >= len(raised)
+        if unchanged and whole and settled:
             whitened = whiten(step.information, step.right, fit.free)
             support = fit.support if preferring else preferred(whitened, fit.support, penalty)
             if np.array_equal(support, fit.support):
