@@ -24,7 +24,14 @@ from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.instrument import FORCES, Fault, faults
 from galloping.identification.likelihood.model_error import approximation
-from galloping.identification.likelihood.passes import Fit, follow, match, prepare, window_states
+from galloping.identification.likelihood.passes import (
+    Fit,
+    follow,
+    match,
+    prepare,
+    unseen_mixtures,
+    window_states,
+)
 from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import Residue, residue
@@ -115,9 +122,9 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     largest = _largest(problem, smoothed)
     condensed, segments, step = follow(problem, recordings, smoothed, period, start, largest)
     fit = step.fit
-    unseen = bool(np.linalg.eigvalsh(step.information * largest * largest[:, None])[0] < 1.0)
+    unseen = unseen_mixtures(step.information, largest) > 0
     try:
-        fit, step = match(problem, condensed, segments, step, penalty, unseen)
+        fit, step = match(problem, condensed, segments, step, penalty, unseen, largest)
     except FloatingPointError as error:
         rows = float(np.sum(condensed.rows))
         followed = step.fit.cost < CLOSE * rows
@@ -135,7 +142,7 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
         noise = np.sqrt(power)
         fit = replace(fit, sigma=noise, floor=noise, reference=noise, cost=np.inf)
         step = replace(step, before=fit, fit=fit)
-        fit, step = match(problem, condensed, segments, step, penalty, unseen)
+        fit, step = match(problem, condensed, segments, step, penalty, unseen, largest)
         remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
     sigma = np.full((len(recordings), len(problem.states)), np.nan)

@@ -205,6 +205,14 @@ def window_states(
     return np.concatenate(states), np.concatenate(valid)
 
 
+def unseen_mixtures(information: np.ndarray, largest: np.ndarray) -> int:
+    """How many mixtures of terms, together as large as the motion, change the fit by no noise.
+
+    information: of the coefficients. largest: (n_candidates,) each alone as large as the motion.
+    """
+    return int(np.sum(np.linalg.eigvalsh(information * largest * largest[:, None]) < 1.0))
+
+
 def match(
     problem: Problem,
     condensed: Condensed,
@@ -212,6 +220,7 @@ def match(
     step: Step,
     penalty: float,
     unseen: bool,
+    largest: np.ndarray,
 ) -> tuple[Fit, Step]:
     """Gauss-Newton with segments matched in chains; terms chosen at every pass but the last ones.
 
@@ -220,9 +229,10 @@ def match(
     and the terms that seem best then lead astray. Where those of the start, `step`, are the best
     already, the chains are whole from the first. What does not settle, as a chaotic recording may
     not, is tried again with more passes at each length, and believed where it follows the data.
-    unseen: whether a mixture of terms, together as large as the motion, fits nothing; then it is
-    tried again from few terms, and what does not settle while terms are chosen never will, and ends
-    with the free segments that it began with.
+    unseen: whether a mixture of terms goes unseen (`unseen_mixtures`, with `largest` as there);
+    then it is tried again from few terms, and believed where it follows the data and has more terms
+    than mixtures go unseen: a limit cycle looks like one of fewer terms. What does not settle while
+    terms are chosen never will, and ends with the free segments that it began with.
     Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
     close = CLOSE * float(np.sum(condensed.rows))
@@ -233,7 +243,8 @@ def match(
         objection = error
     try:
         fit, last = matched(*SPARSE_TRY, RAISED_PENALTIES) if unseen else matched(*PATIENT_TRY)
-        if fit.cost < close:
+        told = not unseen or unseen_mixtures(last.information, largest) < fit.support.sum()
+        if fit.cost < close and told:
             return fit, last
     except FloatingPointError:
         pass  # the first objection is the one to tell
