@@ -14,7 +14,7 @@ from galloping.polynomial import library
 from galloping.report.headline import verdicts
 from galloping.seeds import generator
 from galloping.tables.trials import trust
-from galloping.trials import faults, systems
+from galloping.trials import faults, long_and_steady, systems
 from galloping.trials.faults import FAULTS
 from galloping.trials.long_and_steady import LONG
 from galloping.trials.random_lines import draw, trial
@@ -116,6 +116,17 @@ def test_a_chaotic_system_is_followed_in_short_segments_where_long_ones_lead_ast
 def test_terms_that_do_not_settle_at_once_settle_with_patience():
     fits = list(trial(14959787, "all", [295], METHODS, protocols=["state"], levels=[0.05]))
     assert fits[1]["status"] == "ok" and fits[1]["exact"]
+
+
+@pytest.mark.slow
+def test_terms_that_make_up_others_are_told_from_few_on_but_not_on_a_limit_cycle():
+    """Both recordings leave mixtures of terms unseen: the first fewer than its model has terms."""
+    fit = next(iter(trial(3316624, "all", [314], METHODS, protocols=["state"], levels=[0.05])))
+    assert fit["status"] == "ok" and fit["exact"]
+    settled = long_and_steady.trial(
+        3162278, "limit cycle, random lines", [9], METHODS, levels=[0.05]
+    )
+    assert next(iter(settled))["status"] == "not identifiable"
 
 
 def test_a_late_channel_is_named_where_the_data_are_followed_in_pieces_only():
