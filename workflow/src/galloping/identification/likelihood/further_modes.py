@@ -77,15 +77,13 @@ def _oscillations(
         if not power[place] > most:
             break
         *mode, fitted = _fitted(time, values, 2.0 * np.pi * frequency[place])
-        if (
-            values @ values - (values - fitted) @ (values - fitted)
-            < FURTHER_SHARE * values @ values
-        ):
+        rest = values - fitted
+        if rest @ rest > (1.0 - FURTHER_SHARE) * (values @ values):
             break
         omega, growth, cosine, sine = mode
         inside = np.sinc(omega * window / (2.0 * np.pi))  # of it is left in the mean over a window
         found.append((omega, growth, cosine / inside, sine / inside))
-        values = values - fitted
+        values = rest
     return found
 
 
