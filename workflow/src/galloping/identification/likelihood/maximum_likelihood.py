@@ -120,7 +120,9 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     kept = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     penalty, start = begun.penalty, rough_fit(problem, begun)
     largest = _largest(problem, smoothed)
-    condensed, segments, step = follow(problem, recordings, smoothed, period, start, largest)
+    condensed, segments, step = follow(
+        problem, recordings, smoothed, period, start, penalty, largest
+    )
     fit = step.fit
     unseen = unseen_mixtures(step.information, largest) > 0
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,6 +14,7 @@ from galloping.identification.likelihood.constants import (
     CHAIN_GROWTH,
     CLOSE,
     CONVERGED,
+    FEW_TERMS,
     FIRST_CHAIN,
     FIRST_TRY,
     MATCHED,
@@ -98,16 +100,19 @@ def follow(
     smoothed: list[Smooth],
     period: float,
     start: WeakFit,
+    penalty: float,
     largest: np.ndarray,
 ) -> tuple[Condensed, Segments, Step]:
     """Condensed samples, and segments in which a fit with free first states follows the data.
 
-    From a rough start, that of a sensitive system above all, long segments lead astray: they are
-    halved until the fit is close. Where none is, the segments are those to which halving halved
-    the misfit: shorter ones hide what the recording may have wrong. A start that diverges even so
-    is replaced by that of all terms, each held to its `largest` size. Raises FloatingPointError
-    where that diverges too.
+    A start of more terms than the samples tell of moves faster than they do: it gives way to one
+    of few terms that follows the data as well. From a rough start, that of a sensitive system above
+    all, long segments lead astray: they are halved until the fit is close. Where none is, the
+    segments are those to which halving halved the misfit: shorter ones hide what the recording may
+    have wrong. A start that diverges even so is replaced by that of all terms, each held to its
+    `largest` size. Raises FloatingPointError where that diverges too.
     """
+    prepared = partial(prepare, problem, recordings, smoothed, period)
     best, improving = None, True
     periods = PERIODS_PER_SEGMENT
     for halving in range(2 * SHORTER):
@@ -119,25 +124,67 @@ def follow(
             start = replace(start, free=free, support=np.ones(len(free), bool))
             periods = PERIODS_PER_SEGMENT
         try:
-            condensed, segments, fit = prepare(
-                problem, recordings, smoothed, period, start, periods
-            )
-            periods = np.median(np.diff(segments.first)) * condensed.step / period
-            previous = fit
-            for _ in range(MOST_FREE_PASSES):
-                step = _guarded(problem, condensed, segments, previous, fit, 1, None)
-                previous, fit = step.before, step.fit
-                if fit.cost < CLOSE * float(np.sum(condensed.rows)):
-                    return condensed, segments, step
+            condensed, segments, fit = prepared(start, periods)
+        except FloatingPointError:
+            condensed = None
+        if halving == 0 and (condensed is None or condensed.step < period / WINDOWS_PER_PERIOD):
+            followed = _by_few_terms(problem, prepared, period, start, penalty)
+            if followed is not None:
+                return followed
+        if condensed is None:
+            periods /= 2.0
+            continue
+        periods = np.median(np.diff(segments.first)) * condensed.step / period / 2.0
+        try:
+            step = _freely(problem, condensed, segments, fit)
         except FloatingPointError:
             continue
-        finally:
-            periods /= 2.0
-        improving = best is None or (improving and fit.cost <= best[2].fit.cost / 2.0)
+        if _is_close(condensed, step.fit):
+            return condensed, segments, step
+        improving = best is None or (improving and step.fit.cost <= best[2].fit.cost / 2.0)
         best = (condensed, segments, step) if improving else best
     if best is None:
         raise FloatingPointError(DIVERGES)
     return best
+
+
+def _by_few_terms(
+    problem: Problem, prepared: Callable, period: float, start: WeakFit, penalty: float
+) -> tuple[Condensed, Segments, Step] | None:
+    """`follow` from a start of FEW_TERMS, the slowest first, if a fit from one is close.
+
+    prepared: `prepare` from a start, with segments of so many periods.
+    """
+    slow = []
+    for raised in FEW_TERMS:
+        support = select(start.information, start.right, [start.support], raised * penalty)
+        free, _ = solve_support(start.information, start.right, support)
+        few = replace(start, free=free, support=support)
+        try:
+            slow.append(prepared(few, PERIODS_PER_SEGMENT))
+        except FloatingPointError:
+            continue
+    for condensed, segments, fit in sorted(slow, key=lambda each: -each[0].step):
+        if condensed.step < period / (2 * WINDOWS_PER_PERIOD):
+            break
+        try:
+            step = _freely(problem, condensed, segments, fit)
+        except FloatingPointError:
+            continue
+        if _is_close(condensed, step.fit):
+            return condensed, segments, step
+    return None
+
+
+def _freely(problem: Problem, condensed: Condensed, segments: Segments, fit: Fit) -> Step:
+    """Steps with free segments until the fit is close, at most MOST_FREE_PASSES."""
+    previous = fit
+    for _ in range(MOST_FREE_PASSES):
+        step = _guarded(problem, condensed, segments, previous, fit, 1, None)
+        previous, fit = step.before, step.fit
+        if _is_close(condensed, fit):
+            break
+    return step
 
 
 def prepare(
@@ -232,27 +279,35 @@ def match(
     unseen: whether a mixture of terms goes unseen (`unseen_mixtures`, with `largest` as there);
     then it is tried again from few terms, and believed where it follows the data and has more terms
     than mixtures go unseen: a limit cycle looks like one of fewer terms. What does not settle while
-    terms are chosen never will, and ends with the free segments that it began with.
+    terms are chosen never will: it ends with the last of the models that follow the data alike, or
+    with the free segments that it began with where none follows the whole.
     Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
-    close = CLOSE * float(np.sum(condensed.rows))
     matched = partial(_matched, problem, condensed, segments, step, penalty, unseen)
+    ends, objections = [], []
     try:
-        return matched(*FIRST_TRY)
+        fit, last = matched(*FIRST_TRY)
+        if last.settled:
+            return fit, last
+        ends.append((fit, last))
     except FloatingPointError as error:
-        objection = error
+        objections.append(error)
     try:
         fit, last = matched(*SPARSE_TRY, RAISED_PENALTIES) if unseen else matched(*PATIENT_TRY)
         told = not unseen or unseen_mixtures(last.information, largest) < fit.support.sum()
-        if fit.cost < close and told:
+        if last.settled and told and _is_close(condensed, fit):
             return fit, last
-    except FloatingPointError:
-        pass  # the first objection is the one to tell
+        if not last.settled:
+            ends.append((fit, last))
+    except FloatingPointError as error:
+        objections.append(error)
+    if ends:
+        return ends[0]
     if unseen:
         free = _gauss_newton(problem, condensed, segments, step.fit, 1, None)
-        if free.fit.cost < close:
+        if _is_close(condensed, free.fit):
             return step.fit, replace(free, settled=False)
-    raise objection
+    raise objections[0]
 
 
 def _matched(
@@ -300,9 +355,15 @@ def _matched(
             longest = np.inf
         else:
             longest = (longest or np.inf) * (1 if stays else CHAIN_GROWTH)
+    if unseen and whole and _is_close(condensed, fit):
+        return fit, replace(step, settled=False)
     misfit = fit.cost / float(np.sum(condensed.rows))
     what = "follows the data" if misfit > CLOSE else "is preferred by the data"
     raise FloatingPointError(f"no model found that {what}: chi2/n {misfit:.3g}")
+
+
+def _is_close(condensed: Condensed, fit: Fit) -> bool:
+    return fit.cost < CLOSE * float(np.sum(condensed.rows))
 
 
 def _guarded(
