@@ -1,8 +1,8 @@
 """Which claims of the paper are met at each value of a parameter that it leaves open."""
 
-from galloping.evaluation.reproduction import ReproductionPlan, reproduction_rows
 from galloping.reproducibility.job import run
 from galloping.study.files import tables
+from galloping.tables.reproduction import ReproductionPlan, reproduction_rows
 
 
 def main() -> None:

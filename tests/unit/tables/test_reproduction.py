@@ -5,9 +5,9 @@ import pytest
 from drawing import drawn
 
 from galloping.configuration.load import load, plain
-from galloping.evaluation.reproduction import ReproductionPlan, reproduction_rows
 from galloping.figures.reproduction import draw_reproduction
 from galloping.identification.registry import METHODS
+from galloping.tables.reproduction import ReproductionPlan, reproduction_rows
 
 SETTINGS = plain(load({}))
 STLSQ = next(method for method in METHODS if method.name == "stlsq")
