@@ -114,7 +114,7 @@ def follow(
     """
     prepared = partial(prepare, problem, recordings, smoothed, period)
     best, improving = None, True
-    periods = PERIODS_PER_SEGMENT
+    periods, shortest = PERIODS_PER_SEGMENT, period / (2 * WINDOWS_PER_PERIOD)
     for halving in range(2 * SHORTER):
         if halving == SHORTER:
             if best is not None:
@@ -127,8 +127,8 @@ def follow(
             condensed, segments, fit = prepared(start, periods)
         except FloatingPointError:
             condensed = None
-        if halving == 0 and (condensed is None or condensed.step < period / WINDOWS_PER_PERIOD):
-            followed = _by_few_terms(problem, prepared, period, start, penalty)
+        if halving == 0 and (condensed is None or condensed.step < shortest):
+            followed = _by_few_terms(problem, prepared, shortest, start, penalty)
             if followed is not None:
                 return followed
         if condensed is None:
@@ -149,11 +149,11 @@ def follow(
 
 
 def _by_few_terms(
-    problem: Problem, prepared: Callable, period: float, start: WeakFit, penalty: float
+    problem: Problem, prepared: Callable, shortest: float, start: WeakFit, penalty: float
 ) -> tuple[Condensed, Segments, Step] | None:
     """`follow` from a start of FEW_TERMS, the slowest first, if a fit from one is close.
 
-    prepared: `prepare` from a start, with segments of so many periods.
+    prepared: `prepare` from a start, with segments of so many periods. shortest: window, s.
     """
     slow = []
     for raised in FEW_TERMS:
@@ -165,7 +165,7 @@ def _by_few_terms(
         except FloatingPointError:
             continue
     for condensed, segments, fit in sorted(slow, key=lambda each: -each[0].step):
-        if condensed.step < period / (2 * WINDOWS_PER_PERIOD):
+        if condensed.step < shortest:
             break
         try:
             step = _freely(problem, condensed, segments, fit)
