@@ -322,7 +322,10 @@ def _matched(
     most_alike: int,
     raised: tuple[int, ...] = (),
 ) -> tuple[Fit, Step]:
-    """A try of `match`; the numbers as in FIRST_TRY. raised: penalties of the first passes."""
+    """A try of `match`; the numbers as in FIRST_TRY. raised: penalties of the first passes.
+
+    Where it does not settle while terms are chosen, though the whole is followed, the last step.
+    """
     previous, fit = step.before, step.fit
     every = np.ones(len(fit.support), bool)
     best = select(step.information, step.right, [every, fit.support], penalty, fit.free)
