@@ -29,11 +29,11 @@ from galloping.configuration.parameters import conductor_parameters, spacer_para
 from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import Settings, paper_cases_in
 from galloping.cycles import line_family
-from galloping.evaluation import reproduction
 from galloping.identification.registry import BY_NAME as METHODS
 from galloping.physics import continuous, gusts, measures
 from galloping.physics.galerkin import derive
 from galloping.study.kinds import OPEN_PARAMETERS
+from galloping.tables import reproduction
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
 ROOT = Path(__file__).parents[2]
