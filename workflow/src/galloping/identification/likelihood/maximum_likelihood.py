@@ -16,6 +16,7 @@ import numpy as np
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.constants import (
     CLOSE,
+    FEW_TERMS,
     MOST_COLOUR,
     STRETCH_PERIODS,
     TIME_SCALES,
@@ -120,13 +121,20 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     kept = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     penalty, start = begun.penalty, rough_fit(problem, begun)
     largest = _largest(problem, smoothed)
-    condensed, segments, step = follow(
-        problem, recordings, smoothed, period, start, penalty, largest
-    )
+    beginnings = partial(follow, problem, recordings, smoothed, period, start, penalty, largest)
+    condensed, segments, step = beginnings(FEW_TERMS)
     fit = step.fit
     unseen = unseen_mixtures(step.information, largest) > 0
     try:
-        fit, step = match(problem, condensed, segments, step, penalty, unseen, largest)
+        try:
+            fit, step = match(problem, condensed, segments, step, penalty, unseen, largest)
+        except FloatingPointError:
+            if fit.support.sum() >= start.support.sum():  # not of few terms
+                raise
+            condensed, segments, step = beginnings(())
+            fit = step.fit
+            unseen = unseen_mixtures(step.information, largest) > 0
+            fit, step = match(problem, condensed, segments, step, penalty, unseen, largest)
     except FloatingPointError as error:
         rows = float(np.sum(condensed.rows))
         followed = step.fit.cost < CLOSE * rows

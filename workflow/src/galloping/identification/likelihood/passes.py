@@ -14,7 +14,6 @@ from galloping.identification.likelihood.constants import (
     CHAIN_GROWTH,
     CLOSE,
     CONVERGED,
-    FEW_TERMS,
     FIRST_CHAIN,
     FIRST_TRY,
     MATCHED,
@@ -102,15 +101,16 @@ def follow(
     start: WeakFit,
     penalty: float,
     largest: np.ndarray,
+    few_terms: tuple[int, ...],
 ) -> tuple[Condensed, Segments, Step]:
     """Condensed samples, and segments in which a fit with free first states follows the data.
 
-    A start of more terms than the samples tell of moves faster than they do: it gives way to one
-    of few terms that follows the data as well. From a rough start, that of a sensitive system above
-    all, long segments lead astray: they are halved until the fit is close. Where none is, the
-    segments are those to which halving halved the misfit: shorter ones hide what the recording may
-    have wrong. A start that diverges even so is replaced by that of all terms, each held to its
-    `largest` size. Raises FloatingPointError where that diverges too.
+    A start of more terms than the samples tell of moves faster than they do: it gives way to one of
+    few terms, each as dear as `few_terms` says, that follows the data as well. From a rough start,
+    that of a sensitive system above all, long segments lead astray: they are halved until the fit
+    is close. Where none is, the segments are those to which halving halved the misfit: shorter ones
+    hide what the recording may have wrong. A start that diverges even so is replaced by that of all
+    terms, each held to its `largest` size. Raises FloatingPointError where that diverges too.
     """
     prepared = partial(prepare, problem, recordings, smoothed, period)
     best, improving = None, True
@@ -128,7 +128,9 @@ def follow(
         except FloatingPointError:
             condensed = None
         if halving == 0 and (condensed is None or condensed.step < shortest):
-            followed = _by_few_terms(problem, prepared, shortest, start, penalty)
+            followed = _by_few_terms(
+                problem, prepared, shortest, start, [raised * penalty for raised in few_terms]
+            )
             if followed is not None:
                 return followed
         if condensed is None:
@@ -149,15 +151,16 @@ def follow(
 
 
 def _by_few_terms(
-    problem: Problem, prepared: Callable, shortest: float, start: WeakFit, penalty: float
+    problem: Problem, prepared: Callable, shortest: float, start: WeakFit, penalties: list[float]
 ) -> tuple[Condensed, Segments, Step] | None:
-    """`follow` from a start of FEW_TERMS, the slowest first, if a fit from one is close.
+    """`follow` from a start of few terms, the slowest first, if a fit from one is close.
 
-    prepared: `prepare` from a start, with segments of so many periods. shortest: window, s.
+    penalties: what a term costs in each. prepared: `prepare` from a start, with segments of so many
+    periods. shortest: window, s.
     """
     slow = []
-    for raised in FEW_TERMS:
-        support = select(start.information, start.right, [start.support], raised * penalty)
+    for penalty in penalties:
+        support = select(start.information, start.right, [start.support], penalty)
         free, _ = solve_support(start.information, start.right, support)
         few = replace(start, free=free, support=support)
         try:
