@@ -7,6 +7,8 @@ motion; the cubic terms of a line make harmonics up to its third.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 # Time scales that are tried, each half of the one before, which gave no model: the spectrum shows
 # that of most of the power, and a transient or a relaxation is quicker. Measured on systems of
 # `galloping.trials.systems`: a cubic oscillator that slows down as it decays needs a half or a
@@ -75,16 +77,26 @@ MOST_FREE_PASSES = 5  # with free segments, which are matched after them, howeve
 # Segments that are matched in the first pass, and how many times more in the next. Measured: with
 # whole chains at once 6 of 92 clear lines did not settle, with these none.
 FIRST_CHAIN, CHAIN_GROWTH = 4, 4
-# Passes of a try: in all, those in which terms are chosen, and with chains of one length unless
-# the step is SHORT before (squared length, in standard deviations). Measured: of five recordings of
-# chaotic lines that do not settle in the first, four do in the patient one, with the right terms.
-FIRST_TRY, PATIENT_TRY = (20, 14, 1), (40, 28, 4)
-# The same of a try that starts from few terms, and what a term costs in its first passes, in
-# penalties. Measured: of six recordings of clear lines in which a mixture of terms goes unseen and
-# which do not settle in the first, four do with 16 penalties at first, each with the right terms,
-# two with 4; among many terms of which some make up others the choice goes round in circles.
-SPARSE_TRY, RAISED_PENALTIES = (26, 20, 1), (16, 16, 8, 8, 4, 4, 2, 2)
-SHORT = 100.0
+
+
+class Passes(NamedTuple):
+    """Passes of a try: the most in all, those of them in which terms are chosen, those with chains
+    of one length (unless the step is SHORT before), and what a term costs in the first, in
+    penalties."""
+
+    most: int
+    choosing: int
+    alike: int
+    raised: tuple[int, ...] = ()
+
+
+# Measured: of five recordings of chaotic lines that do not settle in the first try, four do in the
+# patient one, with the right terms. Of six of clear lines in which a mixture of terms goes unseen
+# and which do not settle in the first, four do with 16 penalties at first, each with the right
+# terms, two with 4; among many terms of which some make up others the choice goes round in circles.
+FIRST_TRY, PATIENT_TRY = Passes(20, 14, 1), Passes(40, 28, 4)
+SPARSE_TRY = Passes(26, 20, 1, raised=(16, 16, 8, 8, 4, 4, 2, 2))
+SHORT = 100.0  # squared length of a step, in standard deviations
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 CONVERGED = 0.01  # squared length of a step, in standard deviations

@@ -15,24 +15,17 @@ import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.constants import (
-    CLOSE,
-    FEW_TERMS,
     MOST_COLOUR,
     STRETCH_PERIODS,
     TIME_SCALES,
 )
 from galloping.identification.likelihood.derivative_fit import derivative_fit
+from galloping.identification.likelihood.following import follow, prepare, window_states
+from galloping.identification.likelihood.gauss_newton import Fit, is_close
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.instrument import FORCES, Fault, faults
+from galloping.identification.likelihood.matching import match, unseen_mixtures
 from galloping.identification.likelihood.model_error import approximation
-from galloping.identification.likelihood.passes import (
-    Fit,
-    follow,
-    match,
-    prepare,
-    unseen_mixtures,
-    window_states,
-)
 from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import Residue, residue
@@ -121,31 +114,19 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     kept = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
     penalty, start = begun.penalty, rough_fit(problem, begun)
     largest = _largest(problem, smoothed)
-    beginnings = partial(follow, problem, recordings, smoothed, period, start, penalty, largest)
-    condensed, segments, step = beginnings(FEW_TERMS)
-    fit = step.fit
-    unseen = unseen_mixtures(step.information, largest) > 0
-    try:
+    for condensed, segments, step in follow(
+        problem, recordings, smoothed, period, start, penalty, largest
+    ):
+        followed = step.fit
+        unseen = unseen_mixtures(step.information, largest) > 0
         try:
             fit, step = match(problem, condensed, segments, step, penalty, unseen, largest)
-        except FloatingPointError:
-            if fit.support.sum() >= start.support.sum():  # not of few terms
-                raise
-            condensed, segments, step = beginnings(())
-            fit = step.fit
-            unseen = unseen_mixtures(step.information, largest) > 0
-            fit, step = match(problem, condensed, segments, step, penalty, unseen, largest)
-    except FloatingPointError as error:
-        rows = float(np.sum(condensed.rows))
-        followed = step.fit.cost < CLOSE * rows
-        # where nothing follows the data, a fault must explain most of what is left
-        causes = _causes(
-            problem, condensed, segments, step.fit, penalty, 0.0 if followed else rows / 2
-        )
-        named = [fault.cause for fault in causes[:1]]
-        if followed and FORCES not in named:  # a small fault does not keep the pieces from joining
-            named.append(f"followed in pieces, not as a whole: {FORCES}")
-        raise FloatingPointError("; ".join([*named, str(error)])) from error
+            break
+        except FloatingPointError as error:
+            unmatched = error
+    else:
+        causes = _causes_of_none(problem, condensed, segments, followed, penalty)
+        raise FloatingPointError("; ".join([*causes, str(unmatched)])) from unmatched
     remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     if shown.coloured and shown.band < MOST_COLOUR:
         power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
@@ -190,6 +171,20 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
             **{f"noise_{names[o]}": total[-1, o] for o in np.flatnonzero(condensed.is_rate)},
         },
     )  # fmt: skip
+
+
+def _causes_of_none(
+    problem: Problem, condensed: Condensed, segments: Segments, fit: Fit, penalty: float
+) -> list[str]:
+    """What may be why no model follows the whole recording; `fit` is of free segments."""
+    rows = float(np.sum(condensed.rows))
+    close = is_close(condensed, fit)
+    # where nothing follows the data, a fault must explain most of what is left
+    causes = _causes(problem, condensed, segments, fit, penalty, 0.0 if close else rows / 2)
+    named = [fault.cause for fault in causes[:1]]
+    if close and FORCES not in named:  # a small fault does not keep the pieces from joining
+        named.append(f"followed in pieces, not as a whole: {FORCES}")
+    return named
 
 
 def _causes(

@@ -1,0 +1,148 @@
+"""Gauss-Newton on the coefficients and the first states of all segments, terms chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from galloping.identification.likelihood.condense import Condensed
+from galloping.identification.likelihood.constants import CLOSE, MOST_HALVINGS
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.likelihood.shooting import Segments, chained, eliminate, linearise
+
+DIVERGES = "no model found that follows the data: the iteration diverges"
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where the iteration stands.
+
+    free: (n_candidates,) coefficients; support: the same, boolean. starts: (n_segments,
+    n_states). sigma: (n_recordings, n_observed) noise of the projections, not below `floor`.
+    reference: the same as first estimated. cost: chi^2, by that, of the fit before this one.
+    """
+
+    free: np.ndarray
+    support: np.ndarray
+    starts: np.ndarray
+    sigma: np.ndarray
+    floor: np.ndarray
+    reference: np.ndarray
+    cost: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """A Gauss-Newton step from one `Fit`, `before`, to the next.
+
+    information: of the regression on all candidates; right: half the fall of chi^2 with each, at
+    the new fit. covariance: of the supported ones. misfit, cost: chi^2 before the step, by the
+    noise of its fit and by a fixed one. decrement: squared length of the step, in units of its
+    covariance. gap: largest mismatch of segments before the step. segments: in the chains that
+    were matched. settled: False of the last step of an iteration that did not come to an end.
+    """
+
+    before: Fit
+    fit: Fit
+    information: np.ndarray
+    right: np.ndarray
+    covariance: np.ndarray
+    misfit: float
+    decrement: float
+    gap: float
+    segments: Segments
+    settled: bool
+
+
+def is_close(condensed: Condensed, fit: Fit) -> bool:
+    """Whether a fit is good enough to choose terms by."""
+    return fit.cost < CLOSE * float(np.sum(condensed.rows))
+
+
+def guarded_step(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    previous: Fit,
+    fit: Fit,
+    longest: float | None,
+    penalty: float | None,
+) -> Step:
+    """A step from `fit`, or, where that diverges or raises the misfit, from nearer to `previous`.
+
+    The other arguments as in `gauss_newton`. Raises FloatingPointError where halving the way
+    does not help.
+    """
+    close = CLOSE * float(np.sum(condensed.rows))
+    for _ in range(MOST_HALVINGS):
+        try:
+            step = gauss_newton(problem, condensed, segments, fit, longest, penalty)
+        except FloatingPointError:
+            fit = _between(previous, fit)
+            continue
+        if step.fit.cost < max(1.5 * fit.cost, close):
+            return step
+        fit = _between(previous, fit)
+    raise FloatingPointError(DIVERGES)
+
+
+def _between(a: Fit, b: Fit) -> Fit:
+    free, starts = (a.free + b.free) / 2.0, (a.starts + b.starts) / 2.0
+    return replace(a, free=free, support=a.support | b.support, starts=starts)
+
+
+def gauss_newton(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    fit: Fit,
+    longest: float | None,
+    penalty: float | None,
+) -> Step:
+    """Linearise, choose the terms (unless `penalty` is None), move, re-estimate the noise.
+
+    The noise is that of the projections, which hold the information: where the noise is not
+    white it differs from the noise between samples. longest: as in `chained`, None to keep the
+    chains that there are.
+    """
+    linear = linearise(problem, condensed, fit.sigma, segments, fit.free, fit.starts)
+    if longest is not None:
+        segments = chained(linear, segments, longest)
+    quadratic = eliminate(linear, segments, fit.starts)
+    support = fit.support
+    if penalty is not None:
+        tried = [np.ones(len(support), bool), fit.support]
+        support = select(quadratic.information, quadratic.right, tried, penalty, fit.free)
+    # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
+    free = np.where(support, fit.free, 0.0)
+    rest = quadratic.right + quadratic.information @ (fit.free - free)
+    step, covariance = solve_support(quadratic.information, rest, support)
+    free = free + step
+    change = free - fit.free
+    starts = fit.starts + quadratic.states[:, :, :-1] @ change + quadratic.states[:, :, -1]
+    squares = linear.squares * fit.sigma**2
+    chains = segments.chains[-1] + 1
+    share = (support.sum() + chains * len(problem.states)) / max(np.count_nonzero(squares), 1)
+    sigma = np.sqrt(squares / np.maximum(condensed.rows - share, 0.2 * condensed.rows + 1.0))
+    return Step(
+        fit,
+        Fit(
+            free,
+            support,
+            starts,
+            np.maximum(sigma, fit.floor),
+            fit.floor,
+            fit.reference,
+            cost=float(np.sum(squares / fit.reference**2)),
+        ),
+        quadratic.information,
+        quadratic.right - quadratic.information @ change,
+        covariance,
+        float(np.sum(linear.squares)),
+        float(change @ quadratic.information @ change),
+        quadratic.gap,
+        segments,
+        settled=True,
+    )

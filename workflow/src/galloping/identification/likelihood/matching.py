@@ -1,0 +1,136 @@
+"""Segments matched in chains, and the terms chosen on the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from galloping.identification.likelihood.ambiguity import preferred
+from galloping.identification.likelihood.condense import Condensed
+from galloping.identification.likelihood.constants import (
+    CHAIN_GROWTH,
+    CLOSE,
+    CONVERGED,
+    FIRST_CHAIN,
+    FIRST_TRY,
+    MATCHED,
+    PATIENT_TRY,
+    SHORT,
+    SPARSE_TRY,
+    Passes,
+)
+from galloping.identification.likelihood.gauss_newton import (
+    Fit,
+    Step,
+    gauss_newton,
+    guarded_step,
+    is_close,
+)
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.selection import select, whiten
+from galloping.identification.likelihood.shooting import Segments
+
+
+def unseen_mixtures(information: np.ndarray, largest: np.ndarray) -> int:
+    """How many mixtures of terms, together as large as the motion, change the fit by no noise.
+
+    information: of the coefficients. largest: (n_candidates,) each alone as large as the motion.
+    """
+    return int(np.sum(np.linalg.eigvalsh(information * largest * largest[:, None]) < 1.0))
+
+
+def match(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    step: Step,
+    penalty: float,
+    unseen: bool,
+    largest: np.ndarray,
+) -> tuple[Fit, Step]:
+    """Gauss-Newton with segments matched in chains; terms chosen at every pass but the last ones.
+
+    Chains grow from pass to pass until the terms stay the same: about a rough fit, that of too
+    many terms above all, the solution over a long chain is far from linear in the coefficients,
+    and the terms that seem best then lead astray. Where those of the start, `step`, are the best
+    already, the chains are whole from the first. What does not settle, as a chaotic recording may
+    not, is tried again with more passes at each length, and believed where it follows the data.
+    unseen: whether a mixture of terms goes unseen (`unseen_mixtures`, with `largest` as there);
+    then it is tried again from few terms, and believed where it follows the data and has more terms
+    than mixtures go unseen: a limit cycle looks like one of fewer terms. What does not settle while
+    terms are chosen never will: it ends with the last of the models that follow the data alike, or
+    with the free segments that it began with where none follows the whole.
+    Raises FloatingPointError where it diverges, or does not settle, on other recordings.
+    """
+    ends, objections = [], []
+    for passes in (FIRST_TRY, SPARSE_TRY if unseen else PATIENT_TRY):
+        try:
+            fit, last = _matched(problem, condensed, segments, step, penalty, unseen, passes)
+        except FloatingPointError as error:
+            objections.append(error)
+            continue
+        told = not unseen or unseen_mixtures(last.information, largest) < fit.support.sum()
+        if last.settled and (passes is FIRST_TRY or (told and is_close(condensed, fit))):
+            return fit, last
+        if not last.settled:
+            ends.append((fit, last))
+    if ends:
+        return ends[0]
+    if unseen:
+        free = gauss_newton(problem, condensed, segments, step.fit, 1, None)
+        if is_close(condensed, free.fit):
+            return step.fit, replace(free, settled=False)
+    raise objections[0]
+
+
+def _matched(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    step: Step,
+    penalty: float,
+    unseen: bool,
+    passes: Passes,
+) -> tuple[Fit, Step]:
+    """A try of `match`, of so many passes.
+
+    Where it does not settle while terms are chosen, though the whole is followed, the last step.
+    """
+    previous, fit = step.before, step.fit
+    every = np.ones(len(fit.support), bool)
+    best = select(step.information, step.right, [every, fit.support], penalty, fit.free)
+    longest = np.inf if np.array_equal(best, fit.support) else FIRST_CHAIN
+    preferring, alike = False, 1
+    for passed in range(passes.most):
+        choosing = passed < passes.choosing and not preferring
+        price = penalty * (passes.raised[passed] if passed < len(passes.raised) else 1)
+        if unseen and not (choosing or preferring):
+            break
+        step = guarded_step(
+            problem, condensed, segments, previous, fit, longest, price if choosing else None
+        )
+        unchanged = np.array_equal(step.fit.support, step.before.support)
+        previous, fit = step.before, step.fit
+        whole = longest is None or longest >= len(segments.chains)
+        settled = step.decrement < CONVERGED and step.gap < MATCHED and passed >= len(passes.raised)
+        if unchanged and whole and settled:
+            whitened = whiten(step.information, step.right, fit.free)
+            support = fit.support if preferring else preferred(whitened, fit.support, penalty)
+            if np.array_equal(support, fit.support):
+                return fit, step
+            preferring = True
+            fit = replace(fit, support=support)
+        stays = not unchanged and alike < passes.alike and step.decrement > SHORT
+        alike = alike + 1 if stays else 1
+        if unchanged and whole:
+            segments, longest = step.segments, None  # chains that come and go would never settle
+        elif unchanged:
+            longest = np.inf
+        else:
+            longest = (longest or np.inf) * (1 if stays else CHAIN_GROWTH)
+    if unseen and whole and is_close(condensed, fit):
+        return fit, replace(step, settled=False)
+    misfit = fit.cost / float(np.sum(condensed.rows))
+    what = "follows the data" if misfit > CLOSE else "is preferred by the data"
+    raise FloatingPointError(f"no model found that {what}: chi2/n {misfit:.3g}")
