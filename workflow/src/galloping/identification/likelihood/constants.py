@@ -69,7 +69,8 @@ HUGE = 1e30  # of a state or a derivative, from which a solution counts as diver
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 # What a term costs, in penalties, in a start of few terms. Measured: of twenty recordings of the
 # displacements of a line, three samples a second, starts of 25 to 70 terms left fourteen without a
-# model; from 4 to 10 terms all are followed, at a quarter of the cost.
+# model; from 4 to 10 terms all are followed, at a quarter of the cost. So are twenty others, of
+# which thirteen were left.
 FEW_TERMS = (4, 16, 64)
 SHORTER = 4  # lengths of segments that are tried, each half the one before
 BATCH = 64  # segments integrated together: what they need is held at once
