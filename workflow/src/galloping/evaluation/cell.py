@@ -27,7 +27,7 @@ def evaluate(
         scores = list(map(score, [truth] * len(motions), replicates, motions, bounds))
         rows += [{"method": method, "replicate": k, **row} for k, row in enumerate(scores)]
         quality = np.array([row["r2_q_v"] + row["r2_q_w"] for row in scores])
-        states = np.stack([motion.states for motion in motions])
+        states = [motion.states for motion in motions]
         reconstructions[method] = summarise(truth.time, states, quality)
     return rows, reconstructions
 

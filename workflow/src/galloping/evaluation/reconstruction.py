@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,13 +25,16 @@ class Reconstruction:
     high: np.ndarray
 
 
-def summarise(time: np.ndarray, states: np.ndarray, quality: np.ndarray) -> Reconstruction:
+def summarise(
+    time: np.ndarray, states: Sequence[np.ndarray], quality: np.ndarray
+) -> Reconstruction:
     """The motions of all replicates.
 
-    time: (n,) s. states: (n_replicates, n, n_states). quality: (n_replicates,), higher is better.
+    time: (n,) s. states: (n, n_states) of each replicate. quality: (n_replicates,), the higher
+    the better.
     """
     stride = max(1, round(1 / (PLOT_RATE * (time[1] - time[0]))))
     middle = np.argsort(quality, kind="stable")[len(quality) // 2]
-    thinned = states[:, ::stride]
+    thinned = np.stack([each[::stride] for each in states])
     low, high = np.quantile(thinned, QUANTILES_90, axis=0)
     return Reconstruction(time[::stride], thinned[middle], low, high)
