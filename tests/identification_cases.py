@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from galloping.bounds.sensitivity import sensitivities
 from galloping.identification.likelihood.problem import posed
-from galloping.identification.likelihood.sensitivity import sensitivities
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 

@@ -27,8 +27,7 @@ from galloping.configuration.load import load
 from galloping.identification.likelihood.condense import ORDER
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.problem import posed
-from galloping.identification.likelihood.sensitivity import integrate
-from galloping.identification.likelihood.taylor import system, tables
+from galloping.identification.likelihood.taylor import integrate, system, tables
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised

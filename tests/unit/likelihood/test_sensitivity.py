@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from identification_cases import RELEASE, TIME, line, model, solution
 
-from galloping.identification.likelihood.sensitivity import sensitivities, suitable_step
+from galloping.bounds.sensitivity import sensitivities
 from galloping.polynomial import PolynomialModel
 
 
@@ -44,4 +44,4 @@ def test_a_term_that_is_absent_has_a_sensitivity() -> None:
 def test_divergence_is_an_error() -> None:
     explosive = model(("x",), 2, {"x^2": 1.0})
     with pytest.raises(ValueError, match="diverges"):
-        suitable_step(explosive, np.array([1.0]), 2.0)
+        sensitivities(explosive, np.zeros((0, 2), int), np.array([1.0]), np.array([0.0, 2.0]))

@@ -19,6 +19,8 @@ DIVERGENCE_LIMIT = 1e3
 # Galloping takes 4 steps a second, and samples that show a motion are no further apart than steps:
 # a model that needs more than both of these is far too fast to be the line's or the system's.
 MAX_STEPS_PER_SECOND, MAX_STEPS_PER_SAMPLE = 100, 2
+# Higher levels run no faster and compile for half as long again.
+COMPILATION = {"compact_mode": True, "opt_level": 1}
 
 
 @dataclass(frozen=True)
@@ -52,34 +54,14 @@ class Simulator:
         self.states, self.terms = states, terms
         whole = np.ones((len(states), len(terms)), bool)
         self._support = whole if support is None else support
-        places = {tuple(place): k for k, place in enumerate(np.argwhere(self._support))}
-        x = hy.make_vars(*states)
-        # products, not powers: the Taylor recurrence of a power divides by the state
-        monomials = [
-            prod(
-                (v for v, e in zip(x, term, strict=True) for _ in range(e)),
-                start=hy.expression(1.0),
-            )
-            for term in terms
-        ]
-        system = [
-            (
-                v,
-                hy.sum(
-                    [hy.par[k] * monomials[j] for (i, j), k in places.items() if i == row]
-                    or [hy.expression(0.0)]
-                ),
-            )
-            for row, v in enumerate(x)
-        ]
-        size = hy.sum([v * v for v in x]) - DIVERGENCE_LIMIT**2
+        system = equations(states, terms, self._support)
+        size = hy.sum([v * v for v, _ in system]) - DIVERGENCE_LIMIT**2
         self._integrator = hy.taylor_adaptive(
             system,
             [0.0] * len(states),
-            pars=[0.0] * len(places),
+            pars=[0.0] * int(self._support.sum()),
             t_events=[hy.t_event(size)],
-            compact_mode=True,
-            opt_level=1,  # higher ones run no faster and compile for half as long again
+            **COMPILATION,
         )
 
     def __call__(self, model: PolynomialModel, x0: np.ndarray, time: np.ndarray) -> Trajectory:
@@ -107,6 +89,25 @@ class Simulator:
         else:
             status = f"diverged: |x| exceeded {DIVERGENCE_LIMIT:g} at t = {ta.time:.4g} s"
         return Trajectory(time, full, status)
+
+
+def equations(
+    states: tuple[str, ...], terms: tuple[Exponents, ...], support: np.ndarray
+) -> list[tuple[hy.expression, hy.expression]]:
+    """Each state and its rate, for heyoka; the coefficients are its runtime parameters.
+
+    support: (n_states, n_terms) boolean, which of them there are, in the order of their places.
+    """
+    x = [hy.expression(state) for state in states]
+    # products, not powers: the Taylor recurrence of a power divides by the state
+    monomials = [
+        prod((v for v, e in zip(x, term, strict=True) for _ in range(e)), start=hy.expression(1.0))
+        for term in terms
+    ]
+    rates = [[hy.expression(0.0)] for _ in states]
+    for k, (i, j) in enumerate(np.argwhere(support)):
+        rates[i].append(hy.par[k] * monomials[j])
+    return [(v, hy.sum(rate)) for v, rate in zip(x, rates, strict=True)]
 
 
 def time_grid(duration: float, sampling_rate: float) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.likelihood.sensitivity import sensitivities
+from galloping.bounds.sensitivity import sensitivities
 from galloping.polynomial import PolynomialModel, design_matrix
 
 

@@ -61,7 +61,6 @@ MOST_MISFIT = 3.0  # chi^2 per row: linearised errors explain no more
 # period in it; Taylor series of order 12 are then good to TRUNCATION.
 WINDOWS_PER_PERIOD, ROWS, ORDER = 12, 3, 12
 TRUNCATION = 1e-7  # of the Taylor series, relative to each state: below the noise of any sensor
-BOUND_TRUNCATION = 1e-8  # the same where a bound is computed, which has no noise to hide in
 SMALLEST_NOISE = 1e-5  # of a channel, relative to its size: rounding is not weighed as noise
 HUGE = 1e30  # of a state or a derivative, from which a solution counts as diverged
 

@@ -23,8 +23,7 @@ from galloping.identification.likelihood.constants import (
     UNDETERMINED,
 )
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.sensitivity import integrate
-from galloping.identification.likelihood.taylor import system
+from galloping.identification.likelihood.taylor import integrate, system
 
 
 @dataclass(frozen=True)

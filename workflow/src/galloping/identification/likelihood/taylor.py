@@ -3,9 +3,9 @@
 The right-hand side is data (index tables), not code, so one compilation, cached on disk by numba,
 serves every library, support, number of states and replicate. Each step of length h yields the
 Taylor polynomial of the states and of the sensitivities over the whole step; observations inside
-the step are linear functionals of that polynomial (see `condense`). heyoka, which simulates without
-sensitivities, compiles its variational equations for every library anew and took 2 to 3.5 times as
-long over them (`make bench`).
+the step are linear functionals of that polynomial (see `condense`). heyoka, which simulates and
+follows sensitivities for bounds, compiles its variational equations for every library anew and took
+2 to 3.5 times as long over them (`make bench`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from galloping.identification.likelihood.constants import ORDER
 from galloping.polynomial import Exponents
 
 
@@ -237,3 +238,21 @@ def propagate(
         if truncation[i] > 0.0:
             relative = max(relative, truncation[i] / (size[i] + 1e-300))
     return predictions, derivatives, ends, end_derivatives, relative
+
+
+def integrate(
+    compiled: System,
+    step: float,
+    first: np.ndarray,
+    starts: np.ndarray,
+    functionals: np.ndarray,
+    observed: np.ndarray,
+    sensitive: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+    """`propagate` of a `System`; see there for shapes."""
+    return propagate(
+        float(step), ORDER, np.ascontiguousarray(first, np.int64),
+        np.ascontiguousarray(starts, float), functionals, np.ascontiguousarray(observed, np.int64),
+        sensitive, compiled.parent, compiled.factor, compiled.rates, compiled.rate_values,
+        compiled.jacobian, compiled.jacobian_values, compiled.columns,
+    )  # fmt: skip

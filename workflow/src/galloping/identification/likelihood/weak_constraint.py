@@ -19,9 +19,8 @@ from galloping.identification.likelihood.constants import (
     STATE_RIDGE,
 )
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.sensitivity import integrate
 from galloping.identification.likelihood.shooting import Segments
-from galloping.identification.likelihood.taylor import system
+from galloping.identification.likelihood.taylor import integrate, system
 
 
 @dataclass(frozen=True)

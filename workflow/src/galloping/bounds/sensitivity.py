@@ -1,0 +1,56 @@
+"""How the motion of a polynomial model depends on its coefficients and on where it starts."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import heyoka as hy
+import numpy as np
+
+from galloping.polynomial import Exponents, PolynomialModel
+from galloping.simulation import COMPILATION, equations
+
+MAX_STEPS = 2**16
+Places = tuple[tuple[int, int], ...]
+
+
+def sensitivities(
+    model: PolynomialModel, free: np.ndarray, initial_state: np.ndarray, time: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The solution of `model` at `time` and its derivatives, to double precision.
+
+    free: (n_free, 2) pairs (equation, term) of the coefficients to differentiate by; absent ones
+    too. initial_state: (n_states,) at time[0]. time: (n,), s, increasing.
+    Returns the states (n, n_states) and the sensitivities (n, n_states, n_free + n_states), by
+    the free coefficients and then by the initial state.
+    Raises ValueError where the solution leaves the range of numbers.
+    """
+    n, n_free = len(model.states), len(free)
+    support = model.support
+    support[free[:, 0], free[:, 1]] = True
+    ta = _integrator(model.states, model.terms, _places(np.argwhere(support)), _places(free))
+    ta.pars[:] = model.coefficients[support]
+    ta.time = time[0]
+    ta.state[:] = np.concatenate([initial_state, np.eye(n, n_free + n, n_free).ravel()])
+    outcome, *_, states = ta.propagate_grid(time, max_steps=MAX_STEPS)
+    if outcome != hy.taylor_outcome.time_limit:
+        raise ValueError("the solution of the model diverges, or its time scale is too short")
+    return states[:, :n], states[:, n:].reshape(len(time), n, -1)
+
+
+def _places(pairs: np.ndarray) -> Places:
+    return tuple(map(tuple, pairs.tolist()))
+
+
+@lru_cache(maxsize=16)
+def _integrator(
+    states: tuple[str, ...], terms: tuple[Exponents, ...], present: Places, free: Places
+) -> hy.taylor_adaptive:
+    """Of the states and their derivatives; the parameters are the coefficients `present`."""
+    support = np.zeros((len(states), len(terms)), bool)
+    support[tuple(np.transpose(present))] = True
+    system = equations(states, terms, support)
+    by = [*(hy.par[present.index(place)] for place in free), *(v for v, _ in system)]
+    return hy.taylor_adaptive(
+        hy.var_ode_sys(system, by), [0.0] * len(states), pars=[0.0] * len(present), **COMPILATION
+    )
