@@ -5,14 +5,14 @@ import pandas as pd
 import pytest
 from lines import simulate
 
-from galloping.bounds.cell import at_the_bound, bound, deviations, free_terms
+from galloping.bounds.cell import at_the_bound, bounds_of, deviations, free_terms
 from galloping.bounds.identifiable import IDENTIFIABLE
+from galloping.bounds.information import Experiment, state_bound
 from galloping.bounds.releases import ranked_releases
 from galloping.measurement.motion import Motion
 from galloping.measurement.protocols import BY_NAME, Noise, channel_scale
 from galloping.physics.derived import Derived
 from galloping.polynomial import library
-from galloping.recording import Recording
 from galloping.tables.bounds import efficiency, identifiability
 
 EQUATIONS = (2, 3)
@@ -23,9 +23,8 @@ def cell(name, protocol, level=0.05, rows=slice(None)):
     line, trajectory = simulate(name)
     line = line.on_library(library(4, 3))
     noise = BY_NAME[protocol].noise(level, channel_scale(trajectory.states, relative=True))
-    recording = Recording(trajectory.time[rows], line.states, trajectory.states[rows])
-    starts = [trajectory.states[rows][0]]
-    return line, bound(line, EQUATIONS, [recording], starts, [noise])
+    motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
+    return line, *bounds_of(line, EQUATIONS, [motion], [noise], [[rows]])
 
 
 @pytest.mark.parametrize(
@@ -52,6 +51,18 @@ def test_fewer_points_know_less_as_their_square_root():
     _, whole = cell("internal_resonance", "state")
     _, tenth = cell("internal_resonance", "state", rows=slice(0, None, 10))
     assert tenth.std == pytest.approx(np.sqrt(10) * whole.std, rel=0.02)
+
+
+def test_a_recording_that_begins_later_has_the_bound_of_one_from_there():
+    line, trajectory = simulate("internal_resonance")
+    sigma, rows = 0.05 * trajectory.states.std(axis=0), np.arange(700, 30001, 7)
+    motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
+    noise = Noise(sigma, np.full(4, np.inf))
+    samplings = [[slice(None)], [rows]]
+    whole, later = bounds_of(line, EQUATIONS, [motion], [noise], samplings)
+    own = Experiment(trajectory.states[700], trajectory.time[rows], sigma)
+    assert later.std == pytest.approx(state_bound(line, later.free, [own]).std, rel=1e-8)
+    assert np.all(later.std > whole.std)
 
 
 def test_models_at_the_bound_scatter_by_it():
@@ -81,9 +92,9 @@ def test_no_model_at_a_bound_that_is_infinite():
 def test_noise_on_states_and_their_derivatives_has_no_bound_yet():
     line, trajectory = simulate("internal_resonance")
     noise = Noise(np.ones(4), np.ones(4))
-    recording = Recording(trajectory.time, line.states, trajectory.states)
+    motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
     with pytest.raises(ValueError, match="need exact states"):
-        bound(line, EQUATIONS, [recording], [trajectory.states[0]], [noise])
+        bounds_of(line, EQUATIONS, [motion], [noise], [[slice(None)]])
 
 
 def test_a_release_of_three_metres_makes_the_non_resonant_line_identifiable():

@@ -10,15 +10,16 @@ import numpy as np
 from galloping.bounds.information import (
     Bound,
     Experiment,
+    bound_of,
     derivative_bound,
-    state_bound,
+    slopes,
+    told,
 )
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement.measuring import measure, noises_of
 from galloping.measurement.motion import Motion
 from galloping.measurement.protocols import Noise
 from galloping.polynomial import PolynomialModel
-from galloping.recording import Recording
 from galloping.seeds import generator
 
 
@@ -28,17 +29,17 @@ def free_terms(model: PolynomialModel, equations: Sequence[int]) -> np.ndarray:
     return pairs[np.isin(pairs[:, 0], equations)]
 
 
-def bound(
+def bounds_of(
     model: PolynomialModel,
     equations: Sequence[int],
-    recordings: Sequence[Recording],
-    starts: Sequence[np.ndarray],
+    motions: Sequence[Motion],
     noises: Sequence[Noise],
-) -> Bound:
-    """The bound on the present terms from recordings of one system, one noise for each.
+    samplings: Sequence[Sequence[np.ndarray | slice]],
+) -> list[Bound]:
+    """The bound on the present terms from recordings of one system, by each of some samplings.
 
-    starts: (n_states,) true state at the first sample of each recording. Raises ValueError for
-    noise that is on states and on their derivatives.
+    motions, noises: one for each recording. samplings: indices of the samples of each recording.
+    Raises ValueError for noise that is on states and on their derivatives.
     """
     free = free_terms(model, equations)
     if any(np.any(np.isfinite(noise.derivatives)) for noise in noises):
@@ -48,13 +49,19 @@ def bound(
         ):
             raise ValueError("bound: measured derivatives need exact states, and the same noise")
         # one system, one noise: the rows of all recordings in one regression
-        x = np.concatenate([recording.values for recording in recordings])
-        return derivative_bound(model, free, x, noises[0].derivatives)
-    experiments = [
-        Experiment(start, recording.time, noise.states)
-        for recording, start, noise in zip(recordings, starts, noises, strict=True)
+        x = ([m.states[k] for m, k in zip(motions, rows, strict=True)] for rows in samplings)
+        sigma = noises[0].derivatives
+        return [derivative_bound(model, free, np.concatenate(each), sigma) for each in x]
+    # a motion is followed once: what is unknown of its start is the same wherever sampling begins
+    whole = [
+        slopes(model, free, Experiment(motion.states[0], motion.time, noise.states))
+        for motion, noise in zip(motions, noises, strict=True)
     ]
-    return state_bound(model, free, experiments)
+    totals = (
+        sum(told(each[k], len(free)) for each, k in zip(whole, rows, strict=True))
+        for rows in samplings
+    )
+    return [bound_of(model, free, total) for total in totals]
 
 
 def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
@@ -105,14 +112,11 @@ def cell_bounds(
     noises = noises_of(motions, protocol, level, relative)
     times_differ = measurement["samples"] < len(motions[0].time)
     replicates = measurement["replicates"] if times_differ else 1
-    bounds = []
-    for recordings in measure(motions, name=name, **{**measurement, "replicates": replicates}):
-        starts = [
-            motion.states[np.searchsorted(motion.time, recording.time[0])]
-            for motion, recording in zip(motions, recordings, strict=True)
-        ]
-        bounds.append(bound(model, equations, recordings, starts, noises))
-    return bounds
+    samplings = [
+        [np.searchsorted(motions[0].time, recording.time) for recording in recordings]
+        for recordings in measure(motions, name=name, **{**measurement, "replicates": replicates})
+    ]
+    return bounds_of(model, equations, motions, noises, samplings)
 
 
 def models_at(

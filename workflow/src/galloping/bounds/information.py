@@ -58,9 +58,23 @@ def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment
 
     Raises ValueError where the model's solution diverges.
     """
+    return told(slopes(model, free, experiment), len(free))
+
+
+def slopes(model: PolynomialModel, free: np.ndarray, experiment: Experiment) -> np.ndarray:
+    """(n, n_states, n_free + n_states): what the samples depend on, in deviations of their noise.
+
+    By the free coefficients and then by the initial state. Raises ValueError where the model's
+    solution diverges.
+    """
     _, s = sensitivities(model, free, experiment.initial_state, experiment.time)
-    weighted = (s / experiment.sigma[None, :, None]).reshape(-1, s.shape[2])
-    return eliminated(weighted.T @ weighted, len(free))
+    return s / experiment.sigma[:, None]
+
+
+def told(slopes: np.ndarray, n_free: int) -> np.ndarray:
+    """(n_free, n_free) Fisher information of the samples of `slopes`, or of some of them."""
+    rows = slopes.reshape(-1, slopes.shape[2])
+    return eliminated(rows.T @ rows, n_free)
 
 
 def ranked_experiments(

@@ -8,7 +8,7 @@ from time import process_time
 
 import numpy as np
 
-from galloping.bounds.cell import bound, on_library
+from galloping.bounds.cell import bounds_of, on_library
 from galloping.identification.cell import identify
 from galloping.measurement.measuring import measure, noises_of
 from galloping.measurement.motion import Motion
@@ -54,14 +54,15 @@ def at_the_bound(attempt: Attempt, states: np.ndarray) -> np.ndarray:
 
     NaN throughout where the motion is too sensitive for a bound.
     """
-    true, recording, columns = attempt.true, attempt.recording, attempt.columns
-    motion = _motion(true, recording.time, states)
+    true, columns = attempt.true, attempt.columns
+    motion = _motion(true, attempt.recording.time, states)
     noises = noises_of([motion], columns["protocol"], columns["level"], True)
     equations = sorted(set(range(len(true.states))) - set(velocity_pairs(true.states)))
     try:
-        return on_library(true, bound(true, equations, [recording], states[:1], noises))
+        (found,) = bounds_of(true, equations, [motion], noises, [[slice(None)]])
     except ValueError:
         return np.full(true.coefficients.shape, np.nan)
+    return on_library(true, found)
 
 
 def _motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> Motion:
