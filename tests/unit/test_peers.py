@@ -14,7 +14,7 @@ from galloping.identification.sparse.drawing import seeded
 from galloping.identification.sparse.evidence import Regressions, reduce
 from galloping.identification.sparse.filters import Filtered, savitzky_golay, weak_form
 from galloping.identification.sparse.regression import Regression
-from galloping.identification.sparse.supports import forward_supports
+from galloping.identification.sparse.supports import forward_models
 from galloping.measurement.measuring import measure
 from galloping.measurement.motion import Motion
 from galloping.physics.equations import EQUATIONS
@@ -89,7 +89,7 @@ def problem(blocks=10, noise=0.3):
 
 def test_errors_are_those_of_rows_that_were_not_fitted():
     reduced, seen, held_out = problem()
-    judged = judge(reduced, lambda grams, moments: forward_supports(grams, moments, 3))
+    judged = judge(reduced, lambda grams, moments: forward_models(grams, moments, 3))
     assert judged.supports[0, 2].tolist() == [True, False, False, True, False, False]
     fold = np.arange(10) % FOLDS
     for f in range(FOLDS):
@@ -100,11 +100,11 @@ def test_errors_are_those_of_rows_that_were_not_fitted():
         assert judged.errors[f, 0, 2] == pytest.approx(expected)
 
 
-def test_forward_supports_take_the_best_next_term():
+def test_forward_models_take_the_best_next_term():
     rng = np.random.default_rng(8)
     x = rng.standard_normal((40, 6)) + rng.standard_normal((40, 1))
     y = rng.standard_normal(40)
-    supports = forward_supports((x.T @ x)[np.newaxis], (x.T @ y)[np.newaxis, np.newaxis], 4)[0, 0]
+    models = forward_models((x.T @ x)[np.newaxis], (x.T @ y)[np.newaxis, np.newaxis], 4)[0, 0]
     taken = []
     for step in range(1, 5):
         rss = {
@@ -113,7 +113,9 @@ def test_forward_supports_take_the_best_next_term():
             if j not in taken
         }
         taken.append(min(rss, key=rss.get))
-        assert np.flatnonzero(supports[step]).tolist() == sorted(taken)
+        assert np.flatnonzero(models[step]).tolist() == sorted(taken)
+        expected = np.linalg.lstsq(x[:, taken], y, rcond=None)[0]
+        assert models[step, taken] == pytest.approx(expected)
 
 
 def test_the_sparsest_within_one_standard_error_is_chosen():

@@ -14,12 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from galloping.identification.sparse.regression import Regression
-from galloping.identification.sparse.supports import solve
 
 FOLDS = 5  # every fifth stretch of a recording is left out at a time
 ROUNDING = 1e-13  # share of a sum of squares below which a difference of such sums is nothing
 Path = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""From Gram matrices (f, p, p) of unit columns and moments (f, m, p) to supports (f, m, k, p)."""
+"""From Gram matrices (f, p, p) of unit columns and moments (f, m, p) to models (f, m, k, p)."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +51,8 @@ class Judged:
 
 def judge(problem: Regression, path: Path) -> Judged:
     """Fits along a path to all stretches of a problem, and to all but each fold of them."""
-    p = problem.library.shape[1]
     blocks = problem.products
+    p = blocks.shape[1] - len(problem.states)
     fold = np.arange(len(blocks)) % FOLDS
     whole = blocks.sum(axis=0)
     lengths = np.sqrt(np.diagonal(whole))
@@ -61,14 +60,12 @@ def judge(problem: Regression, path: Path) -> Judged:
         raise ValueError("a state or a derivative is zero throughout the recording")
     trained = [whole - blocks[fold == f].sum(axis=0) for f in range(FOLDS)]
     unit = np.stack([*trained, whole]) / np.outer(lengths, lengths)
-    grams, moments = unit[:, :p, :p], unit[:, p:, :p]
-    supports = path(grams, moments)
+    *models, model = path(unit[:, :p, :p], unit[:, p:, :p])
     errors = []
-    for f, support in enumerate(supports[:-1]):
+    for f, c in enumerate(models):
         held_out = problem.held_out[fold == f].sum(axis=0) / np.outer(lengths, lengths)
-        c = solve(grams[f], moments[f], support)
         squares = np.einsum("mkp,mkp->mk", c @ held_out[:p, :p], c)
         cross = np.einsum("mkp,mp->mk", c, held_out[p:, :p])
         total = np.diagonal(held_out)[p:, np.newaxis]
         errors.append(np.maximum(total - 2 * cross + squares, ROUNDING * total))
-    return Judged(supports[-1], np.stack(errors) * lengths[p:, np.newaxis] ** 2)
+    return Judged(model != 0, np.stack(errors) * lengths[p:, np.newaxis] ** 2)

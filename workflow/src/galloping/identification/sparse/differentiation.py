@@ -25,9 +25,9 @@ def differentiate(
     spline coefficients: that many independent values are left in a smoothed channel.
     """
     n, channels = values.shape
-    score = np.full(channels, np.inf)
+    score, chosen = np.full(channels, np.inf), np.zeros(channels, dtype=int)
     smoothed, derivative = np.empty_like(values), np.empty_like(values)
-    effective = np.zeros(channels, dtype=int)
+    effective, splines = np.zeros(channels, dtype=int), {}
     for every in KNOT_EVERY:
         knots = _knots(time, every)
         p = len(knots) - DEGREE - 1
@@ -38,14 +38,15 @@ def differentiate(
         fit = design @ coefficients
         gcv = n * np.sum((values - fit) ** 2, axis=0) / (n - p) ** 2
         better = gcv < score
-        if np.any(better):
-            slope = BSpline(knots, coefficients[:, better], DEGREE).derivative()
-            smoothed[:, better], derivative[:, better] = fit[:, better], slope(time)
-            score[better], effective[better] = gcv[better], p
+        smoothed[:, better], splines[every] = fit[:, better], BSpline(knots, coefficients, DEGREE)
+        score[better], effective[better], chosen[better] = gcv[better], p, every
         if np.all(gcv > ENOUGH * score):
             break
     if not np.all(effective):
         raise ValueError(f"recording: {n} samples are too few to differentiate")
+    for every in np.unique(chosen):
+        channels = chosen == every
+        derivative[:, channels] = splines[every].derivative()(time)[:, channels]
     return smoothed, derivative, effective
 
 
@@ -59,10 +60,12 @@ def _knots(time: np.ndarray, every: int) -> np.ndarray:
 def _basis(time: bytes, every: int) -> tuple[csr_array, np.ndarray]:
     """B-splines at the times, (n, p), and the banded Cholesky factor of their normal equations."""
     instants = np.frombuffer(time)
-    design = BSpline.design_matrix(instants, _knots(instants, every), DEGREE)
-    gram = (design.T @ design).todia()
-    bands = np.zeros((DEGREE + 1, gram.shape[0]))
-    for offset, diagonal in zip(gram.offsets, gram.data, strict=True):
-        if 0 <= offset <= DEGREE:
-            bands[DEGREE - offset] = diagonal
+    # no sample is outside, and to look for one costs as much as the matrix
+    design = BSpline.design_matrix(instants, _knots(instants, every), DEGREE, extrapolate=True)
+    values, columns = (each.reshape(-1, DEGREE + 1) for each in (design.data, design.indices))
+    bands = np.zeros((DEGREE + 1, design.shape[1]))
+    for offset in range(DEGREE + 1):
+        products = values[:, offset:] * values[:, : DEGREE + 1 - offset]
+        sums = np.bincount(columns[:, offset:].ravel(), products.ravel(), design.shape[1])
+        bands[DEGREE - offset] = sums
     return design, cholesky_banded(bands)

@@ -8,7 +8,7 @@ from scipy.fft import dct
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.bagging import bagged_medians
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.stlsq import normalised
+from galloping.identification.sparse.stlsq import choose
 from galloping.identification.sparse.supports import NEGLIGIBLE, compact, refit
 
 
@@ -30,7 +30,7 @@ def ensemble(
     scale = np.linalg.norm(problem.targets, axis=0)
     lengths = np.linalg.norm(problem.library, axis=0)
     library, targets = problem.library / lengths, problem.targets / scale
-    thresholds = normalised(evidence, threshold=threshold, path_length=path_length).thresholds
+    thresholds, _ = choose(problem, threshold, path_length)
     size = library.shape[1] + targets.shape[1]  # rows of a block
     # targets in units of their threshold, as in stlsq.fit
     scaled = _mixed(targets, size) / thresholds

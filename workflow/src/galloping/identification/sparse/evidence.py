@@ -9,7 +9,7 @@ import numpy as np
 
 from galloping.identification.sparse.differentiation import differentiate
 from galloping.identification.sparse.regression import Regression, regression, stretches
-from galloping.identification.sparse.tuning import best_setting, smoothings
+from galloping.identification.sparse.tuning import Setting, best_setting, smoothings
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
 
@@ -25,7 +25,7 @@ class Regressions:
 
     plain: Regression
     tuned: Regression
-    settings: tuple[Regression, ...] = ()
+    settings: tuple[Setting, ...] = ()
 
 
 def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
@@ -47,7 +47,7 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
     plain = regression(blocks, observations, states, terms)
     settings = smoothings(recordings, terms)
-    tuned = settings[best_setting(settings)] if settings else plain
+    tuned = best_setting(settings).regression() if settings else plain
     return Regressions(plain, tuned, tuple(settings))
 
 

@@ -10,7 +10,7 @@ from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.supports import (
     NEGLIGIBLE,
     compact,
-    forward_supports,
+    forward_models,
     refit,
     scores,
     solve,
@@ -30,18 +30,17 @@ def frols(evidence: Regressions) -> IdentifiedModel:
     library, targets = library / lengths, targets / scale
     if problem.held_out is None:
         products = library.T @ library, targets.T @ library
-        (supports,) = supports_along(*(each[np.newaxis] for each in products))
+        supports = models_along(*(each[np.newaxis] for each in products))[0] != 0
         places = scores(library, targets, supports, problem.observations).argmin(axis=1)
     else:
-        judged = judge(problem, supports_along)
+        judged = judge(problem, models_along)
         supports, places = judged.supports, judged.chosen()
     support = supports[np.arange(len(places)), places]
     coefficients = refit(library, targets, support[:, np.newaxis])[:, 0]
     return problem.model(coefficients * scale[:, np.newaxis] / lengths)
 
 
-def supports_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Supports (f, m, k, p) of 0 to STEPS terms, of problems with unit columns and targets."""
-    supports = forward_supports(grams, moments, min(STEPS, grams.shape[1]))
-    shares = np.stack([solve(*each) for each in zip(grams, moments, supports, strict=True)])
-    return supports & (np.abs(shares) >= NEGLIGIBLE)
+def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """Models (f, m, k, p) of 0 to STEPS terms, of problems with unit columns and targets."""
+    shares = forward_models(grams, moments, min(STEPS, grams.shape[1]))
+    return solve(grams, moments, np.abs(shares) >= NEGLIGIBLE)

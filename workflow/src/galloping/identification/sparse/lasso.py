@@ -29,7 +29,7 @@ def lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
     elif problem.held_out is None:
         alphas = _informed(library, targets, problem.observations)
     else:
-        judged = judge(problem, supports_along)
+        judged = judge(problem, models_along)
         alphas = PENALTIES[judged.chosen()] / len(library)
     rows = []
     for i, alpha in enumerate(alphas):
@@ -41,8 +41,8 @@ def lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
     return problem.model(np.stack(rows) * scale[:, np.newaxis] / lengths, alphas)
 
 
-def supports_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Supports (f, m, k, p) at PENALTIES, of problems with unit columns and targets."""
+def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """Models (f, m, k, p) at PENALTIES, of problems with unit columns and targets."""
     supports = np.zeros((*moments.shape[:2], len(PENALTIES), moments.shape[2]), dtype=bool)
     for f, m in np.ndindex(moments.shape[:2]):
         kinks, _, path = lars_path_gram(
@@ -53,9 +53,8 @@ def supports_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
             after = np.searchsorted(-kinks, -penalty)
             supports[f, m, place] = np.any(path[:, max(after - 1, 0) : after + 1], axis=1)
             supports[f, m, place] &= penalty < kinks[0]
-        shares = solve(grams[f], moments[[f], m], supports[f, [m]])[0]
-        supports[f, m] &= np.abs(shares) >= NEGLIGIBLE
-    return supports
+    shares = solve(grams, moments, supports)
+    return solve(grams, moments, np.abs(shares) >= NEGLIGIBLE)
 
 
 def _informed(library: np.ndarray, targets: np.ndarray, observations: np.ndarray) -> np.ndarray:

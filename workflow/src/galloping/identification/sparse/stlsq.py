@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import pysindy as ps
@@ -16,6 +16,7 @@ from galloping.identification.sparse.supports import (
     best_threshold,
     compact,
     scores,
+    solve,
     threshold_path,
     thresholded_supports,
 )
@@ -38,14 +39,7 @@ def normalised(
     scale = np.linalg.norm(targets, axis=0)
     lengths = np.linalg.norm(library, axis=0)
     library, targets = library / lengths, targets / scale
-    path, ridges = threshold_path(path_length), np.zeros(len(scale))
-    if threshold is not None:
-        chosen = np.full(len(scale), threshold)
-    elif problem.held_out is None:
-        candidates = np.tile(path, (len(scale), 1))
-        chosen = _scan(library, targets, candidates, problem.observations)
-    else:
-        chosen, ridges = _cross_validated(problem, path_length)
+    chosen, ridges = choose(problem, threshold, path_length)
     coefficients = np.zeros((len(scale), library.shape[1]))
     for ridge in np.unique(ridges):
         rows = ridges == ridge
@@ -69,23 +63,28 @@ def raw(evidence: Regressions, *, threshold: float | None, path_length: int) -> 
     return evidence.plain.model(fit(library, targets, chosen), chosen)
 
 
-def supports_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Supports (f, m, k, p) of problems with unit columns, at all RIDGES and thresholds (path)."""
+def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """Models (f, m, k, p) of problems with unit columns, at all RIDGES and thresholds (path)."""
+    ridges = np.multiply.outer(RIDGES, np.eye(grams.shape[1]))[:, np.newaxis]
     thresholds = np.tile(path, (moments.shape[1], 1))
-    unit = np.eye(grams.shape[1])
-    return np.stack(
-        [
-            np.hstack([thresholded_supports(g + r * unit, right, thresholds) for r in RIDGES])
-            for g, right in zip(grams, moments, strict=True)
-        ]
-    )
+    each = np.broadcast_to(moments, (len(RIDGES), *moments.shape))
+    supports = thresholded_supports(grams + ridges, each, thresholds)
+    return solve(grams, moments, np.concatenate(supports, axis=2))
 
 
 @lru_cache(maxsize=1)  # ensembles ask again
-def _cross_validated(problem: Regression, path_length: int) -> tuple[np.ndarray, np.ndarray]:
-    """The threshold and the ridge of each equation that held-out stretches prefer."""
-    path = threshold_path(path_length)
-    judged = judge(problem, lambda *products: supports_along(path, *products))
+def choose(
+    problem: Regression, threshold: float | None, path_length: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The threshold and the ridge of each equation, as `normalised` has them."""
+    path, ridges = threshold_path(path_length), np.zeros(len(problem.states))
+    if threshold is not None:
+        return np.full(len(ridges), threshold), ridges
+    if problem.held_out is None:
+        library, targets = (each / np.linalg.norm(each, axis=0) for each in compact(problem))
+        candidates = np.tile(path, (len(ridges), 1))
+        return _scan(library, targets, candidates, problem.observations), ridges
+    judged = judge(problem, partial(models_along, path))
     ridges, places = np.divmod(judged.chosen(), len(path))
     supports = judged.supports.reshape(len(ridges), len(RIDGES), len(path), -1)
     supports = supports[np.arange(len(ridges)), ridges]

@@ -40,21 +40,36 @@ def compact(problem: Regression) -> tuple[np.ndarray, np.ndarray]:
 def solve(gram: np.ndarray, moments: np.ndarray, supports: np.ndarray) -> np.ndarray:
     """Normal equations on many supports at once.
 
-    gram: (p, p) of columns of similar length; moments: (m, p); supports: (m, k, p) boolean.
-    Returns (m, k, p) coefficients, zero off the support.
+    gram: (..., p, p) of columns of similar length; moments: (..., m, p); supports: (..., m, k, p)
+    boolean. Returns (..., m, k, p) coefficients, zero off the support.
     """
-    size = int(supports.sum(axis=-1).max())
-    terms = np.argsort(~supports, axis=-1, kind="stable")[..., :size]  # those of the support first
-    masks = np.take_along_axis(supports, terms, axis=-1).astype(float)
-    systems = gram[terms[..., :, np.newaxis], terms[..., np.newaxis, :]]
-    systems *= masks[..., :, np.newaxis] * masks[..., np.newaxis, :]
+    targets = np.repeat(np.arange(np.prod(supports.shape[:-2])), supports.shape[-2])
+    flat = supports.reshape(-1, supports.shape[-1])
+    return _solve(gram, moments, targets, flat).reshape(supports.shape)
+
+
+def _solve(
+    gram: np.ndarray, moments: np.ndarray, targets: np.ndarray, supports: np.ndarray
+) -> np.ndarray:
+    """As `solve`, for supports (n, p) each of the one of all the targets whose place is given."""
+    # neighbouring thresholds mostly have the same support: each is solved once
+    keys = np.column_stack([targets, np.packbits(supports, axis=1)])
+    _, first, where = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    targets, supports = targets[first], supports[first]
+    size = int(supports.sum(axis=1).max())
+    terms = np.argsort(~supports, axis=1, kind="stable")[:, :size]  # those of the support first
+    masks = np.take_along_axis(supports, terms, axis=1).astype(float)
+    problems = (targets // moments.shape[-2])[:, np.newaxis, np.newaxis]
+    grams = gram.reshape(-1, *gram.shape[-2:])
+    systems = grams[problems, terms[:, :, np.newaxis], terms[:, np.newaxis]]
+    systems *= masks[:, :, np.newaxis] * masks[:, np.newaxis]
     diagonal = np.arange(size)
-    systems[..., diagonal, diagonal] += 1 - masks
-    right = moments[np.arange(len(moments))[:, np.newaxis, np.newaxis], terms] * masks
+    systems[:, diagonal, diagonal] += 1 - masks
+    right = moments.reshape(-1, moments.shape[-1])[targets[:, np.newaxis], terms] * masks
     coefficients = np.zeros(supports.shape)
     solved = np.linalg.solve(systems, right[..., np.newaxis])[..., 0]
-    np.put_along_axis(coefficients, terms, solved, axis=-1)
-    return coefficients
+    np.put_along_axis(coefficients, terms, solved, axis=1)
+    return coefficients[where.ravel()]
 
 
 def refit(library: np.ndarray, targets: np.ndarray, supports: np.ndarray) -> np.ndarray:
@@ -67,57 +82,52 @@ def thresholded_supports(
 ) -> np.ndarray:
     """Fixed points of sequentially thresholded least squares (Brunton et al. 2016).
 
-    gram (p, p) and moments (m, p) as in `solve`, a ridge on the diagonal if there is one.
+    gram (..., p, p) and moments (..., m, p) as in `solve`, a ridge on the diagonal if there is one.
     thresholds: (m, k); weights: (p,), a term stays while |coefficient| * weight >= threshold.
-    Returns (m, k, p) supports.
+    Returns (..., m, k, p) supports.
     """
-    (m, k), p = thresholds.shape, len(gram)
-    supports = np.ones((m, k, p), dtype=bool)
-    moving = np.ones((m, k), dtype=bool)
-    while np.any(moving):
-        rows, columns = np.nonzero(moving)
-        # neighbouring thresholds mostly have the same support: each is solved once
-        keys = np.column_stack([rows, np.packbits(supports[rows, columns], axis=1)])
-        _, first, where = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-        distinct = supports[rows[first], columns[first]][:, np.newaxis]
-        coefficients = solve(gram, moments[rows[first]], distinct)[where.ravel(), 0]
-        kept = np.abs(coefficients) * weights >= thresholds[rows, columns][:, np.newaxis]
-        kept &= supports[rows, columns]
-        moving[rows, columns] = np.any(kept != supports[rows, columns], axis=1)
-        supports[rows, columns] = kept
-    return supports
+    shape = (*moments.shape[:-1], thresholds.shape[-1])
+    least = np.broadcast_to(thresholds, shape).reshape(-1, 1)
+    targets = np.repeat(np.arange(np.prod(shape[:-1])), shape[-1])
+    supports = np.ones((len(targets), moments.shape[-1]), dtype=bool)
+    moving = np.arange(len(targets))
+    while len(moving):
+        before = supports[moving]
+        coefficients = _solve(gram, moments, targets[moving], before)
+        supports[moving] = before & (np.abs(coefficients) * weights >= least[moving])
+        moving = moving[np.any(supports[moving] != before, axis=1)]
+    return supports.reshape(*shape, -1)
 
 
-def forward_supports(grams: np.ndarray, moments: np.ndarray, steps: int) -> np.ndarray:
-    """Forward regression by orthogonal least squares (FROLS; Billings 2013): greedy supports.
+def forward_models(grams: np.ndarray, moments: np.ndarray, steps: int) -> np.ndarray:
+    """Forward regression by orthogonal least squares (FROLS; Billings 2013): greedy models.
 
-    grams: (f, p, p), moments: (f, m, p). Returns (f, m, steps + 1, p), of 0 to `steps` terms, each
-    with the term that takes most from what its predecessor leaves.
+    grams: (f, p, p), moments: (f, m, p). Returns (f, m, steps + 1, p) least squares coefficients of
+    0 to `steps` terms, each with the term that takes most from what its predecessor leaves.
     """
     f, m, p = moments.shape
-    left = np.repeat(grams[:, np.newaxis], m, axis=1)
-    moments = moments.copy()
-    supports = np.zeros((f, m, steps + 1, p), dtype=bool)
-    rows = np.ogrid[:f, :m]
-    for step in range(1, steps + 1):
-        lengths = np.diagonal(left, axis1=2, axis2=3)
+    models = np.zeros((f, m, steps + 1, p))
+    taken = np.zeros((f, m, p), dtype=bool)
+    lengths = np.repeat(np.diagonal(grams, axis1=1, axis2=2)[:, np.newaxis], m, axis=1)
+    # what each term adds to those before: its inner products with all terms, and its combination
+    terms = np.concatenate([grams, np.broadcast_to(np.eye(p), grams.shape)], axis=2)
+    added = np.zeros((f, m, steps, 2 * p))
+    rows, columns = np.ogrid[:f, :m]
+    for step in range(steps):
         # a column that others explain but for rounding has nothing to add
-        gain = np.where(lengths > COLLINEAR, moments**2 / np.maximum(lengths, COLLINEAR), -1)
-        gain[supports[:, :, step - 1]] = -1
-        best = gain.argmax(axis=2)
-        supports[:, :, step] = supports[:, :, step - 1]
-        supports[(*rows, step, best)] = True
-        unit = left[(*rows, slice(None), best)]
-        unit = unit / np.sqrt(np.maximum(lengths[(*rows, best)], COLLINEAR))[..., np.newaxis]
-        moments = (
-            moments
-            - unit
-            * (moments[(*rows, best)] / np.sqrt(np.maximum(lengths[(*rows, best)], COLLINEAR)))[
-                ..., np.newaxis
-            ]
-        )
-        left = left - unit[..., :, np.newaxis] * unit[..., np.newaxis, :]
-    return supports
+        gain = np.where(lengths > COLLINEAR, moments**2 / np.maximum(lengths, COLLINEAR), 0)
+        gain[taken] = 0
+        place = gain.argmax(axis=2)
+        best = rows, columns, place
+        size = np.sqrt(np.where(gain[best] > 0, lengths[best], np.inf))[..., np.newaxis]
+        known = added[rows, columns, :, place][..., np.newaxis, :] @ added
+        added[:, :, step] = (terms[rows, place] - known[..., 0, :]) / size
+        unit, combination = np.split(added[:, :, step], 2, axis=-1)
+        share = moments[best][..., np.newaxis] / size
+        models[:, :, step + 1] = models[:, :, step] + share * combination
+        moments, lengths = moments - share * unit, lengths - unit**2
+        taken[best] = True
+    return models
 
 
 def scores(

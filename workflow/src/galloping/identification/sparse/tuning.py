@@ -6,18 +6,19 @@ integrals of its raw samples over held-out stretches (see `cross_validation`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from itertools import pairwise, product
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.fft import rfft
 
 from galloping.identification.sparse.cross_validation import judge
 from galloping.identification.sparse.filters import Filtered, savitzky_golay, weak_form
 from galloping.identification.sparse.regression import BLOCKS, Regression, regression
-from galloping.identification.sparse.supports import forward_supports
+from galloping.identification.sparse.supports import forward_models
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
 
@@ -28,10 +29,33 @@ ENDS = (2, 8)  # orders of the test functions at their ends
 JUDGE = (1 / 2, 4)  # half width in periods, and order at the ends, of the test functions that judge
 ROWS = 7500  # of a recording that are kept, or up to twice as many: their neighbours say the same
 STEPS = 15  # terms up to which models grow to compare settings by
+Block = tuple[np.ndarray, np.ndarray]  # rows of a library (r, p) and of targets (r, m)
 
 
-def smoothings(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> list[Regression]:
-    """A regression for each window and order of Savitzky-Golay filters on states and slopes.
+@dataclass(frozen=True)
+class Setting:
+    """What of a regression tells its setting from others; the rest is made only where it is chosen.
+
+    states, terms, products, held_out: as of `Regression`. blocks: of each recording, makes the
+    library and the targets of each stretch.
+    """
+
+    states: tuple[str, ...]
+    terms: tuple[Exponents, ...]
+    products: np.ndarray
+    held_out: np.ndarray
+    blocks: tuple[Callable[[], list[Block]], ...]
+
+    def regression(self) -> Regression:
+        """Least squares with this setting."""
+        blocks = [block for make in self.blocks for block in make()]
+        observations = np.full(len(self.states), sum(len(library) for library, _ in blocks))
+        reduced = regression(blocks, observations, self.states, self.terms)
+        return replace(reduced, held_out=self.held_out)
+
+
+def smoothings(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> list[Setting]:
+    """One for each window and order of Savitzky-Golay filters on states and slopes.
 
     Empty where derivatives were measured, samples are not equally spaced, or the stretches of a
     recording are too short to be held out.
@@ -39,43 +63,43 @@ def smoothings(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) ->
     return _tried(recordings, terms, _smoothed)
 
 
-def test_functions(
-    recordings: Sequence[Recording], terms: tuple[Exponents, ...]
-) -> list[Regression]:
-    """A regression in the weak form for each length and order of test functions.
+def test_functions(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> list[Setting]:
+    """One in the weak form for each length and order of test functions.
 
     They stand on the rows that `smoothings` keep; empty where those are.
     """
     return _tried(recordings, terms, _weak)
 
 
-def best_setting(settings: Sequence[Regression]) -> int:
+def best_setting(settings: Sequence[Setting]) -> Setting:
     """The one whose models, grown term by term, err least on held-out stretches.
 
     Errors of each state derivative in units of the least of all settings, added up.
     """
-    path = partial(forward_supports, steps=STEPS)
-    errors = np.stack([judge(problem, path).best for problem in settings])
-    return int(np.sum(errors / errors.min(axis=0), axis=1).argmin())
+    path = partial(forward_models, steps=STEPS)
+    errors = np.stack([judge(setting, path).best for setting in settings])
+    return settings[np.sum(errors / errors.min(axis=0), axis=1).argmin()]
 
 
 class _Frame:
     """The rows of one recording to regress on, in stretches, and the integrals that judge.
 
-    values: (n, m), step: s between them, samples: in a period. rows: (r,) samples, none nearer to
-    an end than half a period. centres: (c,) of them where the test functions stand that judge,
-    each within one stretch. weights, slopes: the test function on the rows, its slope on samples.
+    values: (n, m), step: s between them, samples: in a period. rows: samples, none nearer to an
+    end than half a period. stretches: of the rows. centres: (c,) rows of each stretch where the
+    test functions stand that judge. weights, slopes: the test function on the rows, its slope on
+    samples.
     """
 
-    def __init__(self, recording: Recording, period: float) -> None:
+    def __init__(self, recording: Recording, period: float, terms: tuple[Exponents, ...]) -> None:
         n, self.states, self.values = len(recording.time), recording.states, recording.values
         self.step = float(recording.time[-1] - recording.time[0]) / (n - 1)
-        self.samples = max(period / self.step, SMALLEST)
+        self.samples, self.terms = max(period / self.step, SMALLEST), terms
         margin, stride = int(self.samples / 2) + 2, max(1, n // ROWS)
         self.rows = np.arange(margin, n - margin, stride)
-        self.edges = np.linspace(0, len(self.rows), BLOCKS + 1).astype(int)
+        edges = np.linspace(0, len(self.rows), BLOCKS + 1).astype(int)
+        self.stretches = [slice(a, b) for a, b in pairwise(edges)]
         half = max(2, round(JUDGE[0] * self.samples / stride))
-        self.centres = [np.arange(a + half, b - half, half // 2) for a, b in pairwise(self.edges)]
+        self.centres = [np.arange(a + half, b - half, half // 2) for a, b in pairwise(edges)]
         self.weights = _bump(half, stride * self.step)[0]
         self.slopes = _bump(half * stride, self.step)[1]
 
@@ -83,75 +107,85 @@ class _Frame:
     def can_be_held_out(self) -> bool:
         return all(map(len, self.centres))
 
-    def regression(
-        self,
-        library: np.ndarray,
-        targets: np.ndarray,
-        predictors: np.ndarray,
-        terms: tuple[Exponents, ...],
-    ) -> Regression:
-        """Of rows (r, p) and (r, m), judged by the integrals of the library `predictors` (r, p)."""
-        m, blocks = targets.shape[1], [slice(a, b) for a, b in pairwise(self.edges)]
-        reduced = regression(
-            ((library[b], targets[b]) for b in blocks), np.full(m, len(library)), self.states, terms
-        )
-        products = []
-        for centres in self.centres:
-            raw = -_integrals(self.values, self.slopes, self.rows[centres])
-            rows = np.hstack([_integrals(predictors, self.weights, centres), raw])
-            products.append(rows.T @ rows)
-        return replace(reduced, held_out=np.stack(products))
+    @cached_property
+    def _raw(self) -> list[np.ndarray]:
+        return [-_integrals(self.values, self.slopes, self.rows[c]) for c in self.centres]
+
+    def held_out(self, library: np.ndarray) -> np.ndarray:
+        """Inner products of the integrals of a library (r, p), and of the raw samples' slopes."""
+        stretches = zip(self.centres, self._raw, strict=True)
+        return _products((_integrals(library, self.weights, c), raw) for c, raw in stretches)
+
+    def setting(self, rows: Callable[[], Block], judge_of: Callable) -> Setting:
+        """Of `rows`, which makes a library and targets. judge_of: its `held_out` of the library."""
+        library, targets = rows()
+        blocks = self._stretches(library, targets)
+        return Setting(
+            self.states, self.terms, _products(blocks), judge_of(library),
+            (lambda: self._stretches(*rows()),),
+        )  # fmt: skip
+
+    def _stretches(self, library: np.ndarray, targets: np.ndarray) -> list[Block]:
+        return [(library[each], targets[each]) for each in self.stretches]
 
 
-def _tried(recordings, terms, applied: Callable) -> list[Regression]:
+def _tried(recordings, terms, applied: Callable) -> list[Setting]:
     if not all(r.derivatives is None and r.is_uniform for r in recordings):
         return []
     period = min(map(_period, recordings))
-    frames = [_Frame(recording, period) for recording in recordings]
+    frames = [_Frame(recording, period, terms) for recording in recordings]
     if not all(frame.can_be_held_out for frame in frames):
         return []
-    return [_joined(parts) for parts in zip(*(applied(f, terms) for f in frames), strict=True)]
+    return [_joined(parts) for parts in zip(*map(applied, frames), strict=True)]
 
 
-def _smoothed(frame: _Frame, terms: tuple[Exponents, ...]) -> Iterator[Regression]:
+def _smoothed(frame: _Frame) -> Iterator[Setting]:
     windows = 2 * (np.geomspace(SMALLEST, frame.samples, WINDOWS) / 2).astype(int) + 1
     filtered = Filtered(frame.values, windows[-1])
+
+    def rows(window: int, order: int) -> Block:
+        kernels = savitzky_golay(window, order, frame.step)
+        states, slopes = (filtered(kernel, frame.rows) for kernel in kernels)
+        return design_matrix(states, frame.terms), slopes
+
     for window, order in product(windows.tolist(), ORDERS):
-        states, slopes = (
-            filtered(kernel, frame.rows) for kernel in savitzky_golay(window, order, frame.step)
-        )
-        library = design_matrix(states, terms)
-        yield frame.regression(library, slopes, library, terms)
+        yield frame.setting(partial(rows, window, order), frame.held_out)
 
 
-def _weak(frame: _Frame, terms: tuple[Exponents, ...]) -> Iterator[Regression]:
-    raw = design_matrix(frame.values, terms)
+def _weak(frame: _Frame) -> Iterator[Setting]:
+    raw = design_matrix(frame.values, frame.terms)
     halves = [max(2, int(share * frame.samples)) for share in HALF_WIDTHS]
     longest = 2 * halves[-1] + 1
     library, states = Filtered(raw, longest), Filtered(frame.values, longest)
-    for half, order in product(halves, ENDS):
+    held_out = frame.held_out(raw[frame.rows])
+
+    def rows(half: int, order: int) -> Block:
         weights, slopes = weak_form(half, order, frame.step)
-        yield frame.regression(
-            library(weights, frame.rows), states(slopes, frame.rows), raw[frame.rows], terms
-        )
+        return library(weights, frame.rows), states(slopes, frame.rows)
+
+    for half, order in product(halves, ENDS):
+        yield frame.setting(partial(rows, half, order), lambda _: held_out)
 
 
-def _joined(parts: Sequence[Regression]) -> Regression:
-    """One regression on all recordings."""
-    return Regression(
-        np.concatenate([part.library for part in parts]),
-        np.concatenate([part.targets for part in parts]),
-        sum(part.observations for part in parts),
-        parts[0].states,
-        parts[0].terms,
-        np.concatenate([part.held_out for part in parts]),
+def _joined(parts: Sequence[Setting]) -> Setting:
+    """One setting for all recordings."""
+    return replace(
+        parts[0],
+        products=np.concatenate([part.products for part in parts]),
+        held_out=np.concatenate([part.held_out for part in parts]),
+        blocks=tuple(part.blocks[0] for part in parts),
     )
+
+
+def _products(blocks: Iterable[Block]) -> np.ndarray:
+    """Inner products of all columns, of each of some blocks: (blocks, p + m, p + m)."""
+    return np.stack([rows.T @ rows for rows in map(np.hstack, blocks)])
 
 
 def _period(recording: Recording) -> float:
     """The shortest period, s, of the strongest spectral lines of the channels."""
     n = len(recording.time)
-    spectrum = np.abs(np.fft.rfft(recording.values - recording.values.mean(axis=0), axis=0))
+    spectrum = np.abs(rfft(recording.values - recording.values.mean(axis=0), axis=0))
     line = 1 + spectrum[1:].argmax(axis=0).max()
     return float(recording.time[-1] - recording.time[0]) * n / (n - 1) / line
 
