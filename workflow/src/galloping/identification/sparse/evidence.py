@@ -47,7 +47,7 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
     plain = regression(blocks, observations, states, terms)
     settings = smoothings(recordings, terms)
-    tuned = best_setting(settings).regression() if settings else plain
+    tuned = best_setting(settings).reduced if settings else plain
     return Regressions(plain, tuned, tuple(settings))
 
 

@@ -46,7 +46,8 @@ class Setting:
     held_out: np.ndarray
     blocks: tuple[Callable[[], list[Block]], ...]
 
-    def regression(self) -> Regression:
+    @cached_property
+    def reduced(self) -> Regression:
         """Least squares with this setting."""
         blocks = [block for make in self.blocks for block in make()]
         observations = np.full(len(self.states), sum(len(library) for library, _ in blocks))

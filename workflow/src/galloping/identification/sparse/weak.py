@@ -25,5 +25,5 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
     settings = test_functions(recordings, terms)
     if not settings:
         raise ValueError("the recording is too short for its test functions")
-    chosen = best_setting(settings).regression()
+    chosen = best_setting(settings).reduced
     return Regressions(chosen, chosen, tuple(settings))
