@@ -12,8 +12,8 @@ from galloping.bounds.information import (
     Experiment,
     bound_of,
     derivative_bound,
-    slopes,
-    told,
+    fisher_information,
+    weighted_sensitivities,
 )
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement.measuring import measure, noises_of
@@ -52,13 +52,13 @@ def bounds_of(
         x = ([m.states[k] for m, k in zip(motions, rows, strict=True)] for rows in samplings)
         sigma = noises[0].derivatives
         return [derivative_bound(model, free, np.concatenate(each), sigma) for each in x]
-    # a motion is followed once: what is unknown of its start is the same wherever sampling begins
+    # a motion is followed once: to be free where it starts is to be free where samples begin
     whole = [
-        slopes(model, free, Experiment(motion.states[0], motion.time, noise.states))
+        weighted_sensitivities(model, free, Experiment(motion.states[0], motion.time, noise.states))
         for motion, noise in zip(motions, noises, strict=True)
     ]
     totals = (
-        sum(told(each[k], len(free)) for each, k in zip(whole, rows, strict=True))
+        sum(fisher_information(each[k], len(free)) for each, k in zip(whole, rows, strict=True))
         for rows in samplings
     )
     return [bound_of(model, free, total) for total in totals]

@@ -58,10 +58,12 @@ def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment
 
     Raises ValueError where the model's solution diverges.
     """
-    return told(slopes(model, free, experiment), len(free))
+    return fisher_information(weighted_sensitivities(model, free, experiment), len(free))
 
 
-def slopes(model: PolynomialModel, free: np.ndarray, experiment: Experiment) -> np.ndarray:
+def weighted_sensitivities(
+    model: PolynomialModel, free: np.ndarray, experiment: Experiment
+) -> np.ndarray:
     """(n, n_states, n_free + n_states): what the samples depend on, in deviations of their noise.
 
     By the free coefficients and then by the initial state. Raises ValueError where the model's
@@ -71,9 +73,9 @@ def slopes(model: PolynomialModel, free: np.ndarray, experiment: Experiment) -> 
     return s / experiment.sigma[:, None]
 
 
-def told(slopes: np.ndarray, n_free: int) -> np.ndarray:
-    """(n_free, n_free) Fisher information of the samples of `slopes`, or of some of them."""
-    rows = slopes.reshape(-1, slopes.shape[2])
+def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
+    """(n_free, n_free), of the samples of `weighted_sensitivities`, or of some of them."""
+    rows = weighted.reshape(-1, weighted.shape[2])
     return eliminated(rows.T @ rows, n_free)
 
 

@@ -51,7 +51,7 @@ def solve(gram: np.ndarray, moments: np.ndarray, supports: np.ndarray) -> np.nda
 def _solve(
     gram: np.ndarray, moments: np.ndarray, targets: np.ndarray, supports: np.ndarray
 ) -> np.ndarray:
-    """As `solve`, for supports (n, p) each of the one of all the targets whose place is given."""
+    """As `solve`, for supports (n, p), each of one target; targets: (n,) their places among all."""
     # neighbouring thresholds mostly have the same support: each is solved once
     keys = np.column_stack([targets, np.packbits(supports, axis=1)])
     _, first, where = np.unique(keys, axis=0, return_index=True, return_inverse=True)
