@@ -80,9 +80,11 @@ FIRST_CHAIN, CHAIN_GROWTH = 4, 4
 
 
 class Passes(NamedTuple):
-    """Passes of a try: the most in all, those of them in which terms are chosen, those with chains
-    of one length (unless the step is SHORT before), and what a term costs in the first, in
-    penalties."""
+    """Passes of a try of `matching.match`.
+
+    most: in all. choosing: those of them in which terms are chosen. alike: with chains of one
+    length, unless the step is SHORT before. raised: what a term costs in the first, in penalties.
+    """
 
     most: int
     choosing: int

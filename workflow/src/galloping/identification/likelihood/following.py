@@ -54,10 +54,10 @@ def follow(
 ) -> Iterator[Followed]:
     """Condensed samples, and segments in which a fit with free first states follows the data.
 
-    The second is for where the first turns out to lead nowhere. A start of more terms than the
-    samples tell of moves faster than they do: before it comes one of few terms that follows the
-    data as well. One that diverges is replaced by that of all terms, each held to its `largest`
-    size. Raises FloatingPointError where there is none.
+    One or two of them: the second is for where the first turns out to lead nowhere. A start of more
+    terms than the samples tell of moves faster than they do: before it comes one of few terms that
+    follows the data as well. One that diverges is replaced by that of all terms, each held to its
+    `largest` size. Raises FloatingPointError where there is none.
     """
 
     def prepared(start: WeakFit, periods: float) -> Prepared | None:
