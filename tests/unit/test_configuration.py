@@ -30,7 +30,7 @@ from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import Settings, paper_cases_in
 from galloping.cycles import line_family
 from galloping.identification.registry import BY_NAME as METHODS
-from galloping.physics import continuous, gusts, measures
+from galloping.physics import continuous, measures
 from galloping.physics.galerkin import derive
 from galloping.study.kinds import OPEN_PARAMETERS
 from galloping.tables import reproduction
@@ -844,7 +844,6 @@ def test_configuration_stays_light():
 
 def test_settings_allow_what_there_is():
     """Settings name what they allow themselves: without the imports of what does it."""
-    assert set(lines.SPECTRUM_NAMES) == set(gusts.SPECTRA)
     assert set(lines.AERODYNAMICS) == set(continuous.AERODYNAMICS)
     assert set(assessment.SWEPT) == set(line_family.PARAMETERS)
     assert set(assessment.MEASURES) == set(measures.KINDS)

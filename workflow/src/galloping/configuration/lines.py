@@ -26,12 +26,12 @@ from galloping.configuration.fields import (
     triple,
     whole,
 )
+from galloping.physics.gusts import SPECTRA
 
 Aerodynamic = real(ge=-1e4, le=1e4)  # an airfoil has 6 a radian; cubic terms reach some hundreds
 LARGEST_SAG = 0.25  # of the span: beyond, the parabola is off by more than a tenth of the tension
-# Of the continuous line: `galloping.physics.continuous`, `galloping.physics.gusts`.
+# Of the continuous line: `galloping.physics.continuous`, which takes a second to import.
 AERODYNAMICS = ("small_angle", "relative")
-SPECTRUM_NAMES = ("von_karman", "kaimal")
 
 
 class ConductorSection(Section):
@@ -226,7 +226,7 @@ class GustsSection(Section):
     length_scale: real(ge=1, le=2000) = parameter(
         100, "integral length of the turbulence along the wind", "m", "L", "assumed"
     )
-    spectrum: one_of(SPECTRUM_NAMES) = parameter(
+    spectrum: one_of(tuple(SPECTRA)) = parameter(
         "von_karman", "spectrum of the wind speed", "", "S", "assumed"
     )
 

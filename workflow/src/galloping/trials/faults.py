@@ -92,12 +92,11 @@ def _forced(line, size, noise, rng):
 
 
 def _gusts(line, size, noise, rng):
-    """The wind speed has a turbulence intensity of `size` (von Karman, 100 m)."""
+    """The wind speed has a turbulence intensity of `size`."""
     mean = line.case["wind"]["speed"]
     knots = np.arange(0.0, DURATION + 1.0, 1.0 / FORCE_RATE)
-    speed = wind_speed(
-        knots, mean=mean, intensity=size, length_scale=100.0, spectrum="von_karman", rng=rng
-    )
+    gusts = {**line.case["truth"]["gusts"], "intensity": size}
+    speed = wind_speed(knots, mean=mean, rng=rng, **gusts)
     step = 1e-3
     at = [
         model(coefficients({**line.case, "wind": {**line.case["wind"], "speed": mean * factor}}))

@@ -34,8 +34,6 @@ DEGREE = 3
 NOISE = 0.05  # of a sensor, relative to the standard deviation of what it reads
 DURATION, RATE = 300, 100  # s, Hz
 STEADY = 200  # s, from where amplitudes are read
-LENGTH_SCALE = 100.0  # m, of the gusts: some tens of metres above open country
-SPECTRUM = "von_karman"
 FORECAST = 15.0  # s: six vertical periods
 DRAWS = 24  # of the coefficients, for the intervals
 QUANTITIES = (
@@ -100,8 +98,8 @@ def motion(
     speed = None
     if rng is not None and truth.intensity:
         speed = wind_speed(
-            time, mean=line.speed, intensity=truth.intensity, length_scale=LENGTH_SCALE,
-            spectrum=SPECTRUM, rng=rng,
+            time, mean=line.speed, rng=rng,
+            **{**case["truth"]["gusts"], "intensity": truth.intensity},
         )  # fmt: skip
     states = simulate(line, start, time, speed)
     if truth.sensors == "states":
