@@ -189,7 +189,7 @@ def forecast(model, file, duration, window, seed, as_json, **mapping):
         loaded, recording, recording.time[-1] + step * steps,
         window or PERIODS * field.period, np.random.default_rng(seed),
     )  # fmt: skip
-    _print_rows(forecast_rows(ahead, states), as_json)
+    _print_rows(forecast_rows(ahead), as_json)
 
 
 def _answered(path):

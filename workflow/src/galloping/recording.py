@@ -68,6 +68,12 @@ class Recording:
         for name, array in checked.items():
             object.__setattr__(self, name, array)
 
+    @property
+    def samples(self) -> int:
+        """How many samples of values and rates there are."""
+        parts = [self.values] if self.rates is None else [self.values, self.rates]
+        return sum(int(np.isfinite(part).sum()) for part in parts)
+
     @classmethod
     def from_frame(cls, frame: Mapping[str, object], time: str = "t") -> Recording:
         """A recording from a pandas DataFrame, or a mapping of columns.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.recording import Recording
 
@@ -23,7 +24,7 @@ def excerpts(recordings: list[Recording]) -> list[Recording]:
     others. Recordings of which no channel varies above its noise have no period, and stay whole.
     """
     try:
-        period = shortest_period(recordings)
+        period = shortest_period([with_integrals(recording) for recording in recordings])
     except ValueError:
         return recordings
     each = max(STRETCHES // len(recordings), 1)
@@ -36,7 +37,7 @@ def _pieces(recording: Recording, count: int, period: float) -> list[Recording]:
     if fitting <= count:
         return [recording]
     edges = np.searchsorted(time, time[0] + length / PARTS * np.arange(fitting * PARTS + 1))
-    sizes = _sizes(recording.values, edges).reshape(fitting, PARTS, -1)
+    sizes = _sizes(with_integrals(recording).values, edges).reshape(fitting, PARTS, -1)
     merits = np.array([np.log(sizes).std(axis=1).sum(axis=1), sizes.mean(axis=(1, 2))])
     gaps = np.searchsorted(edges[::PARTS], np.flatnonzero(np.diff(time) > period), "right") - 1
     broken = np.isin(np.arange(fitting), gaps) | np.any(sizes <= TINY, axis=(1, 2))

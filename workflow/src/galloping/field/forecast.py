@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.identification.likelihood.integrals import undisplaced, with_integrals
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import QUANTILES_90
@@ -28,9 +29,49 @@ MOST_SAMPLES = 4000  # that a start is told from: more say little more of a few 
 
 
 @dataclass(frozen=True)
-class Forecast:
-    """time: (n,) s. median, low, high: (n, n_states), the 90 % band of what sensors will show."""
+class Sensed:
+    """What sensors tell of a motion: its states, and rates where no displacement is measured.
 
+    rates: indices of the states whose rates are told from the others, as accelerometers alone do.
+    """
+
+    states: tuple[str, ...]
+    rates: tuple[int, ...]
+
+    @classmethod
+    def by(cls, recording: Recording) -> Sensed:
+        alone = {k for pair in undisplaced(recording).items() for k in pair}
+        measured = [] if recording.rates is None else np.isfinite(recording.rates).any(axis=0)
+        return cls(recording.states, tuple(k for k in np.flatnonzero(measured) if k in alone))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the n_sensed channels."""
+        return self.states + tuple(f"d{self.states[k]}" for k in self.rates)
+
+    def samples(self, recording: Recording) -> np.ndarray:
+        """(n, n_sensed), NaN where missing."""
+        if not self.rates:
+            return recording.values
+        return np.hstack([recording.values, recording.rates[:, self.rates]])
+
+    def noise(self, identified: IdentifiedModel) -> np.ndarray:
+        """(n_sensed,) of a sample, zero where not measured."""
+        told = [identified.diagnostics[f"noise_{name}"] for name in self.names[len(self.states) :]]
+        return np.append(np.nan_to_num(identified.sigma[-1]), told)
+
+    def of(self, model: PolynomialModel, states: np.ndarray) -> np.ndarray:
+        """(n, n_sensed) of a motion (n, n_states)."""
+        return np.hstack([states, model(states)[:, self.rates]]) if self.rates else states
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """names: of the n_sensed channels, the states first. time: (n,) s. median, low, high:
+    (n, n_sensed), the 90 % band of what sensors will show.
+    """
+
+    names: tuple[str, ...]
     time: np.ndarray
     median: np.ndarray
     low: np.ndarray
@@ -55,7 +96,8 @@ def forecast(
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
-    sigma = np.nan_to_num(identified.sigma[-1])
+    sensed = Sensed.by(recording)
+    sigma = sensed.noise(identified)
     simulator = simulator_of(identified.model)
     if identified.status == "approximate":
         motions = _motions(identified, recording, simulator, time, window, np.inf, rng)
@@ -70,7 +112,7 @@ def forecast(
         raise ValueError(f"{DRAWS - len(motions)} of {DRAWS} draws of the model diverge")
     seen = motions + np.maximum(sigma, missed) * rng.standard_normal(motions.shape)
     low, high = np.quantile(seen, QUANTILES_90, axis=0, method="weibull")
-    return Forecast(time, np.median(motions, axis=0), low, high)
+    return Forecast(sensed.names, time, np.median(motions, axis=0), low, high)
 
 
 def _motions(
@@ -82,19 +124,20 @@ def _motions(
     worst: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """(n_draws, n, n_states) motions at `time` of the draws that stay bounded.
+    """(n_draws, n, n_sensed) motions at `time` of the draws that stay bounded.
 
     worst: misfit, as of `Following.misfit`, beyond which a draw does not follow its samples and is
     left out.
     """
     begin = int(np.searchsorted(recording.time, recording.time[-1] - window))
     thin = 1 + (len(recording.time) - begin) // MOST_SAMPLES
-    sampled, values = recording.time[begin::thin], recording.values[begin::thin]
-    sigma = np.nan_to_num(identified.sigma[-1])
-    follow = Following(simulator, sampled, sigma)
+    sensed = Sensed.by(recording)
+    sampled, values = recording.time[begin::thin], sensed.samples(recording)[begin::thin]
+    sigma = sensed.noise(identified)
+    follow = Following(simulator, sensed, sampled, sigma)
     fitted = follow.start(identified.model, first_guess(recording, begin), values)
     motions = []
-    near = None if fitted is None else simulator(identified.model, fitted, sampled).states
+    near = None if fitted is None else follow.motion(identified.model, fitted, sampled)
     if near is not None and follow.misfit(near, values) < worst:
         slopes = follow.slopes(identified.model, fitted, len(sampled))
         for model in drawn(identified, DRAWS, rng):
@@ -102,7 +145,7 @@ def _motions(
             start = follow.start(model, fitted, noisy, slopes)
             if start is None:
                 continue
-            motion = simulator(model, start, np.concatenate([sampled, time])).states
+            motion = follow.motion(model, start, np.concatenate([sampled, time]))
             follows = follow.misfit(motion[: len(sampled)], noisy) < 2.0 * worst  # noise twice
             if follows and np.all(np.isfinite(motion)):
                 motions.append(motion[len(sampled) :])
@@ -116,22 +159,22 @@ def _missed(
     ahead: np.ndarray,
     window: float,
 ) -> np.ndarray:
-    """(n, n_states) root mean square errors, noise included, of forecasts from earlier windows.
+    """(n, n_sensed) root mean square errors, noise included, of forecasts from earlier windows.
 
     ahead: (n,) s, of what is forecast. The forecasts begin at `ORIGINS` times of the recording,
     the later half of it; their errors are taken together in `PARTS` of the time ahead.
     """
-    time, values = recording.time, recording.values
-    sigma = np.nan_to_num(identified.sigma[-1])
+    sensed = Sensed.by(recording)
+    time, values, sigma = recording.time, sensed.samples(recording), sensed.noise(identified)
     horizon = min(ahead[-1], (time[-1] - time[0]) / 4)
     squares, counts = np.zeros((2, PARTS, values.shape[1]))
     for origin in np.linspace(time[0] + (time[-1] - time[0]) / 2, time[-1] - horizon, ORIGINS):
         begin, now, end = np.searchsorted(time, (origin - window, origin, origin + horizon))
-        follow = Following(simulator, time[begin:now], sigma)
+        follow = Following(simulator, sensed, time[begin:now], sigma)
         start = follow.start(identified.model, first_guess(recording, begin), values[begin:now])
         if start is None:
             continue
-        motion = simulator(identified.model, start, time[begin:end]).states[now - begin :]
+        motion = follow.motion(identified.model, start, time[begin:end])[now - begin :]
         part = np.minimum((PARTS * (time[now:end] - origin) / horizon).astype(int), PARTS - 1)
         error = values[now:end] - motion
         known = np.isfinite(error)
@@ -165,6 +208,7 @@ def simulator_of(model: PolynomialModel) -> Simulator:
 
 def first_guess(recording: Recording, begin: int) -> np.ndarray:
     """A state near the sample `begin`: interpolated values, slopes for unmeasured velocities."""
+    recording = with_integrals(recording)
     time, states = recording.time, recording.states
     guess = np.zeros(len(states))
     displacement = {velocity: k for k, velocity in velocity_pairs(states).items()}
@@ -188,10 +232,11 @@ def first_guess(recording: Recording, begin: int) -> np.ndarray:
 class Following:
     """Finds where a motion must begin to follow samples best.
 
-    time: (n,) s, of the samples. sigma: (n_states,) their noise, zero where not measured.
+    time: (n,) s, of the samples. sigma: (n_sensed,) their noise, zero where not measured.
     """
 
     simulator: Simulator
+    sensed: Sensed
     time: np.ndarray
     sigma: np.ndarray
 
@@ -204,7 +249,7 @@ class Following:
     ) -> np.ndarray | None:
         """(n_states,) at the first sample, None where the model diverges.
 
-        guess: (n_states,) near it. values: (n, n_states) the samples, NaN where missing. slopes:
+        guess: (n_states,) near it. values: (n, n_sensed) the samples, NaN where missing. slopes:
         those of a model and start near by, to spare their own.
         """
         sigma = self.sigma
@@ -213,7 +258,7 @@ class Following:
         for stage in STAGES if slopes is None else STAGES[-1:]:
             n = max(int(stage * len(self.time)), min(len(self.time), 2 * len(guess)))
             for _ in range(ITERATIONS if slopes is None else NEARBY):
-                motion = self.simulator(model, start, self.time[:n]).states
+                motion = self.motion(model, start, self.time[:n])
                 own = self.slopes(model, start, n) if slopes is None else slopes
                 if not (np.all(np.isfinite(motion)) and np.all(np.isfinite(own))):
                     return None
@@ -222,20 +267,23 @@ class Following:
                 start = start + np.linalg.lstsq(design, left, rcond=1e-12)[0]
         return start
 
+    def motion(self, model: PolynomialModel, start: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """(n, n_sensed) of the model from a start, not finite where it diverges."""
+        return self.sensed.of(model, self.simulator(model, start, time).states)
+
     def slopes(self, model: PolynomialModel, start: np.ndarray, n: int) -> np.ndarray:
-        """(n_states, n, n_states): change of n samples with each state at the first."""
-        motion = self.simulator(model, start, self.time[:n]).states
-        size = STEP * (np.abs(start) + np.nanstd(motion, axis=0) + 1e-6)
+        """(n_states, n, n_sensed): change of n samples with each state at the first."""
+        motion = self.motion(model, start, self.time[:n])
+        size = STEP * (np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0) + 1e-6)
         return np.array(
             [
-                (self.simulator(model, start + size * unit, self.time[:n]).states - motion)
-                / size[k]
+                (self.motion(model, start + size * unit, self.time[:n]) - motion) / size[k]
                 for k, unit in enumerate(np.eye(len(start)))
             ]
         )
 
     def misfit(self, motion: np.ndarray, values: np.ndarray) -> float:
-        """chi^2 per sample of a motion (n, n_states), infinite where it diverges."""
+        """chi^2 per sample of a motion (n, n_sensed), infinite where it diverges."""
         known = np.isfinite(values) & (self.sigma > 0)
         squares = ((values - motion) / np.where(self.sigma > 0, self.sigma, 1.0)) ** 2
         mean = np.mean(squares[known])

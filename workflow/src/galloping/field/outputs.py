@@ -59,15 +59,15 @@ def model_rows(identified: IdentifiedModel) -> list[dict]:
     return rows
 
 
-def forecast_rows(predicted: Forecast, states: Sequence[str]) -> list[dict]:
-    """Rows of forecast.csv: time and, for each state, median and 90 % band."""
+def forecast_rows(predicted: Forecast) -> list[dict]:
+    """Rows of forecast.csv: time and, for each channel, median and 90 % band."""
     rows = []
     for k, time in enumerate(predicted.time):
         row = {"time_s": float(time)}
-        for i, state in enumerate(states):
-            row[state] = float(predicted.median[k, i])
-            row[f"{state}_low"] = float(predicted.low[k, i])
-            row[f"{state}_high"] = float(predicted.high[k, i])
+        for i, name in enumerate(predicted.names):
+            row[name] = float(predicted.median[k, i])
+            row[f"{name}_low"] = float(predicted.low[k, i])
+            row[f"{name}_high"] = float(predicted.high[k, i])
         rows.append(row)
     return rows
 

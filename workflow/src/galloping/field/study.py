@@ -14,7 +14,14 @@ from galloping.field.advice import sentences as advised
 from galloping.field.dynamics import Dynamics, dynamics, expected, sentences
 from galloping.field.equations import known_model
 from galloping.field.excerpt import excerpts
-from galloping.field.forecast import Following, Forecast, first_guess, forecast, simulator_of
+from galloping.field.forecast import (
+    Following,
+    Forecast,
+    Sensed,
+    first_guess,
+    forecast,
+    simulator_of,
+)
 from galloping.field.mapping import ColumnMapping
 from galloping.field.outputs import (
     MODEL_COLUMNS,
@@ -81,7 +88,7 @@ class Field:
 class HeldOut:
     """A forecast of what was held out.
 
-    skill: (n_states,) R2 of the median. held: (n_states,) share of the samples inside the band.
+    skill: (n_sensed,) R2 of the median. held: (n_sensed,) share of the samples inside the band.
     """
 
     forecast: Forecast
@@ -210,7 +217,7 @@ def tried(
         ahead = forecast(identified, last[:cut], last.time[shown], PERIODS * field.period, rng)
     except ValueError:
         return None
-    measured = last.values[shown]
+    measured = Sensed.by(last).samples(last)[shown]
     known = np.isfinite(measured)
     inside = (measured >= ahead.low) & (measured <= ahead.high)
     counts = known.sum(axis=0)
@@ -226,12 +233,13 @@ def stretches(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """The model's motion through the begin, the middle and the end of a recording.
 
-    Times (n,) and states (n, n_states) of each stretch of `length` s through which the model can
+    Times (n,) and channels (n, n_sensed) of each stretch of `length` s through which the model can
     be followed; it starts where it then follows the samples best.
     """
     time = recording.time
     simulator = simulator_of(identified.model)
-    sigma = np.nan_to_num(identified.sigma[-1])
+    sensed = Sensed.by(recording)
+    samples, sigma = sensed.samples(recording), sensed.noise(identified)
     motions = []
     for share in (0.0, 0.5, 1.0):
         begin = time[0] + share * max(np.ptp(time) - length, 0.0)
@@ -239,12 +247,12 @@ def stretches(
         own = time[first:end]
         if len(own) < 2:
             continue
-        start = Following(simulator, own, sigma).start(
-            identified.model, first_guess(recording, first), recording.values[first:end]
-        )
+        follow = Following(simulator, sensed, own, sigma)
+        guess = first_guess(recording, first)
+        start = follow.start(identified.model, guess, samples[first:end])
         if start is not None:
             smooth = np.linspace(own[0], own[-1], POINTS)
-            motions.append((smooth, simulator(identified.model, start, smooth).states))
+            motions.append((smooth, follow.motion(identified.model, start, smooth)))
     return motions
 
 
@@ -264,8 +272,9 @@ def write_outputs(
     )
     write_rows(folder / "model.csv", model_rows(identified), list(MODEL_COLUMNS))
     tables = {"model.csv": MODEL_COLUMNS}
-    rows = [row for part in findings.forecasts for row in forecast_rows(part, states)]
-    units = {f"{s}{end}": state_unit(s) for s in states for end in ("", "_low", "_high")}
+    rows = [row for part in findings.forecasts for row in forecast_rows(part)]
+    channels = Sensed.by(field.recordings[-1]).names
+    units = {f"{s}{end}": state_unit(s) for s in channels for end in ("", "_low", "_high")}
     tables["forecast.csv"] = {"time_s": "s", **units}
     write_rows(folder / "forecast.csv", rows, list(tables["forecast.csv"]))
     describe_tables(folder, tables)
@@ -273,7 +282,7 @@ def write_outputs(
         identified,
         field.reports,
         dynamics=_dynamics(findings),
-        skill=_skill(findings.trial, states),
+        skill=_skill(findings.trial),
         used=_used(field.recordings),
         further=advised(findings.further, identified.status),
     )
@@ -321,12 +330,12 @@ def _used(recordings: Sequence[Recording]) -> str:
     )
 
 
-def _skill(trial: HeldOut | None, states: Sequence[str]) -> str:
+def _skill(trial: HeldOut | None) -> str:
     if trial is None:
         return ""
     said = [
-        f"{state}: R2 {skill:.3f}, {100 * held:.0f} % of the samples inside the 90 % band"
-        for state, skill, held in zip(states, trial.skill, trial.held, strict=True)
+        f"{name}: R2 {skill:.3f}, {100 * held:.0f} % of the samples inside the 90 % band"
+        for name, skill, held in zip(trial.forecast.names, trial.skill, trial.held, strict=True)
         if np.isfinite(skill)
     ]
     length = trial.forecast.time[-1] - trial.forecast.time[0]

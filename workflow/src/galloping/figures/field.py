@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 
-from galloping.field.forecast import Forecast
+from galloping.field.forecast import Forecast, Sensed
 from galloping.field.mapping import ColumnMapping
 from galloping.field.quality import GAP, spectrum
 from galloping.field.read import Series
@@ -66,20 +66,22 @@ def draw_quality(
 def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarray]]) -> Figure:
     """Samples and the model's motion, in a column for each of some stretches of the recording.
 
-    motions: of each stretch the times (n,), s, and the states (n, n_states) of the model.
+    motions: of each stretch the times (n,), s, and the channels (n, n_sensed) of the model.
     """
-    shown = [k for k in range(len(recording.states)) if np.isfinite(recording.values[:, k]).any()]
+    sensed = Sensed.by(recording)
+    samples = sensed.samples(recording)
+    shown = np.flatnonzero(np.isfinite(samples).any(axis=0))
     if not motions:
         return _empty("the recording gives no model to draw beside it")
     figure = Figure(figsize=(DOUBLE, 0.6 + ROW * len(shown)), layout="constrained")
     grid = figure.subplots(len(shown), len(motions), squeeze=False, sharex="col", sharey="row")
     for row, k in zip(grid, shown, strict=True):
-        name = recording.states[k]
+        name = sensed.names[k]
         row[0].set_ylabel(f"{name}{_unit(name)}")
-        for axes, (time, states) in zip(row, motions, strict=True):
+        for axes, (time, motion) in zip(row, motions, strict=True):
             inside = (recording.time >= time[0]) & (recording.time <= time[-1])
-            _samples(axes, recording.time[inside], recording.values[inside, k])
-            axes.plot(time, states[:, k], color=MODEL)
+            _samples(axes, recording.time[inside], samples[inside, k])
+            axes.plot(time, motion[:, k], color=MODEL)
     for axes in grid[-1]:
         axes.set_xlabel("time, s")
     _legend(figure, [_dots(), Line2D([], [], color=MODEL, label="model, from a start of its own")])
@@ -93,18 +95,20 @@ def draw_forecast(
 
     held_out: s, where the held-out part begins. length: s, of what is shown of each part.
     """
-    states = [k for k in range(len(recording.states)) if np.isfinite(recording.values[:, k]).any()]
+    sensed = Sensed.by(recording)
+    samples = sensed.samples(recording)
+    shown = np.flatnonzero(np.isfinite(samples).any(axis=0))
     if not parts:
         return _empty("the recording gives no model to forecast with")
-    figure = Figure(figsize=(DOUBLE, 0.6 + ROW * len(states)), layout="constrained")
-    grid = figure.subplots(len(states), len(parts), squeeze=False, sharey="row", sharex="col")
-    for row, k in zip(grid, states, strict=True):
-        name = recording.states[k]
+    figure = Figure(figsize=(DOUBLE, 0.6 + ROW * len(shown)), layout="constrained")
+    grid = figure.subplots(len(shown), len(parts), squeeze=False, sharey="row", sharex="col")
+    for row, k in zip(grid, shown, strict=True):
+        name = sensed.names[k]
         row[0].set_ylabel(f"{name}{_unit(name)}")
         for axes, part in zip(row, parts, strict=True):
             begin = part.time[0]
             near = (recording.time > begin - length / 2) & (recording.time < begin + length)
-            _samples(axes, recording.time[near], recording.values[near, k])
+            _samples(axes, recording.time[near], samples[near, k])
             own = part.time < begin + length
             axes.fill_between(
                 part.time[own], part.low[own, k], part.high[own, k], fc=BAND, ec=EDGE, lw=0.4,

@@ -21,6 +21,7 @@ SPLINE_DEGREE = 5
 # Knots a period: five carry a sine to 2.5e-4 of its size, twelve its third harmonic to 1.4e-3.
 LEAST_KNOTS_PER_PERIOD, MOST_KNOTS_PER_PERIOD = 5, 12
 SAMPLES_PER_KNOT = 3  # so that the noise can be told from the curve
+ABOVE_NOISE = 20.0  # times the median of a spectrum: what counts as signal
 LEAST_SAMPLES = 8  # of a channel: fewer carry no curve and no noise
 GRID_PER_PERIOD = 24  # eight points to the third harmonic
 SPECTRUM_SAMPLES = 2**15  # whose spectrum is taken at once: longer ones have more to resolve
@@ -39,6 +40,15 @@ LOCAL_NOISE = 4.0  # periods in which the noise of a channel has a deviation of 
 # Equal extremes of a channel from which it is saturated: a digital one repeats its largest value
 # a few times by chance.
 LEAST_SATURATED, SATURATED_SHARE = 5, 5e-4
+
+# Displacements by integration. Below a share of the slowest frequency that matters they are taken
+# out, steeply: white noise of accelerations grows as the square of the period in them.
+SLOWEST_SHARE = 0.01
+CORNER, CORNER_STEEPNESS = 0.6, 12
+# How far the middle of a motion may lie from rest, in deviations of the displacement. Measured on
+# accelerations of the study's line, whose is 0.15: starts 0.0 to 0.1 off lead to the model always.
+OFF_REST = 0.2
+INTEGRAL_MARGIN = 3.0  # periods at the ends of stretches, where it errs (measured: 1 is too few)
 
 # Channels that measure a rate. A bias and a slow drift are a cubic over the recording.
 DRIFT_DEGREE = 3

@@ -29,6 +29,7 @@ from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import Residue, residue
+from galloping.identification.likelihood.rest import from_rest
 from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.shooting import Segments, residuals
 from galloping.identification.likelihood.smoothing import Smooth
@@ -85,9 +86,27 @@ def _from_states(
     rescaled = scaled(recordings, begun)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
         begun = begin(problem, rescaled)
-    identified = _exact_or_near(problem, recordings, with_rates(begun, rescaled))
+    made, objections = [], []
+    for placed, start in from_rest(problem, with_rates(begun, rescaled)):
+        try:
+            made.append(_exact_or_near(placed, recordings, start))
+        except NO_MODEL as objection:
+            objections.append(objection)
+    if not made:
+        raise objections[0]
+    identified = min(made, key=_merit)
     told = scales_told(recordings, rescaled)
     return replace(identified, diagnostics={**identified.diagnostics, **told})
+
+
+def _merit(identified: IdentifiedModel) -> tuple[int, float]:
+    """Of several the least is best: of the fewest terms that follow the data to the noise, else of
+    the best forecasts."""
+    if identified.status in ("ok", "not identifiable"):
+        return 0, float(identified.support.sum())
+    if identified.status == "approximate":
+        return 1, -identified.diagnostics["forecast_r2"]
+    return 2, 0.0
 
 
 def _exact_or_near(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
@@ -109,9 +128,9 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
 
     Raises FloatingPointError where no model of the library does.
     """
-    samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
+    samples = sum(recording.samples for recording in recordings)
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
-    kept = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
+    kept = sum(recording.samples for recording in recordings)
     penalty, start = begun.penalty, rough_fit(problem, begun)
     largest = _largest(problem, smoothed)
     for condensed, segments, step in follow(

@@ -142,6 +142,10 @@ def approximation(
         diagnostics={
             "forecast_r2": made.skill,
             **{
+                f"noise_{names[o]}": float(np.sqrt(condensed.noise_variance[-1, o]))
+                for o in np.flatnonzero(condensed.is_rate)
+            },
+            **{
                 f"error_share_{band}_{name}": float(share)
                 for name, row in zip(names, shares, strict=True)
                 for band, share in zip(("all", "slow", "near", "fast"), row, strict=True)

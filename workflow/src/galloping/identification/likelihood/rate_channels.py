@@ -16,9 +16,11 @@ from numpy.polynomial.legendre import legvander
 from galloping.identification.likelihood.constants import (
     DRIFT_DEGREE,
     FEWEST_INTEGRALS,
+    INTEGRAL_MARGIN,
     RATE_MARGIN,
     RATE_OUTLIER,
 )
+from galloping.identification.likelihood.integrals import undisplaced
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.weak_gls import Start
 from galloping.polynomial import velocity_pairs
@@ -102,14 +104,14 @@ def _deviation(values: np.ndarray) -> np.ndarray:
     return deviation
 
 
-def _inside(recording: Recording, smoothed: Smooth, period: float) -> np.ndarray:
-    """(n,) whether the slope of the curve is sound: no gap and no end is near."""
+def _inside(recording: Recording, smoothed: Smooth, margin: float) -> np.ndarray:
+    """(n,) whether no gap and no end of the curve is nearer than `margin` s."""
     bad = np.flatnonzero(~smoothed.valid)
     ends = np.concatenate([smoothed.time[[0, -1]], smoothed.time[bad]])
     ends.sort()
     place = np.clip(np.searchsorted(ends, recording.time), 1, len(ends) - 1)
     distance = np.minimum(recording.time - ends[place - 1], ends[place] - recording.time)
-    return distance > RATE_MARGIN * period
+    return distance > margin
 
 
 def _without_offsets(
@@ -119,11 +121,14 @@ def _without_offsets(
         return recording
     rates = given.rates.copy()
     difference = rates - _slopes(recording, smoothed)
-    inside = _inside(recording, smoothed, period)
+    curves = _inside(recording, smoothed, RATE_MARGIN * period)
+    integrals = _inside(recording, smoothed, INTEGRAL_MARGIN * period)
+    of_integrals = {k for pair in undisplaced(given).items() for k in pair}
     span = recording.time[-1] - recording.time[0]
     slow = legvander(2.0 * (recording.time - recording.time[0]) / span - 1.0, DRIFT_DEGREE)
     unknown = given.unknown_offsets
     for k in np.flatnonzero(np.isfinite(rates).any(axis=0)):
+        inside = integrals if k in of_integrals else curves
         if unknown is not None and unknown[k]:
             good = inside & np.isfinite(difference[:, k])
             if good.sum() <= 10 * (DRIFT_DEGREE + 1):

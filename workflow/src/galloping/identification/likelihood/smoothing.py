@@ -17,6 +17,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
 from galloping.identification.likelihood.constants import (
+    ABOVE_NOISE,
     EDGE,
     GAP,
     GRID_PER_PERIOD,
@@ -84,7 +85,7 @@ def shortest_period(recordings: list[Recording]) -> float:
             signal = np.interp(grid, time[good], channel[good])
             signal = (signal - signal.mean()) * np.hanning(len(signal))
             power = np.abs(np.fft.rfft(signal)) ** 2
-            power = np.where(power > 20.0 * np.median(power), power, 0.0)[1:]
+            power = np.where(power > ABOVE_NOISE * np.median(power), power, 0.0)[1:]
             total = np.cumsum(power)
             if total[-1] > 0.0:
                 bin_ = 1 + int(np.searchsorted(total, 0.95 * total[-1]))

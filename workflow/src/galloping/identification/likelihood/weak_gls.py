@@ -14,6 +14,7 @@ from galloping.identification.likelihood.constants import (
     WEAK_ITERATIONS,
 )
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
+from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
@@ -42,13 +43,22 @@ def prepared(
 ) -> tuple[list[Recording], list[Smooth], float]:
     """The recordings without faults and outliers, their smooth curves, the shortest period, s.
 
+    Displacements that no channel measures are integrated for the curves (`with_integrals`).
     share: of the shortest period that the spectra show, which is taken in its place. Raises
     ValueError where no channel varies or a state cannot be had from the channels.
     """
-    period = share * shortest_period(recordings)
-    recordings = [without_faults(recording, period) for recording in recordings]
-    pairs = [smooth_without_outliers(recording, period) for recording in recordings]
-    return [recording for recording, _ in pairs], [one for _, one in pairs], period
+    whole = [with_integrals(recording) for recording in recordings]
+    period = share * shortest_period(whole)
+    pairs = [smooth_without_outliers(without_faults(one, period), period) for one in whole]
+    cleaned, curves = zip(*pairs, strict=True)
+    cleaned = [_measured(*each) for each in zip(cleaned, recordings, strict=True)]
+    return cleaned, list(curves), period
+
+
+def _measured(recording: Recording, given: Recording) -> Recording:
+    """The recording without values of channels that the given one does not have."""
+    missing = ~np.isfinite(given.values).any(axis=0)
+    return replace(recording, values=np.where(missing, np.nan, recording.values))
 
 
 def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
@@ -90,8 +100,7 @@ class Start:
 def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
     """The start from recordings. share: as in `prepared`. Raises what it and `weak_fit` raise."""
     recordings, smoothed, period = prepared(recordings, share)
-    samples = sum(int(np.isfinite(recording.values).sum()) for recording in recordings)
-    penalty = 2.0 * np.log(samples)
+    penalty = 2.0 * np.log(sum(recording.samples for recording in recordings))
     fit = weak_fit(problem, smoothed, penalty)
     return Start(recordings, smoothed, period, penalty, fit)
 

@@ -1,0 +1,68 @@
+"""Recordings without displacements: of accelerometers, or of velocities, alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from galloping import Recording, derive, maximum_likelihood, polynomial_library, simulate
+from galloping.identification.likelihood.integrals import undisplaced, with_integrals
+
+TERMS = polynomial_library(4, 3)
+LINE = derive()
+TIME = np.arange(0, 300, 0.04)
+MOTION = simulate(LINE, [0.1, 0.1, 0, 0], TIME).states
+NOISE = {"velocities": 0.02, "accelerations": 0.05}  # of the deviation
+
+
+def recording(quantity, seed=8):
+    """Of the line's velocities, or its accelerations with a drifting offset, and nothing else."""
+    noise = NOISE[quantity] * np.random.default_rng(seed).standard_normal((len(TIME), 2))
+    values, rates = np.full((2, *MOTION.shape), np.nan)
+    if quantity == "velocities":
+        values[:, 2:] = MOTION[:, 2:] + noise * MOTION[:, 2:].std(axis=0)
+        return Recording(TIME, LINE.states, values)
+    exact = LINE(MOTION)[:, 2:]
+    drift = 0.3 + 0.2 * TIME[:, None] / TIME[-1]
+    rates[:, 2:] = exact + noise * exact.std(axis=0) + drift
+    unknown = np.array([False, False, True, True])
+    return Recording(TIME, LINE.states, values, rates=rates, unknown_offsets=unknown)
+
+
+@pytest.mark.parametrize("quantity", ["velocities", "accelerations"])
+def test_integrals_are_the_displacements_without_what_is_slow(quantity):
+    given = recording(quantity)
+    whole = with_integrals(given)
+    assert np.isnan(given.values[:, :2]).all() and undisplaced(given) == {0: 2, 1: 3}
+    inside = (TIME > 15) & (TIME < 285)
+    for k in range(2):
+        got, true = whole.values[inside, k], MOTION[inside, k]
+        assert np.std(got - true) < 0.15 * np.std(true)
+        assert np.corrcoef(got, true)[0, 1] > 0.99
+
+
+def test_displacements_that_are_measured_stay():
+    measured = Recording(TIME, LINE.states, MOTION)
+    assert with_integrals(measured) is measured
+    alone = replace(measured, values=np.where(np.arange(4) < 2, MOTION, np.nan))
+    assert with_integrals(alone) is alone  # velocities are the slopes of measured displacements
+    one = replace(measured, values=np.where(np.arange(4) != 1, MOTION, np.nan))
+    assert undisplaced(one) == {1: 3}
+
+
+def test_missing_samples_stay_missing():
+    given = recording("accelerations")
+    given.rates[1000:1005, 2] = np.nan
+    whole = with_integrals(given)
+    assert np.isnan(whole.values[1000:1005, 0]).all() and np.isfinite(whole.values[:, 1]).all()
+
+
+@pytest.mark.parametrize("quantity", ["velocities", "accelerations"])
+def test_the_line_is_found_without_its_displacements(quantity):
+    identified = maximum_likelihood(recording(quantity), TERMS)
+    assert identified.status == "ok", identified.reason
+    true = LINE.on_library(identified.model.terms).coefficients
+    assert np.array_equal(identified.model.coefficients != 0, true != 0)
+    wrong = (identified.model.coefficients - true) / identified.standard_errors
+    assert np.nanmax(np.abs(wrong)) < 4.5
+    assert np.isnan(identified.sigma[:, :2]).all()

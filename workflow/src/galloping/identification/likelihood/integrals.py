@@ -1,0 +1,68 @@
+"""Displacements that no channel measures, but velocities or accelerations do.
+
+Integrated over time without what is slow, which cannot be told from the drift of integration. Only
+the smooth curves that a fit starts from are made of them: its likelihood is of the channels
+themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.polynomial.legendre import legfit, legval
+
+from galloping.identification.likelihood.constants import (
+    ABOVE_NOISE,
+    CORNER,
+    CORNER_STEEPNESS,
+    DRIFT_DEGREE,
+    LEAST_SAMPLES,
+    SLOWEST_SHARE,
+)
+from galloping.polynomial import velocity_pairs
+from galloping.recording import Recording
+
+
+def undisplaced(recording: Recording) -> dict[int, int]:
+    """Index of each state X that has no values, with that of its velocity dX, a state too."""
+    measured = np.isfinite(recording.values).any(axis=0)
+    return {x: v for x, v in velocity_pairs(recording.states).items() if not measured[x]}
+
+
+def with_integrals(recording: Recording) -> Recording:
+    """The recording with values of each state X that has none: the integral of the values of dX,
+    else of the rate of X, else that of dX twice. Itself where nothing is to be integrated.
+    """
+    missing = undisplaced(recording)
+    if not missing:
+        return recording
+    values = recording.values.copy()
+    rates = np.full_like(values, np.nan) if recording.rates is None else recording.rates
+    for x, v in missing.items():
+        sources = ((values[:, v], 1), (rates[:, x], 1), (rates[:, v], 2))
+        told = [(one, times) for one, times in sources if np.isfinite(one).sum() >= LEAST_SAMPLES]
+        if told:
+            values[:, x] = _integral(recording.time, *told[0])
+    return replace(recording, values=values)
+
+
+def _integral(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
+    """The integral over time, `times` times, without what is slower than the motion.
+
+    Of the motion's power, as far as it stands out of the noise, SLOWEST_SHARE is slower.
+    values: (n,), NaN where missing; so is the integral.
+    """
+    known = np.isfinite(values)
+    grid = np.linspace(time[0], time[-1], int(known.sum()))
+    signal = np.interp(grid, time[known], values[known])
+    place = np.linspace(-1.0, 1.0, len(grid))
+    signal -= legval(place, legfit(place, signal, DRIFT_DEGREE))
+    omega = 2.0 * np.pi * np.fft.rfftfreq(len(grid), grid[1] - grid[0])[1:]
+    power = np.abs(np.fft.rfft(signal * np.hanning(len(signal)))[1:]) ** 2
+    power = np.cumsum(np.where(power > ABOVE_NOISE * np.median(power), power, 0.0))
+    slowest = omega[np.searchsorted(power, SLOWEST_SHARE * power[-1])]
+    passed = 1.0 / (1.0 + (CORNER * slowest / omega) ** CORNER_STEEPNESS)
+    spectrum = np.append(0.0, passed * np.fft.rfft(signal)[1:] / (1j * omega) ** times)
+    integral = np.interp(time, grid, np.fft.irfft(spectrum, len(grid)))
+    return np.where(known, integral, np.nan)
