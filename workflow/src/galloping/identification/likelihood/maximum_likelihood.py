@@ -30,15 +30,13 @@ from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import Residue, residue
 from galloping.identification.likelihood.rest import from_rest
-from galloping.identification.likelihood.result import judged, refused
+from galloping.identification.likelihood.result import NO_MODEL, judged, refused
 from galloping.identification.likelihood.shooting import Segments, residuals
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.weak_gls import Start, begin, rough_fit
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
-
-NO_MODEL = (ValueError, FloatingPointError, np.linalg.LinAlgError)
 
 
 def maximum_likelihood(
@@ -86,27 +84,13 @@ def _from_states(
     rescaled = scaled(recordings, begun)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
         begun = begin(problem, rescaled)
-    made, objections = [], []
-    for placed, start in from_rest(problem, with_rates(begun, rescaled)):
-        try:
-            made.append(_exact_or_near(placed, recordings, start))
-        except NO_MODEL as objection:
-            objections.append(objection)
-    if not made:
-        raise objections[0]
-    identified = min(made, key=_merit)
+    identified = from_rest(
+        problem,
+        with_rates(begun, rescaled),
+        lambda problem, start: _exact_or_near(problem, recordings, start),
+    )
     told = scales_told(recordings, rescaled)
     return replace(identified, diagnostics={**identified.diagnostics, **told})
-
-
-def _merit(identified: IdentifiedModel) -> tuple[int, float]:
-    """Of several the least is best: of the fewest terms that follow the data to the noise, else of
-    the best forecasts."""
-    if identified.status in ("ok", "not identifiable"):
-        return 0, float(identified.support.sum())
-    if identified.status == "approximate":
-        return 1, -identified.diagnostics["forecast_r2"]
-    return 2, 0.0
 
 
 def _exact_or_near(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:

@@ -7,7 +7,7 @@ the motion lies from there is tried.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,28 +15,67 @@ import numpy as np
 from galloping.identification.likelihood.constants import OFF_REST
 from galloping.identification.likelihood.integrals import undisplaced
 from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.result import NO_MODEL
 from galloping.identification.likelihood.weak_gls import Start, weak_fit
+from galloping.identification.model import IdentifiedModel
+
+ALONE = "displacements are not measured, and of several starts one alone leads to these terms"
 
 
-def from_rest(problem: Problem, start: Start) -> Iterator[tuple[Problem, Start]]:
-    """The problem without constants, with starts whose displacements are moved by some OFF_REST.
+def from_rest(
+    problem: Problem, start: Start, identify: Callable[[Problem, Start], IdentifiedModel]
+) -> IdentifiedModel:
+    """What `identify` makes of the problem and the start.
 
-    As they are, and alone, unless each unknown equation is of the velocity of a displacement that
-    no recording measures: the curves of such have lost their means.
+    Where each unknown equation is of the velocity of a displacement that no recording measures, the
+    curves of which have lost their means: of the problem without constants, and starts moved by
+    some OFF_REST, the first model with terms that two of them lead to; else the best of all, which
+    is then not `ok`. Raises what `identify` raises, where no start gives a model.
     """
     missing = [undisplaced(recording).items() for recording in start.recordings]
     pairs = set.intersection(*map(set, missing))
     if not set(problem.unknown) <= {velocity for _, velocity in pairs}:
-        yield problem, start
-        return
+        return identify(problem, start)
     moving = np.any(problem.terms, axis=1)
     terms = tuple(term for term in problem.terms if any(term))
     without = replace(problem, terms=terms, known=problem.known[:, moving])
     units = np.eye(len(problem.states))[sorted(state for state, _ in pairs)]
-    for offset in (0.0 * units[0], *OFF_REST * units, *-OFF_REST * units):
-        curves = [
-            replace(one, states=one.states + offset * one.states.std(axis=0))
-            for one in start.smoothed
-        ]
-        fit = weak_fit(without, curves, start.penalty)
-        yield without, replace(start, smoothed=curves, fit=fit)
+    made, objections = [], []
+    for offset in (*OFF_REST * units, *-OFF_REST * units, 0.0 * units[0]):
+        try:
+            identified = identify(without, _moved(without, start, offset))
+        except NO_MODEL as objection:
+            objections.append(objection)
+            continue
+        if _follows(identified) and any(
+            _follows(other) and np.array_equal(identified.support, other.support) for other in made
+        ):
+            return identified
+        made.append(identified)
+    if not made:
+        raise objections[0]
+    best = min(made, key=_merit)
+    if best.status == "ok":
+        return replace(best, status="not identifiable", reason=ALONE)
+    return best
+
+
+def _moved(problem: Problem, start: Start, offset: np.ndarray) -> Start:
+    """The start with its curves moved by `offset` (n_states,) deviations."""
+    curves = [
+        replace(one, states=one.states + offset * one.states.std(axis=0)) for one in start.smoothed
+    ]
+    return replace(start, smoothed=curves, fit=weak_fit(problem, curves, start.penalty))
+
+
+def _follows(identified: IdentifiedModel) -> bool:
+    return identified.status in ("ok", "not identifiable")
+
+
+def _merit(identified: IdentifiedModel) -> tuple[int, float]:
+    """The least is best: of the fewest terms that follow the data, else of the best forecasts."""
+    if _follows(identified):
+        return 0, float(identified.support.sum())
+    if identified.status == "approximate":
+        return 1, -identified.diagnostics["forecast_r2"]
+    return 2, 0.0

@@ -19,6 +19,9 @@ from galloping.identification.likelihood.selection import added_deviation, solve
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 
+# What ends an identification without a model.
+NO_MODEL = (ValueError, FloatingPointError, np.linalg.LinAlgError)
+
 
 def judged(
     problem: Problem,
