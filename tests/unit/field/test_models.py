@@ -160,6 +160,29 @@ def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):
     assert np.min(held) > 0.8 and 0.85 < np.mean(held) < 0.95
 
 
+def test_accelerations_alone_are_forecast_with_the_displacements(tmp_path):
+    line, motion = simulate("internal_resonance")
+    time, states = motion.time[:30001:4], motion.states[:30001:4]
+    rates = line(states)[:, 2:]
+    noise = 0.05 * rates.std(axis=0) * np.random.default_rng(9).standard_normal(rates.shape)
+    columns = dict(zip(("t", "a", "b"), (time, *((rates + noise).T / 9.80665 + 0.02)), strict=True))
+    pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
+    channels = [
+        {"column": column, "measures": f"dd{q}", "unit": "g_n"}
+        for column, q in zip("ab", STATES[:2], strict=True)
+    ]
+    own = {"time": {"column": "t", "unit": "s"}, "states": STATES, "channels": channels}
+    field = read_field([tmp_path / "a.csv"], validated(own))
+    trial = tried(field, lambda r: maximum_likelihood(r, TERMS), np.random.default_rng(0))
+    ahead = trial.forecast
+    assert ahead.names == (*STATES, "ddq_v", "ddq_w")
+    assert np.isnan(trial.skill[:4]).all() and np.min(trial.skill[4:]) > 0.9
+    assert np.min(trial.held[4:]) > 0.8
+    for k in range(2):  # from rest, which the accelerations hardly tell
+        displaced = np.interp(ahead.time, time, states[:, k])
+        assert np.std(displaced - ahead.median[:, k]) < 0.1 * np.std(displaced)
+
+
 @pytest.mark.slow
 def test_a_million_rows_need_no_two_gigabytes(tmp_path):
     line, _ = simulate("internal_resonance")

@@ -43,9 +43,11 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     """What one more recording, by the instruments of the last, would do for the weakest term.
 
     period: s, of the motion. None where there is no exact model, for what an approximate one errs
-    by is not the noise.
+    by is not the noise, and where no channel is of a state, as its options would be.
     """
     if identified.status not in ("ok", "not identifiable") or not len(identified.covariance):
+        return None
+    if not np.isfinite(identified.sigma[-1]).any():
         return None
     model, states = identified.model, identified.model.states
     free = np.argwhere(identified.support)

@@ -6,7 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.likelihood.integrals import undisplaced, with_integrals
+from galloping.identification.likelihood.integrals import (
+    undisplaced,
+    with_integrals,
+    without_drift,
+)
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import QUANTILES_90
@@ -50,10 +54,14 @@ class Sensed:
         return self.states + tuple(f"d{self.states[k]}" for k in self.rates)
 
     def samples(self, recording: Recording) -> np.ndarray:
-        """(n, n_sensed), NaN where missing."""
-        if not self.rates:
-            return recording.values
-        return np.hstack([recording.values, recording.rates[:, self.rates]])
+        """(n, n_sensed), NaN where missing; rates without their unknown offsets."""
+        columns = [recording.values]
+        for k in self.rates:
+            rate = recording.rates[:, k]
+            if recording.unknown_offsets is not None and recording.unknown_offsets[k]:
+                rate = without_drift(recording.time, rate)
+            columns.append(rate[:, np.newaxis])
+        return np.hstack(columns)
 
     def noise(self, identified: IdentifiedModel) -> np.ndarray:
         """(n_sensed,) of a sample, zero where not measured."""

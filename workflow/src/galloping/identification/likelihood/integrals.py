@@ -47,6 +47,17 @@ def with_integrals(recording: Recording) -> Recording:
     return replace(recording, values=values)
 
 
+def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Samples (n,), NaN where missing, less their offset and slow drift.
+
+    Told with little weight at the ends, where periods that are cut short would count as drift.
+    """
+    known = np.isfinite(values)
+    place = 2.0 * (time - time[0]) / (time[-1] - time[0]) - 1.0
+    weight = np.cos(np.pi / 2.0 * place[known])
+    return values - legval(place, legfit(place[known], values[known], DRIFT_DEGREE, w=weight))
+
+
 def _integral(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
     """The integral over time, `times` times, without what is slower than the motion.
 
@@ -55,9 +66,7 @@ def _integral(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
     """
     known = np.isfinite(values)
     grid = np.linspace(time[0], time[-1], int(known.sum()))
-    signal = np.interp(grid, time[known], values[known])
-    place = np.linspace(-1.0, 1.0, len(grid))
-    signal -= legval(place, legfit(place, signal, DRIFT_DEGREE))
+    signal = without_drift(grid, np.interp(grid, time[known], values[known]))
     omega = 2.0 * np.pi * np.fft.rfftfreq(len(grid), grid[1] - grid[0])[1:]
     power = np.abs(np.fft.rfft(signal * np.hanning(len(signal)))[1:]) ** 2
     power = np.cumsum(np.where(power > ABOVE_NOISE * np.median(power), power, 0.0))
