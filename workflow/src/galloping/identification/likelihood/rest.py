@@ -19,7 +19,7 @@ from galloping.identification.likelihood.result import NO_MODEL
 from galloping.identification.likelihood.weak_gls import Start, weak_fit
 from galloping.identification.model import IdentifiedModel
 
-ALONE = "displacements are not measured, and of several starts one alone leads to these terms"
+ALONE = "displacements are not measured, and one alone of several starts leads to a model"
 
 
 def from_rest(
@@ -29,8 +29,9 @@ def from_rest(
 
     Where each unknown equation is of the velocity of a displacement that no recording measures, the
     curves of which have lost their means: of the problem without constants, and starts moved by
-    some OFF_REST, the first model with terms that two of them lead to; else the best of all, which
-    is then not `ok`. Raises what `identify` raises, where no start gives a model.
+    some OFF_REST, the best model; not `ok` where they lead to no other that follows the data, for
+    a better one may then have been missed. Raises what `identify` raises, where no start
+    gives a model.
     """
     missing = [undisplaced(recording).items() for recording in start.recordings]
     pairs = set.intersection(*map(set, missing))
@@ -43,19 +44,13 @@ def from_rest(
     made, objections = [], []
     for offset in (*OFF_REST * units, *-OFF_REST * units, 0.0 * units[0]):
         try:
-            identified = identify(without, _moved(without, start, offset))
+            made.append(identify(without, _moved(without, start, offset)))
         except NO_MODEL as objection:
             objections.append(objection)
-            continue
-        if _follows(identified) and any(
-            _follows(other) and np.array_equal(identified.support, other.support) for other in made
-        ):
-            return identified
-        made.append(identified)
     if not made:
         raise objections[0]
     best = min(made, key=_merit)
-    if best.status == "ok":
+    if best.status == "ok" and sum(map(_follows, made)) < 2:
         return replace(best, status="not identifiable", reason=ALONE)
     return best
 
