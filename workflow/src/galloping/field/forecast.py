@@ -64,8 +64,9 @@ class Sensed:
         return np.hstack(columns)
 
     def noise(self, identified: IdentifiedModel) -> np.ndarray:
-        """(n_sensed,) of a sample, zero where not measured."""
-        told = [identified.diagnostics[f"noise_{name}"] for name in self.names[len(self.states) :]]
+        """(n_sensed,) of a sample, zero where not measured or not told by the method."""
+        rates = self.names[len(self.states) :]
+        told = [identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
         return np.append(np.nan_to_num(identified.sigma[-1]), told)
 
     def of(self, model: PolynomialModel, states: np.ndarray) -> np.ndarray:
