@@ -1,5 +1,7 @@
 """The bound of a cell, models drawn at it, and the tables made of both."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,6 +15,7 @@ from galloping.measurement.motion import Motion
 from galloping.measurement.protocols import BY_NAME, Noise, channel_scale
 from galloping.physics.derived import Derived
 from galloping.polynomial import library
+from galloping.simulation import Simulator
 from galloping.tables.bounds import efficiency, identifiability
 
 EQUATIONS = (2, 3)
@@ -22,8 +25,8 @@ def cell(name, protocol, level=0.05, rows=slice(None)):
     """(model, bound) of a record of a default case."""
     line, trajectory = simulate(name)
     line = line.on_library(library(4, 3))
-    noise = BY_NAME[protocol].noise(level, channel_scale(trajectory.states, relative=True))
     motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
+    noise = BY_NAME[protocol].noise(level, channel_scale(motion, relative=True))
     return line, *bounds_of(line, EQUATIONS, [motion], [noise], [[rows]])
 
 
@@ -40,7 +43,7 @@ def test_weakest_terms_of_the_default_records(name, protocol, t):
     assert found.t.min() == pytest.approx(t, rel=0.03)
 
 
-@pytest.mark.parametrize("protocol", ["derivative", "state", "displacement"])
+@pytest.mark.parametrize("protocol", ["derivative", "state", "displacement", "acceleration"])
 def test_bounds_grow_with_the_noise(protocol):
     _, small = cell("internal_resonance", protocol, level=0.05)
     _, large = cell("internal_resonance", protocol, level=0.15)
@@ -89,12 +92,37 @@ def test_no_model_at_a_bound_that_is_infinite():
     assert model.verdict == "refused: bound: a term is undetermined"
 
 
-def test_noise_on_states_and_their_derivatives_has_no_bound_yet():
+def test_the_bound_from_accelerations_is_that_of_their_dependence_on_everything_unknown():
     line, trajectory = simulate("internal_resonance")
-    noise = Noise(np.ones(4), np.ones(4))
+    line = line.on_library(library(4, 3))
     motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
-    with pytest.raises(ValueError, match="need exact states"):
-        bounds_of(line, EQUATIONS, [motion], [noise], [[slice(None)]])
+    rows, sigma = slice(0, 6000, 10), np.array([np.inf, np.inf, 0.1, 0.2])
+    noise = Noise(np.full(4, np.inf), sigma)
+    (found,) = bounds_of(line, EQUATIONS, [motion], [noise], [[rows]])
+    simulator, places = Simulator(line.states, line.terms), tuple(found.free.T)
+
+    def accelerations(unknown):
+        coefficients = line.coefficients.copy()
+        coefficients[places] = unknown[:-4]
+        model = replace(line, coefficients=coefficients)
+        states = simulator(model, unknown[-4:], motion.time[rows]).states
+        return (model(states) / sigma)[:, 2:].ravel()
+
+    centre = np.append(line.coefficients[places], motion.states[0])
+    steps = np.diag(1e-4 * np.abs(centre) + 1e-6)
+    slopes = np.transpose(
+        [(accelerations(centre + h) - accelerations(centre - h)) / (2 * h.sum()) for h in steps]
+    )
+    expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))[:-4]
+    assert found.std == pytest.approx(expected, rel=1e-3)
+
+
+def test_derivatives_of_exact_states_have_one_noise():
+    line, trajectory = simulate("internal_resonance")
+    motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
+    noises = [Noise(np.zeros(4), np.full(4, level)) for level in (1.0, 2.0)]
+    with pytest.raises(ValueError, match="need the same noise"):
+        bounds_of(line, EQUATIONS, [motion, motion], noises, [[slice(None), slice(None)]])
 
 
 def test_a_release_of_three_metres_makes_the_non_resonant_line_identifiable():

@@ -223,7 +223,7 @@ REFUSED = [
     (
         {"measurement": {"protocols": "state"}},
         "measurement.protocols: 'state' is not a list; "
-        "must be a list of one or more of derivative, state, displacement",
+        "must be a list of one or more of derivative, state, displacement, acceleration",
     ),
     (
         {"figures": None},
@@ -427,7 +427,7 @@ REFUSED = [
     (
         {"measurement": {"protocols": ["stat"]}},
         "measurement.protocols: unknown protocol 'stat'; did you mean 'state'? "
-        "allowed: derivative, state, displacement",
+        "allowed: derivative, state, displacement, acceleration",
     ),
     # the identification
     (

@@ -207,7 +207,7 @@ REFUSED = {
     "motion: diverged: far away; there is nothing to measure": [
         lambda: galloping.measure(LINE, ENDED)
     ],
-    "protocol: 'stat'; must be one of derivative, state, displacement": [
+    "protocol: 'stat'; must be one of derivative, state, displacement, acceleration": [
         lambda: galloping.measure(LINE, MOTION, protocol="stat")
     ],
     "level: -1; must be >= 0": [lambda: galloping.measure(LINE, MOTION, level=-1)],

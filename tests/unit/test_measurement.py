@@ -44,9 +44,12 @@ def as_file(replicates, path):
 
 def same(a, b):
     arrays = [(a.time, b.time), (a.values, b.values)]
-    if a.derivatives is not None or b.derivatives is not None:
-        arrays.append((a.derivatives, b.derivatives))
-    return a.states == b.states and all(np.array_equal(x, y) for x, y in arrays)
+    arrays += [
+        (getattr(a, name), getattr(b, name))
+        for name in ("derivatives", "rates")
+        if getattr(a, name) is not None or getattr(b, name) is not None
+    ]
+    return a.states == b.states and all(np.array_equal(x, y, equal_nan=True) for x, y in arrays)
 
 
 @pytest.mark.parametrize("level", [0.01, 0.15])
@@ -64,6 +67,16 @@ def test_noise_of_states(simulated, relative):
     assert recording.derivatives is None
     deviation = trajectory.states.std(axis=0) if relative else np.ones(4)
     check_noise(recording.values - trajectory.states, 0.05 * deviation)
+
+
+def test_noise_of_accelerations(simulated):
+    """Nothing but the rates of the velocities, which stay what they are through a file."""
+    line, trajectory = simulated
+    exact = line(trajectory.states)
+    (recording,) = record(simulated, protocol="acceleration", replicates=1)
+    assert recording.derivatives is None and np.isnan(recording.values).all()
+    assert np.isnan(recording.rates[:, :2]).all()
+    check_noise((recording.rates - exact)[:, 2:], 0.05 * exact.std(axis=0)[2:])
 
 
 def check_noise(noise, sigma):
@@ -165,7 +178,7 @@ def test_measuring_leaves_the_global_random_state_alone(resonant):
 # --- files ---
 
 
-@pytest.mark.parametrize("protocol", ["derivative", "state"])
+@pytest.mark.parametrize("protocol", ["derivative", "state", "acceleration"])
 @pytest.mark.parametrize("samples", [30001, 1000])
 def test_recordings_come_back_from_files(resonant, tmp_path, protocol, samples):
     written = record(resonant, protocol=protocol, samples=samples, replicates=3)
@@ -244,13 +257,12 @@ def test_a_protocol_is_its_noise(resonant, monkeypatch):
     measures = {name: (p.measures, p.is_scaled) for name, p in BY_NAME.items()}
     assert measures == {
         "derivative": ("derivatives", False), "state": ("states", True),
-        "displacement": ("displacements", True),
+        "displacement": ("displacements", True), "acceleration": ("rates", True),
     }  # fmt: skip
 
     def vertical_only(level, scale):
-        return Noise(
-            np.where(np.arange(len(scale)) == 0, level, np.inf), np.full(len(scale), np.inf)
-        )
+        unseen = np.full(scale.shape[1], np.inf)
+        return Noise(np.where(np.arange(len(unseen)) == 0, level, np.inf), unseen)
 
     new = Protocol("vertical", vertical_only, "", "vertical", "k", "o")
     monkeypatch.setitem(BY_NAME, "vertical", new)

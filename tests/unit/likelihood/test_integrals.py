@@ -61,7 +61,8 @@ def test_missing_samples_stay_missing():
 def test_the_line_is_found_without_its_displacements(quantity):
     identified = maximum_likelihood(recording(quantity), TERMS)
     assert identified.status == "ok", identified.reason
-    true = LINE.on_library(identified.model.terms).coefficients
+    assert identified.model.terms == TERMS
+    true = LINE.on_library(TERMS).coefficients
     assert np.array_equal(identified.model.coefficients != 0, true != 0)
     wrong = (identified.model.coefficients - true) / identified.standard_errors
     assert np.nanmax(np.abs(wrong)) < 4.5

@@ -99,6 +99,16 @@ class PolynomialModel:
         """State derivatives at `x`: (n, n_states) -> (n, n_states)."""
         return design_matrix(x, self.terms) @ self.coefficients.T
 
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        """How they depend on the states: (n, n_states) -> (n, n_states, n_states)."""
+        exponents = np.array(self.terms)
+        lower = [np.maximum(exponents - one, 0) for one in np.eye(len(self.states), dtype=int)]
+        slopes = [
+            design_matrix(x, tuple(map(tuple, terms.tolist()))) @ (self.coefficients * e).T
+            for terms, e in zip(lower, exponents.T, strict=True)
+        ]
+        return np.stack(slopes, axis=2)
+
     def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
         """The same model written in another library.
 

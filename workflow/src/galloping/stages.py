@@ -54,10 +54,11 @@ def measure(
 ) -> Recording:
     """What an instrument records of a motion of `model`.
 
-    protocol: `state` (all states noisy), `displacement` (velocities not measured) or `derivative`
-    (exact states with noisy derivatives). level: of the white noise; except for `derivative` times
-    the standard deviation of each state if `relative`, else absolute. The same seed draws the same
-    noise. Raises ValueError for other input and for a motion that ended early.
+    protocol: `state` (all states noisy), `displacement` (velocities not measured), `acceleration`
+    (of the velocities, nothing else) or `derivative` (exact states with noisy derivatives). level:
+    of the white noise; except for `derivative` times the standard deviation of what is measured if
+    `relative`, else absolute. The same seed draws the same noise. Raises ValueError for other
+    input and for a motion that ended early.
     """
     _check_model(model)
     if not isinstance(motion, Trajectory):
@@ -82,24 +83,31 @@ def measure(
 
 
 def cramer_rao_bound(
-    model: PolynomialModel, initial_state: object, time: object, sigma: object
+    model: PolynomialModel,
+    initial_state: object,
+    time: object,
+    sigma: object,
+    rate_sigma: object = None,
 ) -> np.ndarray:
     """Least standard deviation that an unbiased method can reach, of each term of a model.
 
     initial_state: (n_states,) at time[0], itself unknown to the method. time: (n,) s, increasing.
     sigma: (n_states,) noise of a sample of each state, infinite for one that is not measured.
+    rate_sigma: the same of each state's derivative, such as an acceleration; None for none.
     Returns (n_states, n_terms): NaN for absent terms and in the equations dX/dt = dX that the names
     of the states tell, infinite where the recording says nothing. Raises ValueError for other
     input, and where the model's solution diverges.
     """
     _check_model(model)
     start = finite("initial_state", initial_state, (len(model.states),))
-    noise = finite("sigma", sigma, (len(model.states),), infinite=True)
-    if not np.all(noise > 0):
-        raise ValueError(f"sigma: {noise.tolist()}; each must be > 0")
+    noise = {"sigma": sigma} if rate_sigma is None else {"sigma": sigma, "rate_sigma": rate_sigma}
+    for name, given in noise.items():
+        noise[name] = finite(name, given, (len(model.states),), infinite=True)
+        if not np.all(noise[name] > 0):
+            raise ValueError(f"{name}: {noise[name].tolist()}; each must be > 0")
     pairs = np.argwhere(model.support)
     free = pairs[~np.isin(pairs[:, 0], list(velocity_pairs(model.states)))]
-    bound = state_bound(model, free, [Experiment(start, increasing("time", time), noise)])
+    bound = state_bound(model, free, [Experiment(start, increasing("time", time), **noise)])
     std = np.full(model.coefficients.shape, np.nan)
     std[tuple(free.T)] = bound.std
     return std

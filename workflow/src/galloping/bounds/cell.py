@@ -39,23 +39,23 @@ def bounds_of(
     """The bound on the present terms from recordings of one system, by each of some samplings.
 
     motions, noises: one for each recording. samplings: indices of the samples of each recording.
-    Raises ValueError for noise that is on states and on their derivatives.
+    Raises ValueError for derivatives of exact states where their noise differs.
     """
     free = free_terms(model, equations)
-    if any(np.any(np.isfinite(noise.derivatives)) for noise in noises):
-        if any(
-            np.any(noise.states) or np.any(noise.derivatives != noises[0].derivatives)
-            for noise in noises
-        ):
-            raise ValueError("bound: measured derivatives need exact states, and the same noise")
+    rates = [n.derivatives if np.any(np.isfinite(n.derivatives)) else None for n in noises]
+    if not any(np.any(noise.states) for noise in noises):
+        if any(np.any(noise.derivatives != noises[0].derivatives) for noise in noises):
+            raise ValueError("bound: derivatives of exact states need the same noise")
         # one system, one noise: the rows of all recordings in one regression
         x = ([m.states[k] for m, k in zip(motions, rows, strict=True)] for rows in samplings)
         sigma = noises[0].derivatives
         return [derivative_bound(model, free, np.concatenate(each), sigma) for each in x]
     # a motion is followed once: to be free where it starts is to be free where samples begin
     whole = [
-        weighted_sensitivities(model, free, Experiment(motion.states[0], motion.time, noise.states))
-        for motion, noise in zip(motions, noises, strict=True)
+        weighted_sensitivities(
+            model, free, Experiment(motion.states[0], motion.time, noise.states, rate)
+        )
+        for motion, noise, rate in zip(motions, noises, rates, strict=True)
     ]
     totals = (
         sum(fisher_information(each[k], len(free)) for each, k in zip(whole, rows, strict=True))

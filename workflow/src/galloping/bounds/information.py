@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.bounds.sensitivity import sensitivities
+from galloping.bounds.sensitivity import rate_sensitivities, sensitivities
 from galloping.polynomial import PolynomialModel, design_matrix
 
 
@@ -16,12 +16,14 @@ class Experiment:
 
     initial_state: (n_states,). time: (n,), s, increasing, any sampling; the state at time[0] is
     `initial_state`. sigma: (n_states,) standard deviation of the noise on each state, in the
-    state's unit, infinite for a state that is not measured.
+    state's unit, infinite for a state that is not measured. rate_sigma: the same of the states'
+    derivatives, None where none is measured.
     """
 
     initial_state: np.ndarray
     time: np.ndarray
     sigma: np.ndarray
+    rate_sigma: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -64,13 +66,18 @@ def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment
 def weighted_sensitivities(
     model: PolynomialModel, free: np.ndarray, experiment: Experiment
 ) -> np.ndarray:
-    """(n, n_states, n_free + n_states): what the samples depend on, in deviations of their noise.
+    """(n, n_channels, n_free + n_states): what samples depend on, in deviations of their noise.
 
-    By the free coefficients and then by the initial state. Raises ValueError where the model's
+    Channels are the states and then, where any is measured, their derivatives. Columns are by the
+    free coefficients and then by the initial state. Raises ValueError where the model's
     solution diverges.
     """
-    _, s = sensitivities(model, free, experiment.initial_state, experiment.time)
-    return s / experiment.sigma[:, None]
+    states, s = sensitivities(model, free, experiment.initial_state, experiment.time)
+    weighted = s / experiment.sigma[:, None]
+    if experiment.rate_sigma is None:
+        return weighted
+    rates = rate_sensitivities(model, free, states, s) / experiment.rate_sigma[:, None]
+    return np.concatenate([weighted, rates], axis=1)
 
 
 def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:

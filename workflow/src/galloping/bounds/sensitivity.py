@@ -7,7 +7,7 @@ from functools import lru_cache
 import heyoka as hy
 import numpy as np
 
-from galloping.polynomial import Exponents, PolynomialModel
+from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.simulation import COMPILATION, equations
 
 MAX_STEPS = 2**16
@@ -36,6 +36,15 @@ def sensitivities(
     if outcome != hy.taylor_outcome.time_limit:
         raise ValueError("the solution of the model diverges, or its time scale is too short")
     return states[:, :n], states[:, n:].reshape(len(time), n, -1)
+
+
+def rate_sensitivities(
+    model: PolynomialModel, free: np.ndarray, states: np.ndarray, moved: np.ndarray
+) -> np.ndarray:
+    """Those of the states' derivatives, shaped alike, from what `sensitivities` returns."""
+    rates = model.jacobian(states) @ moved
+    rates[:, free[:, 0], np.arange(len(free))] += design_matrix(states, model.terms)[:, free[:, 1]]
+    return rates
 
 
 def _places(pairs: np.ndarray) -> Places:

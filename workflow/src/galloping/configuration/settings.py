@@ -26,7 +26,7 @@ from galloping.configuration.fields import (
 )
 from galloping.configuration.lines import CaseSection, paper_cases
 from galloping.configuration.trials import MethodName, ProtocolName, TrialSection
-from galloping.identification.registry import METHODS, PROTOCOL_NAMES
+from galloping.identification.registry import METHODS
 from galloping.measurement.protocols import PROTOCOLS
 
 FolderName = Annotated[
@@ -115,7 +115,7 @@ class MeasurementSection(Section):
         20, "independent realisations of the noise in a cell", "1"
     )
     protocols: selection(ProtocolName) = setting(
-        PROTOCOL_NAMES,
+        tuple(protocol.name for protocol in PROTOCOLS if protocol.by_default),
         "what is measured: "
         + ", ".join(f"{protocol.meaning} ({protocol.name})" for protocol in PROTOCOLS),
     )
@@ -128,8 +128,8 @@ class MeasurementSection(Section):
     )
     state_noise: Literal["relative", "absolute"] = setting(
         "relative",
-        "protocols state and displacement: the level is a fraction of each state's standard "
-        "deviation (relative), or the noise in SI units itself (absolute)",
+        "protocols of sensors: the level is a fraction of the standard deviation of what each "
+        "measures (relative), or the noise in SI units itself (absolute)",
     )
 
 

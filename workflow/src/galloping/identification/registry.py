@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from galloping.configuration.fields import Section
 from galloping.identification.options import Ensemble, NoOptions, Scanned, Thresholded
 from galloping.measurement import protocols
-from galloping.measurement.protocols import ALL_STATES, DERIVATIVES, DISPLACEMENTS_ALONE, Protocol
+from galloping.measurement.protocols import (
+    ALL_STATES,
+    DERIVATIVES,
+    DISPLACEMENTS_ALONE,
+    RATES,
+    Protocol,
+)
 
 PROTOCOL_NAMES = tuple(protocol.name for protocol in protocols.PROTOCOLS)
 REGRESSION = "galloping.identification.sparse.evidence:reduce"
@@ -28,7 +34,7 @@ class Method:
     options: its own section of the `identification` settings, keywords of the function. given:
     further keywords: `degree` of the library, `seed` of the study, `rng` of the replicate.
     by_default: whether a study has it that names none.
-    takes: what a protocol may measure: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE.
+    takes: what a protocol may measure: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE, RATES.
     needs_uniform: whether the samples must be equally spaced, which random subsets are not.
     """
 
@@ -144,7 +150,7 @@ METHODS = (
         evidence=START,
         function="galloping.identification.likelihood.methods:by_maximum_likelihood",
         options=NoOptions,
-        takes=(DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE),
+        takes=(DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE, RATES),
         needs_uniform=False,
     ),
 )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from galloping.measurement.motion import Motion
-from galloping.measurement.protocols import BY_NAME, Noise, channel_scale
+from galloping.measurement.protocols import BY_NAME, DERIVATIVES, Noise, channel_scale
 from galloping.recording import Recording
 from galloping.seeds import generator
 
@@ -26,12 +26,13 @@ def measure(
 ) -> list[tuple[Recording, ...]]:
     """Independent recordings of the first motion or of several under one protocol, by replicate.
 
-    level: of the noise; relative: in units of each state's standard deviation. samples: how many
+    level: of the noise; relative: in units of each channel's standard deviation. samples: how many
     of each motion; fewer than it has are a random subset, drawn without replacement. recordings: of
     how many motions. The recording of a motion in a replicate depends on `seed`, `name` and these
     two numbers only.
     """
     noises = noises_of(motions[:recordings], protocol, level, relative)
+    of_derivatives = "derivatives" if BY_NAME[protocol].measures == DERIVATIVES else "rates"
 
     def record(replicate: int, release: int) -> Recording:
         rng = generator(seed, "measurement", *name, replicate, release)
@@ -39,14 +40,12 @@ def measure(
         rows = slice(None)
         if samples < len(motion.time):
             rows = np.sort(rng.choice(len(motion.time), size=samples, replace=False))
-        return Recording(
-            motion.time[rows],
-            motion.names,
-            _channels(motion.states[rows], noise.states, rng),
-            None
-            if np.all(np.isinf(noise.derivatives))
-            else _channels(motion.derivatives[rows], noise.derivatives, rng),
-        )
+        values = _channels(motion.states[rows], noise.states, rng)
+        further = {}
+        if np.any(np.isfinite(noise.derivatives)):
+            channels = _channels(motion.derivatives[rows], noise.derivatives, rng)
+            further[of_derivatives] = channels
+        return Recording(motion.time[rows], motion.names, values, **further)
 
     return [tuple(record(r, i) for i in range(recordings)) for r in range(replicates)]
 
@@ -56,7 +55,7 @@ def noises_of(
 ) -> list[Noise]:
     """The noise on each motion. Raises KeyError for an unknown protocol."""
     described = BY_NAME[protocol]
-    return [described.noise(level, channel_scale(each.states, relative)) for each in motions]
+    return [described.noise(level, channel_scale(each, relative)) for each in motions]
 
 
 def _channels(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:

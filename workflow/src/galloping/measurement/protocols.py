@@ -1,7 +1,7 @@
 """Measurement protocols: what each measures of a motion, and how well.
 
-A protocol is its noise, on all states, on all displacements, or on all derivatives: from it follow
-the recordings (`measuring`), the Cramer-Rao bound (`bounds.cell`) and which methods can use them
+A protocol is its noise on each state and on each state's derivative: from it follow the recordings
+(`measuring`), the Cramer-Rao bound (`bounds.cell`) and which methods can use them
 (`identification.registry`).
 """
 
@@ -12,9 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# What recordings hold: states with their derivatives, all states, or not all of them.
-DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE = (
-    "derivatives", "states", "displacements",
+from galloping.measurement.motion import Motion
+
+# What recordings hold: exact states with their derivatives, all states, not all of them, or
+# derivatives beside states that are not exact, if there are any.
+DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE, RATES = (
+    "derivatives", "states", "displacements", "rates",
 )  # fmt: skip
 
 
@@ -34,8 +37,9 @@ class Noise:
 class Protocol:
     """One way to measure a motion.
 
-    noise: from the noise level and a scale of each state (n_states,) to a `Noise`; displacements
-    come before velocities. meaning: in the words of the settings. label, color, marker: in figures.
+    noise: from the noise level and the scale (2, n_states) of each state and of each derivative to
+    a `Noise`; displacements come before velocities. meaning: in the words of the settings. label,
+    color, marker: in figures. by_default: whether a study has it that names none.
     """
 
     name: str
@@ -44,36 +48,45 @@ class Protocol:
     label: str
     color: str
     marker: str
+    by_default: bool = True
 
     @property
     def measures(self) -> str:
-        """DERIVATIVES, ALL_STATES or DISPLACEMENTS_ALONE: what its recordings hold."""
-        noise = self.noise(1.0, np.ones(2))
+        """DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE or RATES: what its recordings hold."""
+        noise = self.noise(1.0, np.ones((2, 2)))
         if np.any(np.isfinite(noise.derivatives)):
-            return DERIVATIVES
+            return RATES if np.any(noise.states) else DERIVATIVES
         return ALL_STATES if np.all(np.isfinite(noise.states)) else DISPLACEMENTS_ALONE
 
     @property
     def is_scaled(self) -> bool:
-        """Whether its noise depends on the size of the states."""
+        """Whether its noise depends on the size of the motion."""
+        one, other = (self.noise(1.0, np.full((2, 2), size)) for size in (1.0, 2.0))
         return bool(
-            np.any(self.noise(1.0, np.ones(2)).states != self.noise(1.0, np.full(2, 2.0)).states)
+            np.any(one.states != other.states) or np.any(one.derivatives != other.derivatives)
         )
 
 
 def _derivatives(level: float, scale: np.ndarray) -> Noise:
     """Absolute noise on every derivative (Brunton et al. 2016)."""
-    return Noise(np.zeros(len(scale)), np.full(len(scale), level))
+    return Noise(np.zeros(scale.shape[1]), np.full(scale.shape[1], level))
 
 
 def _states(level: float, scale: np.ndarray) -> Noise:
-    return Noise(level * scale, np.full(len(scale), np.inf))
+    return Noise(level * scale[0], np.full(scale.shape[1], np.inf))
 
 
 def _displacements(level: float, scale: np.ndarray) -> Noise:
     """As `_states`, without the velocities, which are the second half of the states."""
     noise = _states(level, scale)
-    noise.states[len(scale) // 2 :] = np.inf
+    noise.states[scale.shape[1] // 2 :] = np.inf
+    return noise
+
+
+def _accelerations(level: float, scale: np.ndarray) -> Noise:
+    """On the derivatives of the velocities, which are all that is measured."""
+    noise = Noise(np.full(scale.shape[1], np.inf), level * scale[1])
+    noise.derivatives[: scale.shape[1] // 2] = np.inf
     return noise
 
 
@@ -102,13 +115,24 @@ PROTOCOLS = (
         color="#2fa86a",
         marker="s",
     ),
+    Protocol(
+        name="acceleration",
+        noise=_accelerations,
+        meaning="noisy accelerations alone",
+        label="acceleration",
+        color="#b0457f",
+        marker="^",
+        by_default=False,  # of the methods only `maximum_likelihood` can use it
+    ),
 )
 BY_NAME = {protocol.name: protocol for protocol in PROTOCOLS}
 
 
-def channel_scale(states: np.ndarray, relative: bool) -> np.ndarray:
-    """What a noise level is in units of: (n, n_states) -> (n_states,).
+def channel_scale(motion: Motion, relative: bool) -> np.ndarray:
+    """What a noise level is in units of, (2, n_states), of states and of derivatives.
 
-    relative: the standard deviation of each state, else one SI unit.
+    relative: the standard deviation of each, else one SI unit.
     """
-    return states.std(axis=0) if relative else np.ones(states.shape[1])
+    if not relative:
+        return np.ones((2, len(motion.names)))
+    return np.array([motion.states.std(axis=0), motion.derivatives.std(axis=0)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
-from galloping.measurement.protocols import ALL_STATES, DISPLACEMENTS_ALONE, Protocol
+from galloping.measurement.protocols import ALL_STATES, DERIVATIVES, Protocol
 from galloping.study.cells import Case, Cell, Study
 from galloping.study.kinds import JOINT, NOISE, OURS, OURS_FAMILY, SUBSET
 
@@ -107,7 +107,7 @@ def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
         if cell.case.name == case
         and not cell.case.is_continuous
         and (cell.kind, cell.level) == (NOISE, level)
-        and cell.protocol.measures in (ALL_STATES, DISPLACEMENTS_ALONE)
+        and cell.protocol.measures != DERIVATIVES
         and any(method.name == OURS for method in cell.methods)
     }
 

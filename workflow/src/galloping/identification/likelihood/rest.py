@@ -17,7 +17,8 @@ from galloping.identification.likelihood.integrals import undisplaced
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.result import NO_MODEL
 from galloping.identification.likelihood.weak_gls import Start, weak_fit
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import BY_TERM, IdentifiedModel
+from galloping.polynomial import Exponents, PolynomialModel
 
 ALONE = "displacements are not measured, and one alone of several starts leads to a model"
 
@@ -49,7 +50,7 @@ def from_rest(
             objections.append(objection)
     if not made:
         raise objections[0]
-    best = min(made, key=_merit)
+    best = _on_library(min(made, key=_merit), problem.terms, moving)
     if best.status == "ok" and sum(map(_follows, made)) < 2:
         return replace(best, status="not identifiable", reason=ALONE)
     return best
@@ -65,6 +66,23 @@ def _moved(problem: Problem, start: Start, offset: np.ndarray) -> Start:
 
 def _follows(identified: IdentifiedModel) -> bool:
     return identified.status in ("ok", "not identifiable")
+
+
+def _on_library(
+    identified: IdentifiedModel, terms: tuple[Exponents, ...], own: np.ndarray
+) -> IdentifiedModel:
+    """What was identified on the terms `own` (n_terms,) boolean, on all `terms`."""
+
+    def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
+        whole = np.full((len(values), len(terms)), elsewhere)
+        whole[:, own] = values
+        return whole
+
+    model = PolynomialModel(
+        identified.model.states, terms, spread(identified.model.coefficients, 0.0)
+    )
+    errors = {name: spread(getattr(identified, name), np.nan) for name in BY_TERM}
+    return replace(identified, model=model, **errors)
 
 
 def _merit(identified: IdentifiedModel) -> tuple[int, float]:

@@ -13,7 +13,7 @@ import numpy as np
 from galloping.recording import Recording
 from galloping.storage import write_arrays
 
-CHANNELS = ("time", "values", "derivatives")
+CHANNELS = ("time", "values", "derivatives", "rates")
 
 
 def write(path: str | os.PathLike, replicates: Sequence[Sequence[Recording]]) -> None:
