@@ -126,13 +126,14 @@ def test_the_bound_is_a_line_without_marks(levels):
     assert shifts(["weak", "bound"], 0.1) == {"weak": 0.0, "bound": 0.0}
 
 
-def efficiencies(methods=("weak", "maximum_likelihood", "bound"), joint=True):
+def efficiencies(methods=("weak", "maximum_likelihood", "bound"), joint=True, levels=(0.01, 0.05)):
+    cells = [*((1, level, 1.0) for level in levels[:-1]), (1, levels[-1], np.inf)]
+    cells += [(2, levels[-1], np.nan)] * joint
     return pd.DataFrame(
         {"case": "line", "recordings": recordings, "protocol": "state", "level": level,
          "points": 30001, "method": method, "efficiency": value}
-        for recordings, level, value in [(1, 0.01, 1.0), (1, 0.05, np.inf), (2, 0.05, np.nan)]
+        for recordings, level, value in cells
         for method in methods
-        if joint or recordings == 1
     )  # fmt: skip
 
 
@@ -214,7 +215,7 @@ def boxes(figure):
         (draw_noise_coefficients, lambda: of_many(noise_errors(LEVELS))),
         (draw_noise_r2, lambda: of_many(noise_motion(0.9), level=LEVELS)),
         (draw_data_amount, lambda: of_many(amounts(5.0), points=POINTS)),
-        (draw_efficiency, lambda: of_many(efficiencies())),
+        (draw_efficiency, lambda: of_many(efficiencies(levels=LEVELS[1:]))),
         (draw_identifiability, lambda: of_many(identifiable(7.6))),
         (draw_recovery, None),
     ],

@@ -66,7 +66,7 @@ def _places(axes: Axes, table: pd.DataFrame) -> dict[tuple[int, float], float]:
     places |= {cell: last * STEP ** (k + 1) for k, cell in enumerate(joint)}
     if joint:
         labels = [label.get_text() for label in axes.get_xticklabels()]
-        labels += [f"{level:g}\n{recordings} recordings" for recordings, level in joint]
+        labels += [f"{level:g}\n{recordings} rec." for recordings, level in joint]
         axes.set_xticks(list(places.values()), labels)
         axes.set_xlim(right=max(places.values()) * 1.5)
         axes.axvline(last * np.sqrt(STEP), color="#bbbbbb", lw=0.6, ls=":")
