@@ -35,6 +35,7 @@ from galloping.identification.likelihood.weak_constraint import (
     joint,
     jump_covariance,
     linearised,
+    white_misfit,
 )
 
 
@@ -44,14 +45,16 @@ def fluctuating(
     """The fit with means of coefficients that fluctuate, the terms chosen with them, and the
     covariance of the means (n_support, n_support).
 
-    None unless fluctuations explain EXPLAINED of what `fit` leaves beyond the noise: where a model
-    lacks something else, such as modes that a sensor sees besides, they would take part of it for
-    themselves. None, too, where segments are too short or too many to be divided, or no term is
-    left. Raises FloatingPointError or LinAlgError where the iteration diverges.
+    fit: of the whole library. None unless fluctuations explain EXPLAINED of what it leaves beyond
+    the noise: where it lacks something else, such as modes that a sensor sees besides, they would
+    take part of that for themselves. None, too, where segments are too short or too many to be
+    divided, or no term is left. Raises FloatingPointError or LinAlgError where the iteration
+    diverges.
     penalty: worth of a term in units of chi^2, were the model exact.
     """
     rates = _rate_terms(record.problem)
-    excess = _excess(record, fit.sigma)
+    misfit = white_misfit(record, linearised(record, fit).residual)
+    excess = _excess(record, misfit)
     windows = np.diff(record.segments.first)
     divisible = windows.min() >= FLUCTUATION_PARTS and len(windows) <= MOST_DIVIDED
     if not (len(rates) and excess > 0.0 and divisible):
@@ -60,12 +63,11 @@ def fluctuating(
     size = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     unit = _units(record, size, rates)
     variance, least = (FIRST_FLUCTUATION * unit) ** 2, (LEAST_FLUCTUATION * unit) ** 2
-    fine = replace(fit, starts=parts.starts)
+    fine = replace(fit, starts=parts.starts, misfit=misfit)
     for passed in range(FLUCTUATING_PASSES):
         linear = linearised(parts, fine)
-        sigma = np.sqrt(linear.squares * fine.sigma**2 / np.maximum(parts.condensed.rows, 1))
-        sigma = np.maximum(sigma, parts.floor)
-        if passed and not excess - _excess(record, sigma) >= EXPLAINED * excess:
+        misfit = white_misfit(parts, linear.residual)
+        if passed and not excess - _excess(record, misfit) >= EXPLAINED * excess:
             return None
         wider = _with_fluctuations(linear, rates)
         starts = np.pad(fine.starts, ((0, 0), (0, len(rates))))
@@ -84,7 +86,7 @@ def fluctuating(
             own = np.diagonal(solved.variance, axis1=1, axis2=2) + moved**2
             variance = np.maximum(own[:, len(size) :].mean(axis=0), least)
         following = StretchFit(
-            fine.free + change, support, fine.starts + moved[:, : len(size)], sigma, jump
+            fine.free + change, support, fine.starts + moved[:, : len(size)], misfit, jump
         )
         fine = integrable(parts, fine, following)
     if not fine.support.any():
@@ -92,11 +94,11 @@ def fluctuating(
     return replace(fit, free=fine.free, support=fine.support), covariance
 
 
-def _excess(record: Record, sigma: np.ndarray) -> float:
-    """Logarithm of misfit over noise, summed over the channels whose samples tell their noise."""
+def _excess(record: Record, misfit: np.ndarray) -> float:
+    """Logarithm of a white misfit over noise, of the channels whose samples tell theirs, summed."""
     condensed = record.condensed
     noise = np.maximum(condensed.noise_variance, record.floor**2)
-    return float(np.sum(np.log(sigma**2 / noise)[condensed.tells_noise]))
+    return float(np.sum(np.log(misfit[:, 0, :, 0] / noise)[condensed.tells_noise]))
 
 
 def _rate_terms(problem: Problem) -> np.ndarray:
@@ -146,7 +148,7 @@ def _with_fluctuations(linear: Linear, rates: np.ndarray) -> Linear:
     return Linear(
         linear.information[:, twice][:, :, twice],
         linear.right[:, twice],
-        linear.squares,
+        linear.residual,
         np.pad(linear.ends, ((0, 0), (0, extra))),
         np.pad(linear.by_coefficients, ((0, 0), (0, extra), (0, 0))),
         by_state,

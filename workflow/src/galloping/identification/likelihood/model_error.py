@@ -1,16 +1,19 @@
 """Identification where no model of the library follows the data to the noise.
 
 The equations hold up to a disturbance: from one segment to the next the state may jump, by an
-amount proportional to the motion, whose covariance is estimated with the coefficients and the
-noise (weak-constraint estimation; Y. Tremolet, Q. J. R. Meteorol. Soc. 132, 2006; expectation
-maximisation of the covariances). Where the model is nearly right the jumps vanish and the record
+amount proportional to the motion, whose covariance is estimated with the coefficients
+(weak-constraint estimation; Y. Tremolet, Q. J. R. Meteorol. Soc. 132, 2006; expectation
+maximisation of the covariance). What is missed within segments is noise with the spectrum that the
+residuals have. Where the model is nearly right the jumps vanish and the record
 counts as one; where it is not, each stretch counts for itself. How many terms the model deserves,
 how sure they are and what the model predicts is judged on stretches that were left out of the fit.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import stdtrit
@@ -18,15 +21,15 @@ from scipy.special import stdtrit
 from galloping.identification.likelihood.ambiguity import detection_limits
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.constants import (
-    ERROR_CHOOSING_PASSES,
+    CHOOSING_PASSES,
     ERROR_CONVERGED,
-    ERROR_PASSES,
     FIRST_JUMP,
-    FREE_PASSES,
     MOST_GROUPS,
     PENALTIES,
+    SETTLING_PASSES,
     STRETCH_PERIODS,
     SYSTEMATIC,
+    WHOLE_PASSES,
     WORTH,
 )
 from galloping.identification.likelihood.fluctuation import fluctuating
@@ -40,10 +43,12 @@ from galloping.identification.likelihood.weak_constraint import (
     Linear,
     Record,
     StretchFit,
+    coloured_misfit,
     integrable,
     joint,
     jump_covariance,
     linearised,
+    of_variance,
     predictions,
 )
 from galloping.identification.model import FurtherMode, IdentifiedModel
@@ -169,16 +174,20 @@ def _approximate(
     """Of several supports the smallest whose squared forecast error exceeds the least by no more
     than a quarter of the standard error of the difference for every term saved.
 
-    Where coefficients fluctuate, its own are their means, and its terms those chosen with them.
+    None may jump more than the whole library: what a term that was left out would do is no
+    disturbance. Where coefficients fluctuate, they are their means, and the terms chosen with them.
     Raises FloatingPointError where no model is found that can be integrated over a segment.
     """
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     jump = np.diag((FIRST_JUMP * scale) ** 2)
-    fit = StretchFit(free, np.ones(len(free), bool), record.starts, sigma, jump)
+    misfit = of_variance(record, sigma**2)
+    fit = StretchFit(free, np.ones(len(free), bool), record.starts, misfit, jump)
+    fit = whole = _iterate(record, fit, WHOLE_PASSES, lambda solved, right, support: support)
     made: list[Approximation] = []
     fits: list[StretchFit] = []
     for times in PENALTIES:
-        fit = _iterate(record, fit, times * penalty)
+        choose = partial(_chosen, penalty=times * penalty)
+        fit = _iterate(record, fit, CHOOSING_PASSES, choose, whole.jump)
         if not fit.support.any():
             break
         made.append(_judged(record, fit))
@@ -194,7 +203,7 @@ def _approximate(
         saved = max(made[best].support.sum() - made[k].support.sum(), 0)
         if np.mean(worse) <= WORTH * saved * doubt:
             chosen = k
-    return _varying(record, fits[chosen], penalty) or made[chosen]
+    return _varying(record, whole, penalty) or made[chosen]
 
 
 def _varying(record: Record, fit: StretchFit, penalty: float) -> Approximation | None:
@@ -210,25 +219,34 @@ def _varying(record: Record, fit: StretchFit, penalty: float) -> Approximation |
     return replace(judged, covariance=covariance, fluctuates=True) if judged.skill > 0.0 else None
 
 
-def _iterate(record: Record, fit: StretchFit, penalty: float) -> StretchFit:
-    """Gauss-Newton, with terms chosen and covariances estimated on the way."""
-    for passed in range(ERROR_PASSES):
+def _iterate(
+    record: Record,
+    fit: StretchFit,
+    choosing: int,
+    choose: Callable[[Joint, np.ndarray, np.ndarray], np.ndarray],
+    largest: np.ndarray | None = None,
+) -> StretchFit:
+    """Gauss-Newton, with terms chosen and covariances estimated on the way.
+
+    choosing: passes in which terms are chosen, of the normal equations and the terms before.
+    largest: covariance of jumps whose size those of the model may not exceed.
+    """
+    for passed in range(choosing + SETTLING_PASSES):
         linear = linearised(record, fit)
         solved = joint(record, linear, fit.starts, record.precision(fit.jump))
         right = solved.right + solved.information @ fit.free
-        support = fit.support
-        if FREE_PASSES <= passed < ERROR_CHOOSING_PASSES:
-            tried = [np.ones(len(right), bool), support]
-            support = select(solved.information, right, tried, penalty)
+        support = choose(solved, right, fit.support) if passed < choosing else fit.support
         free, _ = solve_support(solved.information, right, support)
         change = free - fit.free
         starts = fit.starts + solved.response[:, :, :-1] @ change + solved.response[:, :, -1]
-        sigma = np.sqrt(linear.squares * fit.sigma**2 / np.maximum(record.condensed.rows, 1))
-        jump = _jump(record, linear, fit.starts, solved) if passed else fit.jump
+        jump = _jump(record, linear, fit.starts, solved)
+        if largest is not None:
+            jump = _no_larger(jump, largest)
         same = np.array_equal(support, fit.support)
-        following = StretchFit(free, support, starts, np.maximum(sigma, record.floor), jump)
+        misfit = coloured_misfit(record, linear.residual)
+        following = StretchFit(free, support, starts, misfit, jump)
         fit = integrable(record, fit, following)
-        if same and passed > FREE_PASSES and change @ solved.information @ change < ERROR_CONVERGED:
+        if same and passed and change @ solved.information @ change < ERROR_CONVERGED:
             break
     return fit
 
@@ -240,6 +258,17 @@ def _jump(record: Record, linear: Linear, starts: np.ndarray, solved: Joint) -> 
     by_state = linear.by_state[at]
     ends = linear.ends[at] + np.einsum("gij,gj->gi", by_state, moved[at])
     return jump_covariance(record, at, starts[at + 1] + moved[at + 1] - ends, by_state, solved)
+
+
+def _no_larger(jump: np.ndarray, largest: np.ndarray) -> np.ndarray:
+    """A covariance whose standard deviations are at most those of another."""
+    share = np.minimum(1.0, np.sqrt(np.diag(largest) / np.diag(jump)))
+    return jump * np.outer(share, share)
+
+
+def _chosen(solved: Joint, right: np.ndarray, support: np.ndarray, penalty: float) -> np.ndarray:
+    """The terms that are worth their penalty, looked for from all and from those before."""
+    return select(solved.information, right, [np.ones(len(right), bool), support], penalty)
 
 
 def _judged(record: Record, fit: StretchFit) -> Approximation:

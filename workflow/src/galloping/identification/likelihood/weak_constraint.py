@@ -8,11 +8,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.linalg import solve_triangular
+from scipy.signal.windows import parzen
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.constants import (
+    COVARIANCE_RIDGE,
     HUGE,
     MOST_HALVINGS,
     QUIET,
@@ -44,6 +49,16 @@ class Record:
         first = self.segments.first
         return np.sqrt(np.add.reduceat(squares, first[:-1]) / np.diff(first) + QUIET**2)
 
+    @cached_property
+    def present(self) -> np.ndarray:
+        """(n_windows, n_observed, n_rows) whether a projection tells anything."""
+        return self.condensed.functionals.any(axis=3)
+
+    @property
+    def longest(self) -> int:
+        """Windows of the longest segment."""
+        return int(np.diff(self.segments.first).max())
+
     @property
     def starts(self) -> np.ndarray:
         """(n_segments, n_states) smoothed states at the beginning of each segment."""
@@ -73,15 +88,14 @@ class Record:
 class Linear:
     """Normal equations of every segment in m unknowns, n coefficients and the segment's state.
 
-    information: (n_segments, m, m); right: (n_segments, m). squares: (n_recordings, n_observed)
-    sums of squared residuals, in units of sigma^2. ends: (n_segments, n_states), and their
-    derivatives: by_coefficients (n_segments, n_states, n), by_state (n_segments, n_states,
-    n_states).
+    information: (n_segments, m, m); right: (n_segments, m). residual: (n_windows, n_observed,
+    n_rows). ends: (n_segments, n_states), and their derivatives: by_coefficients (n_segments,
+    n_states, n), by_state (n_segments, n_states, n_states).
     """
 
     information: np.ndarray
     right: np.ndarray
-    squares: np.ndarray
+    residual: np.ndarray
     ends: np.ndarray
     by_coefficients: np.ndarray
     by_state: np.ndarray
@@ -105,14 +119,15 @@ class Joint:
 
 @dataclass(frozen=True)
 class StretchFit:
-    """free, support: (n_candidates,). starts: (n_segments, n_states). sigma: (n_recordings,
-    n_observed) noise of the projections. jump: (n_states, n_states) covariance at full motion.
+    """free, support: (n_candidates,). starts: (n_segments, n_states). misfit: (n_recordings,
+    n_lags, n_observed, n_rows) autocovariance of what the projections miss, by the lag in windows,
+    zero beyond the last. jump: (n_states, n_states) covariance at full motion.
     """
 
     free: np.ndarray
     support: np.ndarray
     starts: np.ndarray
-    sigma: np.ndarray
+    misfit: np.ndarray
     jump: np.ndarray
 
 
@@ -148,7 +163,7 @@ def linearised(record: Record, fit: StretchFit) -> Linear:
     compiled = system(problem.tables, problem.coefficients(fit.free), problem.candidates)
     count, n, m = len(fit.starts), len(fit.free), len(fit.free) + fit.starts.shape[1]
     information, right = np.empty((count, m, m)), np.empty((count, m))
-    squares = np.zeros(fit.sigma.shape)
+    residual, whitening = np.empty(condensed.targets.shape), Whitening.of(record, fit.misfit)
     ends, slopes = np.empty(fit.starts.shape), np.empty((*fit.starts.shape, m))
     for g in range(count):  # one by one: the rows of a long recording do not fit in memory
         own = slice(segments.first[g], segments.first[g + 1])
@@ -158,12 +173,77 @@ def linearised(record: Record, fit: StretchFit) -> Linear:
         )  # fmt: skip
         if not (np.all(np.abs(ends[g]) < HUGE) and np.all(np.abs(slopes[g]) < HUGE)):
             raise FloatingPointError("the model diverges within a segment")
-        weight = 1.0 / fit.sigma[segments.recording[g]][:, None]
-        scaled = (condensed.targets[own] - predicted) * weight
-        squares[segments.recording[g]] += np.sum(scaled**2, axis=(0, 2))
-        rows = (rows * weight[..., None]).reshape(-1, m)
-        information[g], right[g] = rows.T @ rows, scaled.ravel() @ rows
-    return Linear(information, right, squares, ends, slopes[:, :, :n], slopes[:, :, n:])
+        residual[own] = condensed.targets[own] - predicted
+        both = np.concatenate([rows, residual[own][..., None]], axis=3)
+        both = whitening(both, own, segments.recording[g]).reshape(-1, m + 1)
+        products = both.T @ both
+        information[g], right[g] = products[:m, :m], products[:m, m]
+    return Linear(information, right, residual, ends, slopes[:, :, :n], slopes[:, :, n:])
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """What makes projections of a segment independent and of variance one.
+
+    covariance: (n_recordings, n_observed, n_rows, n, n) of the n windows of the longest segment.
+    factors: of it (Cholesky). present: (n_windows, n_observed, n_rows), of the whole record.
+    """
+
+    covariance: np.ndarray
+    factors: np.ndarray
+    present: np.ndarray
+
+    @classmethod
+    def of(cls, record: Record, misfit: np.ndarray) -> Whitening:
+        """misfit: as of `StretchFit`."""
+        lags = np.zeros((len(misfit), record.longest, *misfit.shape[2:]))
+        lags[:, : misfit.shape[1]] = misfit[:, : record.longest]
+        apart = np.abs(np.subtract.outer(np.arange(record.longest), np.arange(record.longest)))
+        covariance = np.moveaxis(lags, 1, -1)[..., apart]
+        return cls(covariance, np.linalg.cholesky(covariance), record.present)
+
+    def __call__(self, rows: np.ndarray, own: slice, recording: int) -> np.ndarray:
+        """rows: (n_windows, n_observed, n_rows, m) of the segment `own`; zero where absent."""
+        whitened, n = np.zeros(rows.shape), len(rows)
+        for o, k in np.ndindex(rows.shape[1:3]):
+            present = self.present[own, o, k]
+            factor = self.factors[recording, o, k, :n, :n]
+            if not present.all():
+                at = np.ix_(present, present)
+                factor = np.linalg.cholesky(self.covariance[recording, o, k, :n, :n][at])
+            whitened[present, o, k] = solve_triangular(factor, rows[present, o, k], lower=True)
+        return whitened
+
+
+def white_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
+    """(n_recordings, 1, n_observed, n_rows) mean squares of a residual, at least the floor."""
+    squares = np.add.reduceat((residual**2).sum(axis=2), record.condensed.first[:-1], axis=0)
+    squares = squares / np.maximum(record.condensed.rows, 1)
+    return of_variance(record, np.maximum(squares, record.floor**2))
+
+
+def of_variance(record: Record, variance: np.ndarray) -> np.ndarray:
+    """The misfit that is white, of a variance (n_recordings, n_observed)."""
+    return np.repeat(variance[:, None, :, None], record.condensed.targets.shape[2], axis=3)
+
+
+def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
+    """(n_recordings, n_lags, n_observed, n_rows) autocovariance of a residual, and the floor.
+
+    It falls to zero over the longest segment, as a Parzen window, by which its spectrum is smooth.
+    What a model lacks recurs with the motion: were it taken for white noise, it would count as
+    many times as there are windows.
+    """
+    first, n_lags = record.condensed.first, record.longest
+    taper = parzen(2 * n_lags + 1)[n_lags:-1, None, None]
+    misfit = np.empty((len(first) - 1, n_lags, *residual.shape[1:]))
+    for r, (a, b) in enumerate(pairwise(first)):
+        length = next_fast_len(b - a + n_lags, real=True)
+        power = np.abs(rfft(residual[a:b], length, axis=0)) ** 2
+        count = np.maximum(record.present[a:b].sum(axis=0), 1)
+        misfit[r] = taper * irfft(power, length, axis=0)[:n_lags] / count
+    misfit[:, 0] = (1.0 + COVARIANCE_RIDGE) * misfit[:, 0] + record.floor[:, :, None] ** 2
+    return misfit
 
 
 def joint(
