@@ -50,10 +50,13 @@ from galloping.identification.likelihood.weak_constraint import (
     linearised,
     of_variance,
     predictions,
+    white_misfit,
 )
 from galloping.identification.model import FurtherMode, IdentifiedModel
 from galloping.intervals import NORMAL_95, QUANTILES_95
 from galloping.polynomial import PolynomialModel
+
+MisfitOf = Callable[[Record, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -171,29 +174,59 @@ def _in_words(modes: tuple[FurtherMode, ...]) -> str:
 def _approximate(
     record: Record, free: np.ndarray, sigma: np.ndarray, penalty: float
 ) -> Approximation:
-    """Of several supports the smallest whose squared forecast error exceeds the least by no more
-    than a quarter of the standard error of the difference for every term saved.
+    """The smallest of several models that forecast, or, where coefficients fluctuate, their means.
 
-    None may jump more than the whole library: what a term that was left out would do is no
-    disturbance. Where coefficients fluctuate, they are their means, and the terms chosen with them.
-    Raises FloatingPointError where no model is found that can be integrated over a segment.
+    What is missed is taken for noise of its own spectrum and, where no model that is so found can
+    be followed over stretches that were left out, for white noise: of a motion that grows, and of
+    few stretches, the spectrum is told badly. None may jump more than the whole library: what a
+    term that was left out would do is no disturbance. Raises FloatingPointError or LinAlgError
+    where no model is found that can be integrated over a segment.
     """
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     jump = np.diag((FIRST_JUMP * scale) ** 2)
-    misfit = of_variance(record, sigma**2)
-    fit = StretchFit(free, np.ones(len(free), bool), record.starts, misfit, jump)
-    fit = whole = _iterate(record, fit, WHOLE_PASSES, lambda solved, right, support: support)
+    start = StretchFit(
+        free, np.ones(len(free), bool), record.starts, of_variance(record, sigma**2), jump
+    )
+    for misfit_of in (coloured_misfit, white_misfit):
+        try:
+            whole = _iterate(record, start, misfit_of, WHOLE_PASSES, _as_before)
+            made = _of_penalties(record, whole, misfit_of, penalty)
+            if np.isfinite(max(each.skill for each in made)):
+                break
+        except (FloatingPointError, np.linalg.LinAlgError):
+            if misfit_of is white_misfit:
+                raise
+    return _varying(record, whole, penalty) or _smallest(made)
+
+
+def _of_penalties(
+    record: Record, whole: StretchFit, misfit_of: MisfitOf, penalty: float
+) -> list[Approximation]:
+    """Of each of PENALTIES the model, before one with which none is found.
+
+    whole: the fit of the whole library. Raises FloatingPointError or LinAlgError where the first of
+    them finds none.
+    """
     made: list[Approximation] = []
-    fits: list[StretchFit] = []
+    fit = whole
     for times in PENALTIES:
         choose = partial(_chosen, penalty=times * penalty)
-        fit = _iterate(record, fit, CHOOSING_PASSES, choose, whole.jump)
-        if not fit.support.any():
+        try:
+            fit = _iterate(record, fit, misfit_of, CHOOSING_PASSES, choose, whole.jump)
+            if not fit.support.any():
+                raise FloatingPointError("no term stands out of the noise")
+            made.append(_judged(record, fit))
+        except (FloatingPointError, np.linalg.LinAlgError):
+            if not made:
+                raise
             break
-        made.append(_judged(record, fit))
-        fits.append(fit)
-    if not made:
-        raise FloatingPointError("no term stands out of the noise")
+    return made
+
+
+def _smallest(made: list[Approximation]) -> Approximation:
+    """The one of fewest terms whose squared forecast error exceeds the least by no more than a
+    quarter of the standard error of the difference for every term saved, and by no more than one.
+    """
     errors = [np.mean(each.forecast[1] / each.forecast[0].mean(axis=0), axis=1) for each in made]
     best = chosen = int(np.argmin([np.mean(error) for error in errors]))
     for k, error in enumerate(errors):
@@ -201,9 +234,9 @@ def _approximate(
             worse = error - errors[best]
             doubt = np.std(worse) / np.sqrt(len(worse))
         saved = max(made[best].support.sum() - made[k].support.sum(), 0)
-        if np.mean(worse) <= WORTH * saved * doubt:
+        if np.mean(worse) <= min(WORTH * saved, 1.0) * doubt:
             chosen = k
-    return _varying(record, whole, penalty) or made[chosen]
+    return made[chosen]
 
 
 def _varying(record: Record, fit: StretchFit, penalty: float) -> Approximation | None:
@@ -222,6 +255,7 @@ def _varying(record: Record, fit: StretchFit, penalty: float) -> Approximation |
 def _iterate(
     record: Record,
     fit: StretchFit,
+    misfit_of: MisfitOf,
     choosing: int,
     choose: Callable[[Joint, np.ndarray, np.ndarray], np.ndarray],
     largest: np.ndarray | None = None,
@@ -243,7 +277,7 @@ def _iterate(
         if largest is not None:
             jump = _no_larger(jump, largest)
         same = np.array_equal(support, fit.support)
-        misfit = coloured_misfit(record, linear.residual)
+        misfit = misfit_of(record, linear.residual)
         following = StretchFit(free, support, starts, misfit, jump)
         fit = integrable(record, fit, following)
         if same and passed and change @ solved.information @ change < ERROR_CONVERGED:
@@ -264,6 +298,11 @@ def _no_larger(jump: np.ndarray, largest: np.ndarray) -> np.ndarray:
     """A covariance whose standard deviations are at most those of another."""
     share = np.minimum(1.0, np.sqrt(np.diag(largest) / np.diag(jump)))
     return jump * np.outer(share, share)
+
+
+def _as_before(solved: Joint, right: np.ndarray, support: np.ndarray) -> np.ndarray:
+    """No term is chosen."""
+    return support
 
 
 def _chosen(solved: Joint, right: np.ndarray, support: np.ndarray, penalty: float) -> np.ndarray:
