@@ -27,7 +27,6 @@ from galloping.identification.likelihood.constants import (
     MOST_GROUPS,
     PENALTIES,
     SETTLING_PASSES,
-    STRETCH_PERIODS,
     SYSTEMATIC,
     WHOLE_PASSES,
     WORTH,
@@ -102,10 +101,10 @@ def approximation(
 ) -> IdentifiedModel:
     """The most compact model whose forecasts are hardly worse than those of the best.
 
-    segments: of some periods each. states: (n_windows, n_states) smoothed. free: (n_candidates,) a
-    start. sigma, floor: (n_recordings, n_observed) noise of the projections and the least to
-    assume. penalty: worth of a term in units of chi^2, were the model exact. objection: why no
-    model of the library is right.
+    segments: of some periods each, or fewer where the start diverges sooner. states: (n_windows,
+    n_states) smoothed. free: (n_candidates,) a start. sigma, floor: (n_recordings, n_observed)
+    noise of the projections and the least to assume. penalty: worth of a term in units of chi^2,
+    were the model exact. objection: why no model of the library is right.
     Refused where its forecasts are no better than the mean of the data. Raises FloatingPointError
     where no model can be integrated over a stretch. The diagnostics are the R2 of the forecasts and
     the error of each channel as a share of its motion: in all, slow (below half of the frequency at
@@ -125,6 +124,7 @@ def approximation(
     noise[:, condensed.observed[~condensed.is_rate]] = inside[:, ~condensed.is_rate]
     if made.fluctuates:
         objection += "; its linear coefficients fluctuate, as in gusts"
+    stretch = np.median(np.diff(segments.first)) * condensed.step
     named = ", ".join(
         f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
     )
@@ -144,7 +144,7 @@ def approximation(
         sigma=noise,
         chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
         status="approximate",
-        reason=f"{objection}; forecasts over {STRETCH_PERIODS} periods leave {named}"
+        reason=f"{objection}; forecasts over {stretch:.2g} s leave {named}"
         + _in_words(besides),
         further_modes=besides,
         diagnostics={
