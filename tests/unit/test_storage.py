@@ -6,6 +6,7 @@ import pytest
 from galloping.storage import (
     read_json,
     replacing,
+    replacing_folder,
     write_arrays,
     write_json,
     write_rows,
@@ -33,6 +34,29 @@ def test_an_interrupted_first_write_leaves_nothing(tmp_path):
         partial.write_text("half")
         raise RuntimeError
     assert files(tmp_path / "new") == []
+
+
+@pytest.mark.parametrize("end", [None, RuntimeError, KeyboardInterrupt, OSError])
+@pytest.mark.parametrize("place", ["new", "deep/new", "old", "link", "link/new"])
+def test_a_folder_is_written_whole_or_not_at_all(tmp_path, place, end):
+    (tmp_path / "old").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "absent")
+    (tmp_path / "old" / "a").write_text("old")
+    (tmp_path / "old" / "mine").write_text("mine")
+    before = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*"))
+    try:
+        with replacing_folder(tmp_path / place) as folder:
+            (folder / "a").write_text("new")
+            assert (tmp_path / "old" / "a").read_text() == "old"
+            if end:
+                raise end
+    except (RuntimeError, KeyboardInterrupt, OSError):
+        assert sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*")) == before
+        assert (tmp_path / "old" / "a").read_text() == "old"
+    else:
+        assert not end and (tmp_path / place / "a").read_text() == "new"
+        assert (tmp_path / "old" / "mine").read_text() == "mine"
+        assert files(tmp_path / place) == (["a", "mine"] if place == "old" else ["a"])
 
 
 @pytest.mark.parametrize(

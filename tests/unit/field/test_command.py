@@ -2,6 +2,7 @@
 
 import csv
 import json
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -58,6 +59,17 @@ def test_the_example_gives_the_limit_cycle_of_the_span(example):
     assert all(float(row["q_v_low"]) < float(row["q_v_high"]) for row in rows)
 
 
+def test_python_says_what_the_command_says(example, capsys):
+    runpy.run_path(str(EXAMPLES / "from_python.py"))
+    parts = capsys.readouterr().out.split("## ")
+    whole = (example / "summary.md").read_text(encoding="utf-8").split("## ")
+    assert [part for part in parts[:-1] if part[:10] != "Recordings"] == [
+        part for part in whole[:-1] if part[:10] != "Recordings"
+    ]
+    assert parts[-1].startswith(whole[-1].rstrip())
+    assert "limit cycle of q_v: 1.1" in parts[-1]
+
+
 def test_a_model_is_shown_simulated_and_forecasts(example):
     model = example / "model.json"
     assert run("show", model, "--latex").count(r"\frac") == 4
@@ -102,12 +114,14 @@ def test_errors_are_one_line(arguments, code, said):
 
 def test_known_equations_are_read_as_they_are_printed():
     states, terms = ("q", "dq"), library(2, 3)
-    model, named = known_model(["dq=-3.5 q - 2e-2*dq + q^2 dq"], states, terms)
-    assert named == ("dq",)
-    row = dict(zip(model.term_names, model.coefficients[1], strict=True))
-    assert {n: c for n, c in row.items() if c} == {"q": -3.5, "dq": -0.02, "q^2 dq": 1.0}
-    for wrong in ("dq", "x=q", "dq=2 y", "dq=q q q q", "dq=q dq 3"):
-        with pytest.raises(ValueError, match="known equation"):
+    for text in ("dq=-3.5 q - 2e-2*dq + q^2 dq", "d(dq)/dt = -3.5*q - 0.02*dq + q**2*dq"):
+        model, named = known_model([text], states, terms)
+        assert named == ("dq",)
+        row = dict(zip(model.term_names, model.coefficients[1], strict=True))
+        assert {n: c for n, c in row.items() if c} == {"q": -3.5, "dq": -0.02, "q^2 dq": 1.0}
+    for wrong in ("dq", "x=q", "dq=2 y", "dq=q q q q", "dq=q dq 3", "dq=q^-1", "dq=sin(q)",
+                  "dq=1e999 q", "dq=(-3.5 ± 0.1) q", "dq=q/2", "dq=-3,5 q"):  # fmt: skip
+        with pytest.raises(ValueError, match=r"known equation .*(must|finite|library)"):
             known_model([wrong], states, terms)
 
 

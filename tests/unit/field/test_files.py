@@ -116,7 +116,10 @@ def bad_files(folder):
         "twice": ("t,v,v\n" + rows, "two columns are named 'v'"),
         "short": (header + "".join(rows.splitlines(True)[: FEWEST - 1]), "fewer than"),
         "blank": ("\n\n", "no header"),
-        "bare": ("t,v,w\n" + rows.replace(".", ","), "more cells than the 3 columns"),
+        "bare": (
+            "t,v,w\n" + rows.replace(".", ","),
+            "the header, has 3 cells, row 2 has 6; with a decimal comma",
+        ),
         "headless": (rows, "must name the columns"),
         "clock": (header + rows + "0.0,77,1\n", "a time that was there before"),
         "other": ("t,u,w\n" + rows, "no column 'v'; it has 't', 'u', 'w'"),
@@ -142,7 +145,8 @@ def bad_files(folder):
     (folder / "folder.csv").mkdir()
     yield "folder.csv", "not a file"
     yield "absent.csv", "no such file"
-    yield "a.xlsx", "suffix '.xlsx' is not one of"
+    (folder / "a.xlsx").write_bytes(b"PK")
+    yield "a.xlsx", "files .xlsx are not read; save or export it as CSV"
     (folder / "broken.parquet").write_bytes(b"PAR1")
     yield "broken.parquet", "cannot be read"
     (folder / "broken.h5").write_bytes(b"\x89HDF\r\n\x1a\n")
@@ -177,8 +181,8 @@ def test_byte_order_mark_and_formulas_are_harmless(tmp_path):
             {"span": 2, "channels": [{"column": "v", "measures": "q_v", "position": 3}]},
             "not inside",
         ),
-        ({"speed": 3}, "speed: Extra inputs"),
-        ({"decimal": ";"}, "decimal: Input should be"),
+        ({"speed": 3}, "speed: 3: there is no such key"),
+        ({"decimal": ";"}, "decimal: ';': must be"),
     ],
 )
 def test_a_bad_mapping_is_refused_by_name(change, message):

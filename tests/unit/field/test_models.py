@@ -14,7 +14,8 @@ from galloping.configuration.load import load, plain
 from galloping.field.advice import advice, sentences
 from galloping.field.excerpt import PERIODS, STRETCHES, excerpts
 from galloping.field.mapping import validated
-from galloping.field.study import Question, analyse, read_field, tried
+from galloping.field.study import Question, analyse, read_field
+from galloping.field.summary import hold_out, longest_period
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.measurement.measuring import measure
@@ -45,6 +46,12 @@ def recorded(path, time, states, level=0.05, seed=4):
     q = q + level * q.std(axis=0) * np.random.default_rng(seed).standard_normal(q.shape)
     pd.DataFrame({"t": time, "q_v": q[:, 0], "q_w": q[:, 1]}).to_csv(path, index=False)
     return path
+
+
+def tried(field):
+    """The end of a field's recording, forecast from the rest."""
+    given, rng = list(field.recordings), np.random.default_rng(0)
+    return hold_out(given, longest_period(given), lambda r: maximum_likelihood(r, TERMS), rng)
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +139,7 @@ def test_long_recordings_are_identified_from_their_liveliest_and_largest_stretch
 
 def test_advice_ranks_recordings_by_what_they_tell_of_the_weakest_term(field):
     identified = maximum_likelihood(list(field.recordings), TERMS)
-    told = advice(identified, field.recordings[0], field.period)
+    told = advice(identified, field.recordings[0], longest_period(field.recordings))
     errors = [error for _, error in told.options]
     assert errors == sorted(errors) and max(errors) < told.error
     assert any(name.startswith("a release from q_w") for name, _ in told.options)
@@ -152,11 +159,7 @@ def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):
         path = recorded(
             tmp_path / "a.csv", time, Simulator(STATES, TERMS)(line, start, time).states
         )
-        trial = tried(
-            read_field([path], mapping()), lambda r: maximum_likelihood(r, TERMS),
-            np.random.default_rng(0),
-        )  # fmt: skip
-        held.append(trial.held[:2])
+        held.append(tried(read_field([path], mapping())).held[:2])
     assert np.min(held) > 0.8 and 0.85 < np.mean(held) < 0.95
 
 
@@ -173,7 +176,7 @@ def test_accelerations_alone_are_forecast_with_the_displacements(tmp_path):
     ]
     own = {"time": {"column": "t", "unit": "s"}, "states": STATES, "channels": channels}
     field = read_field([tmp_path / "a.csv"], validated(own))
-    trial = tried(field, lambda r: maximum_likelihood(r, TERMS), np.random.default_rng(0))
+    trial = tried(field)
     ahead = trial.forecast
     assert ahead.names == (*STATES, "ddq_v", "ddq_w")
     assert np.isnan(trial.skill[:4]).all() and np.min(trial.skill[4:]) > 0.9

@@ -31,6 +31,28 @@ True
 >>> found.simulate([0.1, 0.1, 0, 0], time).states.shape
 (6001, 4)
 
+What it says of the line, in values with their intervals; printed, it is what the command writes
+to `summary.md`, and `draw_fit` and `draw_forecast` are its figures:
+
+>>> summary = galloping.summarise(found, recording)
+>>> damping = summary.dynamics.damping["q_v"]  # a share of critical, with its 95 % interval
+>>> damping.low < damping.value < damping.high < 0  # it gallops
+True
+>>> cycle = galloping.dynamics(found, recording).half_range["q_v"]  # m; the same without the rest
+>>> cycle == summary.dynamics.half_range["q_v"]
+True
+>>> ahead = galloping.forecast(found, recording, recording.time[-1] + np.arange(1, 101) / 50)
+>>> bool(np.all(ahead.low[:, 0] < ahead.high[:, 0]))  # q_v, the 90 % band of its samples
+True
+
+What takes long tells how far it is to whoever listens, and is silent otherwise:
+
+>>> told = []
+>>> with galloping.progress(lambda what, share: told.append((what, share))):
+...     found = galloping.weak_gls(recording, terms)
+>>> told[0][0]
+'smooth the recording'
+
 How well any method could know each term from such a recording:
 
 >>> sigma = 0.05 * motion.states.std(axis=0)
@@ -53,20 +75,29 @@ __version__ = "0.1.0"
 # name -> module and name there: imported at first use, since some compile
 _PUBLIC = {
     "ConfigurationError": ("galloping.configuration.load", "ConfigurationError"),
+    "Dynamics": ("galloping.field.dynamics", "Dynamics"),
+    "Forecast": ("galloping.field.forecast", "Forecast"),
     "IdentifiedModel": ("galloping.identification.model", "IdentifiedModel"),
     "PolynomialModel": ("galloping.polynomial", "PolynomialModel"),
+    "Prior": ("galloping.identification.likelihood.prior", "Prior"),
     "Recording": ("galloping.recording", "Recording"),
     "Simulator": ("galloping.simulation", "Simulator"),
+    "Summary": ("galloping.field.summary", "Summary"),
     "Trajectory": ("galloping.simulation", "Trajectory"),
+    "Value": ("galloping.field.dynamics", "Value"),
     "cramer_rao_bound": ("galloping.stages", "cramer_rao_bound"),
     "derive": ("galloping.stages", "derive"),
+    "dynamics": ("galloping.field.summary", "dynamics"),
+    "forecast": ("galloping.field.summary", "forecast"),
     "maximum_likelihood": (
         "galloping.identification.likelihood.maximum_likelihood",
         "maximum_likelihood",
     ),
     "measure": ("galloping.stages", "measure"),
     "polynomial_library": ("galloping.polynomial", "library"),
+    "progress": ("galloping.passes", "progress"),
     "simulate": ("galloping.stages", "simulate"),
+    "summarise": ("galloping.field.summary", "summarise"),
     "weak_gls": ("galloping.identification.likelihood.weak_gls", "weak_gls"),
 }
 __all__ = ["__version__", *_PUBLIC]

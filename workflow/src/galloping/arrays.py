@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from numbers import Real
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 
-def floats(name: str, values: object, shape: tuple[int | None, ...]) -> np.ndarray:
+def floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """Values as an array of floats, NaN among them; None in `shape` is any length.
 
     An array of floats is returned as it is. Raises ValueError naming `name` where the values are
@@ -33,8 +35,8 @@ def floats(name: str, values: object, shape: tuple[int | None, ...]) -> np.ndarr
 
 
 def finite(
-    name: str, values: object, shape: tuple[int | None, ...], infinite: bool = False
-) -> np.ndarray:
+    name: str, values: ArrayLike, shape: tuple[int | None, ...], infinite: bool = False
+) -> NDArray[np.float64]:
     """As `floats`, refusing NaN and, unless `infinite`, infinity."""
     array = floats(name, values, shape)
     if np.isnan(array).any() or (np.isinf(array).any() and not infinite):
@@ -42,7 +44,37 @@ def finite(
     return array
 
 
-def increasing(name: str, values: object) -> np.ndarray:
+def initial_state(values: ArrayLike, states: tuple[str, ...]) -> NDArray[np.float64]:
+    """(n_states,) where a motion begins. Raises ValueError, naming a state without a number."""
+    start = finite("initial_state", values, (None,))
+    if len(start) == len(states):
+        return start
+    lacking = f"; none for {', '.join(states[len(start) :])}" if len(start) < len(states) else ""
+    raise ValueError(
+        f"initial_state: {len(start)} numbers for the {len(states)} states {', '.join(states)}"
+        + lacking
+    )
+
+
+def seconds(name: str, times: object) -> object:
+    """Dates and times, or lengths of time, as s since the first; others as they are.
+
+    times: of numpy, pandas or `datetime`. Raises ValueError where one is missing.
+    """
+    pandas = getattr(times, "dt", times)
+    in_utc = pandas.tz_convert(None) if getattr(pandas, "tz", None) is not None else times
+    array = np.asarray(in_utc)
+    if array.dtype.kind == "O" and array.size and all(isinstance(t, datetime) for t in array.flat):
+        utc = [t.astimezone(UTC).replace(tzinfo=None) if t.tzinfo else t for t in array]
+        array = np.array(utc, "datetime64[us]")
+    if array.dtype.kind not in "mM":
+        return times
+    if np.isnat(array).any():
+        raise ValueError(f"{name}: no time in row {np.argmax(np.isnat(array))}")
+    return (array - array[0]) / np.timedelta64(1, "s")
+
+
+def increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """(n,) times, strictly increasing, two or more."""
     array = floats(name, values, (None,))
     if len(array) < 2 or not np.all(np.isfinite(array)) or not np.all(np.diff(array) > 0):

@@ -3,23 +3,44 @@
 from __future__ import annotations
 
 import json
-import sys
+import math
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import click
 
-ERRORS = (ValueError, OSError)
-REFUSED = 3  # exit code where the recordings give no model
+from galloping.field.terminal import shown
+
+REFUSED, INTERRUPTED = 3, 130  # exit codes: the recordings give no model; Ctrl-C
+PIECE = 100_000  # rows of a simulation that are held at a time
 
 
 class _OneLine(click.Group):
-    """Errors of input end in one line and exit code 1."""
+    """Errors of input end in one line and exit code 1, interruptions in one line and 130."""
 
     def invoke(self, context: click.Context) -> object:
         try:
             return super().invoke(context)
-        except ERRORS as error:
+        except (KeyboardInterrupt, SystemError) as error:
+            if not _interrupted(error):
+                raise
+            click.echo("Interrupted", err=True)
+            context.exit(INTERRUPTED)
+        except BrokenPipeError:
+            raise  # whoever read the rows has enough of them
+        except OSError as error:
+            what = error.filename or (error.errno and "standard output")
+            said = f"{what}: {error.strerror}" if what else str(error)
+            raise click.ClickException(said) from error
+        except ValueError as error:
             raise click.ClickException(str(error)) from error
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether an error is an interruption, or compiled code's account of one."""
+    return isinstance(error, KeyboardInterrupt) or (
+        error is not None and _interrupted(error.__cause__)
+    )
 
 
 @click.group(cls=_OneLine, context_settings={"help_option_names": ["-h", "--help"]})
@@ -27,7 +48,8 @@ class _OneLine(click.Group):
 def main() -> None:
     """Models of galloping lines, and of other polynomial systems, from recordings.
 
-    Exit codes: 0 done, 1 input that cannot be used, 2 wrong usage, 3 the recordings give no model.
+    Exit codes: 0 done, 1 input that cannot be used or output that cannot be written, 2 wrong usage,
+    3 the recordings give no model, 130 interrupted.
 
     \b
     Shell completion: eval "$(_GALLOPING_COMPLETE=bash_source galloping)"
@@ -38,7 +60,9 @@ def _mapping_options(command):
     for option in reversed(
         (
             click.option("--time", "time_column", help="Column of the times; t."),
-            click.option("--states", help="States, such as x,y,z; each is a column of its name."),
+            click.option(
+                "--states", help="States, such as x,y,z; columns of their names, or say --measure."
+            ),
             click.option(
                 "--measure", "measures", multiple=True, metavar="STATE=COLUMN[UNIT]@POSITION",
                 help="What a column measures: a state, or d and a state for its rate.",
@@ -101,7 +125,8 @@ def _mapping(time_column, states, measures, units, noises, span, decimal, map_fi
 @main.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path())
 @_mapping_options
-@click.option("--degree", type=click.IntRange(1, 5), default=3, show_default=True)
+@click.option("--degree", type=click.IntRange(1, 5), default=3, show_default=True,
+              help="Of the highest terms.")  # fmt: skip
 @click.option(
     "--method", type=click.Choice(["maximum_likelihood", "weak_gls"]),
     default="maximum_likelihood", show_default=True,
@@ -111,26 +136,37 @@ def _mapping(time_column, states, measures, units, noises, span, decimal, map_fi
     help="A known equation, such as 'dq_w=-9.2 q_w - 0.03 dq_w', SI units.",
 )  # fmt: skip
 @click.option("--output", type=click.Path(file_okay=False), required=True, help="Folder to write.")
+@click.option("--replace", is_flag=True, help="Write over an earlier model in that folder.")
 @click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws of intervals.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result for machines.")
-def identify(files, degree, method, known, output, seed, as_json, **mapping):
+def identify(files, degree, method, known, output, replace, seed, as_json, **mapping):
     """Identify one model from FILES, recordings of one system.
 
-    Everything is written to the folder of --output; begin with its summary.md.
-    """
-    from galloping.field.study import STEPS, Question, analyse
+    A state is a quantity whose rate an equation of the model gives. Those of a span are q_v and
+    q_w, the vertical and the horizontal displacement of its first mode in m, and their rates dq_v
+    and dq_w, the velocities in m/s. A channel is a column of FILES that measures a state or, named
+    by d and the state, its rate: an accelerometer measures ddq_v, the rate of dq_v. Not every state
+    needs a channel. The unit of a column stands behind its name, v [mm], or in --unit.
 
-    question = Question(degree, method, known, seed)
-    with click.progressbar(
-        length=len(STEPS), file=sys.stderr, hidden=not sys.stderr.isatty() or as_json,
-        item_show_func=lambda step: step, show_eta=False,
-    ) as bar:  # fmt: skip
-        identified = analyse(
-            files, _mapping(**mapping), question, Path(output), lambda step: bar.update(1, step)
+    Everything is written to the folder of --output, or nothing; begin with its summary.md.
+    """
+    from galloping.field import OUTPUTS
+    from galloping.field.study import Question, analyse
+    from galloping.storage import replacing_folder
+
+    question, columns = Question(degree, method, known, seed), _mapping(**mapping)
+    if not output:
+        raise ValueError("--output: names no folder")
+    earlier = [name for name in OUTPUTS if (Path(output) / name).exists()]
+    if earlier and not replace:
+        raise ValueError(
+            f"{output}: holds an earlier {earlier[0]}; name another folder, or say --replace"
         )
+    with replacing_folder(output) as folder, shown():
+        identified = analyse(files, columns, question, folder)
     if as_json:
         result = {"status": identified.status, "reason": identified.reason, "output": output}
-        click.echo(json.dumps(result))
+        click.echo(_json(result))
     else:
         click.echo(f"{identified}\nWritten to {output}: begin with summary.md")
     if identified.status == "refused":
@@ -146,8 +182,9 @@ def inspect(file, as_json, **mapping):
     from galloping.field.outputs import report_lines
     from galloping.field.study import read_field
 
-    report = read_field([file], _mapping(**mapping)).reports[0]
-    click.echo(json.dumps(report, indent=2) if as_json else "\n".join(report_lines(report)))
+    with shown():
+        report = read_field([file], _mapping(**mapping)).reports[0]
+    click.echo(_json(report, indent=2) if as_json else "\n".join(report_lines(report)))
 
 
 @main.command()
@@ -167,9 +204,9 @@ def forecast(model, file, duration, window, seed, as_json, **mapping):
     """
     import numpy as np
 
-    from galloping.field.forecast import forecast as forecast_from
     from galloping.field.outputs import forecast_rows
-    from galloping.field.study import PERIODS, read_field
+    from galloping.field.study import read_field
+    from galloping.field.summary import forecast as forecast_from
 
     loaded = _answered(model)
     states = loaded.model.states
@@ -182,13 +219,12 @@ def forecast(model, file, duration, window, seed, as_json, **mapping):
     field = read_field([file], _mapping(**mapping))
     if field.mapping.states != states:
         raise ValueError(f"{model}: has the states {', '.join(states)}; --states must be the same")
-    recording = field.recordings[0]
+    recording = field.recordings[-1]
     step = float(np.median(np.diff(recording.time)))
     steps = np.arange(1, max(round(duration / step), 1) + 1)
-    ahead = forecast_from(
-        loaded, recording, recording.time[-1] + step * steps,
-        window or PERIODS * field.period, np.random.default_rng(seed),
-    )  # fmt: skip
+    time = recording.time[-1] + step * steps
+    with shown():
+        ahead = forecast_from(loaded, recording, time, window=window, seed=seed)
     _print_rows(forecast_rows(ahead), as_json)
 
 
@@ -202,13 +238,33 @@ def _answered(path):
     return loaded
 
 
-def _print_rows(rows: list[dict], as_json: bool) -> None:
-    if as_json:
-        click.echo(json.dumps(rows))
-        return
-    click.echo(",".join(rows[0]))
-    for row in rows:
-        click.echo(",".join(f"{value:.10g}" for value in row.values()))
+def _json(content: object, **options: object) -> str:
+    """JSON, null for numbers that are not finite."""
+
+    def plain(value):
+        if isinstance(value, dict):
+            return {key: plain(inner) for key, inner in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(inner) for inner in value]
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    return json.dumps(plain(content), allow_nan=False, **options)
+
+
+def _print_rows(rows: Iterable[dict], as_json: bool) -> None:
+    """Rows as they come, as CSV or as a list of JSON, which is whole even where they end early."""
+    between = "["
+    try:
+        for row in rows:
+            if as_json:
+                click.echo(between + _json(row), nl=False)
+            else:
+                names = f"{','.join(row)}\n" if between == "[" else ""
+                click.echo(names + ",".join(f"{value:.10g}" for value in row.values()))
+            between = ",\n"
+    finally:
+        if as_json:
+            click.echo("]" if between != "[" else "[]")
 
 
 @main.command()
@@ -220,9 +276,11 @@ def show(model, latex, as_json):
     from galloping.field.outputs import model_rows
     from galloping.identification.model import IdentifiedModel
 
+    if latex and as_json:
+        raise click.UsageError("--latex and --json exclude each other")
     loaded = IdentifiedModel.load(model)
     if as_json:
-        click.echo(json.dumps(model_rows(loaded)))
+        click.echo(_json(model_rows(loaded)))
     else:
         click.echo(loaded.latex() if latex else str(loaded))
 
@@ -237,8 +295,6 @@ def simulate(model, duration, rate, initial, as_json):
     """Simulate a MODEL and print its states as CSV."""
     import numpy as np
 
-    from galloping.simulation import time_grid
-
     loaded = _answered(model)
     if initial:
         try:
@@ -247,18 +303,39 @@ def simulate(model, duration, rate, initial, as_json):
             start = np.array([np.nan])
         if not np.all(np.isfinite(start)):
             raise ValueError(f"--initial: {initial!r} is not allowed; must be numbers with commas")
-    elif len(loaded.initial_states):
+    elif np.isfinite(loaded.initial_states).all() and len(loaded.initial_states):
         start = loaded.initial_states[0]
     else:
         raise ValueError(f"{model}: holds no initial state; say --initial")
     states = loaded.model.states
     if len(start) != len(states):
-        raise ValueError(f"--initial: {len(start)} numbers for {len(states)} states")
-    trajectory = loaded.simulate(start, time_grid(duration, rate))
-    rows = np.column_stack([trajectory.time, trajectory.states]).tolist()
-    _print_rows([dict(zip(["time_s", *states], row, strict=True)) for row in rows], as_json)
-    if trajectory.status != "ok":
-        raise ValueError(f"{model}: {trajectory.status}")
+        raise ValueError(
+            f"--initial: {len(start)} numbers for {len(states)} states; must be {', '.join(states)}"
+        )
+    try:
+        _print_rows(_simulated(loaded.model, start, rate, round(duration * rate)), as_json)
+    except FloatingPointError as error:
+        raise ValueError(f"{model}: {error}") from None
+
+
+def _simulated(model, state, rate: float, last: int) -> Iterator[dict]:
+    """Rows 0 to `last` of a motion. Raises FloatingPointError where it ends early."""
+    import numpy as np
+
+    from galloping.simulation import Simulator
+
+    simulator, names, first = Simulator(model.states, model.terms), ("time_s", *model.states), 0
+    while True:
+        until = min(first + PIECE, last)
+        trajectory = simulator(model, state, np.arange(first, until + 1) / rate)
+        rows = np.column_stack([trajectory.time, trajectory.states])[int(first > 0) :]
+        for row in rows[np.isfinite(rows).all(axis=1)].tolist():
+            yield dict(zip(names, row, strict=True))
+        if trajectory.status != "ok":
+            raise FloatingPointError(trajectory.status)
+        if until == last:
+            return
+        first, state = until, trajectory.states[-1]
 
 
 @main.command()
@@ -267,7 +344,6 @@ def simulate(model, duration, rate, initial, as_json):
 def derive(case, as_json):
     """Derive the galloping equations of a line from CASE.yaml, a case of the configuration."""
     from galloping.configuration.load import ConfigurationError, read
-    from galloping.identification.model import IdentifiedModel
     from galloping.stages import derive as derived
 
     content = read(case)
@@ -276,12 +352,11 @@ def derive(case, as_json):
     except ConfigurationError as error:
         lines = [line.removeprefix(f"{case}: ") for line in str(error).splitlines()]
         raise ValueError("\n".join(f"{case}: {line}" for line in lines)) from None
-    exact = IdentifiedModel(model, "unjudged")
     if as_json:
         rows = {
             state: {n: c for n, c in zip(model.term_names, row.tolist(), strict=True) if c}
             for state, row in zip(model.states, model.coefficients, strict=True)
         }
-        click.echo(json.dumps(rows))
+        click.echo(_json(rows))
     else:
-        click.echo("\n".join(exact.equations()))
+        click.echo("\n".join(model.equations()))

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import chain, combinations_with_replacement
+from math import floor, isfinite, log10
 from numbers import Integral
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from galloping.immutable import Immutable
 
 Exponents = tuple[int, ...]
 
@@ -66,28 +70,51 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
     return theta
 
 
-@dataclass(frozen=True)
-class PolynomialModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class PolynomialModel(Immutable):
     """dx/dt = coefficients @ theta(x).
 
     states: names of the n_states states. terms: exponents of the n_terms monomials.
-    coefficients: (n_states, n_terms), SI units.
+    coefficients: (n_states, n_terms), SI units. Raises ValueError where they have another shape.
     """
 
     states: tuple[str, ...]
     terms: tuple[Exponents, ...]
-    coefficients: np.ndarray
+    coefficients: NDArray[np.float64]
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "states", tuple(self.states))
+        object.__setattr__(self, "terms", tuple(map(tuple, self.terms)))
         object.__setattr__(self, "coefficients", np.asarray(self.coefficients, float))
+        super().__post_init__()
         if self.coefficients.shape != (len(self.states), len(self.terms)):
             raise ValueError(
                 f"coefficients: shape {self.coefficients.shape}, expected "
                 f"({len(self.states)}, {len(self.terms)})"
             )
 
+    def __repr__(self) -> str:
+        about = f"PolynomialModel of {', '.join(self.states)}, {len(self.terms)} candidate terms"
+        return "\n".join([about, *self.equations()])
+
+    def equations(self, standard_errors: ArrayLike | None = None) -> tuple[str, ...]:
+        """The equation of each state as text.
+
+        standard_errors: (n_states, n_terms), printed beside the coefficients where finite.
+        """
+        errors = np.nan if standard_errors is None else standard_errors
+        errors = np.broadcast_to(errors, self.coefficients.shape)
+        names, lines = self.term_names, []
+        for state, row, own in zip(self.states, self.coefficients, errors, strict=True):
+            parts = [
+                f"{with_error(row[j], own[j])} {names[j]}".removesuffix(" 1")
+                for j in np.flatnonzero(row)
+            ]
+            lines.append(f"d({state})/dt = {' + '.join(parts) or '0'}")
+        return tuple(lines)
+
     @property
-    def support(self) -> np.ndarray:
+    def support(self) -> NDArray[np.bool_]:
         """(n_states, n_terms) boolean: which terms are present."""
         return self.coefficients != 0
 
@@ -95,11 +122,11 @@ class PolynomialModel:
     def term_names(self) -> tuple[str, ...]:
         return tuple(term_name(term, self.states) for term in self.terms)
 
-    def __call__(self, x: np.ndarray) -> np.ndarray:
+    def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """State derivatives at `x`: (n, n_states) -> (n, n_states)."""
         return design_matrix(x, self.terms) @ self.coefficients.T
 
-    def jacobian(self, x: np.ndarray) -> np.ndarray:
+    def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """How they depend on the states: (n, n_states) -> (n, n_states, n_states)."""
         exponents = np.array(self.terms)
         lower = [np.maximum(exponents - one, 0) for one in np.eye(len(self.states), dtype=int)]
@@ -122,3 +149,13 @@ class PolynomialModel:
             elif np.any(self.coefficients[:, j]):
                 raise ValueError(f"term {term_name(term, self.states)} is not in the library")
         return PolynomialModel(self.states, terms, coefficients)
+
+
+def with_error(value: float, error: float = np.nan) -> str:
+    """A coefficient with its standard error to two digits, where it has one."""
+    if not (isfinite(error) and error > 0.0):
+        return f"{value:.6g}"
+    decimals = 1 - floor(log10(error))
+    if not 0 <= decimals <= 9:
+        return f"({value:.6g} ± {error:.2g})"
+    return f"({value:.{decimals}f} ± {error:.{decimals}f})"

@@ -6,15 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import floats, increasing
+from galloping.arrays import floats, increasing, seconds
+from galloping.immutable import Immutable
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Immutable):
     """One measured time series.
 
-    Lists become arrays. time: (n,) in s, strictly increasing. states: names of the n_states states.
+    Lists become arrays, and all arrays read-only. time: (n,) in s, strictly increasing; dates and
+    times, as of a DatetimeIndex, become s since the first. states: names of the n_states states.
     values: (n, n_states), measured states, NaN where a sample or a whole channel is missing.
     derivatives: (n, n_states) measured state derivatives, or None where none was measured;
     when given, the values are exact and the derivatives carry the noise (protocol `derivative`).
@@ -27,14 +30,14 @@ class Recording:
     Raises ValueError for anything else, in one line.
     """
 
-    time: np.ndarray
+    time: NDArray[np.float64]
     states: tuple[str, ...]
-    values: np.ndarray
-    derivatives: np.ndarray | None = None
-    rates: np.ndarray | None = None
-    unknown_offsets: np.ndarray | None = None
-    unknown_scales: np.ndarray | None = None
-    known_noise: np.ndarray | None = None
+    values: NDArray[np.float64]
+    derivatives: NDArray[np.float64] | None = None
+    rates: NDArray[np.float64] | None = None
+    unknown_offsets: NDArray[np.bool_] | None = None
+    unknown_scales: NDArray[np.bool_] | None = None
+    known_noise: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         states = self.states
@@ -43,7 +46,7 @@ class Recording:
         states = tuple(states)
         if not states or len(set(states)) < len(states):
             raise ValueError(f"recording: states: {states!r:.60}; must be distinct, one or more")
-        time = increasing("recording: time", self.time)
+        time = increasing("recording: time", seconds("recording: time", self.time))
         shape = len(time), len(states)
         checked = {"time": time, "states": states}
         for name in ("values", "derivatives", "rates"):
@@ -67,6 +70,24 @@ class Recording:
             checked["known_noise"] = noise
         for name, array in checked.items():
             object.__setattr__(self, name, array)
+        super().__post_init__()
+
+    def __repr__(self) -> str:
+        first, last, step = self.time[0], self.time[-1], np.median(np.diff(self.time))
+        held = {"": self.values, "d": self.rates, "derivative of ": self.derivatives}
+        channels = []
+        for prefix, array in held.items():
+            for state, column in zip(self.states, () if array is None else array.T, strict=False):
+                missing = 100 * np.mean(np.isnan(column))
+                if missing < 100:
+                    share = f" ({missing:.2g} % missing)" if missing else ""
+                    channels.append(f"{prefix}{state}{share}")
+        return (
+            f"Recording of {', '.join(self.states)}\n"
+            f"{len(self.time)} samples from {first:.6g} to {last:.6g} s, "
+            f"{'every' if self.is_uniform else 'mostly every'} {step:.4g} s\n"
+            f"measured: {', '.join(channels) or 'nothing'}"
+        )
 
     @property
     def samples(self) -> int:
@@ -75,20 +96,27 @@ class Recording:
         return sum(int(np.isfinite(part).sum()) for part in parts)
 
     @classmethod
-    def from_frame(cls, frame: Mapping[str, object], time: str = "t") -> Recording:
+    def from_frame(cls, frame: Mapping[str, ArrayLike], time: str | None = None) -> Recording:
         """A recording from a pandas DataFrame, or a mapping of columns.
 
-        time: name of the column of times, s; every other column is a state.
+        time: name of the column of times, s or dates; every other column is a state. By default it
+        is `t`, or the index of the frame where there is no such column and the index holds dates.
         Raises ValueError where that column is missing or a column does not hold numbers.
         """
         names = list(frame)
-        if time not in names:
-            raise ValueError(f"recording: no column {time!r}; must be one of {names!r:.60}")
-        states = [name for name in names if name != time]
+        column = "t" if time is None else time
+        index = getattr(frame, "index", None)
+        if column in names:
+            times = frame[column]
+        elif time is None and seconds("recording: index", index) is not index:
+            times = index
+        else:
+            raise ValueError(f"recording: no column {column!r}; must be one of {names!r:.60}")
+        states = [name for name in names if name != column]
         columns = [floats(f"recording: column {name!r}", frame[name], (None,)) for name in states]
-        if len({len(frame[time]), *map(len, columns)}) > 1:
+        if len({len(times), *map(len, columns)}) > 1:
             raise ValueError("recording: columns differ in length")
-        return cls(frame[time], states, np.array(columns).T.reshape(-1, len(states)))
+        return cls(times, states, np.array(columns).T.reshape(-1, len(states)))
 
     def __getitem__(self, rows: slice) -> Recording:
         """The samples of a slice, such as `recording[:100]`, two or more."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,6 +31,37 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacing_folder(path: str | os.PathLike) -> Iterator[Path]:
+    """A temporary folder, the files of which are in `path` when the block ends without error.
+
+    A folder that does not exist comes into being whole; in one that does, each file takes the place
+    of its namesake, and all others stay. Raises OSError, naming the folder, where it cannot be
+    written, before the block begins or when it ends; nothing is left behind then.
+    """
+    place = Path(path).resolve()
+    parent = place if place.is_dir() else place.parent
+    partial = parent / f"{partial_prefix()}{place.name}"
+    made = [folder for folder in (parent, *parent.parents) if not folder.exists()]
+    try:
+        partial.mkdir(parents=True)
+        yield partial
+        if place.is_dir():
+            for file in partial.iterdir():
+                file.replace(place / file.name)
+            partial.rmdir()
+        else:
+            partial.rename(place)
+        made = []
+    except OSError as error:
+        raise OSError(f"{path}: cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+        for folder in made:
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
 
 
 def write_arrays(path: str | os.PathLike, **arrays: np.ndarray) -> None:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import floor, log10
 
 import numpy as np
 
 from galloping.bounds.information import Experiment, bound_of, information
+from galloping.field.dynamics import Surroundings
 from galloping.field.units import coefficient_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import term_name, velocity_pairs
 from galloping.recording import Recording
 
-LARGER = 1.5  # times the largest displacement that was recorded
+LARGER = 1.5  # times the largest displacement from rest that was recorded
 LONGEST = 60  # periods, of a further recording
 OF_APPROXIMATE = (
     "None of the same kind: what the model misses is no noise that more samples would average out. "
@@ -54,6 +56,8 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     before = np.linalg.inv(identified.covariance)
     now = bound_of(model, free, before)
     weakest = int(np.argmin(now.t))
+    if not np.isfinite(now.std[weakest]):  # lost in rounding
+        return None
     equation, term = free[weakest]
     duration = min(recording.time[-1] - recording.time[0], LONGEST * period)
     step = float(np.median(np.diff(recording.time)))
@@ -70,7 +74,9 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
             total = before + information(model, free, option)
         except ValueError:  # by this model the motion would not stay bounded
             continue
-        ranked.append((name, float(bound_of(model, free, total).std[weakest])))
+        error = float(bound_of(model, free, total).std[weakest])
+        if np.isfinite(error):
+            ranked.append((name, error))
     return Advice(
         f"{term_name(model.terms[term], states)} in d({states[equation]})/dt",
         float(model.coefficients[equation, term]),
@@ -87,13 +93,17 @@ def _options(
     """Recordings that could be made, by what is done."""
     states = identified.model.states
     pairs = velocity_pairs(states)
+    around = Surroundings.of([recording])
+    rest = around.middle if (found := around.rest(identified.model)) is None else found
     options = {"another one that begins like the first": first}
     last = identified.simulate(first.initial_state, first.time).states[-1]
     if np.all(np.isfinite(last)):
         options["going on where such a one ends"] = replace(first, initial_state=last)
     for k in pairs or range(len(states)):
         if np.isfinite(recording.values[:, k]).any():
-            height = float(f"{LARGER * np.nanmax(np.abs(recording.values[:, k])):.2g}")
+            away = LARGER * np.nanmax(np.abs(recording.values[:, k] - rest[k]))
+            height = rest[k] + away
+            height = float(f"{height:.{max(1 - floor(log10(away)), 0)}f}")
             start = np.where(np.isin(np.arange(len(states)), list(pairs.values())), 0.0,
                              first.initial_state)  # fmt: skip
             start[k] = height

@@ -1,11 +1,14 @@
-"""What a model says of a line: natural frequencies, net damping, limit cycle, with intervals."""
+"""What a model says of a line: rest, natural frequencies, damping, limit cycle, with intervals."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import floor, log10
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import root
 
 from galloping.cycles.collocation import Orbit
 from galloping.cycles.family import Family
@@ -14,16 +17,24 @@ from galloping.cycles.motion import settle
 from galloping.cycles.prediction import near
 from galloping.field.forecast import drawn, simulator_of
 from galloping.identification.model import IdentifiedModel
+from galloping.immutable import Immutable
 from galloping.intervals import QUANTILES_95
+from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
+from galloping.recording import Recording
 from galloping.simulation import Simulator
 
 DRAWS = 39  # of which the least and the greatest are then the ends of the band
+ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in units of the states
+ENDS = {
+    "rest": "the motion dies out",
+    "irregular": "the motion ends in no limit cycle: it never repeats, or settles too slowly",
+}
 DURATION, FROM_NEARBY, WINDOW = 2000.0, 800.0, 200.0  # s, of the motion that settles on the cycle
 
 
-@dataclass(frozen=True)
-class Value:
+@dataclass(frozen=True, eq=False)
+class Value(Immutable):
     """A value with its 95 % interval; NaN where there is none."""
 
     value: float
@@ -31,44 +42,88 @@ class Value:
     high: float
 
 
-@dataclass(frozen=True)
-class Dynamics:
-    """Of a model with coordinates X and velocities dX.
+@dataclass(frozen=True, eq=False)
+class Surroundings(Immutable):
+    """The recorded motion, in which a position of rest is looked for.
 
-    frequencies: Hz, damping: ratio to critical, of the linear terms, wind included; below zero
-    the motion grows. Each by the coordinate that mostly moves. kind: of the motion in the end,
-    as in `cycles.motion`. period: s, half_range: by coordinate, of the limit cycle if it is one.
+    middle, low, high: (n_states,) mean, least and greatest sample; of what is not measured zero,
+    and no bounds.
     """
 
-    frequencies: dict[str, Value]
-    damping: dict[str, Value]
+    middle: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, recordings: Sequence[Recording]) -> Surroundings:
+        values = np.concatenate([recording.values for recording in recordings])
+        known = np.isfinite(values)
+        counts = known.sum(axis=0)
+        middle = np.where(known, values, 0.0).sum(axis=0) / np.maximum(counts, 1)
+        low = np.where(counts > 0, np.where(known, values, np.inf).min(axis=0), -np.inf)
+        high = np.where(counts > 0, np.where(known, values, -np.inf).max(axis=0), np.inf)
+        return cls(middle, low, high)
+
+    def rest(self, model: PolynomialModel) -> np.ndarray | None:
+        """(n_states,) the equilibrium nearest to the middle, None where none is inside."""
+        found = root(
+            lambda x: model(x[np.newaxis])[0],
+            self.middle,
+            jac=lambda x: model.jacobian(x[np.newaxis])[0],
+            tol=ROUNDING,
+        )
+        inside = np.all((found.x >= self.low) & (found.x <= self.high))
+        if not (found.success and inside):
+            return None
+        return np.where(np.abs(found.x) < ROUNDING, 0.0, found.x)
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics(Immutable):
+    """Of a model with coordinates X and velocities dX.
+
+    rest: m, of each coordinate, the equilibrium that the recorded motion surrounds; empty where
+    there is none. frequencies: Hz, damping: ratio to critical, of small motions about it, wind
+    included; below zero they grow. Each by the coordinate that mostly moves. kind: of the motion in
+    the end, as in `cycles.motion`. half_range: by coordinate, of the limit cycle if it is one,
+    period: s, of it, None where the motion settles on a cycle that is not found exactly.
+    """
+
+    rest: Mapping[str, Value]
+    frequencies: Mapping[str, Value]
+    damping: Mapping[str, Value]
     kind: str
     period: Value | None
-    half_range: dict[str, Value]
+    half_range: Mapping[str, Value]
 
 
-def dynamics(identified: IdentifiedModel, rng: np.random.Generator) -> Dynamics | None:
+def dynamics(
+    identified: IdentifiedModel, around: Surroundings, rng: np.random.Generator
+) -> Dynamics | None:
     """None where no state is a velocity of another one, or where there is no model."""
     model = identified.model
     pairs = velocity_pairs(model.states)
     if not pairs or identified.status == "refused":
         return None
     models = drawn(identified, DRAWS if len(identified.covariance) else 1, rng)
-    best = _linear(model, pairs)
-    sampled = np.array([_linear(each, pairs) for each in models])
-    frequencies, damping = (
-        {model.states[i]: _value(best[k, n], sampled[:, k, n]) for n, i in enumerate(pairs)}
-        for k in (0, 1)
-    )
+    best, sampled = _linear(model, pairs, around), [_linear(m, pairs, around) for m in models]
+    names = [model.states[i] for i in pairs]
+    rest, frequencies, damping = (
+        {name: _value(best[k, n], np.array([each[k, n] for each in sampled]))
+         for n, name in enumerate(names)}
+        for k in range(3)
+    )  # fmt: skip
+    rest = {} if np.isnan(best[0]).any() else rest
     simulator = simulator_of(model)
     start = identified.initial_states[-1]
     motion = settle(simulator, model, start, duration=DURATION, window=WINDOW)
     if motion.kind != "cycle":
-        return Dynamics(frequencies, damping, motion.kind, None, {})
+        return Dynamics(rest, frequencies, damping, motion.kind, None, {})
     try:
         orbit = settled(Family(lambda _: model), 0.0, motion.time, motion.states, 1.0)[1].solution
-    except ValueError as error:
-        return Dynamics(frequencies, damping, str(error), None, {})
+    except ValueError:  # of the solver: the motion itself does repeat
+        half = {model.states[i]: _value(motion.half_range[i], np.array([np.nan])) for i in pairs}
+        return Dynamics(rest, frequencies, damping, "cycle", None, half)
     orbits = [_orbit(each, orbit, simulator) for each in models]
     ranges = np.array([each.half_range() for each in orbits if each is not None])
     periods = np.array([each.period for each in orbits if each is not None])
@@ -76,21 +131,31 @@ def dynamics(identified: IdentifiedModel, rng: np.random.Generator) -> Dynamics 
         ranges, periods = np.full((1, len(model.states)), np.nan), np.array([np.nan])
     half = orbit.half_range()
     return Dynamics(
-        frequencies, damping, "cycle", _value(orbit.period, periods),
+        rest, frequencies, damping, "cycle", _value(orbit.period, periods),
         {model.states[i]: _value(half[i], ranges[:, i]) for i in pairs},
     )  # fmt: skip
 
 
-def expected(model: PolynomialModel, identified: IdentifiedModel) -> Dynamics | None:
-    """Those of a model that is known, its motion begun where that of the identified one begins."""
+def expected(
+    model: PolynomialModel, identified: IdentifiedModel, around: Surroundings
+) -> Dynamics | None:
+    """Those of a model that is known, its motion begun where that of the identified one begins.
+
+    As far from its own position of rest, about zero, as that one is from the recorded one.
+    """
     if model.states != identified.model.states:
         return None
-    exact = IdentifiedModel(model, "unjudged", initial_states=identified.initial_states)
-    return dynamics(exact, np.random.default_rng(0))
+    recorded = around.rest(identified.model)
+    shift = around.middle if recorded is None else recorded
+    start = identified.initial_states - shift
+    exact = IdentifiedModel(model, "unjudged", initial_states=start)
+    about = Surroundings(np.zeros_like(shift), around.low - shift, around.high - shift)
+    return dynamics(exact, about, np.random.default_rng(0))
 
 
 def _orbit(model: PolynomialModel, orbit: Orbit, simulator: Simulator) -> Orbit | None:
     """The limit cycle of another model, near one or where a motion from there ends."""
+    passing("draw limit cycles")
     family = Family(lambda _: model)
     if (close := near(family, orbit)) is not None:
         return close
@@ -109,15 +174,13 @@ def _value(value: float, samples: np.ndarray) -> Value:
     return Value(float(value), float(low), float(high))
 
 
-def _linear(model: PolynomialModel, pairs: dict[int, int]) -> np.ndarray:
-    """(2, n_coordinates) frequency, Hz, and damping ratio of the mode of each coordinate."""
-    n = len(model.states)
-    matrix = np.zeros((n, n))
-    for j, term in enumerate(model.terms):
-        if sum(term) == 1:
-            matrix[:, term.index(1)] = model.coefficients[:, j]
-    values, vectors = np.linalg.eig(matrix)
-    result = np.full((2, len(pairs)), np.nan)
+def _linear(model: PolynomialModel, pairs: dict[int, int], around: Surroundings) -> np.ndarray:
+    """(3, n_coordinates) rest, m, and frequency, Hz, and damping ratio of each one's mode there."""
+    result = np.full((3, len(pairs)), np.nan)
+    if (rest := around.rest(model)) is None:
+        return result
+    result[0] = rest[list(pairs)]
+    values, vectors = np.linalg.eig(model.jacobian(rest[np.newaxis])[0])
     free = list(np.flatnonzero(values.imag > 0))
     for k, i in enumerate(pairs):
         if not free:
@@ -125,31 +188,43 @@ def _linear(model: PolynomialModel, pairs: dict[int, int]) -> np.ndarray:
         shares = [np.abs(vectors[i, m]) / np.linalg.norm(vectors[list(pairs), m]) for m in free]
         mode = free.pop(int(np.argmax(shares)))
         size = np.abs(values[mode])
-        result[:, k] = size / (2 * np.pi), -values[mode].real / size
+        result[1:, k] = size / (2 * np.pi), -values[mode].real / size
     return result
 
 
 def sentences(of: Dynamics) -> list[str]:
     """The same in words."""
-    said = [
-        f"{state} does not oscillate by itself"
-        if np.isnan(of.frequencies[state].value)
-        else f"{state} oscillates at {_words(of.frequencies[state], 'Hz')}, net damping "
-        f"{_words(of.damping[state], '% of critical', 100)}"
-        + (": it grows" if of.damping[state].value < 0 else "")
-        for state in of.frequencies
-    ]
-    if of.period is None:
-        said.append(f"the motion does not end in a limit cycle: {of.kind}")
+    if of.rest:
+        places = ", ".join(f"{state} = {in_words(value, 'm')}" for state, value in of.rest.items())
+        said = [f"small motions are those about the position of rest that is recorded, {places}"]
+        said += [_mode(of, state) for state in of.frequencies]
     else:
-        halves = ", ".join(
-            f"{state} ± {_words(value, 'm')}" for state, value in of.half_range.items()
+        said = ["the model has no position of rest inside the motion, so no natural frequencies"]
+    halves = ", ".join(f"{name} ± {in_words(half, 'm')}" for name, half in of.half_range.items())
+    if of.kind == "cycle":
+        last = (
+            f", period {in_words(of.period, 's')}"
+            if of.period
+            else "; the cycle itself was not computed, so nothing tells how sure these are"
         )
-        said.append(f"the motion ends in a limit cycle: {halves}, period {_words(of.period, 's')}")
-    return said
+        return [*said, f"the motion ends in a limit cycle: {halves}{last}"]
+    untold = f"where the motion ends is not told by this model: its simulation {of.kind}"
+    return [*said, ENDS.get(of.kind, untold)]
 
 
-def _words(of: Value, unit: str, factor: float = 1.0) -> str:
+def _mode(of: Dynamics, state: str) -> str:
+    frequency, damping = of.frequencies[state], of.damping[state]
+    if np.isnan(frequency.value):
+        return f"{state} does not oscillate by itself"
+    if abs(damping.value) < ROUNDING:
+        return f"{state} oscillates at {in_words(frequency, 'Hz')}, without damping of its own"
+    grows = ": it grows" if damping.value < 0 else ""
+    share = in_words(damping, "% of critical", 100)
+    return f"{state} oscillates at {in_words(frequency, 'Hz')}, net damping {share}{grows}"
+
+
+def in_words(of: Value, unit: str, factor: float = 1.0) -> str:
+    """A value times a factor with its interval, to the digits that it tells."""
     value, low, high = (factor * number for number in (of.value, of.low, of.high))
     if low == high:
         return f"{value:.5g} {unit}"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from galloping.identification.likelihood.integrals import (
     undisplaced,
@@ -13,7 +15,9 @@ from galloping.identification.likelihood.integrals import (
 )
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
+from galloping.immutable import Immutable
 from galloping.intervals import QUANTILES_90
+from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 from galloping.simulation import Simulator
@@ -25,7 +29,11 @@ STAGES = (1 / 6, 1 / 3, 2 / 3, 1.0)  # of the samples that a start is told from,
 FOLLOWS = 1.3  # chi^2 per sample of a start that is right
 SHARES = (1.0, 0.5, 0.25)  # of the window, where motions soon part
 ENOUGH = 0.9  # of the draws, that follow the samples
-ORIGINS, PARTS = 8, 4  # of forecasts that tell how wrong an approximate model is
+ORIGINS, PARTS = 8, 4  # of forecasts that tell how wrong an approximate model is; of a window
+TRIED = 5  # windows, over which such forecasts go
+WIDER = "forecast_widened_"  # and a channel: the name of its factor in the diagnostics of a model
+USELESS = "that of what was held out of its recordings was worse than their mean"
+BY_CHANCE = 0.01  # of the shares that a band holds which is right
 STEP = 1e-5  # of finite differences of the start, relative to each state's size
 SLOPE = 1 / 4  # of the fastest period, over which a first guess of a velocity is a slope,
 FEWEST = 5  # but so many samples
@@ -74,17 +82,28 @@ class Sensed:
         return np.hstack([states, model(states)[:, self.rates]]) if self.rates else states
 
 
-@dataclass(frozen=True)
-class Forecast:
+@dataclass(frozen=True, eq=False, repr=False)
+class Forecast(Immutable):
     """names: of the n_sensed channels, the states first. time: (n,) s. median, low, high:
-    (n, n_sensed), the 90 % band of what sensors will show.
+    (n, n_sensed), the 90 % band of what sensors will show. chance: (n_sensed,) share of the samples
+    below which a band that is right holds once in a hundred times.
     """
 
     names: tuple[str, ...]
-    time: np.ndarray
-    median: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    time: NDArray[np.float64]
+    median: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    chance: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        first, last = self.time[0], self.time[-1]
+        return f"Forecast of {', '.join(self.names)} from {first:.6g} to {last:.6g} s"
+
+    def widened(self, factors: NDArray[np.float64]) -> Forecast:
+        """With a band so many times as wide, (n_sensed,), about the median."""
+        low, high = (self.median + factors * (end - self.median) for end in (self.low, self.high))
+        return replace(self, low=low, high=high)
 
 
 def forecast(
@@ -100,12 +119,16 @@ def forecast(
     follows the samples of the window best after noise was added to them once more. The noise of a
     sample is part of the band; that of an approximate model is as wide as its forecasts from
     earlier times of the recording were wrong. Where motions of an exact model soon part, so that
-    draws do not follow the samples, the window is halved. Draws that diverge are left out. Raises
-    ValueError where there is no model, or where most draws diverge.
+    draws do not follow the samples, the window is halved. The band at an instant does not depend on
+    the instants after it. Raises ValueError where there is no model, and where most draws do not
+    follow the window or diverge, or where the model's forecast of what was held out was of no use.
+    Bands are widened by what that one needed.
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
     sensed = Sensed.by(recording)
+    if any(np.isinf(identified.diagnostics.get(f"{WIDER}{name}", 1.0)) for name in sensed.names):
+        raise ValueError(f"the model gives no forecast: {USELESS}")
     sigma = sensed.noise(identified)
     simulator = simulator_of(identified.model)
     if identified.status == "approximate":
@@ -118,10 +141,126 @@ def forecast(
                 break
         missed = np.zeros_like(sigma)
     if len(motions) < DRAWS // 2:
-        raise ValueError(f"{DRAWS - len(motions)} of {DRAWS} draws of the model diverge")
-    seen = motions + np.maximum(sigma, missed) * rng.standard_normal(motions.shape)
-    low, high = np.quantile(seen, QUANTILES_90, axis=0, method="weibull")
-    return Forecast(sensed.names, time, np.median(motions, axis=0), low, high)
+        raise ValueError(
+            f"{DRAWS - len(motions)} of {DRAWS} draws of the model do not follow the last "
+            f"{window:.3g} s of the recording"
+        )
+    bounded = np.isfinite(motions).all(axis=(1, 2))
+    if bounded.sum() < DRAWS // 2:
+        raise ValueError(f"{DRAWS - bounded.sum()} of {DRAWS} draws of the model diverge")
+    draws = rng.standard_normal((len(time), *motions.shape[::2])).transpose(1, 0, 2)
+    seen = motions + np.maximum(sigma, missed) * draws
+    low, high = _quantiles(seen, QUANTILES_90)
+    held = np.mean((seen[bounded] >= low) & (seen[bounded] <= high), axis=1)
+    chance = np.quantile(held, BY_CHANCE, axis=0)
+    ahead = Forecast(sensed.names, time, _quantiles(motions, (0.5,))[0], low, high, chance)
+    factors = [identified.diagnostics.get(f"{WIDER}{name}", 1.0) for name in sensed.names]
+    return ahead.widened(np.array(factors)) if max(factors) > 1.0 else ahead
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut(Immutable):
+    """A forecast of what was held out, and how well it held.
+
+    forecast: with its band as it was computed. skill: (n_sensed,) R2 of the median. held:
+    (n_sensed,) share of the samples inside the band. factors: (n_sensed,) how many times as wide
+    the band must be to hold 90 % of them: 1 where no fewer are inside than chance allows, infinite
+    where the forecast is worse than the mean of the samples and of no use. NaN of channels that
+    nothing measures, their factors 1.
+    """
+
+    forecast: Forecast
+    skill: NDArray[np.float64]
+    held: NDArray[np.float64]
+    factors: NDArray[np.float64]
+
+    @property
+    def useful(self) -> bool:
+        return bool(np.isfinite(self.factors).all())
+
+
+def held_out(ahead: Forecast, measured: np.ndarray, deviation: np.ndarray) -> HeldOut:
+    """Compare a forecast with the samples (n, n_sensed) at its times, NaN where missing.
+
+    deviation: (n_sensed,) of the whole recording, which a useful forecast does not err by.
+    """
+    known = np.isfinite(measured)
+    error = np.where(known, measured - ahead.median, 0.0)
+    inside = known & (measured >= ahead.low) & (measured <= ahead.high)
+    counts = known.sum(axis=0)
+    rest = np.sum(error**2, axis=0)
+    factors = np.ones(len(counts))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(known, measured, 0.0).sum(axis=0) / counts
+        spread = np.sum(np.where(known, measured - mean, 0.0) ** 2, axis=0)
+        skill, held = 1.0 - rest / spread, inside.sum(axis=0) / counts
+        away = np.maximum(
+            error / (ahead.high - ahead.median), error / (ahead.low - ahead.median)
+        )  # in widths of the band on the side of the sample
+    for k in np.flatnonzero(held < ahead.chance):
+        useless = skill[k] <= 0.0 and rest[k] > counts[k] * deviation[k] ** 2
+        factors[k] = np.inf if useless else np.quantile(away[known[:, k], k], 0.9)
+    return HeldOut(ahead, skill, held, factors)
+
+
+def deviations(samples: np.ndarray) -> np.ndarray:
+    """(n_sensed,) standard deviation of samples (n, n_sensed), zero where nothing is measured."""
+    known = np.isfinite(samples)
+    counts = np.maximum(known.sum(axis=0), 1)
+    mean = np.where(known, samples, 0.0).sum(axis=0) / counts
+    return np.sqrt(np.sum(np.where(known, samples - mean, 0.0) ** 2, axis=0) / counts)
+
+
+def with_factors(identified: IdentifiedModel, trial: HeldOut) -> IdentifiedModel:
+    """The model with what it was seen to need: how many times as wide its bands must be."""
+    factors = {
+        f"{WIDER}{name}": float(factor)
+        for name, factor in zip(trial.forecast.names, trial.factors, strict=True)
+        if factor != 1.0
+    }
+    return replace(identified, diagnostics={**identified.diagnostics, **factors})
+
+
+def _quantiles(motions: np.ndarray, at: Sequence[float]) -> np.ndarray:
+    """(n_quantiles, n, n_sensed) of draws (n_draws, n, n_sensed), without those that diverged."""
+    gone = ~np.isfinite(motions).all(axis=(0, 2))
+    found = np.quantile(motions, at, axis=0, method="weibull")
+    if gone.any():
+        found[:, gone] = np.nanquantile(motions[:, gone], at, axis=0, method="weibull")
+    return found
+
+
+def check_followed(identified: IdentifiedModel, recording: Recording, window: float) -> None:
+    """Raise ValueError, in one line, where the end of a recording is not the motion of a model.
+
+    The model is fitted to ORIGINS windows of `window` s, from the last 5 of them on, by their
+    starts alone. An approximate model may miss the samples as it missed those of its own recording.
+    """
+    sensed = Sensed.by(recording)
+    simulator, sigma = simulator_of(identified.model), sensed.noise(identified)
+    time, values = recording.time, sensed.samples(recording)
+    least = FOLLOWS
+    if identified.status == "approximate":
+        least *= max(identified.chi2, 1.0)
+    left = []
+    last = max(time[-1] - window, time[0])
+    for begin in np.linspace(max(time[-1] - TRIED * window, time[0]), last, ORIGINS):
+        own = slice(*np.searchsorted(time, (begin, begin + window)))
+        if np.isfinite(values[own][:, sigma > 0]).sum() < FEWEST * len(sigma):
+            continue
+        follow = Following(simulator, sensed, time[own], sigma)
+        start = follow.start(identified.model, first_guess(recording, own.start), values[own])
+        motion = None if start is None else follow.motion(identified.model, start, time[own])
+        left.append(np.inf if motion is None else follow.misfit(motion, values[own]))
+    if left and not np.median(left) <= least:
+        noise = ", ".join(
+            f"{name} {each:.2g}" for name, each in zip(sensed.names, sigma, strict=True) if each > 0
+        )
+        raise ValueError(
+            f"the model does not follow the recording: over {window:.3g} s it misses the samples "
+            f"by {np.sqrt(np.median(left)):.3g} times their noise ({noise}), where "
+            f"{np.sqrt(least):.3g} is allowed: another line, another wind, or another sensor"
+        )
 
 
 def _motions(
@@ -133,7 +272,7 @@ def _motions(
     worst: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """(n_draws, n, n_sensed) motions at `time` of the draws that stay bounded.
+    """(n_draws, n, n_sensed) motions at `time` of the draws, NaN from where one diverges.
 
     worst: misfit, as of `Following.misfit`, beyond which a draw does not follow its samples and is
     left out.
@@ -143,6 +282,11 @@ def _motions(
     sensed = Sensed.by(recording)
     sampled, values = recording.time[begin::thin], sensed.samples(recording)[begin::thin]
     sigma = sensed.noise(identified)
+    if len(sampled) < len(recording.states):
+        raise ValueError(
+            f"the last {window:g} s of the recording hold {len(sampled)} samples; a forecast needs "
+            f"{len(recording.states)} or more to start from"
+        )
     follow = Following(simulator, sensed, sampled, sigma)
     fitted = follow.start(identified.model, first_guess(recording, begin), values)
     motions = []
@@ -150,13 +294,13 @@ def _motions(
     if near is not None and follow.misfit(near, values) < worst:
         slopes = follow.slopes(identified.model, fitted, len(sampled))
         for model in drawn(identified, DRAWS, rng):
+            passing("draw models and starts")
             noisy = values + sigma * rng.standard_normal(values.shape)
             start = follow.start(model, fitted, noisy, slopes)
             if start is None:
                 continue
             motion = follow.motion(model, start, np.concatenate([sampled, time]))
-            follows = follow.misfit(motion[: len(sampled)], noisy) < 2.0 * worst  # noise twice
-            if follows and np.all(np.isfinite(motion)):
+            if follow.misfit(motion[: len(sampled)], noisy) < 2.0 * worst:  # noise twice
                 motions.append(motion[len(sampled) :])
     return np.array(motions).reshape(-1, len(time), len(sigma))
 
@@ -171,27 +315,39 @@ def _missed(
     """(n, n_sensed) root mean square errors, noise included, of forecasts from earlier windows.
 
     ahead: (n,) s, of what is forecast. The forecasts begin at `ORIGINS` times of the recording,
-    the later half of it; their errors are taken together in `PARTS` of the time ahead.
+    the later half of it, and are of TRIED windows or a quarter of it; their errors are taken
+    together in `PARTS` of a window and do not shrink. Later ones grow with the time, as those of a
+    phase do, up to what two motions of the channel differ by at random.
     """
     sensed = Sensed.by(recording)
     time, values, sigma = recording.time, sensed.samples(recording), sensed.noise(identified)
-    horizon = min(ahead[-1], (time[-1] - time[0]) / 4)
-    squares, counts = np.zeros((2, PARTS, values.shape[1]))
+    quarter = (time[-1] - time[0]) / 4
+    length = min(window, quarter) / PARTS
+    parts = int(min(TRIED * window, quarter) / length + 1e-9)
+    horizon = parts * length
+    squares, counts = np.zeros((2, parts, values.shape[1]))
     for origin in np.linspace(time[0] + (time[-1] - time[0]) / 2, time[-1] - horizon, ORIGINS):
         begin, now, end = np.searchsorted(time, (origin - window, origin, origin + horizon))
+        if now - begin < len(sigma):
+            continue  # the window falls into a gap
         follow = Following(simulator, sensed, time[begin:now], sigma)
         start = follow.start(identified.model, first_guess(recording, begin), values[begin:now])
         if start is None:
             continue
         motion = follow.motion(identified.model, start, time[begin:end])[now - begin :]
-        part = np.minimum((PARTS * (time[now:end] - origin) / horizon).astype(int), PARTS - 1)
+        part = np.minimum(((time[now:end] - origin) / length).astype(int), parts - 1)
         error = values[now:end] - motion
         known = np.isfinite(error)
         np.add.at(squares, part, np.where(known, error, 0.0) ** 2)
         np.add.at(counts, part, known)
-    missed = np.sqrt(squares / np.maximum(counts, 1))
-    centres = (np.arange(PARTS) + 0.5) / PARTS * horizon
-    return np.column_stack([np.interp(ahead, centres, each) for each in missed.T])
+    if not counts.any():
+        raise ValueError("no earlier stretch of the recording tells how wrong forecasts are")
+    missed = np.maximum.accumulate(np.sqrt(squares / np.maximum(counts, 1)), axis=0)
+    centres = (np.arange(parts) + 0.5) * length
+    inside = np.column_stack([np.interp(ahead, centres, each) for each in missed.T])
+    most = np.maximum(np.sqrt(2.0) * deviations(values), missed[-1])
+    later = np.maximum(ahead / centres[-1], 1.0)[:, np.newaxis]
+    return np.where(later > 1.0, np.minimum(inside * later, most), inside)
 
 
 def drawn(

@@ -8,10 +8,20 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from galloping.field.units import named
+
+FAULTS = {  # where pydantic speaks of Python's types
+    "extra_forbidden": "there is no such key",
+    "tuple_type": "must be a list",
+    "model_type": "must be a section of keys",
+    "too_short": "must hold at least 1",
+    "float_type": "must be a number",
+    "float_parsing": "must be a number",
+    "string_type": "must be text",
+}
+MOST_LINES = 3  # of problems
 NAME = re.compile(r"[^\W\d]\w*")
-SHORT = re.compile(
-    r"(?P<measures>[^=\s]+)=(?P<column>[^\[@]+?)(\[(?P<unit>[^\]]*)\])?(@(?P<position>[^@]+))?"
-)
+NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 class MappingError(ValueError):
@@ -67,7 +77,12 @@ class ColumnMapping(_Section):
     def _consistent(self) -> ColumnMapping:
         for name in self.states:
             if not NAME.fullmatch(name):
-                raise ValueError(f"states: {name!r} is not a name")
+                hint = (
+                    f"; name the state, such as q_v, and measure it: --measure 'q_v={name}'"
+                    if named(name)[1]
+                    else "; a name is letters, digits and _, such as q_v"
+                )
+                raise ValueError(f"states: {name!r} is not a name{hint}")
             if self.states.count(name) > 1:
                 raise ValueError(f"states: {name} is named twice")
         seen = set()
@@ -104,12 +119,22 @@ def validated(content: object) -> ColumnMapping:
     try:
         return ColumnMapping.model_validate(content)
     except ValidationError as error:
-        lines = []
-        for problem in error.errors():
-            place = ".".join(map(str, problem["loc"]))
-            message = problem["msg"].removeprefix("Value error, ")
-            lines.append(f"{place}: {message}" if place else message)
-        raise MappingError("\n".join(lines)) from error
+        problems = {problem["loc"]: problem for problem in error.errors()}
+    inner = {place[:1] for place in problems if len(place) > 1}
+    lines = [_line(problem) for place, problem in problems.items() if place not in inner]
+    more = [f"and {len(lines) - MOST_LINES} more problems"] if len(lines) > MOST_LINES else []
+    raise MappingError("\n".join([*lines[:MOST_LINES], *more]))
+
+
+def _line(problem: dict) -> str:
+    place = ".".join(str(key) for key in problem["loc"] if key not in ("str", "float"))
+    message = problem["msg"].removeprefix("Value error, ")
+    if problem["type"] == "value_error":
+        return f"{place}: {message}" if place else message
+    if problem["type"] == "missing":
+        return f"{place}: is missing"
+    message = FAULTS.get(problem["type"]) or message.replace("Input should", "must")
+    return f"{place or 'mapping'}: {problem['input']!r:.60}: {message}"
 
 
 def read_mapping(path: str | Path) -> ColumnMapping:
@@ -130,9 +155,14 @@ def channel_of(text: str) -> dict:
 
     Raises MappingError where the text has another form.
     """
-    match = SHORT.fullmatch(text.strip())
-    if not match:
+    measures, _, rest = text.partition("=")
+    header, at, position = rest.partition("@")
+    column, unit = named(header)
+    if not measures.strip() or not column or (at and not position.strip()):
         raise MappingError(
-            f"{text!r}: expected STATE=COLUMN[UNIT]@POSITION, such as q_v=mid[mm]@150"
+            f"--measure {text!r}: expected STATE=COLUMN[UNIT]@POSITION, such as q_v=mid[mm]@150"
         )
-    return {key: value for key, value in match.groupdict().items() if value is not None}
+    if at and not NUMBER.fullmatch(position.strip()):
+        raise MappingError(f"--measure {text!r}: position {position!r} is not a number of metres")
+    channel = {"measures": measures.strip(), "column": column, "unit": unit, "position": position}
+    return {key: value.strip() for key, value in channel.items() if value}

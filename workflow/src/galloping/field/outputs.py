@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from galloping.field.forecast import Forecast
+from galloping.field.advice import sentences as advised
+from galloping.field.dynamics import Dynamics
+from galloping.field.dynamics import sentences as moved
+from galloping.field.excerpt import excerpts
+from galloping.field.forecast import Forecast, HeldOut
 from galloping.field.units import coefficient_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95
 from galloping.polynomial import term_name
+from galloping.recording import Recording
 from galloping.storage import write_json
+
+if TYPE_CHECKING:
+    from galloping.field.summary import Summary
 
 MODEL_COLUMNS = {  # with the unit of each
     "equation": "", "term": "", "coefficient": "of the row", "unit": "",
@@ -93,38 +102,94 @@ def describe_tables(folder: Path, tables: dict[str, dict[str, str]]) -> None:
     write_json(folder / "datapackage.json", {"name": "galloping", "resources": resources})
 
 
-def summary(
-    identified: IdentifiedModel,
-    reports: Sequence[dict],
-    dynamics: Sequence[str],
-    skill: str,
-    used: str = "",
-    further: Sequence[str] = (),
+def summary_text(
+    of: Summary,
+    reports: Sequence[dict] = (),
+    beside: tuple[str, Dynamics | None] | None = None,
 ) -> str:
     """summary.md: status and why, the equations, what the recordings cannot tell.
 
-    reports: of `quality`. dynamics: sentences on frequencies, damping, limit cycle. skill: of the
-    forecast, a sentence. used: of the recordings, a sentence. further: lines on which further
-    recording would help.
+    reports: of `quality`, where the recordings come from files. beside: a name, and what is known
+    of the line by that name.
     """
-    lines = ["# Summary", "", f"**{identified.verdict}.** {MEANING[identified.status]}", ""]
-    if identified.status != "refused":
-        lines += ["## Equations", "", "```", *identified.equations(), "```", ""]
-    if dynamics:
-        lines += ["## The line", "", *(f"- {sentence}" for sentence in dynamics), ""]
-    if skill:
-        lines += ["## Forecast", "", skill, ""]
+    found = of.found
+    lines = ["# Summary", "", f"**{found.verdict}.** {MEANING[found.status]}", ""]
+    lines += [line for caution in _cautions(of) for line in (f"**{caution}**", "")]
+    if found.status != "refused":
+        lines += ["## Equations", "", "```", *found.equations(), "```", ""]
+    said = moved(of.dynamics) if of.dynamics else []
+    if beside and beside[1]:
+        said += [f"by case {beside[0]}, {sentence}" for sentence in moved(beside[1])]
+    if said:
+        lines += ["## The line", "", *(f"- {sentence}" for sentence in said), ""]
+    if of.held_out:
+        lines += ["## Forecast", "", _skill(of.held_out), ""]
     lines += ["## Recordings", ""]
-    for report in reports:
-        head, *rest = report_lines(report)
+    described = [report_lines(report) for report in reports]
+    for head, *rest in described or [repr(each).splitlines() for each in of.recordings]:
         lines += [f"- {head}", *(f"  - {line.strip()}" for line in rest)]
-    if used:
+    if used := _used(of.recordings):
         lines += ["", used]
-    if identified.status != "refused":
-        lines += ["", "## What the recordings cannot tell", "", *_untold(identified)]
-    if further:
+    if found.status != "refused":
+        lines += ["", "## What the recordings cannot tell", "", *_untold(found)]
+    if further := advised(of.advice, found.status):
         lines += ["", "## Which recording would help most", "", *further]
     return "\n".join(lines) + "\n"
+
+
+def _cautions(of: Summary) -> list[str]:
+    """What must be known of the forecasts before any is used."""
+    if of.untried:
+        return [
+            "Whether its forecasts hold is not known: without its last part the recording gives "
+            f"none ({of.untried})."
+        ]
+    trial = of.held_out
+    if trial is None:
+        return []
+    if not trial.useful:
+        worse = [
+            f"{name} (R2 {skill:.2f})"
+            for name, skill, factor in zip(
+                trial.forecast.names, trial.skill, trial.factors, strict=True
+            )
+            if np.isinf(factor)
+        ]
+        return [
+            "It gives no forecast: the end of the recording, which was held out, is missed by more "
+            f"than its mean misses it, in {', '.join(worse)}."
+        ]
+    return [
+        f"Its forecasts are less sure than the model says: of {name} {100 * held:.0f} % of the "
+        f"held-out samples lie in the 90 % band, where chance allows {100 * least:.0f} % or more; "
+        f"all bands of {name} are {factor:.2g} times as wide, so that this one holds 90 %."
+        for name, held, least, factor in zip(
+            trial.forecast.names, trial.held, trial.forecast.chance, trial.factors, strict=True
+        )
+        if factor > 1.0
+    ]
+
+
+def _skill(of: HeldOut) -> str:
+    said = [
+        f"{name}: R2 {skill:.3f}, {100 * held:.0f} % of the samples inside the 90 % band"
+        for name, skill, held in zip(of.forecast.names, of.skill, of.held, strict=True)
+        if np.isfinite(skill)
+    ]
+    length = of.forecast.time[-1] - of.forecast.time[0]
+    return f"The last {length:.0f} s, which were held out, were forecast: {'; '.join(said)}."
+
+
+def _used(recordings: Sequence[Recording]) -> str:
+    stretches = excerpts(list(recordings))
+    if all(one is other for one, other in zip(stretches, recordings, strict=False)):
+        return ""
+    duration = sum(one.time[-1] - one.time[0] for one in recordings)
+    share = 100 * sum(one.time[-1] - one.time[0] for one in stretches) / duration
+    return (
+        f"The model comes from {len(stretches)} stretches, {share:.2g} % of the time: those in "
+        "which the motion grows or decays most, and those in which it is largest."
+    )
 
 
 def report_lines(report: dict) -> list[str]:

@@ -6,8 +6,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.field.mapping import Channel, ColumnMapping
-from galloping.field.read import Series
+from galloping.field.quality import pieces
+from galloping.field.read import FEWEST, Series
 from galloping.recording import Recording
+
+PERIODS = 3  # of the motion, that a part of a recording holds at least
 
 
 def recording(series: Series, mapping: ColumnMapping) -> Recording:
@@ -44,6 +47,25 @@ def recording(series: Series, mapping: ColumnMapping) -> Recording:
         unknown_offsets=offsets, unknown_scales=scales,
         known_noise=noise if np.isfinite(noise).any() else None,
     )  # fmt: skip
+
+
+def parted(recording: Recording, period: float) -> list[Recording]:
+    """The recording between gaps longer than a period of the motion, s, each part by itself.
+
+    Over such a gap nothing tells how the motion went on, nor whether the clock did. Parts of fewer
+    than FEWEST samples or PERIODS are left out, but where no part is longer.
+    """
+    measured = np.isfinite(recording.values).any(axis=1)
+    if recording.rates is not None:
+        measured |= np.isfinite(recording.rates).any(axis=1)
+    rows = np.flatnonzero(measured)
+    parts = [rows[part] for part in pieces(recording.time[rows], period)]
+    long = [
+        slice(int(part[0]), int(part[-1]) + 1)
+        for part in parts
+        if len(part) >= FEWEST and np.ptp(recording.time[part]) >= PERIODS * period
+    ]
+    return [recording] if len(parts) == 1 or not long else [recording[part] for part in long]
 
 
 def _weights(channels: list[Channel], span: float | None) -> np.ndarray:

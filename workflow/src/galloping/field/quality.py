@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 
-from galloping.field.mapping import ColumnMapping
-from galloping.field.read import Series
+from galloping.field.units import state_unit
+
+if TYPE_CHECKING:
+    from galloping.field.mapping import ColumnMapping
+    from galloping.field.read import Series
 
 OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
 GAP = 3.0  # median steps without a sample
 CLIPPED = 5  # equal samples in a row at an end of the range
 PERIODS = 10  # fewer tell no damping
+APART = 0.02  # of the time with samples: gaps that are longer part what lies on their sides
 SIGNAL = 3.0  # motion over noise below which terms can hardly be told
+# What no span does; beyond it a unit is most likely wrong. From the lowest to the highest sample:
+RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
+FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that much
 
 
 def quality(series: Series, mapping: ColumnMapping) -> dict:
@@ -31,6 +41,7 @@ def quality(series: Series, mapping: ColumnMapping) -> dict:
         "sampling": {
             "samples": len(time),
             "duration_s": float(time[-1] - time[0]),
+            "sampled_s": sampled(time),
             "rate_hz": 1.0 / step,
             "irregularity_percent": float(100 * np.std(steps[steps <= GAP * step]) / step),
             "gaps": [
@@ -45,6 +56,8 @@ def quality(series: Series, mapping: ColumnMapping) -> dict:
     }
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
         described, problems = _channel(time, values, step, series.rows)
+        unlikely = _unlikely(described, state_unit(channel.measures))
+        problems += [{"row": int(series.rows[0]), "what": what} for what in unlikely]
         report["channels"][channel.column] = {"measures": channel.measures, **described}
         report["problems"] += [{"column": channel.column, **problem} for problem in problems]
     return report
@@ -61,11 +74,43 @@ def noise(values: np.ndarray) -> float:
 
 
 def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies, Hz, and the share of each in the variance; gaps are bridged by lines."""
-    grid = np.arange(time[0], time[-1], step)
-    signal = np.interp(grid, time, values)
-    power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)))) ** 2
-    return np.fft.rfftfreq(len(signal), step), power / max(power.sum(), np.finfo(float).tiny)
+    """Frequencies, Hz, and the share of each in the variance.
+
+    Short gaps are bridged by lines; of what long ones part, the powers are added.
+    """
+    signals = []
+    own = float(np.median(np.diff(time)))
+    for piece in pieces(time, max(GAP * own, APART * sampled(time))):
+        grid = np.arange(time[piece][0], time[piece][-1], step)
+        signal = np.interp(grid, time[piece], values[piece])
+        if len(signal):
+            signals.append((signal - signal.mean()) * np.hanning(len(signal)))
+    count = max(map(len, signals))
+    power = np.sum([np.abs(np.fft.rfft(signal, count)) ** 2 for signal in signals], axis=0)
+    return np.fft.rfftfreq(count, step), power / max(power.sum(), np.finfo(float).tiny)
+
+
+def pieces(time: np.ndarray, longest: float) -> list[slice]:
+    """The samples between gaps that are longer than `longest`, s."""
+    edges = [0, *(np.flatnonzero(np.diff(time) > longest) + 1), len(time)]
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]
+
+
+def sampled(time: np.ndarray) -> float:
+    """How long there are samples, s: the gaps left out."""
+    steps = np.diff(time)
+    return float(steps[steps <= GAP * np.median(steps)].sum())
+
+
+def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of a `spectrum`, the share around each frequency, and where the highest peaks are.
+
+    share: (n,). Returns (n,), and the indices of four peaks at most, the highest first.
+    """
+    around = np.convolve(share, np.ones(5), mode="same")
+    highest = around == maximum_filter1d(around, 9)
+    peaks = 1 + np.flatnonzero(highest[1:-1] & (around[1:-1] > 0.01))
+    return around, peaks[np.argsort(-around[peaks])][:4]
 
 
 def _channel(
@@ -78,10 +123,7 @@ def _channel(
     outliers = np.abs(y - median_filter(y, 5)) > OUTLIER * scale + np.abs(np.ptp(y)) * 0.05
     outliers[[0, 1, -2, -1]] = False  # where a median has no neighbours on one side
     frequency, share = spectrum(t, y, step)
-    around = np.convolve(share, np.ones(5), mode="same")
-    highest = around == maximum_filter1d(around, 9)
-    peaks = 1 + np.flatnonzero(highest[1:-1] & (around[1:-1] > 0.01))
-    peaks = peaks[np.argsort(-around[peaks])][:4]
+    around, peaks = peaks_of(share)
     motion = float(np.std(y))
     thirds = np.array_split(y, 3)
     described = {
@@ -101,7 +143,7 @@ def _channel(
         problems.append({"row": int(row[outliers][0]), "what": f"{outliers.sum()} outliers"})
     if (flat := _clipped(y)) is not None:
         problems.append({"row": int(row[flat]), "what": f"clipped at {y[flat]:g}"})
-    if len(peaks) and (t[-1] - t[0]) * frequency[peaks[0]] < PERIODS:
+    if len(peaks) and sampled(t) * frequency[peaks[0]] < PERIODS:
         problems.append({"row": int(row[0]), "what": f"less than {PERIODS} periods of the motion"})
     if motion < SIGNAL * sigma:
         problems.append({"row": int(row[0]), "what": "hardly more than noise"})
@@ -111,6 +153,27 @@ def _channel(
     if np.ptp(means) > max(motion, 10 * sigma):
         problems.append({"row": int(row[0]), "what": "the mean drifts by more than the motion"})
     return described, problems
+
+
+def _unlikely(described: dict, unit: str) -> list[str]:
+    """What no span does, of a channel that measures one in `unit`."""
+    if unit not in RANGES:
+        return []
+    (least, most), size = RANGES[unit], described["highest"] - described["lowest"]
+    said = []
+    if not least <= size <= most:
+        said.append(
+            f"a range of {size:.3g} {unit} is no galloping ({least:g} to {most:g} {unit}): is the "
+            "unit right?"
+        )
+    slowest, fastest = FREQUENCIES
+    dominant = described["dominant_frequencies_hz"]
+    if dominant and not any(slowest <= frequency <= fastest for frequency in dominant):
+        said.append(
+            f"{dominant[0]:.3g} Hz is no frequency of a span ({slowest:g} to {fastest:g} Hz): is "
+            "the unit of the time right?"
+        )
+    return said
 
 
 def _clipped(values: np.ndarray) -> int | None:

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.field.mapping import Channel, ColumnMapping
 from galloping.field.tables import FileError, FileTable, read_table
 from galloping.field.units import UnitError, amount, factor, state_unit
+from galloping.identification.likelihood.inputs import FEWEST
+from galloping.passes import passing
 
-FEWEST = 100  # samples: fewer hold no oscillation that could be told from noise
+CODES = (  # that loggers write for a missing sample, of either sign
+    99, 999, 9999, 99999, 999999, 9999999, 99.9, 99.99, 999.9, 999.99, 999.25, 9999.9, 9999.99,
+    6999, 7999, 32767, 32768,
+)  # fmt: skip
+SAME = 1e-9  # less than full correlation, of two channels that are one
+ALIKE, VARIED = 20, 5  # rows of a block, and values in it, that no two recordings share by chance
 
 
 @dataclass(frozen=True)
@@ -39,9 +49,19 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
 
     Rows out of order are sorted, repeated ones dropped where they agree; both are noted.
     """
-    table = read_table(path, mapping.decimal)
+    passing(Path(path).name)
+    table = read_table(path, mapping.decimal, mapping.time.column)
     time, start = _seconds(table, mapping)
-    columns = [_in_si(table, channel) for channel in mapping.channels]
+    notes = list(table.notes)
+    columns = []
+    for channel in mapping.channels:
+        column, codes = _without_codes(_numbers(table, channel.column, mapping))
+        notes += [
+            f"column {channel.column!r}: {count} samples of {code:g}, a code for missing ones, "
+            "were left out"
+            for code, count in codes.items()
+        ]
+        columns.append(column * _to_si(table, channel))
     for channel, column in zip(mapping.channels, columns, strict=True):
         if len(column) != len(time):
             raise FileError(
@@ -50,11 +70,16 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
             )
     values = np.column_stack(columns)
     rows = np.arange(len(time)) + table.first_row
-    notes = []
     timeless = ~np.isfinite(time)
     if timeless.any():
         notes.append(f"{timeless.sum()} rows without a time were left out, row {rows[timeless][0]}")
         time, values, rows = time[~timeless], values[~timeless], rows[~timeless]
+    if (moved := _restarted(time)) is not None:
+        back = rows[np.flatnonzero(np.diff(time) < 0)[0] + 1]
+        notes.append(
+            f"the clock starts again in row {back}: what follows is a recording of its own"
+        )
+        time = moved
     if np.any(np.diff(time) < 0):
         late = np.flatnonzero(np.diff(time) < 0) + 1
         notes.append(f"{len(late)} times go back, first in row {rows[late[0]]}: sorted")
@@ -92,47 +117,168 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                 f"{table.path}: column {channel.column!r} is {known[0]:g} throughout: the sensor "
                 "did not work"
             )
+    _check_distinct(table, mapping, values)
     if len(time) < FEWEST:
         raise FileError(f"{table.path}: {len(time)} rows are fewer than the {FEWEST} needed")
     noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
     return Series(table.path, time, start, values, rows, tuple(notes), noise)
 
 
+def _restarted(time: np.ndarray) -> np.ndarray | None:
+    """Times (n,) of a file in which the clock starts again, the parts one after the other.
+
+    Between two parts there is a gap as long as all before. None where the clock does not start
+    again: where rows are out of order, or parts that do not overlap.
+    """
+    edges = [0, *(np.flatnonzero(np.diff(time) < 0) + 1), len(time)]
+    parts = [time[a:b] for a, b in pairwise(edges)]
+    ordered = sorted(parts, key=lambda part: part[0])
+    overlap = any(after[0] <= before[-1] for before, after in pairwise(ordered))
+    if not overlap or min(map(len, parts)) < FEWEST:
+        return None
+    moved = [parts[0]]
+    for part in parts[1:]:
+        end = moved[-1][-1]
+        moved.append(part - part[0] + end + (end - time[0]))
+    return np.concatenate(moved)
+
+
+def _check_distinct(table: FileTable, mapping: ColumnMapping, values: np.ndarray) -> None:
+    """Refuse two channels of different quantities whose samples are the same up to a factor."""
+    for a, b in combinations(range(values.shape[1]), 2):
+        first, second = mapping.channels[a], mapping.channels[b]
+        both = np.isfinite(values[:, a] + values[:, b])
+        if first.measures == second.measures or both.sum() < FEWEST:
+            continue
+        deviations = values[both][:, (a, b)] - values[both][:, (a, b)].mean(axis=0)
+        size = np.linalg.norm(deviations, axis=0)
+        if size.all() and np.prod(deviations / size, axis=1).sum() > 1.0 - SAME:
+            raise FileError(
+                f"{table.path}: columns {first.column!r} and {second.column!r} hold the same "
+                f"samples, and cannot measure both {first.measures} and {second.measures}"
+            )
+
+
+def check_apart(series: Sequence[Series]) -> None:
+    """Refuse files of which one repeats another, whole or in part.
+
+    Raises FileError where ALIKE rows in a row of one file are also in another one.
+    """
+    known: dict[bytes, Series] = {}
+    for one in series if len(series) > 1 else ():
+        blocks = sliding_window_view(one.values, ALIKE, axis=0)
+        for k, block in enumerate(blocks):
+            other = known.get(block.tobytes())
+            if other is not None and max(len(np.unique(column)) for column in block) > VARIED:
+                raise FileError(
+                    f"{one.path}: row {one.rows[k]} and those after it are also in {other.path}: "
+                    "a recording counts once"
+                )
+        known |= {block.tobytes(): one for block in blocks[::ALIKE]}
+
+
 def _seconds(table: FileTable, mapping: ColumnMapping) -> tuple[np.ndarray, str]:
     """Times in s since the first, and when that was, if the file says it."""
-    column = table.column(mapping.time.column)
-    if column.dtype.kind == "M":
-        stamps = pd.DatetimeIndex(column)
-    elif column.dtype.kind in "OUT" and mapping.time.unit is None:
-        try:
-            stamps = pd.to_datetime(pd.Series(column), format="ISO8601", utc=True)
-        except (ValueError, TypeError) as error:
-            reason = str(error).splitlines()[0].split(", at position")[0]
-            raise FileError(
-                f"{table.path}: column {mapping.time.column!r} holds neither numbers nor ISO 8601 "
-                f"times: {reason}"
-            ) from error
-        stamps = pd.DatetimeIndex(stamps)
+    name = mapping.time.column
+    column = _column(table, name, mapping)
+    stamps = pd.DatetimeIndex(column) if column.dtype.kind == "M" else None
+    if column.dtype.kind in "OUT" and mapping.time.unit is None:
+        stamps = _stamps(table, name)
+    if stamps is not None:
+        first = stamps.min()
+        return np.asarray((stamps - first).total_seconds(), float), first.isoformat()
+    if column.dtype.kind == "m":
+        values = pd.TimedeltaIndex(column).total_seconds().to_numpy(float)
     else:
-        unit = mapping.time.unit or table.units.get(mapping.time.column, "").split(" since ")[0]
-        values = table.numbers(mapping.time.column) * _factor(table, mapping.time.column, unit, "s")
-        if not np.isfinite(values).any():
-            raise FileError(f"{table.path}: column {mapping.time.column!r} is empty")
-        return values - np.nanmin(values), ""
-    first = stamps.min()
-    return np.asarray((stamps - first).total_seconds(), float), first.isoformat()
+        unit = _unit(table, name, mapping.time.unit, "s")
+        values = table.numbers(name) * _factor(table, name, unit, "s")
+    if not np.isfinite(values).any():
+        raise FileError(f"{table.path}: column {name!r} is empty")
+    return values - np.nanmin(values), ""
 
 
-def _in_si(table: FileTable, channel: Channel) -> np.ndarray:
-    unit = channel.unit or table.units.get(channel.column, "")
+def _stamps(table: FileTable, name: str) -> pd.DatetimeIndex | None:
+    """Times in ISO 8601; None where most of a column of text is numbers."""
+    text = pd.Series(table.column(name))
+    stamps = pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")
+    if stamps.notna().sum() < pd.to_numeric(text, errors="coerce").notna().sum():
+        return None
+    strange = np.flatnonzero(stamps.isna() & text.notna())
+    if len(strange):
+        what = "is neither a number nor a time in ISO 8601, such as 2026-01-31T12:00:00.04"
+        raise table.fault(strange[0], name, what)
+    return pd.DatetimeIndex(stamps)
+
+
+def _column(table: FileTable, name: str, mapping: ColumnMapping) -> np.ndarray:
+    """A column; where it is missing, the error says how to name what there is."""
+    try:
+        return table.column(name)
+    except FileError as error:
+        if name == mapping.time.column:
+            hint = "--time names the column of the times (time: in a mapping)"
+        elif name in mapping.states:
+            hint = (
+                f"where nothing measures the state {name}, say what is measured, for each such "
+                "column: --measure STATE=COLUMN"
+            )
+        else:
+            hint = "--measure STATE=COLUMN names a column of the file (channels: in a mapping)"
+        raise FileError(f"{error}; {hint}") from None
+
+
+def _numbers(table: FileTable, name: str, mapping: ColumnMapping) -> np.ndarray:
+    _column(table, name, mapping)
+    return table.numbers(name)
+
+
+def _without_codes(values: np.ndarray) -> tuple[np.ndarray, dict[float, int]]:
+    """Values with NaN in place of codes for missing samples, such as -9999, and their counts.
+
+    A code is a value that loggers use as one, and further from all others than these are from each
+    other.
+    """
+    known, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+    used = np.isin(np.abs(known), CODES)
+    others = known[~used]
+    if not used.any() or not len(others):
+        return values, {}
+    used &= np.abs(known - (others[0] + others[-1]) / 2) > 1.5 * np.ptp(others)
+    codes = dict(zip(known[used].tolist(), counts[used].tolist(), strict=True))
+    return np.where(np.isin(values, known[used]), np.nan, values), codes
+
+
+def _to_si(table: FileTable, channel: Channel) -> float:
+    """What the values of a channel's column are multiplied by."""
     wanted = state_unit(channel.measures)
-    return table.numbers(channel.column) * _factor(table, channel.column, unit, wanted)
+    unit = _unit(table, channel.column, channel.unit, wanted)
+    return _factor(table, channel.column, unit, wanted)
+
+
+def _unit(table: FileTable, column: str, said: str | None, wanted: str) -> str:
+    """The unit of a column: the one that is said, or that of the file, which must not differ.
+
+    Where the file has another name than that of a unit, such as `counts`, what is said stands.
+    """
+    own = table.unit(column).split(" since ")[0]
+    if not (said and own):
+        return said or own
+    try:
+        same = factor(own, wanted) == _factor(table, column, said, wanted)
+    except UnitError:
+        return said
+    if not same:
+        raise FileError(
+            f"{table.path}: column {column!r} is in {own} by the file and in {said} by the "
+            "mapping; must be the same"
+        )
+    return said
 
 
 def _known_noise(table: FileTable, channel: Channel) -> float:
     if channel.noise is None:
         return np.nan
-    unit = channel.unit or table.units.get(channel.column, "")
+    unit = channel.unit or table.unit(channel.column)
     try:
         noise = amount(channel.noise, unit, state_unit(channel.measures))
     except UnitError as error:

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import warnings
 from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from numbers import Number
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from galloping.field.text import DECIMAL_COMMA, SAY_DECIMAL, TextError, read_text
+from galloping.field.units import named
+
 LARGEST = 2 * 1024**3  # bytes: a table of that size fits into the memory of a small machine
-BINARY = {  # first bytes of what is no table, whatever its name
-    b"PK\x03\x04": "a zip archive",
-    b"\x1f\x8b": "a gzip archive",
-    b"\x80": "a pickle, which is never loaded",
-    b"\x7fELF": "a program",
-    b"%PDF": "a PDF document",
-}
 
 
 class FileError(ValueError):
@@ -32,20 +28,27 @@ class FileTable:
 
     columns: (n,) arrays by name: of floats, or of text (times in ISO 8601). units: by column, where
     the file says them. first_row: number of the first row of data, as an editor counts lines.
+    notes: one line for each thing that was passed over.
     """
 
     path: Path
     columns: dict[str, np.ndarray]
     units: dict[str, str]
     first_row: int
+    notes: tuple[str, ...] = ()
 
     def column(self, name: str) -> np.ndarray:
-        """A column by name. Raises FileError where the file does not have it."""
-        if name not in self.columns:
+        """A column by its name, with or without the unit behind it. Raises FileError."""
+        bare, _ = named(name)
+        if bare not in self.columns:
             raise FileError(
-                f"{self.path}: no column {name!r}; it has {', '.join(map(repr, self.columns))}"
+                f"{self.path}: no column {bare!r}; it has {', '.join(map(repr, self.columns))}"
             )
-        return self.columns[name]
+        return self.columns[bare]
+
+    def unit(self, name: str) -> str:
+        """The unit that the file states for a column, or ''."""
+        return self.units.get(named(name)[0], "")
 
     def numbers(self, name: str) -> np.ndarray:
         """A column as floats, NaN where it is empty. Raises FileError at the first text."""
@@ -56,35 +59,40 @@ class FileTable:
             numbers = pd.to_numeric(pd.Series(values), errors="coerce").to_numpy(float)
             text = np.flatnonzero(np.isnan(numbers) & ~pd.isna(values))
             if len(text):
-                raise FileError(self._at(text[0], name, values[text[0]], "is not a number"))
+                raise self.fault(text[0], name, "is not a number")
         huge = np.flatnonzero(np.abs(numbers) > 1e100)  # infinities, too
         if len(huge):
-            raise FileError(self._at(huge[0], name, float(numbers[huge[0]]), "is no measurement"))
+            raise self.fault(huge[0], name, "is no measurement")
         return numbers
 
-    def _at(self, row: int, name: str, value: object, what: str) -> str:
-        hint = ""
-        if isinstance(value, str) and value.replace(",", "", 1).strip("+-").isdigit():
-            hint = "; with a decimal comma say --decimal , (decimal: ',' in a mapping)"
-        return (
-            f"{self.path}: row {row + self.first_row}, column {name!r}: {value!r:.60} {what}{hint}"
+    def fault(self, row: int, name: str, what: str) -> FileError:
+        """The error that a cell of a column is; row: its index."""
+        cell = self.column(name)[row]
+        value = repr(cell if isinstance(cell, str) else float(cell))[:60]
+        hint = f"; {SAY_DECIMAL}" if DECIMAL_COMMA.fullmatch(str(cell)) else ""
+        return FileError(
+            f"{self.path}: row {row + self.first_row}, column {name!r}: {value} {what}{hint}"
         )
 
 
-def read_table(path: str | Path, decimal: str = ".") -> FileTable:
+def read_table(path: str | Path, decimal: str = ".", time: str = "t") -> FileTable:
     """The columns of a file, by its suffix: .csv .txt .tsv .dat .parquet .h5 .hdf5 .nc .mat.
 
-    decimal: the decimal mark of text tables. The `unit` of fields in a `datapackage.json` beside a
-    file (Frictionless Data) counts as the file's own. Raises FileError.
+    decimal: the decimal mark of text tables. time: the column of times, which tells their header
+    from lines above it. The `unit` of fields in a `datapackage.json` beside a file (Frictionless
+    Data) counts as the file's own. Raises FileError.
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in READERS:
-        raise FileError(f"{path}: suffix {suffix!r} is not one of {', '.join(READERS)}")
     if not path.exists():
         raise FileError(f"{path}: no such file")
     if not path.is_file():
         raise FileError(f"{path}: not a file")
+    if suffix not in (*TEXT, *READERS):
+        raise FileError(
+            f"{path}: files {suffix or 'without a suffix'} are not read; save or export it as CSV, "
+            f"or as one of {', '.join((*TEXT[1:], *READERS))}"
+        )
     size = path.stat().st_size
     if size == 0:
         raise FileError(f"{path}: the file is empty")
@@ -93,172 +101,120 @@ def read_table(path: str | Path, decimal: str = ".") -> FileTable:
             f"{path}: {size / 1e9:.1f} GB are more than {LARGEST / 1e9:.1f} GB; cut it in pieces"
         )
     try:
-        table = READERS[suffix](path, decimal)
+        if suffix in TEXT:
+            table = _table(path, *read_text(path, decimal, time))
+        else:
+            table = _read_arrays(path, READERS[suffix])
     except FileError:
         raise
-    except (ValueError, OSError, KeyError, TypeError, NotImplementedError) as error:
-        raise FileError(f"{path}: cannot be read: {str(error).splitlines()[0]}") from error
-    lengths = {len(column) for column in table.columns.values()}
-    if not table.columns or max(lengths) == 0:
+    except TextError as error:
+        raise FileError(f"{path}: {error}") from error
+    except Exception as error:  # libraries raise many kinds where a file is damaged
+        reason = next(iter(str(error).splitlines()), type(error).__name__)
+        raise FileError(f"{path}: cannot be read: {reason}") from error
+    if max(map(len, table.columns.values())) == 0:
         raise FileError(f"{path}: no rows of data")
-    return FileTable(
-        path, table.columns, {**table.units, **_described_units(path)}, table.first_row
-    )
-
-
-def _read_text(path: Path, decimal: str) -> FileTable:
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        head = file.read(65536)
-    for magic, kind in BINARY.items():
-        if head.startswith(magic):
-            raise FileError(f"{path}: this is {kind}, not a text table")
-    if b"\0" in head:
-        raise FileError(f"{path}: not a text table in UTF-8 (it holds zero bytes)")
-    try:
-        lines = head.decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        whole = size <= len(head) or error.start < len(head) - 4
-        if whole:  # else a character that the end of the head cuts
+    described = _described_units(path)
+    for name in sorted(table.units.keys() & described.keys()):
+        if table.units[name] != described[name]:
             raise FileError(
-                f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8"
-            ) from error
-        lines = head[: error.start].decode("utf-8-sig").splitlines()
-    comments = 0
-    while comments < len(lines) and (not lines[comments].strip() or lines[comments][0] == "#"):
-        comments += 1
-    if comments == len(lines):
-        raise FileError(f"{path}: no header")
-    separator = _separator(lines[comments])
-    header = next(csv.reader([lines[comments]], delimiter=separator or " ", skipinitialspace=True))
-    header = [name.strip() for name in header]
-    if all(_is_number(name, decimal) for name in header):
-        raise FileError(f"{path}: the first row must name the columns; it is {header[0]}, ...")
-    units = {_bare(name): unit for name in header if (unit := _unit_in_name(name))}
-    header = [_bare(name) for name in header]
-    repeated = [name for name, count in Counter(header).items() if count > 1]
+                f"{path}: column {name!r} is in {table.units[name]} by the file and in "
+                f"{described[name]} by datapackage.json; must be the same"
+            )
+    table.units.update(described)
+    return table
+
+
+def _table(path: Path, content: list, first_row: int, notes: tuple[str, ...] = ()) -> FileTable:
+    """content: header, values and unit, or None, of each column."""
+    names = [named(header)[0] for header, _, _ in content]
+    repeated = [name for name, count in Counter(names).items() if count > 1]
     if repeated:
         raise FileError(f"{path}: two columns are named {repeated[0]!r}")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", pd.errors.ParserWarning)
-            frame = pd.read_csv(
-                path, sep=separator or r"\s+", decimal=decimal, skiprows=comments + 1, names=header,
-                index_col=False, encoding="utf-8-sig", skipinitialspace=True, low_memory=False,
-            )  # fmt: skip
-    except pd.errors.ParserWarning as error:
+    units = {
+        name: stated
+        for name, (header, _, unit) in zip(names, content, strict=True)
+        if (stated := unit or named(header)[1])
+    }
+    columns = {name: values for name, (_, values, _) in zip(names, content, strict=True)}
+    return FileTable(path, columns, units, first_row, notes)
+
+
+def _read_arrays(path: Path, reader: Callable[[Path], Iterator[tuple]]) -> FileTable:
+    """The vectors of a file; `reader` yields name, array and unit, or None, of what it holds."""
+    content, others = [], []
+    for name, array, unit in reader(path):
+        vector = sum(n != 1 for n in array.shape) <= 1 and array.dtype.kind in "fiubMmUO"
+        values = np.ravel(array[()]) if vector else array
+        if vector and all(isinstance(x, str | Number | None) for x in values[:1].tolist()):
+            content.append((name, values, unit))
+        else:
+            others.append(f"{name} ({' x '.join(map(str, array.shape))})")
+    if not content:
         raise FileError(
-            f"{path}: rows have more cells than the {len(header)} columns of the header; decimal "
-            "commas need another separator between columns"
-        ) from error
-    except UnicodeDecodeError as error:
-        byte = error.object[error.start]
-        raise FileError(f"{path}: byte {byte:#x} is not UTF-8; save the file as UTF-8") from error
-    return FileTable(path, {n: frame[n].to_numpy() for n in header}, units, comments + 2)
+            f"{path}: no column; each must be a vector of its own, and the file holds "
+            f"{', '.join(others) or 'nothing'}"
+        )
+    return _table(path, content, 1)
 
 
-def _separator(line: str) -> str | None:
-    """The separator of a header, None for white space."""
-    counts = {mark: line.count(mark) for mark in ",;\t"}
-    best = max(counts, key=counts.get)
-    return best if counts[best] else None
-
-
-def _is_number(text: str, decimal: str) -> bool:
-    try:
-        float(text.replace(decimal, "."))
-    except ValueError:
-        return False
-    return True
-
-
-def _unit_in_name(name: str) -> str | None:
-    """`mm` of a column that is named `v [mm]`."""
-    head, bracket, rest = name.partition("[")
-    return rest.removesuffix("]").strip() if bracket and head and rest.endswith("]") else None
-
-
-def _bare(name: str) -> str:
-    """`v` of a column that is named `v [mm]`."""
-    return name.partition("[")[0].strip() if _unit_in_name(name) else name
-
-
-def _read_parquet(path: Path, _: str) -> FileTable:
+def _parquet_items(path: Path) -> Iterator[tuple]:
     from pyarrow import parquet
 
     table = parquet.read_table(path)
-    units = {
-        field.name: field.metadata[b"unit"].decode()
-        for field in table.schema
-        if field.metadata and b"unit" in field.metadata
-    }
-    columns = {
-        name: column.to_numpy()
-        for name, column in zip(table.column_names, table.columns, strict=True)
-    }
-    return FileTable(path, columns, units, 1)
+    for field, column in zip(table.schema, table.columns, strict=True):
+        unit = (field.metadata or {}).get(b"unit")
+        yield field.name, column.to_numpy(), unit and unit.decode()
 
 
-def _read_hdf5(path: Path, _: str) -> FileTable:
-    """One-dimensional data sets, anywhere in an HDF5 or NetCDF-4 file, by their path in it."""
+def _hdf5_items(path: Path) -> Iterator[tuple]:
+    """Data sets, anywhere in an HDF5 or NetCDF-4 file, by their path in it."""
     import h5py
 
-    columns, units = {}, {}
-
-    def take(name: str, item: object) -> None:
-        if isinstance(item, h5py.Dataset) and item.ndim == 1 and item.dtype.kind in "fiuSO":
-            values = item.asstr()[()] if item.dtype.kind in "SO" else item[()]
-            columns[name] = np.asarray(values)
-            for key in ("units", "unit"):
-                if isinstance(item.attrs.get(key), (str, bytes)):
-                    unit = item.attrs[key]
-                    units[name] = unit.decode() if isinstance(unit, bytes) else unit
-
     with h5py.File(path, "r") as file:
-        file.visititems(take)
-    return FileTable(path, columns, units, 1)
+        found = []
+        file.visititems(lambda name, item: found.append((name, item)))
+        for name, item in found:
+            if isinstance(item, h5py.Dataset):
+                unit = np.ravel(item.attrs.get("units", item.attrs.get("unit", "")))[0]
+                unit = unit.decode() if isinstance(unit, bytes) else str(unit)
+                text = h5py.check_string_dtype(item.dtype) and item.ndim == 1
+                yield name, item.asstr()[()] if text else item, unit
 
 
-def _read_netcdf(path: Path, decimal: str) -> FileTable:
+def _netcdf_items(path: Path) -> Iterator[tuple]:
     with path.open("rb") as file:
         classic = file.read(3) == b"CDF"
     if not classic:
-        return _read_hdf5(path, decimal)
+        yield from _hdf5_items(path)
+        return
     from scipy.io import netcdf_file
 
-    columns, units = {}, {}
     with netcdf_file(path, "r", mmap=False) as file:
         for name, variable in file.variables.items():
-            if variable.data.ndim == 1:
-                columns[name] = np.array(variable.data)
-                if hasattr(variable, "units"):
-                    units[name] = variable.units.decode()
-    return FileTable(path, columns, units, 1)
+            yield name, np.array(variable.data), getattr(variable, "units", b"").decode() or None
 
 
-def _read_matlab(path: Path, decimal: str) -> FileTable:
+def _matlab_items(path: Path) -> Iterator[tuple]:
     with path.open("rb") as file:
-        if b"MATLAB 7.3" in file.read(128):
-            return _read_hdf5(path, decimal)
+        hdf5 = b"MATLAB 7.3" in file.read(128)
+    if hdf5:
+        yield from _hdf5_items(path)
+        return
     from scipy.io import loadmat
 
-    content = loadmat(path, squeeze_me=True)
-    columns = {
-        name: np.atleast_1d(value)
-        for name, value in content.items()
-        if not name.startswith("__")
-        and np.ndim(value) <= 1
-        and np.asarray(value).dtype.kind in "fiuU"
-    }
-    return FileTable(path, columns, {}, 1)
+    for name, value in loadmat(path).items():
+        if not name.startswith("__"):
+            yield name, np.asarray(value), None
 
 
+TEXT = (".csv", ".txt", ".tsv", ".dat")
 READERS = {
-    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat"), _read_text),
-    ".parquet": _read_parquet,
-    **dict.fromkeys((".h5", ".hdf5"), _read_hdf5),
-    ".nc": _read_netcdf,
-    ".mat": _read_matlab,
+    ".parquet": _parquet_items,
+    ".h5": _hdf5_items,
+    ".hdf5": _hdf5_items,
+    ".nc": _netcdf_items,
+    ".mat": _matlab_items,
 }
 
 

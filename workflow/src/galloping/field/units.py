@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from functools import cache
 
 AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
+WITH_UNIT = re.compile(r"(?P<bare>.*\S)\s*(\[(?P<unit>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
 LENGTH_OF_ORDER = {0: "m", 1: "m/s", 2: "m/s^2"}
 
 
@@ -30,7 +31,7 @@ def factor(unit: str, wanted: str) -> float:
     import pint
 
     try:
-        source = _registry().parse_units("" if unit in ("1", "") else unit)
+        source = _registry().parse_units("" if unit in ("1", "-", "") else unit)
         target = _registry().parse_units("" if wanted in ("1", "") else wanted)
         return float(_registry().Quantity(1.0, source).to(target).magnitude)
     except pint.UndefinedUnitError as error:
@@ -42,6 +43,22 @@ def factor(unit: str, wanted: str) -> float:
         raise UnitError(f"unit {unit!r} does not measure {wanted}{hint}") from error
     except Exception as error:  # pint's parser raises many kinds
         raise UnitError(f"unit {unit!r} cannot be read") from error
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of something, such as `mm`; a number alone is none."""
+    try:
+        return text[:1].isalpha() and bool(_registry().parse_units(text).dimensionality)
+    except Exception:  # pint's parser raises many kinds
+        return False
+
+
+def named(header: str) -> tuple[str, str]:
+    """Name and unit of a column from its header: `v [mm]`, or `v (mm)` where that is a unit."""
+    match = WITH_UNIT.fullmatch(header.strip())
+    if match and (match["unit"] is not None or is_unit(match["round"])):
+        return match["bare"], (match["unit"] or match["round"] or "").strip()
+    return header.strip(), ""
 
 
 def amount(text: str | float, unit: str, wanted: str) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,13 +13,15 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 
 from galloping.field.forecast import Forecast, Sensed
-from galloping.field.mapping import ColumnMapping
 from galloping.field.quality import GAP, spectrum
-from galloping.field.read import Series
 from galloping.field.units import state_unit
 from galloping.figures import panels
 from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, TRUE
 from galloping.recording import Recording
+
+if TYPE_CHECKING:
+    from galloping.field.mapping import ColumnMapping
+    from galloping.field.read import Series
 
 ROW = 1.7  # inches, of a row of panels
 POINTS = 1500  # of an envelope: more than a figure has pixels

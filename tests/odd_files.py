@@ -1,0 +1,240 @@
+"""Files as instruments and spreadsheets write them, and what each must be answered.
+
+All hold the same motion, q_v = sin(2.6 t) and q_w = 0.5 cos(2.6 t) m over 40 s, said in many ways:
+`READ` must be read as that motion, `REFUSED` in one line with the cause, `QUESTIONED` with a line.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+from scipy.io import savemat
+
+TIME = np.arange(1000) / 25.0
+V, W = np.sin(2.6 * TIME), 0.5 * np.cos(2.6 * TIME)
+BY_NAME = ("--states", "q_v,q_w,dq_v,dq_w", "--measure", "q_v=v", "--measure", "q_w=w")
+UNITS = ("--unit", "m", "--unit", "t=s")
+PLAIN = (*BY_NAME, *UNITS)
+STAMPS = pd.Timestamp("2026-01-31T12:00:00") + pd.to_timedelta(TIME, "s")
+
+
+def lines(
+    header: str = "t,v,w", mark: str = ",", decimal: str = ".", columns: object = (TIME, V, W)
+) -> str:
+    """A text table. columns: of numbers, or of text that stays as it is."""
+    rows = [header]
+    for cells in zip(*columns, strict=True):
+        texts = (cell if isinstance(cell, str) else f"{cell:.6f}" for cell in cells)
+        rows.append(mark.join(text.replace(".", decimal) for text in texts))
+    return "\n".join(rows) + "\n"
+
+
+def coded(code: float) -> np.ndarray:
+    """The vertical motion with a code in place of some samples."""
+    values = V.copy()
+    values[[3, 100, 101, 102, 500]] = code
+    return values
+
+
+def edited(row: int, text: str) -> str:
+    """A text table in which one line is another."""
+    rows = lines().splitlines()
+    rows[row - 1] = text
+    return "\n".join(rows) + "\n"
+
+
+def excel() -> bytes:
+    """A zip archive, which a sheet of Excel is."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr("xl/workbook.xml", "<workbook/>")
+    return buffer.getvalue()
+
+
+def parquet(path: Path, **columns: np.ndarray) -> None:
+    pd.DataFrame(columns).to_parquet(path)
+
+
+def hdf5(path: Path, **columns: np.ndarray) -> None:
+    with h5py.File(path, "w") as file:
+        for name, values in columns.items():
+            file[name] = values
+
+
+def cut(path: Path, make: Callable) -> None:
+    """The first half of a file that `make` writes."""
+    make(path, t=TIME, v=V, w=W)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+Content = str | bytes | Callable[[Path], None]
+PREAMBLE = "Logger DL-2000\nSerial no. 12345\nStart; 31.01.2026\n\n"
+
+# name of the file: content, options
+READ: dict[str, tuple[Content, tuple[str, ...]]] = {
+    "plain.csv": (lines(), PLAIN),
+    "preamble.csv": (PREAMBLE + lines(), PLAIN),
+    "preamble_of_pairs.csv": ("Logger,DL-2000\nSerial,12345\n" + lines(), PLAIN),
+    "preamble_of_as_many_cells.csv": ("Station,A17,left\nRate:,25,Hz\n,,\n" + lines(), PLAIN),
+    "campbell.dat": (
+        lines(
+            '"TOA5","CR1000","1","2"\n"TIMESTAMP","RECORD","v","w"\n"TS","RN","m","m"\n'
+            '"","","Avg","Avg"',
+            columns=([f'"{stamp}"' for stamp in STAMPS], map(str, range(1000)), V, W),
+        ),
+        (*BY_NAME, "--time", "TIMESTAMP"),
+    ),
+    "units_in_brackets.csv": (lines("t [s],v [m],w [m]"), BY_NAME),
+    "units_in_round_brackets.csv": (lines("t (s),v (m),w (m)"), BY_NAME),
+    "row_of_units.csv": (lines("t,v,w\ns,m,m"), BY_NAME),
+    "row_of_units_in_brackets.csv": (lines("t;v;w\n[s];[m];[m]", ";"), BY_NAME),
+    "pasted_header.csv": (
+        lines("t [s],v [m],w [m]"),
+        (*BY_NAME[:2], "--measure", "q_v=v [m]", "--measure", "q_w=w [m]", "--time", "t [s]"),
+    ),
+    "pasted_round_header.csv": (
+        lines("t (s),v (m),w (m)"),
+        (*BY_NAME[:2], "--measure", "q_v=v (m)", "--measure", "q_w=w (m)"),
+    ),
+    "millimetres.csv": (lines("t [ms],v [mm],w [cm]", columns=(1e3 * TIME, 1e3 * V, 1e2 * W)),
+                        BY_NAME),
+    "minus_9999.csv": (lines(columns=(TIME, coded(-9999), W)), PLAIN),
+    "minus_999_25.csv": (lines(columns=(TIME, coded(-999.25), W)), PLAIN),
+    "sixteen_bits.csv": (lines(columns=(TIME, coded(32767), W)), PLAIN),
+    "two_codes.csv": (lines(columns=(TIME, np.where(TIME == 4.0, 9999, coded(-9999)), W)), PLAIN),
+    "semicolons.csv": (lines("t;v;w", ";"), PLAIN),
+    "decimal_commas.csv": (lines("t;v;w", ";", ","), (*PLAIN, "--decimal", ",")),
+    "decimal_commas_and_blanks.txt": (lines("t v w", "  ", ","), (*PLAIN, "--decimal", ",")),
+    "tabs.tsv": (lines("t\tv\tw", "\t"), PLAIN),
+    "savetxt.txt": (lines("# t v w", " "), PLAIN),
+    "savetxt_below_a_comment.txt": ("# a span, on a windy day\n" + lines("# t v w", " "), PLAIN),
+    "windows.csv": (lines().replace("\n", "\r\n").encode("utf-8-sig"), PLAIN),
+    "empty_last_column.csv": (lines("t,v,w,", columns=(TIME, V, W, [""] * 1000)), PLAIN),
+    "quoted.csv": (lines('"t","v","w"'), PLAIN),
+    "unnamed_index.csv": (lines(",t,v,w", columns=(map(str, range(1000)), TIME, V, W)), PLAIN),
+    "dates.csv": (lines(columns=(STAMPS.astype(str), V, W)), (*BY_NAME, "--unit", "m")),
+    "old_macintosh.csv": (lines().replace("\n", "\r"), PLAIN),
+    "scientific.csv": (
+        lines(columns=([f"{t:.6E}" for t in TIME], [f"{v:+.6e}" for v in V], W)), PLAIN
+    ),
+    "fixed_width.dat": (lines("      t     v    w", "      "), PLAIN),
+    "unix_milliseconds.csv": (lines("t [ms],v [m],w [m]", columns=(1.7e12 + 1e3 * TIME, V, W)),
+                              BY_NAME),
+    "newest_first.csv": (lines(columns=(TIME[::-1], V[::-1], W[::-1])), PLAIN),
+    "micrometres.csv": (lines("t [s],v [µm],w [m]", columns=(TIME, 1e6 * V, W)), BY_NAME),
+    "comma_in_a_name.csv": (
+        lines('t,"v, upper",w'),
+        (*BY_NAME[:2], "--measure", "q_v=v, upper", "--measure", "q_w=w", *UNITS),
+    ),
+    "notes.csv": (lines("t,v,w,note", columns=(TIME, V, W, ['"well, fine"'] * 1000)), PLAIN),
+    "units.parquet": (lambda path: parquet(path, **{"t [s]": TIME, "v [m]": V, "w (m)": W}),
+                      BY_NAME),
+    "dates.parquet": (lambda path: parquet(path, t=STAMPS, v=V, w=W), (*BY_NAME, "--unit", "m")),
+    "durations.parquet": (
+        lambda path: parquet(path, t=pd.to_timedelta(TIME, "s"), v=V, w=W),
+        (*BY_NAME, "--unit", "m"),
+    ),
+    "texts.parquet": (lambda path: parquet(path, t=TIME.astype(str), v=V, w=W), PLAIN),
+    "dates.h5": (lambda path: hdf5(path, t=STAMPS.astype("S").to_numpy(), v=V, w=W),
+                 (*BY_NAME, "--unit", "m")),
+    "rows_and_columns.h5": (lambda path: hdf5(path, t=TIME[None], v=V[:, None], w=W), PLAIN),
+    "matrix_beside.mat": (
+        lambda path: savemat(path, {"t": TIME, "v": V, "w": W, "picture": np.zeros((9, 9))}),
+        PLAIN,
+    ),
+}  # fmt: skip
+
+GERMAN = [stamp.strftime("%d.%m.%Y %H:%M:%S.%f") for stamp in STAMPS]
+# name of the file: content, options, what the refusal says
+REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
+    "german_dates.csv": (lines(columns=(GERMAN, V, W)), (*BY_NAME, "--unit", "m"),
+        ("row 2, column 't': '31.01.2026 12:00:00.000000'", "ISO 8601")),
+    "clock_times.csv": (lines(columns=([text[11:] for text in GERMAN], V, W)),
+        (*BY_NAME, "--unit", "m"), ("row 2, column 't': '12:00:00.000000'", "ISO 8601")),
+    "decimal_commas.csv": (lines("t;v;w", ";", ","), PLAIN, ("row 2", "say --decimal ,")),
+    "decimal_commas_in_times.csv": (lines("t;v [m];w [m]", ";", ","), BY_NAME,
+        ("row 2, column 't': '0,000000'", "say --decimal ,")),
+    "nothing_but_commas.csv": (lines("t,v,w", ",", ","), PLAIN,
+        ("header, has 3 cells, row 2 has 6", "say --decimal ,")),
+    "commas_and_blanks.txt": (lines("t v w", " ", ","), PLAIN, ("row 2", "say --decimal ,")),
+    "points_read_as_commas.csv": (lines(), (*PLAIN, "--decimal", ","),
+        ("parted by commas (without decimal commas)",)),
+    "states_only.csv": (lines("t,q_v,q_w"), ("--states", "q_v,q_w,dq_v,dq_w", *UNITS),
+        ("no column 'dq_v'", "--measure STATE=COLUMN")),
+    "other_time.csv": (lines("time,v,w"), PLAIN, ("no column 't'", "--time")),
+    "other_column.csv": (lines("t,u,w"), PLAIN, ("no column 'v'", "it has 't', 'u', 'w'")),
+    "headers_as_states.csv": (lines("t [s],q_v [m],q_w [m]"), ("--states", "q_v [m],q_w [m]"),
+        ("'q_v [m]' is not a name", "--measure")),
+    "position.csv": (lines(), ("--states", "q_v", "--measure", "q_v=v@abc", *UNITS),
+        ("position 'abc' is not a number",)),
+    "unit_unknown.csv": (lines("t [s],v [furlong/],w [m]"), BY_NAME, ("column 'v': unit",)),
+    "no_unit.csv": (lines("t [s],v,w"), BY_NAME, ("column 'v' has no unit", "--unit v=m")),
+    "more_cells.csv": (edited(57, "2.2,1,2,3,4"), PLAIN, ("row 57 has 5 cells, the header 3",)),
+    "unclosed.csv": (edited(57, '2.2,"1,2'), PLAIN, ("row 57: a quotation mark is not closed",)),
+    "word.csv": (edited(57, "2.2,OVERFLOW,2"), PLAIN,
+        ("row 57, column 'v': 'OVERFLOW' is not a number",)),
+    "footer.csv": (lines() + "END OF FILE\n", PLAIN, ("row 1002, column 't': 'END OF FILE'",)),
+    "thousands.csv": (edited(57, '2.2,"1,234.5",2'), PLAIN, ("row 57", "'1,234.5' is not")),
+    "headless.csv": (lines().partition("\n")[2], PLAIN, ("first row must name the columns",)),
+    "one_column.csv": ("v\n" + "\n".join(f"{v:.6f}" for v in V), PLAIN, ("one column",)),
+    "sheet.xlsx": (excel(), PLAIN, ("files .xlsx are not read", "CSV")),
+    "sheet.csv": (excel(), PLAIN, ("an Excel sheet", "save the sheet as CSV")),
+    "packed.csv.gz": (gzip.compress(lines().encode()), PLAIN, ("files .gz are not read",)),
+    "packed.csv": (gzip.compress(lines().encode()), PLAIN, ("gzip archive; unpack it",)),
+    "named_wrongly.csv": (lambda path: parquet(path, t=TIME, v=V, w=W), PLAIN,
+        ("a Parquet file; name it .parquet",)),
+    "sixteen.csv": (lines().encode("utf-16"), PLAIN, ("UTF-16; save it as UTF-8",)),
+    "page.csv": ("<!DOCTYPE html><html>Please log in</html>", PLAIN, ("a web page",)),
+    "matrix.mat": (lambda path: savemat(path, {"data": np.column_stack([TIME, V, W])}), PLAIN,
+        ("each must be a vector of its own", "data (1000 x 3)")),
+    "structure.mat": (lambda path: savemat(path, {"data": {"t": TIME, "v": V}}), PLAIN,
+        ("each must be a vector of its own",)),
+    "two_names.csv": (lines("t,v,v"), PLAIN, ("two columns are named 'v'",)),
+    "infinite.csv": (edited(57, "2.2,inf,2"), PLAIN, ("row 57, column 'v': inf is no measure",)),
+    "gravity.csv": (lines("t [s],v [g],w [m]"),
+        ("--states", "q_v,q_w,dq_v,dq_w", "--measure", "ddq_v=v", "--measure", "q_w=w"),
+        ("column 'v': unit 'g' does not measure m/s^2", "g_n")),
+    "matrix.h5": (lambda path: hdf5(path, data=np.column_stack([TIME, V, W])), PLAIN,
+        ("each must be a vector of its own", "data (1000 x 3)")),
+    "text.parquet": (lines(), PLAIN, ("cannot be read", "arquet")),
+    "cut.h5": (lambda path: cut(path, hdf5), PLAIN, ("cannot be read",)),
+    "cut.parquet": (lambda path: cut(path, parquet), PLAIN, ("cannot be read",)),
+    "constant.csv": (lines(columns=(TIME, 0 * V, W)), PLAIN, ("'v' is 0 throughout",)),
+    "short.csv": (lines(columns=(TIME[:50], V[:50], W[:50])), PLAIN, ("50 rows are fewer than",)),
+    "equal.csv": (lines(columns=(TIME, V, V)), PLAIN,
+        ("columns 'v' and 'w' hold the same samples",)),
+    "coarse_clock.csv": (lines(columns=(np.floor(TIME), V, W)), PLAIN, ("a clock with a coarse",)),
+}  # fmt: skip
+
+# name of the file: content, options, what `inspect` says of it
+QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
+    "huge.csv": (lines(columns=(TIME, 3e11 * V, W)), PLAIN,
+        ("v, row 2: a range of 6e+11 m is no galloping", "is the unit right?")),
+    "thousandths.csv": (lines("t [s],v [mm],w [mm]"), BY_NAME,
+        ("v, row 2: a range of 0.002 m is no galloping",)),
+    "milliseconds.csv": (lines(columns=(1e3 * TIME, V, W)), PLAIN,
+        ("0.0004", "is no frequency of a span", "is the unit of the time right?")),
+    "minutes.csv": (lines(columns=(TIME / 60, V, W)), PLAIN,
+        ("Hz is no frequency of a span",)),
+    "codes.csv": (lines(columns=(TIME, coded(-9999), W)), PLAIN,
+        ("column 'v': 5 samples of -9999, a code for missing ones, were left out",)),
+    "preamble.csv": (PREAMBLE + lines(), PLAIN,
+        ("3 rows before the data were left out, row 1",)),
+    "clipped.csv": (lines(columns=(TIME, np.clip(V, -0.3, 2), W)), PLAIN, ("clipped at -0.3",)),
+}  # fmt: skip
+
+
+def written(path: Path, content: Content) -> Path:
+    """The file of a content."""
+    if callable(content):
+        content(path)
+    else:
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path

@@ -1,0 +1,222 @@
+"""What odd files and wrong commands are answered: the right numbers, or the right cause."""
+
+import errno
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from odd_files import QUESTIONED, READ, REFUSED, TIME, UNITS, V, W, lines, written
+
+from galloping import IdentifiedModel, PolynomialModel
+from galloping.cli import main
+from galloping.field import OUTPUTS, study
+from galloping.polynomial import library
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+SPAN, MAP = EXAMPLES / "span.csv", ("--map", EXAMPLES / "span.yaml")
+COMMAND = (sys.executable, "-c", "from galloping.cli import main; main()")
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """The model of the motion of the odd files."""
+    path = tmp_path_factory.mktemp("model") / "model.json"
+    states, terms = ("q_v", "dq_v"), library(2, 3)
+    coefficients = np.zeros((2, len(terms)))
+    coefficients[0, terms.index((0, 1))] = 1.0
+    coefficients[1, terms.index((1, 0))] = -6.76
+    IdentifiedModel(
+        PolynomialModel(states, terms, coefficients), "unjudged", known=(0,),
+        standard_errors=np.where(coefficients == 0, np.nan, 0.001) * [[np.nan], [1]],
+        initial_states=np.array([[0.0, 2.6]]), sigma=np.array([[0.01, np.nan]]),
+    ).save(path)  # fmt: skip
+    return path
+
+
+def recorded(path):
+    """A file of the vertical motion with a little noise, and the options that read it."""
+    noisy = V + 0.01 * np.random.default_rng(1).standard_normal(len(V))
+    path.write_text(lines(columns=(TIME, noisy, W)))
+    return path, "--states", "q_v,dq_v", "--measure", "q_v=v", *UNITS
+
+
+def run(*arguments, code=0):
+    result = CliRunner().invoke(main, [str(each) for each in arguments])
+    assert result.exit_code == code, result.output
+    return result.stdout if code == 0 else result.output
+
+
+@pytest.mark.parametrize("name", READ)
+def test_what_can_be_read_is_read_right(tmp_path, name):
+    content, options = READ[name]
+    report = json.loads(run("inspect", written(tmp_path / name, content), *options, "--json"))
+    assert report["sampling"]["samples"] == 1000
+    assert report["sampling"]["rate_hz"] == pytest.approx(25)
+    for values, channel in zip((V, W), report["channels"].values(), strict=True):
+        assert channel["dominant_frequencies_hz"] == [pytest.approx(0.4138, abs=0.02)]
+        assert channel["standard_deviation"] == pytest.approx(values.std(), rel=0.01)
+        assert channel["highest"] == pytest.approx(values.max(), rel=0.01)
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_read_is_refused_with_its_cause(tmp_path, name):
+    content, options, said = REFUSED[name]
+    printed = run("inspect", written(tmp_path / name, content), *options, code=1)
+    assert len(printed.splitlines()) == 1
+    assert [part for part in said if part not in printed] == [], printed
+
+
+@pytest.mark.parametrize("name", QUESTIONED)
+def test_what_is_unlikely_is_questioned(tmp_path, name):
+    content, options, said = QUESTIONED[name]
+    printed = run("inspect", written(tmp_path / name, content), *options)
+    assert [part for part in said if part not in printed] == [], printed
+
+
+def test_an_earlier_output_is_kept_unless_it_is_to_be_replaced(tmp_path):
+    command = ("identify", *recorded(tmp_path / "a.csv"), "--method", "weak_gls", "--output")
+    run(*command, tmp_path / "new" / "out")
+    made = {path.name: path.read_bytes() for path in (tmp_path / "new" / "out").iterdir()}
+    assert sorted(made) == sorted(OUTPUTS)
+    said = run(*command, tmp_path / "new" / "out", "--degree", 1, code=1)
+    assert f"{tmp_path / 'new' / 'out'}: holds an earlier summary.md" in said
+    assert {path.name: path.read_bytes() for path in (tmp_path / "new" / "out").iterdir()} == made
+    (tmp_path / "new" / "out" / "notes.txt").write_text("mine")
+    run(*command, tmp_path / "new" / "out", "--degree", 1, "--replace")
+    after = {path.name: path.read_bytes() for path in (tmp_path / "new" / "out").iterdir()}
+    assert after.pop("notes.txt") == b"mine"
+    assert sorted(after) == sorted(OUTPUTS) and after["model.json"] != made["model.json"]
+
+
+@pytest.mark.parametrize("output", ["a.csv/out", "/proc/out"])
+def test_an_output_that_cannot_be_written_is_refused_first(tmp_path, monkeypatch, output):
+    monkeypatch.setattr(study, "analyse", lambda *_: pytest.fail("the computation has begun"))
+    said = run("identify", *recorded(tmp_path / "a.csv"), "--output", tmp_path / output, code=1)
+    assert f"{tmp_path / output}: cannot be written: " in said and said.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "said"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), 1, "out: cannot be written: No space"),
+        (ValueError("a.csv: no motion"), 1, "Error: a.csv: no motion"),
+        (KeyboardInterrupt(), 130, "Interrupted"),
+    ],
+)
+def test_a_computation_that_ends_early_leaves_nothing(tmp_path, monkeypatch, fault, code, said):
+    def ended(*_):
+        raise fault
+
+    monkeypatch.setattr(study, "write_figures", ended)
+    command = ("identify", *recorded(tmp_path / "a.csv"), "--method", "weak_gls", "--output")
+    printed = run(*command, tmp_path / "new" / "out", code=code)
+    assert said in printed and printed.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_an_interruption_inside_compiled_code_is_one(monkeypatch, model):
+    def compiled(*_):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise SystemError("returned a result with an exception set") from error
+
+    monkeypatch.setattr(IdentifiedModel, "load", compiled)
+    assert run("show", model, code=130) == "Interrupted\n"
+
+
+def test_ctrl_c_ends_an_identification_in_one_line(tmp_path):
+    process = subprocess.Popen(
+        [*COMMAND, "identify", SPAN, *MAP, "--output", tmp_path / "out"],
+        stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    while process.poll() is None and not any(tmp_path.iterdir()):
+        time.sleep(0.05)
+    time.sleep(1.0)  # in the midst of it
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate()
+    assert process.returncode == 130
+    assert said.splitlines()[-1] == "Interrupted"
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_gap_of_half_a_minute_costs_nothing_but_its_rows(tmp_path):
+    header, *rows = SPAN.read_text(encoding="utf-8").splitlines()
+    kept = [row for row in rows if not 100 <= float(row.partition(",")[0]) < 135]
+    gap = written(tmp_path / "gap.csv", "\n".join([header, *kept]) + "\n")
+    run("identify", gap, *MAP, "--output", tmp_path / "out")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(OUTPUTS)
+    summary = (tmp_path / "out" / "summary.md").read_text(encoding="utf-8")
+    assert "limit cycle: q_v ± 1.1" in summary
+
+
+def test_a_forecast_from_too_few_samples_is_refused(tmp_path, model):
+    command = ("forecast", model, *recorded(tmp_path / "a.csv"), "--duration", 1)
+    assert len(run(*command).splitlines()) == 26
+    said = run(*command, "--window", 0.01, code=1)
+    assert "the last 0.01 s of the recording hold 1 samples; a forecast needs 2" in said
+
+
+def test_a_simulation_of_any_length_comes_row_by_row(model):
+    command = [*COMMAND, "simulate", model, "--rate", "9000", "--duration", "1000000"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    head = [next(process.stdout) for _ in range(150_000)]  # more than a piece
+    process.stdout.close()
+    process.wait()
+    times, q = np.loadtxt(head[1:], delimiter=",", usecols=(0, 1)).T
+    np.testing.assert_allclose(np.diff(times), 1 / 9000, atol=2e-8)
+    assert np.abs(np.diff(q)).max() < 2.7 / 9000  # it goes on where a piece ends
+
+
+def test_json_is_json(model):
+    def refuse(name):
+        pytest.fail(f"{name} is not JSON")
+
+    rows = json.loads(run("show", model, "--json"), parse_constant=refuse)
+    assert rows[0]["standard_error"] is None and rows[1]["standard_error"] == 0.001
+    ends = CliRunner().invoke(main, ["simulate", str(model), "--initial", "900,9", "--json"])
+    assert ends.exit_code == 1 and "diverged" in ends.stderr
+    assert len(json.loads(ends.stdout, parse_constant=refuse)) < 7501
+    assert "exclude each other" in run("show", model, "--json", "--latex", code=2)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "No such file"),
+        ("", "not an identified model"),
+        ("[]", "must be a mapping of keys"),
+        ('"text"', "must be a mapping of keys"),
+        ('{"states": ["x"]}', "no key 'terms'"),
+        ("\udcff", "not an identified model"),
+    ],
+)
+def test_a_file_that_is_no_model_is_named(tmp_path, content, said):
+    path = tmp_path / "model.json"
+    if content is not None:
+        path.write_bytes(content.encode("utf-8", "surrogateescape"))
+    printed = run("show", path, code=1)
+    assert f"{path}: " in printed and said in printed and printed.count("\n") == 1
+
+
+@pytest.mark.parametrize("damage", [["-6.76", "NaN"], ["-6.76", '"nan"'], ["-6.76", '"inf"']])
+def test_a_model_with_a_number_that_is_none_is_refused(tmp_path, model, damage):
+    path = written(tmp_path / "model.json", model.read_text().replace(*damage))
+    assert "not all are finite" in run("show", path, code=1)
+
+
+def test_a_full_standard_output_is_named(model):
+    with Path("/dev/full").open("w") as full:
+        command = [*COMMAND, "show", str(model)]
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert ended.stderr == "Error: standard output: No space left on device\n"
+    assert ended.returncode == 1

@@ -1,0 +1,333 @@
+"""No number that sounds sure and is wrong: what files of known truth are answered."""
+
+import re
+from dataclasses import replace
+
+import field_files as files
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from galloping import IdentifiedModel, Recording
+from galloping.cli import main
+from galloping.field.dynamics import Surroundings, dynamics, sentences
+from galloping.field.forcing import kept_up, unmoved, wavers
+from galloping.field.forecast import check_followed, forecast, held_out, with_factors
+from galloping.field.homogeneity import difference
+from galloping.field.mapping import validated
+from galloping.field.objections import objected
+from galloping.field.study import read_field
+from galloping.field.summary import longest_period
+from galloping.field.tables import FileError
+from galloping.identification.likelihood.screening import smooth_without_outliers
+from galloping.polynomial import PolynomialModel, design_matrix, library
+
+TERMS = library(4, 3)
+COLUMNS = ["--time", "t", "--states", ",".join(files.STATES), "--measure", "q_v=q_v",
+           "--measure", "q_w=q_w"]  # fmt: skip
+MAPPING = {
+    "time": {"column": "t"},
+    "states": files.STATES,
+    "channels": [{"column": q, "measures": q} for q in files.STATES[:2]],
+}
+
+
+def read(*paths, **more):
+    return read_field(paths, validated({**MAPPING, **more}))
+
+
+def moved(model, by):
+    """The same system where the zero of each state is `by` lower: exactly, as it is polynomial."""
+    model = model.on_library(TERMS)
+    x = np.random.default_rng(0).normal(size=(200, 4))
+    rates = model(x)
+    coefficients = np.linalg.lstsq(design_matrix(x + by, TERMS), rates, rcond=None)[0].T
+    return PolynomialModel(model.states, TERMS, np.where(abs(coefficients) > 1e-9, coefficients, 0))
+
+
+def sure(model, share=1e-3, status="ok", **more):
+    """An identified model as sure of its coefficients as `share`."""
+    present = model.coefficients[2:][model.coefficients[2:] != 0]
+    covariance = np.diag((share * present) ** 2)
+    sigma = np.array([[files.NOISE, files.NOISE, np.nan, np.nan]])
+    start = np.array([files.RELEASE])
+    return IdentifiedModel(
+        model,
+        status,
+        covariance=covariance,
+        known=(0, 1),
+        sigma=sigma,
+        initial_states=start,
+        **more,
+    )
+
+
+def recorded(wind=12.0, duration=300.0, seed=1):
+    time, states = files.motion(wind, duration)
+    values = np.full(states.shape, np.nan)
+    values[:, :2] = files.seen(states, seed)
+    return Recording(time, files.STATES, values)
+
+
+@pytest.mark.parametrize("by", [0.0, 6.0])
+def test_small_motions_are_those_about_the_position_of_rest(by):
+    shift = np.array([by, -by / 2, 0.0, 0.0])
+    model = moved(files.line(), shift)
+    exact = IdentifiedModel(model, "unjudged", initial_states=np.array([files.RELEASE]) + shift)
+    recording = recorded()
+    around = Surroundings.of([replace(recording, values=recording.values + shift)])
+    found = dynamics(exact, around, np.random.default_rng(0))
+    values, _ = np.linalg.eig(files.line().jacobian(np.zeros((1, 4)))[0])
+    values = sorted(values[values.imag > 0], key=lambda value: -abs(value))
+    for state, value in zip(("q_v", "q_w"), values, strict=True):
+        assert found.frequencies[state].value == pytest.approx(abs(value) / 2 / np.pi, rel=1e-4)
+        assert found.damping[state].value == pytest.approx(-value.real / abs(value), abs=1e-5)
+    assert found.rest["q_v"].value == pytest.approx(by, abs=1e-6)
+    assert found.rest["q_w"].value == pytest.approx(-by / 2, abs=1e-6)
+    assert found.half_range["q_v"].value == pytest.approx(1.305, abs=0.005)
+
+
+def test_a_model_without_rest_inside_the_motion_has_no_natural_frequencies():
+    model = PolynomialModel(("x", "dx"), ((0, 0), (0, 1)), np.array([[0, 1.0], [1.0, 0]]))
+    exact = IdentifiedModel(model, "unjudged", initial_states=np.zeros((1, 2)))
+    around = Surroundings(np.zeros(2), -np.ones(2), np.ones(2))
+    found = dynamics(exact, around, np.random.default_rng(0))
+    assert not found.rest and np.isnan(found.frequencies["x"].value)
+    said = " ".join(sentences(found))
+    assert "no position of rest" in said and "where the motion ends is not told" in said
+
+
+@pytest.mark.parametrize("jump", [20.0, 150.0, 3600.0, 1e8])
+def test_a_clock_that_jumps_parts_a_recording(tmp_path, jump):
+    field = read(files.two_events(tmp_path / "a.csv", jump, each=60.0))
+    assert len(field.recordings) == 2
+    assert [np.ptp(one.time) for one in field.recordings] == pytest.approx([60.0, 60.0])
+    (report,) = field.reports
+    assert report["channels"]["q_v"]["dominant_frequencies_hz"][0] == pytest.approx(0.42, abs=0.03)
+    assert longest_period(field.recordings) < 10.0
+    assert not any("less than" in problem["what"] for problem in report["problems"][:1])
+    assert "part it into recordings" in report["notes"][-1]
+
+
+def test_a_clock_that_starts_again_parts_a_recording_and_rows_out_of_order_do_not(tmp_path):
+    field = read(files.restarted(tmp_path / "a.csv"))
+    assert [np.ptp(one.time) for one in field.recordings] == pytest.approx([150.0, 150.0])
+    assert "the clock starts again in row 3753" in field.reports[0]["notes"][0]
+    head, *rows = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()[:3752]
+    swapped = [head, *rows[2000:], *rows[:2000]]
+    (tmp_path / "b.csv").write_text("\n".join(swapped), encoding="utf-8")
+    (whole,) = read(tmp_path / "b.csv").recordings
+    np.testing.assert_array_equal(whole.values, field.recordings[0].values)
+
+
+def test_a_conflict_of_units_is_refused_and_another_name_of_a_unit_is_none(tmp_path):
+    path = files.shifted(tmp_path / "a.csv", (0.0, 0.0))
+
+    def channels(unit):
+        first, second = MAPPING["channels"]
+        return {"channels": [{**first, "unit": unit}, second]}
+
+    with pytest.raises(FileError, match=r"'q_v' is in m by the file and in mm by the mapping"):
+        read(path, **channels("mm"))
+    assert len(read(path, **channels("metre")).recordings) == 1
+    with pytest.raises(FileError, match="'t' is in s by the file and in ms by the mapping"):
+        read(path, time={"column": "t", "unit": "ms"})
+    time, states = files.motion()
+    path = files.write(tmp_path / "b.csv", time, states[:, :2], "t [s],q_v [counts],q_w [m]")
+    assert len(read(path, **channels("mm")).recordings) == 1
+
+
+def test_samples_count_once(tmp_path):
+    path = files.shifted(tmp_path / "a.csv", (0.0, 0.0))
+    head, *rows = path.read_text(encoding="utf-8").splitlines()
+    (tmp_path / "end.csv").write_text("\n".join([head, *rows[3000:]]), encoding="utf-8")
+    for second in (path, tmp_path / "end.csv"):
+        with pytest.raises(FileError, match=r"are also in .*a\.csv: a recording counts once"):
+            read(path, second)
+    assert len(read(path, files.shifted(tmp_path / "b.csv", (0, 0), seed=9)).recordings) == 2
+    time, states = files.motion()
+    same = files.seen(states, 1)[:, :1] * (1.0, 1e-3)
+    files.write(tmp_path / "c.csv", time, np.round(same, 8))
+    with pytest.raises(FileError, match="'q_v' and 'q_w' hold the same samples"):
+        read(files.write(tmp_path / "c.csv", time, same.repeat(2, axis=1)[:, :2]))
+
+
+def test_a_cut_off_last_cell_is_an_outlier(tmp_path):
+    (recording,) = read(files.damaged(tmp_path / "a.csv")).recordings
+    kept, _ = smooth_without_outliers(recording, 2.3)
+    assert np.isnan(kept.values[-1, 1])
+    assert np.isfinite(kept.values[:-10, :2]).all()
+
+
+@pytest.mark.parametrize("status", ["ok", "approximate"])
+def test_the_band_at_an_instant_is_one_band(status):
+    recording, identified = (
+        recorded(),
+        sure(files.line().on_library(TERMS), status=status, chi2=1.0),
+    )
+    time = recording.time[-1] + np.arange(1, 400) / files.RATE
+    short, long = (
+        forecast(identified, recording, time[:count], 25.0, np.random.default_rng(0))
+        for count in (100, 399)
+    )
+    for name in ("low", "median", "high"):
+        np.testing.assert_allclose(getattr(short, name), getattr(long, name)[:100], rtol=1e-9)
+
+
+def test_a_model_that_does_not_follow_a_file_is_refused():
+    identified = sure(files.line().on_library(TERMS))
+    check_followed(identified, recorded(seed=5), 25.0)
+    for wind, status, chi2 in ((8.0, "ok", np.nan), (14.0, "approximate", 3.0)):
+        other = replace(identified, status=status, chi2=chi2)
+        check_followed(other, recorded(seed=5), 25.0)
+        with pytest.raises(ValueError, match="the model does not follow the recording: over 25 s"):
+            check_followed(other, recorded(wind), 25.0)
+
+
+def test_a_band_that_did_not_hold_is_widened_to_what_was_seen_or_gives_no_forecast():
+    recording, identified = recorded(), sure(files.line().on_library(TERMS), 1e-5)
+    seen, cut = recording.values[:, :2], 6500
+    ahead = forecast(
+        identified, recording[:cut], recording.time[cut:], 25.0, np.random.default_rng(0)
+    )
+    samples = np.column_stack([seen, np.full((len(seen), 2), np.nan)])
+    size = samples.std(axis=0)
+    right = held_out(ahead, samples[cut:], size)
+    assert right.factors == pytest.approx(1.0) and right.held[:2] == pytest.approx(0.9, abs=0.04)
+    narrow = held_out(ahead.widened(np.full(4, 0.4)), samples[cut:], size)
+    wide = narrow.forecast.widened(narrow.factors)
+    again = held_out(wide, samples[cut:], size)
+    assert narrow.held[0] < 0.6 and again.held[:2] == pytest.approx(0.9, abs=0.01)
+    told = with_factors(identified, narrow)
+    later = recording.time[-1] + np.arange(1, 50) / files.RATE
+    plain, widened = (
+        forecast(each, recording, later, 25.0, np.random.default_rng(0))
+        for each in (identified, told)
+    )
+    ratio = (widened.high - widened.low) / (plain.high - plain.low)
+    assert ratio[:, 0] == pytest.approx(narrow.factors[0])
+    ends = {end: getattr(ahead, end) - 6.0 * ahead.median for end in ("low", "median", "high")}
+    lost = held_out(replace(ahead, **ends), samples[cut:], size)
+    assert not lost.useful
+    with pytest.raises(ValueError, match="gives no forecast"):
+        forecast(with_factors(identified, lost), recording, later, 25.0, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("together", "alone", "differs"),
+    [
+        (("approximate", 0.09), (("ok", 0.0), ("ok", 0.0)), True),
+        (("approximate", 0.09), (("approximate", 0.02), ("approximate", 0.02)), True),
+        (("approximate", 0.09), (("approximate", 0.07), ("approximate", 0.08)), False),
+        (("approximate", 0.01), (("ok", 0.0), ("ok", 0.0)), False),
+        (("refused", 0.0), (("ok", 0.0), ("not identifiable", 0.0)), True),
+        (("approximate", 0.09), (("ok", 0.0), ("refused", 0.0)), False),
+        (("ok", 0.0), (("ok", 0.0), ("ok", 0.0)), False),
+    ],
+)
+def test_recordings_differ_where_models_of_each_miss_much_less(together, alone, differs):
+    def found(status, share):
+        told = {"error_share_all_q_v": share} if status == "approximate" else {}
+        if status == "refused":
+            return IdentifiedModel.refused(files.STATES, TERMS, "nothing follows")
+        return IdentifiedModel(files.line().on_library(TERMS), status, diagnostics=told)
+
+    models = iter([found(*each) for each in alone])
+    parts = [recorded(seed=1), recorded(seed=2)]
+    result = difference(found(*together), parts, lambda _: next(models))
+    assert (result is not None) == differs
+    assert not differs or "by itself miss" in str(result)
+
+
+def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
+    (recording,) = read(files.ambient(tmp_path / "a.csv", duration=300.0)).recordings
+    omega, ratio = 2 * np.pi * np.array([0.38, 0.21]), np.array([0.01, 0.02])
+    rows = np.block(
+        [[np.zeros((2, 2)), np.eye(2)], [-np.diag(omega**2), -np.diag(2 * ratio * omega)]]
+    )
+    linear = PolynomialModel(files.STATES, library(4, 1)[1:], rows)
+    start = np.array([[0.3, 0.3, 0.0, 0.0]])
+    found = IdentifiedModel(linear, "approximate", initial_states=start)
+    assert kept_up(found, [recording]) and wavers([recording], 4.0)
+    motion = found.simulate(start[0], recording.time).states
+    decay = replace(recording, values=np.where(np.isfinite(recording.values), motion, np.nan))
+    assert not kept_up(found, [decay])
+    galloping = sure(files.line().on_library(TERMS))
+    assert not kept_up(galloping, [recorded()]) and not unmoved(galloping)
+    assert not wavers([recorded()], 4.0) and not wavers([decay], 4.0)
+    rows[2] = 0.0
+    still = PolynomialModel(files.STATES, library(4, 1)[1:], rows)
+    assert unmoved(IdentifiedModel(still, "not identifiable")) == ["q_v"]
+
+
+def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):
+    field = read(files.clipped(tmp_path / "a.csv"))
+    refused = IdentifiedModel.refused(files.STATES, TERMS, "the iteration diverges")
+    found = objected(
+        refused,
+        field.recordings,
+        field.names,
+        longest_period(field.recordings),
+        lambda parts: refused,
+        field.clipped,
+    )
+    assert re.match(
+        r"q_v of a\.csv is clipped at -0\.3, from row \d+ on; the iteration diverges", found.reason
+    )
+
+
+LIMIT_CYCLE = {"q_v": 1.305, "q_w": 2.133}  # m, of the line in 12 m/s, simulated over 4000 s
+ABOUT_REST = {"q_v": (0.4205, -0.640), "q_w": (0.2140, 0.499)}  # Hz, % of critical
+# Each file, or several, by what makes it in a folder; the status; what the summary says.
+RIGHT, CHANGES, REFUSED = "right", "approximate", "refused"
+FILES = {
+    "camera zero 6 m off": (
+        lambda folder: files.shifted(folder / "a.csv", (6.0, 0.0)),
+        RIGHT, ["position of rest that is recorded, q_v = 5.999"],
+    ),
+    "three winds": (
+        lambda folder: files.of_winds(folder, (10.0, 12.0, 14.0)),
+        REFUSED, ["wind_10.csv, wind_12.csv, wind_14.csv do not share one model"],
+    ),
+    "a wind that changes": (
+        lambda folder: files.of_changing_wind(folder / "a.csv", (11.0, 13.0)),
+        CHANGES, ["approximate: the parts of the recording", "do not share one model"],
+    ),
+    "two events, 20 s apart": (lambda folder: files.two_events(folder / "a.csv", 20.0), RIGHT, []),
+    "two events, an hour apart": (
+        lambda folder: files.two_events(folder / "a.csv", 3600.0), RIGHT, [],
+    ),
+    "two events, each from zero": (lambda folder: files.restarted(folder / "a.csv"), RIGHT, []),
+    "ambient motion": (
+        lambda folder: files.ambient(folder / "a.csv", duration=300.0),
+        REFUSED, ["random forces", "ambient vibration"],
+    ),
+    "a cut off last cell": (lambda folder: files.damaged(folder / "a.csv"), RIGHT, []),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FILES)
+def test_a_file_is_answered_right_or_refused_for_its_fault(tmp_path, name):
+    make, status, said = FILES[name]
+    made = make(tmp_path)
+    paths = made if isinstance(made, list) else [made]
+    arguments = ["identify", *map(str, paths), *COLUMNS, "--output", str(tmp_path / "out")]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == (3 if status == REFUSED else 0), result.output
+    summary = (tmp_path / "out" / "summary.md").read_text(encoding="utf-8")
+    for words in said:
+        assert words in summary
+    if status != RIGHT:
+        assert summary.startswith(f"# Summary\n\n**{status}")
+        return
+    assert re.match(r"# Summary\s+\*\*(ok|not identifiable)", summary)
+    assert "Its forecasts" not in summary
+    for state, (frequency, damping) in ABOUT_REST.items():
+        told = re.search(rf"{state} oscillates at ([\d.]+) Hz.*net damping (\S+) %", summary)
+        assert float(told[1]) == pytest.approx(frequency, rel=1e-3)
+        assert float(told[2]) == pytest.approx(damping, abs=0.02)
+        size = re.search(rf"{state} ± ([\d.]+) m \(([\d.]+) to ([\d.]+)\)", summary)
+        value, low, high = map(float, size.groups())
+        assert value == pytest.approx(LIMIT_CYCLE[state], rel=0.01)
+        assert low - 0.01 < LIMIT_CYCLE[state] < high + 0.01

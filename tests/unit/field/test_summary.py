@@ -1,0 +1,72 @@
+"""What a model says of its line, from Python: values with intervals, beside the truth."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import galloping
+
+START = [0.3, 0.2, 0, 0]
+
+
+@pytest.fixture(scope="module")
+def line():
+    return galloping.derive(wind={"speed": 14})
+
+
+@pytest.fixture(scope="module")
+def recorded(line):
+    motion = galloping.simulate(line, START, np.arange(7501) / 25)
+    return galloping.measure(line, motion, level=0.02, seed=3)
+
+
+@pytest.fixture(scope="module")
+def summary(recorded):
+    found = galloping.maximum_likelihood(recorded, galloping.polynomial_library(4, 3))
+    return galloping.summarise(found, recorded)
+
+
+def test_the_values_hold_the_truth(line, summary):
+    eigenvalues = np.linalg.eigvals(line.jacobian(np.zeros((1, 4)))[0])
+    eigenvalues = eigenvalues[eigenvalues.imag > 0]
+    of = summary.dynamics
+    for state, mode in zip(("q_v", "q_w"), sorted(eigenvalues, key=lambda e: -e.imag), strict=True):
+        for value, truth in (
+            (of.frequencies[state], abs(mode) / (2 * np.pi)),
+            (of.damping[state], -mode.real / abs(mode)),
+        ):
+            assert value.low <= value.value <= value.high
+            assert abs(value.value - truth) < value.high - value.low
+    motion = galloping.simulate(line, START, np.arange(50000) / 25).states[-5000:]
+    for k, state in enumerate(("q_v", "q_w")):
+        half = of.half_range[state]
+        assert abs(half.value - np.ptp(motion[:, k]) / 2) < half.high - half.low
+    assert np.all(summary.held_out.skill > 0.9) and np.all(summary.held_out.held > 0.75)
+
+
+def test_the_parts_of_a_summary_are_had_alone(summary, recorded):
+    found = summary.found
+    assert galloping.dynamics(found, recorded) == summary.dynamics
+    alone = galloping.forecast(found, recorded)
+    assert alone == summary.forecast != galloping.forecast(found, recorded, seed=1)
+    assert pickle.loads(pickle.dumps(summary)) == summary
+    assert repr(alone).startswith("Forecast of q_v, q_w, dq_v, dq_w from 300.04 to")
+    assert alone.time[0] > recorded.time[-1]
+
+
+def test_a_summary_is_text_and_figures(summary):
+    text = str(summary)
+    assert text.startswith("# Summary") and "## The line" in text and "7501 samples" in text
+    assert repr(summary).splitlines()[0] == "Summary of IdentifiedModel of q_v, q_w, dq_v, dq_w"
+    assert len(summary.draw_fit().axes) == 4 * len(summary.motions)
+    assert len(summary.draw_forecast().axes) == 4 * 2
+
+
+def test_a_refused_model_says_so_and_no_more(recorded):
+    refused = galloping.IdentifiedModel.refused(recorded.states, ((1, 0, 0, 0),), "no luck")
+    summary = galloping.summarise(refused, recorded)
+    assert "**refused: no luck.**" in str(summary) and "## The line" not in str(summary)
+    assert summary.dynamics is summary.held_out is summary.forecast is summary.advice is None
+    with pytest.raises(ValueError, match="no model to forecast with: no luck"):
+        galloping.forecast(refused, recorded)

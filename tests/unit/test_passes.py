@@ -1,0 +1,98 @@
+"""What a long computation tells while it runs, and the threads that it leaves to others."""
+
+import doctest
+import io
+import sys
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+import galloping
+from galloping import passes
+from galloping.field import terminal
+from galloping.passes import part, passing, progress
+
+TIME = np.arange(2000) / 20
+RECORDING = galloping.Recording(TIME, ("q", "dq"), np.column_stack([np.sin(TIME), np.cos(TIME)]))
+TERMS = galloping.polynomial_library(2, 3)
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def blas_threads():
+    return {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}
+
+
+def test_an_identification_tells_how_far_it_is_and_is_silent_by_default(capfd):
+    told = []
+    with progress(lambda what, share: told.append((what, share))):
+        with part("identify", until=0.5):
+            galloping.maximum_likelihood(RECORDING, TERMS)
+        passing("done")
+    names, shares = zip(*told, strict=True)
+    assert "identify: smooth the recording" in names
+    assert "identify: follow the recording in segments" in names
+    assert list(shares) == sorted(shares) and shares[0] > 0 and shares[-2] < 0.5 < shares[-1] < 1
+    galloping.maximum_likelihood(RECORDING, TERMS)
+    assert capfd.readouterr() == ("", "")
+    assert len(told) == len(names)
+    assert doctest.testmod(passes).failed == 0
+
+
+def test_parts_take_their_share_also_where_they_fail():
+    told = []
+    with progress(lambda what, share: told.append((what, round(share, 2)))):
+        with part("a", until=0.5), part("b", until=0.5), pytest.raises(ValueError):
+            raise ValueError
+        passing("c")
+    assert told == [("c", 0.51)]
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that a test sets."""
+    now = [100.0]
+    monkeypatch.setattr(terminal, "monotonic", lambda: now[0])
+    return now
+
+
+def test_off_a_terminal_there_is_a_line_now_and_then(clock, capsys):
+    with terminal.shown():
+        for _ in range(100):
+            passing("join segments")
+            clock[0] += 0.25
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(":")[0] for line in lines] == ["2 s", "12 s", "22 s"]
+    assert lines[0] == "2 s: join segments; about 13% done, 14 s left"
+
+
+def test_off_a_terminal_what_is_quick_says_nothing(clock, capsys):
+    with terminal.shown():
+        for _ in range(100):
+            passing("join segments")
+            clock[0] += 0.015
+    assert capsys.readouterr().err == ""
+
+
+def test_on_a_terminal_a_bar_names_what_runs_and_moves(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    with terminal.shown():
+        assert sys.stderr.getvalue() == ""
+        for what in ("join segments", "draw limit cycles"):
+            passing(what)
+            assert what in sys.stderr.getvalue()
+    drawn = sys.stderr.getvalue()
+    assert "1%" in drawn and "2%" in drawn and drawn.endswith("\n")
+
+
+def test_linear_algebra_has_one_thread_and_gives_the_others_back():
+    seen = []
+    with threadpool_limits(2, user_api="blas"), progress(lambda *_: seen.append(blas_threads())):
+        before = blas_threads()
+        galloping.maximum_likelihood(RECORDING, TERMS)
+        assert blas_threads() == before
+    assert seen and set.union(*seen) == {1}

@@ -1,0 +1,45 @@
+"""What type checkers see of the names that `__init__.py` imports at first use."""
+
+from galloping.configuration.load import ConfigurationError
+from galloping.field.dynamics import Dynamics, Value
+from galloping.field.forecast import Forecast
+from galloping.field.summary import Summary, dynamics, forecast, summarise
+from galloping.identification.likelihood.maximum_likelihood import (
+    maximum_likelihood,
+)
+from galloping.identification.likelihood.prior import Prior
+from galloping.identification.likelihood.weak_gls import weak_gls
+from galloping.identification.model import IdentifiedModel
+from galloping.passes import progress
+from galloping.polynomial import PolynomialModel
+from galloping.polynomial import library as polynomial_library
+from galloping.recording import Recording
+from galloping.simulation import Simulator, Trajectory
+from galloping.stages import cramer_rao_bound, derive, measure, simulate
+
+__version__: str
+__all__ = [
+    "ConfigurationError",
+    "Dynamics",
+    "Forecast",
+    "IdentifiedModel",
+    "PolynomialModel",
+    "Prior",
+    "Recording",
+    "Simulator",
+    "Summary",
+    "Trajectory",
+    "Value",
+    "__version__",
+    "cramer_rao_bound",
+    "derive",
+    "dynamics",
+    "forecast",
+    "maximum_likelihood",
+    "measure",
+    "polynomial_library",
+    "progress",
+    "simulate",
+    "summarise",
+    "weak_gls",
+]

@@ -1,0 +1,319 @@
+"""What an identified model says of its system: what `summary.md` holds, with its intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from galloping.arrays import increasing
+from galloping.field import dynamics as of_line
+from galloping.field import forecast as ahead
+from galloping.field.advice import Advice, advice
+from galloping.field.dynamics import Dynamics, Surroundings
+from galloping.field.excerpt import excerpts
+from galloping.field.forecast import (
+    Following,
+    Forecast,
+    HeldOut,
+    Sensed,
+    check_followed,
+    deviations,
+    first_guess,
+    simulator_of,
+    with_factors,
+)
+from galloping.field.homogeneity import Identify
+from galloping.field.objections import objected
+from galloping.field.outputs import summary_text
+from galloping.field.quality import PERIODS as PERIODS_HELD
+from galloping.field.quality import peaks_of, sampled, spectrum
+from galloping.identification.likelihood.inputs import checked_recordings
+from galloping.identification.model import IdentifiedModel
+from galloping.immutable import Immutable
+from galloping.importing import imported
+from galloping.passes import part, passing
+from galloping.recording import Recording
+from galloping.threads import one_thread
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+METHODS = {
+    name: f"galloping.identification.likelihood.{name}:{name}"
+    for name in ("maximum_likelihood", "weak_gls")
+}
+HELD_OUT = 0.1  # of a recording, to try the forecast on,
+MOST_HELD_OUT = 30  # periods of the motion, and so many samples of it
+MOST_SAMPLES = 5000
+PERIODS = 6  # of the motion from which a forecast starts
+POINTS = 600  # of a drawn motion
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Summary(Immutable):
+    """What an identified model says of its system, and how far it is to be believed.
+
+    Printed, it is the text of `summary.md`. recordings: what was asked about. found: the model that
+    was asked about, refused or doubted where the recordings object to it, and as sure of its
+    forecasts as that of the held-out end was right. dynamics: position of rest, natural
+    frequencies, damping and limit cycle. held_out: the end of the last recording, forecast by a
+    model that has not seen it; untried: why there is none. forecast: where the last recording goes
+    on. motions: of the model through the begin, the middle and the end of the last recording, each
+    as times (n,), s, and channels (n, n_sensed). advice: which further recording would help most.
+    None, or no motions, is what the model and the recordings do not tell.
+    """
+
+    found: IdentifiedModel
+    recordings: tuple[Recording, ...]
+    dynamics: Dynamics | None = None
+    held_out: HeldOut | None = None
+    untried: str = ""
+    forecast: Forecast | None = None
+    motions: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...] = ()
+    advice: Advice | None = None
+
+    @property
+    def forecasts(self) -> list[Forecast]:
+        """Of what was held out, as wide as it had to be, and after the recording."""
+        trial = self.held_out
+        useful = trial is not None and trial.useful
+        parts = trial.forecast.widened(trial.factors) if useful else None, self.forecast
+        return [one for one in parts if one is not None]
+
+    def __str__(self) -> str:
+        return summary_text(self)
+
+    def __repr__(self) -> str:
+        return f"Summary of {self.found!r}"
+
+    def draw_fit(self) -> Figure:
+        """The model's motion beside the samples. Needs matplotlib, as `draw_forecast` does."""
+        from galloping.figures.field import draw_fit
+
+        return draw_fit(self.recordings[-1], self.motions)
+
+    def draw_forecast(self) -> Figure:
+        """Both forecasts with their bands, beside the samples."""
+        from galloping.figures.field import draw_forecast
+
+        last = self.recordings[-1]
+        length = np.ptp(self.motions[0][0]) if self.motions else 0.0
+        return draw_forecast(last, self.forecasts, last.time[-1], length)
+
+
+@one_thread
+def summarise(
+    found: IdentifiedModel,
+    recordings: Recording | Sequence[Recording],
+    *,
+    method: str = "maximum_likelihood",
+    seed: int = 0,
+    **options: object,
+) -> Summary:
+    """All that a model and the recordings it was identified from tell.
+
+    method: `maximum_likelihood` or `weak_gls`, by which the model was found: the end of the last
+    recording is held out, and forecast by what it finds in the rest. options: further keywords of
+    the method that the model was found with, such as `prior`. seed: of the draws behind the
+    intervals. Raises ValueError for other input.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method: {method!r}; must be one of {', '.join(METHODS)}")
+    given = _checked(found, recordings)
+
+    def identify(others: Sequence[Recording]) -> IdentifiedModel:
+        known = tuple(found.model.states[i] for i in found.known)
+        again = imported(METHODS[method])
+        return again(excerpts(list(others)), found.model.terms, found.model, known, **options)
+
+    names = [f"recording {number}" for number in range(1, len(given) + 1)]
+    return summarised(found, given, identify, seed, names=names)
+
+
+@one_thread
+def summarised(
+    found: IdentifiedModel,
+    recordings: Sequence[Recording],
+    identify: Identify,
+    seed: int,
+    *,
+    names: Sequence[str],
+    faults: Sequence[str] = (),
+) -> Summary:
+    """The same by any method: identify is what found the model. names, faults: as of `objected`.
+
+    Raises ValueError where there is a model and no channel oscillates.
+    """
+    period, last, untried = longest_period(recordings), recordings[-1], ""
+    with part("compare the recordings", until=0.3):
+        found = objected(found, recordings, names, period, identify, faults)
+    if found.status == "refused":
+        return Summary(found, tuple(recordings))
+    window = PERIODS * _finite(period)
+    with part("hold out the end", until=0.7):
+        try:
+            held_out = hold_out(recordings, period, identify, np.random.default_rng(seed))
+            found = with_factors(found, held_out)
+        except ValueError as error:
+            held_out, untried = None, str(error)
+    with part("forecast", until=0.8):
+        try:
+            time, rng = _after(last, window), np.random.default_rng(seed)
+            predicted = ahead.forecast(found, last, time, window, rng)
+        except ValueError:
+            predicted = None
+    with part("follow the motion", until=1.0):
+        return Summary(
+            found,
+            tuple(recordings),
+            dynamics(found, recordings, seed=seed),
+            held_out,
+            untried,
+            predicted,
+            tuple(stretches(found, last, window)),
+            advice(found, last, period),
+        )
+
+
+@one_thread
+def dynamics(
+    found: IdentifiedModel, recordings: Recording | Sequence[Recording], *, seed: int = 0
+) -> Dynamics | None:
+    """Position of rest, natural frequencies, damping and limit cycle, with 95 % intervals.
+
+    recordings: from which the model was identified. seed: of the draws behind the intervals. None
+    where no state is the velocity of another one, or where there is no model. Raises ValueError for
+    other input.
+    """
+    around = Surroundings.of(_checked(found, recordings))
+    return of_line.dynamics(found, around, np.random.default_rng(seed))
+
+
+@one_thread
+def forecast(
+    found: IdentifiedModel,
+    recording: Recording,
+    time: ArrayLike | None = None,
+    *,
+    window: float | None = None,
+    seed: int = 0,
+) -> Forecast:
+    """Where a recording goes on, with the 90 % band of what its sensors will show.
+
+    recording: as new as one likes; its end is used. time: (n,) s, later than its last sample, on
+    its clock; by default as long as `window`. window: s of its end, to start from; by default six
+    periods of the motion. seed: of the draws behind the band. A band is as wide as that of the
+    held-out end had to be, where the model is `found` of a `Summary`. Raises ValueError where there
+    is no model, where it does not follow the recording, where most draws of it diverge, and for
+    other input.
+    """
+    _checked(found, recording)
+    if window is None:
+        window = PERIODS * _finite(longest_period([recording]))
+    end = recording.time[-1]
+    times = _after(recording, window) if time is None else increasing("time", time)
+    if times[0] <= end:
+        raise ValueError(f"time: begins at {times[0]:g} s; the recording ends at {end:g} s")
+    if found.status != "refused":
+        check_followed(found, recording, window)
+    return ahead.forecast(found, recording, times, window, np.random.default_rng(seed))
+
+
+def _checked(found: object, recordings: object) -> list[Recording]:
+    if not isinstance(found, IdentifiedModel):
+        raise ValueError(
+            f"found: a {type(found).__name__}; must be an IdentifiedModel, such as "
+            "`maximum_likelihood` returns"
+        )
+    given = checked_recordings(recordings)
+    if given[0].states != found.model.states:
+        raise ValueError(
+            f"recordings: have the states {', '.join(given[0].states)}; the model has "
+            f"{', '.join(found.model.states)}"
+        )
+    return given
+
+
+def longest_period(recordings: Sequence[Recording]) -> float:
+    """Longest period of the motion, s, from the dominant frequencies of the channels.
+
+    Of each the first of which the recording holds PERIODS_HELD periods: slower ones are drifts of
+    the mean, which come with a motion that grows. Infinite where no channel oscillates.
+    """
+    frequencies = []
+    for recording in recordings:
+        least = PERIODS_HELD / sampled(recording.time)
+        step = float(np.median(np.diff(recording.time)))
+        for channel in Sensed.by(recording).samples(recording).T:
+            known = np.isfinite(channel)
+            if np.count_nonzero(known) > 1:
+                frequency, share = spectrum(recording.time[known], channel[known], step)
+                dominant = frequency[peaks_of(share)[1]]
+                frequencies += [f for f in dominant if f >= least][:1] or list(dominant[:1])
+    return 1.0 / min(frequencies) if frequencies else np.inf
+
+
+def _finite(period: float) -> float:
+    if np.isinf(period):
+        raise ValueError("recordings: no channel oscillates: there is no motion to identify")
+    return period
+
+
+def _after(recording: Recording, length: float) -> NDArray[np.float64]:
+    """Times, s, of samples after a recording, as often as its own, for `length` s."""
+    step = max(float(np.median(np.diff(recording.time))), length / MOST_SAMPLES)
+    return recording.time[-1] + np.arange(step, length, step)
+
+
+def hold_out(
+    recordings: Sequence[Recording],
+    period: float,
+    identify: Identify,
+    rng: np.random.Generator,
+) -> HeldOut:
+    """Identify without the last part of the last recording, and forecast it.
+
+    period: s, the longest of the motion. Raises ValueError where the shorter recordings give no
+    model, or that one no forecast.
+    """
+    *others, last = recordings
+    length = min(HELD_OUT * np.ptp(last.time), MOST_HELD_OUT * period)
+    cut = int(np.searchsorted(last.time, last.time[-1] - length))
+    shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
+    identified = identify([*others, last[:cut]])
+    predicted = ahead.forecast(identified, last[:cut], last.time[shown], PERIODS * period, rng)
+    samples = Sensed.by(last).samples(last)
+    return ahead.held_out(predicted, samples[shown], deviations(samples))
+
+
+def stretches(
+    identified: IdentifiedModel, recording: Recording, length: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The model's motion through the begin, the middle and the end of a recording.
+
+    Times (n,) and channels (n, n_sensed) of each stretch of `length` s through which the model can
+    be followed; it starts where it then follows the samples best.
+    """
+    time = recording.time
+    simulator = simulator_of(identified.model)
+    sensed = Sensed.by(recording)
+    samples, sigma = sensed.samples(recording), sensed.noise(identified)
+    motions = []
+    for share in (0.0, 0.5, 1.0):
+        passing("beside the samples")
+        begin = time[0] + share * max(np.ptp(time) - length, 0.0)
+        first, end = np.searchsorted(time, (begin, begin + length))
+        own = time[first:end]
+        if len(own) < 2:
+            continue
+        follow = Following(simulator, sensed, own, sigma)
+        guess = first_guess(recording, first)
+        start = follow.start(identified.model, guess, samples[first:end])
+        if start is not None:
+            smooth = np.linspace(own[0], own[-1], POINTS)
+            motions.append((smooth, follow.motion(identified.model, start, smooth)))
+    return motions

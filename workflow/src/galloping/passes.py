@@ -1,0 +1,67 @@
+"""How far a long computation is: told to whoever listens, silent otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+
+PASS = 0.015  # of what is left of a part: how many passes there will be, nobody knows
+
+
+@dataclass
+class _Told:
+    """listen: to be told. part: the name of what runs, which goes from `begin` to `end` of the
+    whole, of which `done` is done.
+    """
+
+    listen: Callable[[str, float], object]
+    part: str = ""
+    begin: float = 0.0
+    end: float = 1.0
+    done: float = 0.0
+
+
+_told: ContextVar[_Told | None] = ContextVar("told", default=None)
+
+
+@contextmanager
+def progress(listen: Callable[[str, float], object]) -> Iterator[None]:
+    """While the block runs, tell `listen` what is being done, and which share of all is done.
+
+    The share, from 0 to 1, never falls. It is an estimate: iterations end when they have converged.
+
+    >>> with progress(lambda what, share: print(f"{what}, {share:.0%}")):
+    ...     with part("identify", until=0.5):
+    ...         passing("join segments")
+    identify: join segments, 1%
+    """
+    token = _told.set(_Told(listen))
+    try:
+        yield
+    finally:
+        _told.reset(token)
+
+
+@contextmanager
+def part(name: str, until: float) -> Iterator[None]:
+    """What runs inside is called `name`, and ends at the share `until` of what is around it."""
+    if (told := _told.get()) is None:
+        yield
+        return
+    outer = told.part, told.begin, told.end
+    end = told.begin + until * (told.end - told.begin)
+    told.part, told.begin, told.end = name, told.done, end
+    try:
+        yield
+    finally:
+        told.part, told.begin, told.end = outer
+        told.done = end
+
+
+def passing(what: str) -> None:
+    """Tell that a pass of `what`, one of several, begins."""
+    if (told := _told.get()) is not None:
+        told.done += PASS * (told.end - told.done)
+        told.listen(f"{told.part}: {what}" if told.part else what, told.done)
