@@ -21,7 +21,6 @@ from galloping.evaluation.coefficients import (
 from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.reconstruction import summarise as summarise_motions
 from galloping.evaluation.score import Truth, score
-from galloping.figures.claims import VERDICT_LOOKS
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
@@ -32,7 +31,6 @@ from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, extended, library
 from galloping.simulation import Simulator, Trajectory
-from galloping.tables.claims import CLAIMS, Claim, claims_table, verdict
 from galloping.tables.coefficients import identified_terms, table3
 from galloping.tables.data_amount import data_amount
 from galloping.tables.noise import noise_coefficients, noise_r2
@@ -202,12 +200,13 @@ def test_the_steady_window_is_where_amplitudes_are_read(truth):
 
 @pytest.mark.parametrize("failure", ["fit", "motion"])
 def test_failures_are_rows_of_worst_values(truth, failure):
-    result = unjudged(truth.model, truth.model.coefficients.copy())
     if failure == "fit":
         result = IdentifiedModel.refused(truth.model.states, truth.model.terms, "stlsq: no luck")
     else:
-        result.model.coefficients[2, 3] = 3.0  # strong negative damping
-        result.model.coefficients[2, 31:] = 0.0
+        coefficients = truth.model.coefficients.copy()
+        coefficients[2, 3] = 3.0  # strong negative damping
+        coefficients[2, 31:] = 0.0
+        result = unjudged(truth.model, coefficients)
     bound = np.full((4, 35), 0.1)
     (motion,) = reconstruct(truth, [result])
     row = score(truth, result, motion, bound)
@@ -372,12 +371,7 @@ def study_scores(replicates=4):
     return pd.DataFrame(rows)
 
 
-def claims_of(scores, cases=CASES, combinations=(("state", "stlsq"), ("state", "weak"))):
-    settings = {"cases": cases, "subset_level": 0.05, "pairs": list(combinations)}
-    return claims_table(scores, settings)
-
-
-@pytest.mark.parametrize("table", [noise_coefficients, noise_r2, data_amount, claims_table])
+@pytest.mark.parametrize("table", [noise_coefficients, noise_r2, data_amount])
 def test_tables_do_not_depend_on_the_order_of_replicates(table):
     settings = {
         "cases": CASES, "subset_level": 0.05, "pairs": [("state", "stlsq"), ("state", "weak")],
@@ -426,127 +420,6 @@ def test_scores_of_cells_stand_in_one_order():
     forward = all_scores(cells, {})
     pd.testing.assert_frame_equal(forward, all_scores(dict(reversed(cells.items())), {}))
     assert len(forward) == len(scores)
-
-
-# --- claims ---
-
-
-@pytest.mark.parametrize(
-    ("kind", "met", "expected"),
-    [
-        ("value", 20, "better"),
-        ("value", 19, "reproduced"),
-        ("value", 11, "reproduced"),
-        ("at_least", 20, "reproduced"),
-        ("at_least", 11, "reproduced"),
-        ("at_least", 10, "in reach"),
-        ("at_least", 1, "in reach"),
-        ("at_least", 0, "not reproduced"),
-        ("at_most", 20, "reproduced"),
-        ("at_most", 1, "in reach"),
-        ("at_most", 0, "not reproduced"),
-    ],
-)
-@pytest.mark.parametrize("bad", [0.1, INF, np.nan])
-def test_verdicts_count_the_draws_that_meet_the_claim(kind, met, expected, bad):
-    claim = Claim("a claim", "a quantity", 10.0, kind, "column")
-    sign = -1 if kind == "at_least" else 1
-    values = 10.0 - sign * np.where(np.arange(20) < met, 0.1, -bad)
-    assert verdict(claim, values) == expected
-
-
-def test_a_draw_at_the_printed_number_meets_it_and_is_not_better():
-    for kind in ("value", "at_least", "at_most"):
-        assert verdict(Claim("", "", 10.0, kind, ""), np.full(20, 10.0)) == "reproduced"
-
-
-def test_claims_hold_the_paper_s_numbers():
-    printed = {claim.name: claim.paper_value for claim in CLAIMS}
-    assert len(printed) == len(CLAIMS)
-    assert printed["mean error of linear terms at 0.05"] == 9.56
-    assert printed["mean error of cubic terms at 0.05"] == 21.05
-    amplitudes = {
-        "q_v": {30000: 0.83, 10000: 5.25, 5000: 9.45, 1000: 13.21},
-        "q_w": {30000: 1.03, 10000: 5.12, 5000: 10.91, 1000: 15.97},
-    }
-    for state, values in amplitudes.items():
-        for points, value in values.items():
-            assert printed[f"amplitude error of {state} from {points} points"] == value
-        for level, bounds in ((0.05, (0.99, 0.97)), (0.1, (0.95, 0.93))):
-            names = [n for n in printed if n.startswith(f"R2 of {state} at {level:g} (")]
-            assert sorted(printed[n] for n in names) == sorted(bounds)
-        assert printed[f"R2 of {state} with 10000 points"] == 0.95
-    for level in (0.01, 0.03, 0.05):
-        assert printed[f"all terms found at {level:g}"] == 0
-
-
-def test_claims_table_is_complete_and_says_what_was_not_run():
-    scores = study_scores()
-    table = claims_of(scores)
-    whole = [claim for claim in CLAIMS if not claim.points]
-    for method, claims in (("stlsq", CLAIMS), ("weak", whole)):
-        rows = table[table["method"] == method]
-        expected = [(c.name, case) for c in claims for case in ([c.case] if c.case else CASES)]
-        assert sorted(zip(rows["claim"], rows["case"], strict=True)) == sorted(expected)
-    ran = {c.name for c in CLAIMS if (c.points or 30001, c.level) in
-           {(30001, 0), (30001, 0.05), (1000, 0.05)}}  # fmt: skip
-    not_run = table["verdict"] == "not run"
-    assert set(table.loc[not_run, "claim"]) == {c.name for c in CLAIMS} - ran
-    assert (table.loc[not_run, "replicates"] == 0).all()
-    assert table.loc[not_run, ["study_value", "low", "high", "met_by"]].isna().all(axis=None)
-    assert (table.loc[~not_run, "replicates"] == 4).all()
-    assert set(table.loc[~not_run, "verdict"]) <= {*VERDICT_LOOKS} - {"not run"}
-
-
-def test_only_the_papers_lines_are_judged():
-    table = claims_of(study_scores(), cases=["non_resonant"])
-    assert set(table["case"]) == {"non_resonant"}
-    assert set(table["verdict"]) == {"reproduced"}  # exact without noise
-    assert claims_of(study_scores(), cases=[]).columns.tolist() == table.columns.tolist()
-
-
-def test_subsets_at_another_level_answer_no_claim():
-    table = claims_table(
-        study_scores(), {"cases": CASES, "subset_level": 0.1, "pairs": [("state", "stlsq")]}
-    )
-    subsets = table["claim"].str.contains("points")
-    assert subsets.sum() == 10
-    assert set(table.loc[subsets, "verdict"]) == {"not run"}
-
-
-def test_claims_read_the_scores_of_their_cell():
-    scores = study_scores()
-    cell = (scores["case"] == "internal_resonance") & (scores["method"] == "stlsq")
-    values = scores[cell & (scores["cell"] == "noise_0.05")]["mean_error_cubic_percent"]
-    rows = claims_of(scores).query("claim == 'mean error of cubic terms at 0.05'")
-    row = rows[rows["method"] == "stlsq"].iloc[0]
-    assert (row["study_value"], row["low"], row["high"]) == interval(values)
-    assert row["met_by"] == np.mean(values <= 21.05)
-    assert row["paper_value"] == 21.05
-
-
-def test_a_difference_is_taken_within_replicates():
-    scores = study_scores()
-    noisy = scores["level"] == 0.05
-    scores.loc[noisy, "mean_error_linear_percent"] = [*range(10, 10 + noisy.sum())]
-    scores["mean_error_cubic_percent"] = scores["mean_error_linear_percent"] + 2
-    rows = claims_of(scores).query("claim == 'cubic error above linear at 0.05'")
-    assert rows[["study_value", "low", "high"]].to_numpy().tolist() == [[2.0] * 3] * 2
-    assert set(rows["verdict"]) == {"reproduced"}
-
-
-def test_failures_reproduce_no_claim():
-    scores = study_scores()
-    scores["motion"] = "diverged: far away"
-    for column in scores.columns:
-        if column.startswith(("mean_error", "amplitude", "e2")):
-            scores[column] = INF
-        elif column.startswith("r2"):
-            scores[column] = -INF
-    scores["missing"], scores["true_positive_ratio"] = 16, 0.0
-    table = claims_of(scores)
-    assert set(table["verdict"]) == {"not reproduced", "not run"}
-    assert set(table["met_by"].dropna()) == {0.0}
 
 
 # --- tables of parameters and coefficients ---

@@ -19,6 +19,13 @@ TRIALS = {
         "published": {
             "kind": "systems", **ONE, "cases": ["van_der_pol"], "samples": [500], "levels": [0.01],
         },
+        "beside": {
+            "kind": "published_terms", **ONE, "cases": ["lorenz"], "durations": [4],
+            "levels": [0.1],
+        },
+        "intervals": {
+            "kind": "published_intervals", **ONE, "cases": ["gamma 0"], "samples": [200],
+        },
         "reality": {"kind": "model_error", **ONE, "cases": ["two modes, gusts 2 %"]},
     },
     "figures": {"dpi": 50},
@@ -34,9 +41,11 @@ def tried(root, tmp_path_factory):
 def test_only_what_belongs_to_trials_is_made(tried):
     made = {path.name for kind in ("tables", "figures") for path in (tried / kind).glob("[a-z]*")}
     assert made == {
-        "fits.csv", "trust.csv", "systems.csv", "reference_summary.csv",
+        "columns.csv", "fits.csv", "trust.csv", "systems.csv", "reference_summary.csv",
         "reference_differences.csv", "trust.svg", "trust.png", "model_error.csv", "model_error.svg",
-        "model_error.png",
+        "model_error.png", "paths.csv",
+        "published_terms.csv", "published_terms.svg", "published_terms.png",
+        "published_intervals.csv", "published_intervals.svg", "published_intervals.png",
     }  # fmt: skip
     report = (tried / "report.html").read_text(encoding="utf-8")
     assert "Of 1 fits to default line, 1 were ok, 0 of them wrong" in report
@@ -70,3 +79,5 @@ def test_the_tables_have_a_row_for_each_group_and_system(tried):
         "ok_and_wrong", "refused", "error_over_bound", "seconds_median",
     ]  # fmt: skip
     assert set(systems["method"]) == {"maximum_likelihood", "weak_gls", "weak"}
+    paths = pd.read_csv(tried / "tables" / "paths.csv")
+    assert paths["fits"].sum() == whole["fits"].sum() + systems["replicates"].sum() + 1

@@ -52,7 +52,9 @@ def test_displacements_that_are_measured_stay():
 
 def test_missing_samples_stay_missing():
     given = recording("accelerations")
-    given.rates[1000:1005, 2] = np.nan
+    rates = given.rates.copy()
+    rates[1000:1005, 2] = np.nan
+    given = replace(given, rates=rates)
     whole = with_integrals(given)
     assert np.isnan(whole.values[1000:1005, 0]).all() and np.isfinite(whole.values[:, 1]).all()
 

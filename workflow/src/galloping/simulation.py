@@ -11,7 +11,9 @@ from math import prod
 
 import heyoka as hy
 import numpy as np
+from numpy.typing import NDArray
 
+from galloping.immutable import Immutable
 from galloping.polynomial import Exponents, PolynomialModel
 
 # Far beyond any span's clearance: a model that gets here has lost its limit cycle.
@@ -23,16 +25,21 @@ MAX_STEPS_PER_SECOND, MAX_STEPS_PER_SAMPLE = 100, 2
 COMPILATION = {"compact_mode": True, "opt_level": 1}
 
 
-@dataclass(frozen=True)
-class Trajectory:
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Immutable):
     """time: (n,) s. states: (n, n_states), NaN from where the integration ended early.
 
     status: `ok`, or why it ended early.
     """
 
-    time: np.ndarray
-    states: np.ndarray
+    time: NDArray[np.float64]
+    states: NDArray[np.float64]
     status: str
+
+    def __repr__(self) -> str:
+        span = f" from {self.time[0]:.6g} to {self.time[-1]:.6g} s" if len(self.time) else ""
+        samples, states = self.states.shape
+        return f"Trajectory: {samples} samples of {states} states{span}, {self.status}"
 
 
 class Simulator:
@@ -49,7 +56,7 @@ class Simulator:
         self,
         states: tuple[str, ...],
         terms: tuple[Exponents, ...],
-        support: np.ndarray | None = None,
+        support: NDArray[np.bool_] | None = None,
     ) -> None:
         self.states, self.terms = states, terms
         whole = np.ones((len(states), len(terms)), bool)
@@ -64,7 +71,9 @@ class Simulator:
             **COMPILATION,
         )
 
-    def __call__(self, model: PolynomialModel, x0: np.ndarray, time: np.ndarray) -> Trajectory:
+    def __call__(
+        self, model: PolynomialModel, x0: NDArray[np.float64], time: NDArray[np.float64]
+    ) -> Trajectory:
         """Trajectory of `model` from x0 (n_states,) at time[0], on the increasing grid `time`.
 
         Raises ValueError for a model with a term that the simulator does not have.

@@ -13,8 +13,7 @@ def gallops(model: PolynomialModel) -> bool:
     Some eigenvalue of the linearised equations has a positive real part (Den Hartog 1932, with
     damping). Where none has, motion decays, and what is left of it depends on when one looks.
     """
-    linear = [j for j, term in enumerate(model.terms) if sum(term) == 1]
-    jacobian = model.coefficients[:, linear] @ np.array([model.terms[j] for j in linear])
+    jacobian = model.jacobian(np.zeros((1, len(model.states))))[0]
     return bool(np.linalg.eigvals(jacobian).real.max() > 0)
 
 

@@ -23,6 +23,7 @@ WINDOWS = ((0, 100), (100, 200), (200, 300))  # s
 STEADY = WINDOWS[-1]
 LIMIT_CYCLE = (1400, 1500)  # s: the slowest approach has died out
 DIRECTIONS = ("vertical", "horizontal")
+COMMON = 2.0  # a factor by which the two differ at most where they move in the same way
 
 
 @dataclass(frozen=True)
@@ -107,9 +108,10 @@ def reduction(case: Mapping, motions: Mapping[str, SpanMotion]) -> pd.DataFrame:
 
     motions: of the lines, as `line_motion` gives them. Amplitude and frequency are those of
     200-300 s; limit_cycle_m is the amplitude after 1400 s. Errors are those of the two-mode model
-    against the line; R2 is of its displacement, over stretches of 100 s, in which it falls out of
-    step. antisymmetric_m, the amplitude of the limit cycle at a quarter of the span in
-    antisymmetric modes, is what the two-mode model cannot see.
+    against the line, NaN where the two differ in either direction by more than COMMON and so
+    share no motion to compare; R2 is of its displacement, over stretches of 100 s, in which it
+    falls out of step. antisymmetric_m, the amplitude of the limit cycle at a quarter of the span
+    in antisymmetric modes, is what the two-mode model cannot see.
     """
     motions = {"two modes": two_mode_motion(case), **motions}
     described = {name: _described(motion) for name, motion in motions.items()}
@@ -121,7 +123,9 @@ def reduction(case: Mapping, motions: Mapping[str, SpanMotion]) -> pd.DataFrame:
             row: dict[str, object] = {"line": name, "direction": direction}
             for quantity in ("amplitude_m", "frequency_hz", "limit_cycle_m"):
                 row[quantity] = own[quantity][k]
-                error = 100.0 * (other[quantity][k] / own[quantity][k] - 1.0)
+                ratio = other[quantity] / own[quantity]
+                common = np.all((ratio >= 1 / COMMON) & (ratio <= COMMON))
+                error = 100.0 * (ratio[k] - 1.0) if common else np.nan
                 row[f"{quantity.rsplit('_', 1)[0]}_error_percent"] = error
             for begin, end in WINDOWS:
                 part = _between(motion.time, (begin, end))

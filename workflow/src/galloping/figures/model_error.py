@@ -62,7 +62,7 @@ def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
         axes.tick_params(axis="y", length=0)
         for k in range(1, len(truths)):
             axes.axhline(k - 0.5, color="#d5d5d5", lw=0.6, zorder=0.5)
-    panels.method_legend(figure, methods, columns=len(methods) + 1)
+    panels.legend(figure, methods, columns=len(methods) + 1)
     return figure
 
 
@@ -85,4 +85,5 @@ def _marks(axes: Axes, method: str, place: float, row: pd.Series, quantity: str)
     axes.plot(
         inside[:1], [place], ls="", marker=">" if beyond else style.marker, mec=style.color,
         mfc="white" if beyond else style.color, ms=look["markersize"], clip_on=False,
+        label=panels.BEYOND if beyond else None,
     )  # fmt: skip

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from math import floor, log10
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from galloping.polynomial import Exponents, PolynomialModel
+from galloping.arrays import increasing
+from galloping.arrays import initial_state as checked_state
+from galloping.immutable import Immutable
+from galloping.polynomial import Exponents, PolynomialModel, with_error
 from galloping.storage import read_json, write_json
 
 if TYPE_CHECKING:
@@ -36,7 +39,7 @@ class FurtherMode:
     cosine: float
     sine: float
 
-    def __call__(self, time: np.ndarray) -> np.ndarray:
+    def __call__(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n,) what it adds to the state at `time` (n,), s from the first sample."""
         angle = self.frequency * time
         return np.exp(self.growth * time) * (
@@ -44,8 +47,8 @@ class FurtherMode:
         )
 
 
-@dataclass(frozen=True)
-class IdentifiedModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifiedModel(Immutable):
     """A model identified from recordings, with its uncertainty and a verdict.
 
     model: on the candidate library, zero where a term is absent, NaN where there is no model;
@@ -66,24 +69,27 @@ class IdentifiedModel:
     thresholds: (n_states,) of each equation, in the method's unit, NaN where it has none.
     chi2: misfit per degree of freedom against the noise measured, NaN where unknown.
     known: indices of the equations that were known and not identified.
-    diagnostics: figures behind the verdict, by name.
+    diagnostics: figures behind the verdict, by name; in words, as `path`, the stages by which
+    `maximum_likelihood` found the model, in order.
     further_modes: what recordings hold besides an `approximate` model.
+    An array that is not given is NaN of its shape. All of them are read-only; models that are equal
+    in everything are equal, and have the same hash.
     Raises ValueError for a status that is none of these.
     """
 
     model: PolynomialModel
     status: str
     reason: str = ""
-    standard_errors: np.ndarray | None = None
-    unconditional_errors: np.ndarray | None = None
-    detection_limits: np.ndarray | None = None
-    covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    initial_states: np.ndarray | None = None
-    sigma: np.ndarray | None = None
-    thresholds: np.ndarray | None = None
+    standard_errors: NDArray[np.float64] = None
+    unconditional_errors: NDArray[np.float64] = None
+    detection_limits: NDArray[np.float64] = None
+    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    initial_states: NDArray[np.float64] = None
+    sigma: NDArray[np.float64] = None
+    thresholds: NDArray[np.float64] = None
     chi2: float = np.nan
     known: tuple[int, ...] = ()
-    diagnostics: dict[str, float] = field(default_factory=dict)
+    diagnostics: Mapping[str, float | str] = field(default_factory=dict)
     further_modes: tuple[FurtherMode, ...] = ()
 
     def __post_init__(self) -> None:
@@ -95,6 +101,7 @@ class IdentifiedModel:
         for name, unstated in shapes.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, np.full(unstated, np.nan))
+        super().__post_init__()
 
     @classmethod
     def refused(
@@ -105,7 +112,7 @@ class IdentifiedModel:
         return cls(PolynomialModel(states, terms, nothing), "refused", reason)
 
     @property
-    def support(self) -> np.ndarray:
+    def support(self) -> NDArray[np.bool_]:
         """(n_states, n_terms) boolean: the terms found in the equations that were identified."""
         present = np.nan_to_num(self.model.coefficients) != 0
         present[list(self.known)] = False
@@ -118,35 +125,30 @@ class IdentifiedModel:
 
     def equations(self) -> tuple[str, ...]:
         """The equation of each state, coefficients with their standard errors where stated."""
-        lines = []
-        for i, state in enumerate(self.model.states):
-            row = self.model.coefficients[i]
-            names = self.model.term_names
-            parts = [
-                f"{_number(row[j], self.standard_errors[i, j])} {names[j]}".removesuffix(" 1")
-                for j in np.flatnonzero(row)
-            ]
-            lines.append(f"d({state})/dt = {' + '.join(parts) or '0'}")
-        return tuple(lines)
+        return self.model.equations(self.standard_errors)
+
+    def __repr__(self) -> str:
+        return f"IdentifiedModel of {', '.join(self.model.states)}\n{self}"
 
     def __str__(self) -> str:
         if self.status == "refused":
             return self.verdict
         return "\n".join([*self.equations(), self.verdict])
 
-    def simulate(self, initial_state: np.ndarray, time: np.ndarray) -> Trajectory:
+    def simulate(self, initial_state: ArrayLike, time: ArrayLike) -> Trajectory:
         """Motion of the model from `initial_state` (n_states,) at time[0], on `time` (n,), s.
 
-        Raises ValueError where there is no model.
+        Raises ValueError where there is no model, and for other input.
         """
         from galloping.simulation import Simulator  # compiles; few callers need it
 
         if self.status == "refused":
             raise ValueError(f"there is no model to simulate: {self.reason}")
+        start = checked_state(initial_state, self.model.states)
         simulator = Simulator(self.model.states, self.model.terms)
-        return simulator(self.model, np.asarray(initial_state, float), np.asarray(time, float))
+        return simulator(self.model, start, increasing("time", time))
 
-    def further_motion(self, time: np.ndarray, recording: int = 0) -> np.ndarray:
+    def further_motion(self, time: NDArray[np.float64], recording: int = 0) -> NDArray[np.float64]:
         """(n, n_states) of a recording's further modes at `time` (n,), s from its first sample."""
         motion = np.zeros((len(time), len(self.model.states)))
         for mode in self.further_modes:
@@ -163,7 +165,7 @@ class IdentifiedModel:
         ):
             parts = []
             for j in np.flatnonzero(row):
-                number = _number(row[j], errors[j]).replace("±", r"\pm")
+                number = with_error(row[j], errors[j]).replace("±", r"\pm")
                 factors = [
                     f"{factor}^{{{power}}}" if power > 1 else factor
                     for factor, power in zip(names, self.model.terms[j], strict=True)
@@ -189,7 +191,10 @@ class IdentifiedModel:
             "reason": self.reason,
             **{name: _plain(getattr(self, name)) for name in arrays},
             "known": [int(i) for i in self.known],
-            "diagnostics": {name: _plain(value) for name, value in self.diagnostics.items()},
+            "diagnostics": {
+                name: value if isinstance(value, str) else _plain(value)
+                for name, value in self.diagnostics.items()
+            },
             "further_modes": [asdict(mode) for mode in self.further_modes],
             **about,
         }
@@ -200,38 +205,38 @@ class IdentifiedModel:
         """What `save` wrote. Raises ValueError where the file holds something else."""
         try:
             content = read_json(path)
+            if not isinstance(content, dict):
+                raise TypeError("must be a mapping of keys")
             states = tuple(content.pop("states"))
             terms = tuple(map(tuple, content.pop("terms")))
             model = PolynomialModel(states, terms, _array(content.pop("coefficients")))
-            arrays = {name: _array(content.pop(name)) for name in (*BY_TERM, "thresholds")}
+            shape = model.coefficients.shape
+            arrays = {name: _array(content.pop(name)).reshape(shape) for name in BY_TERM}
+            arrays["thresholds"] = _array(content.pop("thresholds")).reshape(len(states))
             for name in ("initial_states", "sigma"):
                 arrays[name] = _array(content.pop(name)).reshape(-1, len(states))
             covariance = _array(content.pop("covariance"))
             arrays["covariance"] = covariance.reshape(len(covariance), len(covariance))
             modes = tuple(FurtherMode(**mode) for mode in content.pop("further_modes"))
-            numbers = {name: float(v) for name, v in content.pop("diagnostics").items()}
+            diagnostics = content.pop("diagnostics")
+            figures = {name: float(v) for name, v in diagnostics.items() if name != "path"}
+            status = content.pop("status")
+            if status != "refused" and not np.all(np.isfinite(model.coefficients)):
+                raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
             return cls(
                 model=model,
-                status=content.pop("status"),
+                status=status,
                 reason=content.pop("reason"),
                 chi2=float(content.pop("chi2")),
                 known=tuple(content.pop("known")),
-                diagnostics=numbers,
+                diagnostics=diagnostics | figures,
                 further_modes=modes,
                 **arrays,
             )
-        except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
+        except KeyError as error:
+            raise ValueError(f"{path}: not an identified model: no key {error}") from None
+        except (AttributeError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: not an identified model: {error}") from None
-
-
-def _number(value: float, error: float) -> str:
-    """A coefficient with its standard error to two digits, where it has one."""
-    if not (np.isfinite(error) and error > 0.0):
-        return f"{value:.6g}"
-    decimals = 1 - floor(log10(error))
-    if not 0 <= decimals <= 9:
-        return f"({value:.6g} ± {error:.2g})"
-    return f"({value:.{decimals}f} ± {error:.{decimals}f})"
 
 
 def _latex(state: str, states: tuple[str, ...]) -> str:
@@ -246,12 +251,12 @@ def _power_of_ten(number: str) -> str:
     return re.sub(r"e([+-]?\d+)", lambda match: rf" \cdot 10^{{{int(match[1])}}}", number)
 
 
-def _plain(values: np.ndarray | float) -> object:
+def _plain(values: NDArray[np.float64] | float) -> object:
     """Nested lists of numbers, those that are not finite as text."""
     if np.ndim(values):
         return [_plain(value) for value in values]
     return float(values) if np.isfinite(values) else str(float(values))
 
 
-def _array(lists: object) -> np.ndarray:
+def _array(lists: object) -> NDArray[np.float64]:
     return np.array(lists, dtype=float)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from galloping.configuration.fields import Section, real, setting, whole
+from galloping.configuration.fields import Section, one_of, real, setting, whole
 
 Positive = real(gt=0)
+IDENTIFIED, KNOWN = "identified", "known"  # the kinematic equations
 
 
 class NoOptions(Section):
@@ -26,6 +27,15 @@ class Scanned(Thresholded):
 
     path_length: whole(ge=5, le=1000) = setting(
         30, "candidate thresholds scanned where the data choose", "1"
+    )
+
+
+class Paper(Scanned):
+    """The paper's method."""
+
+    kinematics: one_of((IDENTIFIED, KNOWN)) = setting(
+        IDENTIFIED,
+        "that the rate of a displacement is its velocity: identified as any equation, or known",
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from galloping.configuration.fields import Section
-from galloping.identification.options import Ensemble, NoOptions, Scanned, Thresholded
+from galloping.identification.options import Ensemble, NoOptions, Paper, Scanned, Thresholded
 from galloping.measurement import protocols
 from galloping.measurement.protocols import (
     ALL_STATES,
@@ -80,19 +80,19 @@ class Method:
 
 METHODS = (
     Method(
-        name="stlsq",
+        name="paper",
         family="sparse",
         evidence=REGRESSION,
-        function="galloping.identification.sparse.stlsq:normalised",
-        options=Scanned,
+        function="galloping.identification.sparse.stlsq:raw",
+        options=Paper,
         takes=(DERIVATIVES, ALL_STATES),
         needs_uniform=False,
     ),
     Method(
-        name="stlsq_raw",
+        name="stlsq",
         family="sparse",
         evidence=REGRESSION,
-        function="galloping.identification.sparse.stlsq:raw",
+        function="galloping.identification.sparse.stlsq:normalised",
         options=Scanned,
         takes=(DERIVATIVES, ALL_STATES),
         needs_uniform=False,

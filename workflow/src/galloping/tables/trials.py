@@ -46,6 +46,27 @@ def model_error(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.Data
     return _summed(pd.concat(parts.values(), ignore_index=True), MODEL_ERROR_KEYS, _model_error)
 
 
+def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+    """One row for each group of trials, method and path to its models, the most used first.
+
+    parts: fits, by trial and batch. path: '' of methods that have but one. exact, ok_and_wrong:
+    NaN where a trial does not say. settings: `kinds`, by trial.
+    """
+    groups = {name: settings["kinds"][name.split("/")[0]].replace("_", " ") for name in parts}
+    fits = pd.concat(
+        [part.assign(group=groups[name]) for name, part in parts.items()], ignore_index=True
+    )
+    asked = fits.reindex(columns=["exact", "ok_and_wrong"]).astype(float)
+    fits = fits.assign(**asked).fillna({"path": ""})
+    table = _summed(fits, ["group", "method", "path"], _paths)
+    order = ["group", "method", "fits"]
+    return table.sort_values(order, ascending=[True, True, False], kind="stable")
+
+
+def _paths(fits: pd.DataFrame) -> dict[str, object]:
+    return {"fits": len(fits), **_counts(fits), "seconds_median": fits["seconds"].median()}
+
+
 def _model_error(fits: pd.DataFrame) -> dict[str, object]:
     answered = fits[fits["status"] != "refused"]
     errors = answered[[name for name in fits if name.endswith("_error_percent")]].abs()
@@ -68,12 +89,12 @@ def _summed(fits: pd.DataFrame, keys: list[str], summary) -> pd.DataFrame:
     )
 
 
-def _counts(fits: pd.DataFrame) -> dict[str, int]:
+def _counts(fits: pd.DataFrame) -> dict[str, float]:
     status = fits["status"].value_counts()
     return {
-        "exact": int(fits["exact"].sum()),
+        "exact": fits["exact"].sum(min_count=1),
         "ok": int(status.get("ok", 0)),
-        "ok_and_wrong": int(fits["ok_and_wrong"].sum()),
+        "ok_and_wrong": fits["ok_and_wrong"].sum(min_count=1),
         "not_identifiable": int(status.get("not identifiable", 0)),
         "approximate": int(status.get("approximate", 0)),
         "refused": int(status.get("refused", 0)),

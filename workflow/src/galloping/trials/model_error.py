@@ -41,7 +41,7 @@ QUANTITIES = (
 )  # fmt: skip
 JUDGED = 5  # the first of them, whose intervals are counted: w has no bar for its frequency
 COLUMNS = (
-    "truth", "sensors", "method", "replicate", "seed", "status", "reason", "terms",
+    "truth", "sensors", "method", "replicate", "seed", "status", "reason", "path", "terms",
     *(f"{name}_error_percent" for name in QUANTITIES),
     *(f"{name}_interval_percent" for name in QUANTITIES),
     "intervals_held", "forecast_r2", "seconds",
@@ -237,7 +237,8 @@ def trial(
             row = {
                 "truth": case, "sensors": truth.sensors, "method": method,
                 "replicate": replicate, "seed": seed, "status": identified.status,
-                "reason": identified.reason, "seconds": process_time() - began,
+                "reason": identified.reason, "path": identified.diagnostics.get("path", ""),
+                "seconds": process_time() - began,
             }  # fmt: skip
             if identified.status != "refused":
                 draws = generator(seed, "model_error", case, replicate, method)

@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from galloping.paper.unknowns import BY_NAME
+from galloping.study.kinds import PAPER_METHOD
+
 PUBLISHED = (
     "van_der_pol", "relaxation", "rayleigh", "duffing", "cubic_damped", "stuart_landau", "wake",
     "linear", "sel_kov", "brusselator", "lotka_volterra", "three_competitors", "four_species",
@@ -16,8 +19,14 @@ PUBLISHED = (
     "rabinovich_fabrikant", "rikitake", "moore_spiegel", "hyperchaos", "sprott_a", "sprott_b",
     "sprott_c", "sprott_d", "sprott_g", "sprott_m", "sprott_s",
 )  # fmt: skip
-# tables: of lines, of other systems, of lines that are not their own model
-TRUST, SYSTEMS, MODEL_ERROR = "trust", "systems", "model_error"
+# tables: of lines, of other systems, of lines that are not their own model, of what the paper
+# leaves out, beside what others published of exact terms and of intervals
+TRUST, SYSTEMS, MODEL_ERROR, PAPER = "trust", "systems", "model_error", "paper"
+EXACT_TERMS, INTERVALS = "published_terms", "published_intervals"
+# s, of the longest recordings that were published of each system
+LONGEST = {"lorenz": 10.0, "van_der_pol": 12.0, "rossler": 30.0}
+# quadratic coefficients of a relaxation
+GAMMAS = {f"gamma {gamma:g}": gamma for gamma in (0.0, 0.02, 0.04, 0.08, 0.12, 0.16)}
 
 
 @dataclass(frozen=True)
@@ -83,5 +92,23 @@ KINDS = {
             "9 modes", "9 modes, relative wind", "9 modes, gusts 5 %", "9 modes, mid-span",
             "9 modes, displacement only", "two modes, gusts 2 %", "two modes, gusts 5 %",
         ),
+    ),
+    "published_terms": Kind(
+        "galloping.trials.published:exact_terms",
+        EXACT_TERMS,
+        cases=tuple(LONGEST),
+        options={"levels": (0.1, 0.2, 0.3, 0.4), "durations": (4.0, 7.0, 10.0)},
+    ),
+    "published_intervals": Kind(
+        "galloping.trials.published:intervals",
+        INTERVALS,
+        cases=tuple(GAMMAS),
+        options={"samples": (200, 800, 1600, 3200)},
+    ),
+    "paper": Kind(
+        "galloping.paper.inference:trial",
+        PAPER,
+        cases=tuple(BY_NAME),
+        methods=(PAPER_METHOD,),
     ),
 }  # fmt: skip

@@ -35,6 +35,7 @@ def claims(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
         "holding_unconditional": 0,
         "width_ratio": np.nan,
         "reason": result.reason,
+        "path": result.diagnostics.get("path", ""),
     }
     if result.status == "refused":
         return row

@@ -39,14 +39,22 @@ class PublishedSystem:
     @property
     def model(self) -> PolynomialModel:
         """On the library of all terms up to the third degree."""
-        states = tuple(self.equations)
-        terms = library(len(states), DEGREE)
-        names = PolynomialModel(states, terms, np.zeros((len(states), len(terms)))).term_names
-        unknown = {term for row in self.equations.values() for term in row} - set(names)
-        if unknown:
-            raise ValueError(f"terms {sorted(unknown)} are not in the library")
-        rows = [[row.get(name, 0.0) for name in names] for row in self.equations.values()]
-        return PolynomialModel(states, terms, np.array(rows))
+        return model_of(self.equations, DEGREE)
+
+
+def model_of(equations: Mapping[str, Mapping[str, float]], degree: int) -> PolynomialModel:
+    """Equations by state and term, such as {"x": {"x y": 1}}, on the library up to `degree`.
+
+    Raises ValueError for a term that is not in the library.
+    """
+    states = tuple(equations)
+    terms = library(len(states), degree)
+    names = PolynomialModel(states, terms, np.zeros((len(states), len(terms)))).term_names
+    unknown = {term for row in equations.values() for term in row} - set(names)
+    if unknown:
+        raise ValueError(f"terms {sorted(unknown)} are not in the library")
+    rows = [[row.get(name, 0.0) for name in names] for row in equations.values()]
+    return PolynomialModel(states, terms, np.array(rows))
 
 
 def _sprott(case: str, start: tuple, period: float, x: dict, y: dict, z: dict) -> PublishedSystem:

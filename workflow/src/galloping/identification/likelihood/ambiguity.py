@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri, gammaincinv, ndtri
@@ -10,9 +10,12 @@ from scipy.special import chdtri, gammaincinv, ndtri
 from galloping.identification.likelihood.constants import (
     CHANCE,
     CHANGES,
+    CLEARLY,
     EXPANDED,
     FALSE_DOUBT_RATE,
     MISS_RATE,
+    MOST_RIVAL_WEIGHT,
+    SIZEABLE,
     TAIL,
 )
 from galloping.identification.likelihood.problem import Problem
@@ -33,6 +36,11 @@ class Plausible:
     weight: np.ndarray
     coefficients: np.ndarray
     variances: np.ndarray
+
+    @property
+    def size(self) -> np.ndarray:
+        """(n_supports,) number of terms."""
+        return self.supports.sum(axis=1)
 
 
 def price(n: int) -> float:
@@ -68,6 +76,23 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
     criterion = chi2 + cost * supports.sum(axis=1)
     weight = np.exp(-(criterion - criterion.min()) / 2.0)
     return Plausible(supports, chi2, weight / weight.sum(), coefficients, variances)
+
+
+def with_prior(problem: Problem, plausible: Plausible) -> Plausible:
+    """The same supports, weighed by the prior of higher degrees as well.
+
+    It settles ties, but speaks neither against a support of fewer terms than the selected one nor
+    against one of more terms whose chi^2 is lower by CLEARLY: what low degrees imitate with another
+    number of terms is no tie.
+    """
+    if problem.prior is None:
+        return plausible
+    cost, size = plausible.supports @ problem.prior.of_degrees(problem.degrees), plausible.size
+    clearly = plausible.chi2 < plausible.chi2[0] - CLEARLY
+    is_no_tie = (size < size[0]) | (size > size[0]) & clearly
+    dearer = np.where(is_no_tie, np.minimum(cost - cost[0], 0.0), cost - cost[0])
+    weight = plausible.weight * np.exp(-(dearer - dearer.min()) / 2.0)
+    return replace(plausible, weight=weight / weight.sum())
 
 
 def _changes(here: Tableau, support: np.ndarray, cost: float) -> tuple[np.ndarray, np.ndarray]:
@@ -112,20 +137,25 @@ def _fits(whitened: Whitened, supports: np.ndarray) -> tuple[np.ndarray, np.ndar
     return chi2, coefficients, variances
 
 
-def preferred(whitened: Whitened, support: np.ndarray, penalty: float) -> np.ndarray:
-    """The support (n,) that the data prefer to a selected one, or that one itself.
+def costs(problem: Problem, penalty: float) -> np.ndarray:
+    """(n_candidates,) what each term has to bring, in units of chi^2, to be among those chosen.
 
-    A penalty for each term keeps out what noise makes up, but between supports of which none
-    contains the other it takes one false term for two true ones that it imitates. Where those
-    without one of the selected terms outweigh all others, the heaviest of them is preferred, if
-    it outweighs the selected one too and each of its terms is worth the penalty.
+    penalty: 2 ln N, what it has to bring while terms are looked for. With a prior that of the
+    evidence (see `prior`), without one the penalty.
+    """
+    if problem.prior is None:
+        return np.full(len(problem.candidates), penalty)
+    return penalty / 2.0 + problem.prior.of_terms(problem.degrees)
+
+
+def preferred(whitened: Whitened, support: np.ndarray, cost: np.ndarray) -> np.ndarray:
+    """The most probable of the plausible supports about a selected one, (n,); cost: of `costs`.
+
+    A penalty that keeps out what noise makes up of many terms drops weak ones of which there is
+    good evidence, and takes one false term for two true ones that it imitates.
     """
     plausible = plausible_supports(whitened, support)
-    weight = np.where(plausible.supports[:, support].all(axis=1), 0.0, plausible.weight)
-    if weight.sum() < 0.5 or weight.max() <= plausible.weight[0]:
-        return support
-    rival = plausible.supports[np.argmax(weight)]
-    return rival if tableau(whitened, rival).wald.min(initial=np.inf) >= penalty else support
+    return plausible.supports[np.argmin(plausible.chi2 + plausible.supports @ cost)]
 
 
 def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndarray:
@@ -157,34 +187,22 @@ def detection_limits(errors: np.ndarray, support: np.ndarray, penalty: float) ->
     return np.where(support, np.nan, (np.sqrt(penalty) - ndtri(MISS_RATE)) * errors)
 
 
-def open_questions(
-    problem: Problem, whitened: Whitened, plausible: Plausible, most_rival_weight: float
-) -> str:
-    """One line on why the terms found are not settled by the data, '' where they are.
+def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> str:
+    """One line on why the terms found are not settled, '' where they are.
 
-    They are not where the plausible supports without one of them weigh more than that together,
-    or where an absent term, or a pair, improves the fit more than noise does but for a rate of
-    FALSE_DOUBT_RATE, yet less than selection asks.
+    They are not where the plausible supports without one of them weigh more than MOST_RIVAL_WEIGHT
+    together, or where an absent term, or a pair, improves the fit more than
+    noise does but for a rate of FALSE_DOUBT_RATE, yet less than selection asks.
     """
-    names = [
-        f"{term_name(problem.terms[j], problem.states)} in d{problem.states[i]}/dt"
-        for i, j in problem.candidates
-    ]
-    support = plausible.supports[0]
+    names = _names(problem)
     reasons = []
-    lacking = ~plausible.supports[:, support].all(axis=1)
-    share = float(plausible.weight[lacking].sum())
-    if share > most_rival_weight:
-        rival = np.flatnonzero(lacking)[np.argmax(plausible.weight[lacking])]
-        other = plausible.supports[rival]
-        gone = " with ".join(names[k] for k in np.flatnonzero(support & ~other))
-        instead = " with ".join(names[k] for k in np.flatnonzero(other & ~support)) or "nothing"
-        rise = plausible.chi2[rival] - plausible.chi2[0]
+    share, rival = _rival(plausible)
+    if share > MOST_RIVAL_WEIGHT:
         reasons.append(
-            f"the data cannot tell {gone} from {instead} (chi2 {rise:+.1f}); supports without a "
+            f"the data cannot tell {_difference(names, plausible, rival)}; supports without a "
             f"term found weigh {share:.2g}"
         )
-    here = tableau(whitened, support)
+    here = tableau(whitened, plausible.supports[0])
     n = len(here.out)
     for size, falls in ((1, here.additions()), (2, here.pairs())):
         several = n if size == 1 else n * (n - 1) / 2
@@ -195,3 +213,58 @@ def open_questions(
                 f"{added} is plausible, below the limit of selection (chi2 {-falls.max():+.1f})"
             )
     return "; ".join(reasons)
+
+
+def hidden_term(
+    problem: Problem, support: np.ndarray, limits: np.ndarray, largest: np.ndarray
+) -> str:
+    """One line on the term that may be missing though it matters, '' where there is none.
+
+    limits: (n,) of `detection_limits`, the prior counted. largest: (n,) as in `problem.largest`.
+    Looked at are terms as simple as the simplest of their equation, or of the first degree: of
+    those a reader of the equation would ask why they are not there.
+    """
+    degrees, equations = problem.degrees, problem.candidates[:, 0]
+    simplest = [min(degrees[support & (equations == i)], default=1) for i in equations]
+    asked = ~support & (degrees <= np.maximum(simplest, 1))
+    share = np.where(asked, limits / np.maximum(largest, np.finfo(float).tiny), 0.0)
+    k = int(np.argmax(share))
+    if share[k] < SIZEABLE:
+        return ""
+    much = "all" if share[k] >= 1.0 else f"{100.0 * share[k]:.0f} %"
+    return f"{_names(problem)[k]} may be missing: the data would not show {much} of its equation"
+
+
+def told_by_prior(problem: Problem, plausible: Plausible) -> str:
+    """One line on what the data do not tell without the prior, '' where they tell all.
+
+    plausible: weighed by the data alone.
+    """
+    share, rival = _rival(plausible)
+    if problem.prior is None or share <= MOST_RIVAL_WEIGHT:
+        return ""
+    return (
+        f"the data alone cannot tell {_difference(_names(problem), plausible, rival)}; the prior "
+        "prefers the terms of lower degree"
+    )
+
+
+def _names(problem: Problem) -> list[str]:
+    return [
+        f"{term_name(problem.terms[j], problem.states)} in d({problem.states[i]})/dt"
+        for i, j in problem.candidates
+    ]
+
+
+def _rival(plausible: Plausible) -> tuple[float, int]:
+    """What the supports without one of the terms found weigh together, and the heaviest of them."""
+    whole = plausible.supports[:, plausible.supports[0]].all(axis=1)
+    lacking = np.where(whole, 0.0, plausible.weight)
+    return float(lacking.sum()), int(np.argmax(lacking))
+
+
+def _difference(names: list[str], plausible: Plausible, rival: int) -> str:
+    support, other = plausible.supports[0], plausible.supports[rival]
+    gone = " with ".join(names[k] for k in np.flatnonzero(support & ~other))
+    instead = " with ".join(names[k] for k in np.flatnonzero(other & ~support)) or "nothing"
+    return f"{gone} from {instead} (chi2 {plausible.chi2[rival] - plausible.chi2[0]:+.1f})"

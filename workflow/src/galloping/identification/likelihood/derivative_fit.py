@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from galloping.identification.likelihood.constants import SMALLEST_RATE_NOISE
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.result import judged
+from galloping.identification.likelihood.inputs import Unusable
+from galloping.identification.likelihood.problem import Problem, largest
+from galloping.identification.likelihood.result import by, judged
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import design_matrix
@@ -32,7 +33,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             rate = recording.derivatives[:, i]
             good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
             if good.sum() <= n_terms:
-                raise ValueError(f"too few complete samples for d{problem.states[i]}/dt")
+                raise Unusable(f"too few complete samples for d({problem.states[i]})/dt")
             rows, rate = theta[good], rate[good]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
             gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
@@ -48,9 +49,15 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         count += samples
     free, _ = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
-    return judged(
+    found = judged(
         problem, information, right, support, penalty,
+        largest=largest(
+            problem,
+            np.concatenate([recording.values for recording in recordings]),
+            np.concatenate([recording.derivatives for recording in recordings]),
+        ),
         initial_states=np.array([recording.values[0] for recording in recordings]),
         sigma=sigma,
         chi2=misfit / max(count - int(support.sum()), 1),
     )  # fmt: skip
+    return by(["derivatives"], found)

@@ -37,6 +37,7 @@ from galloping.identification.likelihood.weak_constraint import (
     linearised,
     white_misfit,
 )
+from galloping.passes import passing
 
 
 def fluctuating(
@@ -65,6 +66,7 @@ def fluctuating(
     variance, least = (FIRST_FLUCTUATION * unit) ** 2, (LEAST_FLUCTUATION * unit) ** 2
     fine = replace(fit, starts=parts.starts, misfit=misfit)
     for passed in range(FLUCTUATING_PASSES):
+        passing("try coefficients that fluctuate")
         linear = linearised(parts, fine)
         misfit = white_misfit(parts, linear.residual)
         if passed and not excess - _excess(record, misfit) >= EXPLAINED * excess:

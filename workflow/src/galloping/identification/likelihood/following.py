@@ -51,13 +51,14 @@ def follow(
     start: WeakFit,
     penalty: float,
     largest: np.ndarray,
-) -> Iterator[Followed]:
+) -> Iterator[tuple[str, Followed]]:
     """Condensed samples, and segments in which a fit with free first states follows the data.
 
-    One or two of them: the second is for where the first turns out to lead nowhere. A start of more
-    terms than the samples tell of moves faster than they do: before it comes one of few terms that
-    follows the data as well. One that diverges is replaced by that of all terms, each held to its
-    `largest` size. Raises FloatingPointError where there is none.
+    One or two of them, each with the name of its start: the second is for where the first turns out
+    to lead nowhere. A start of more terms than the samples tell of moves faster than they do:
+    before it comes one of few terms that follows the data as well. One that diverges is replaced by
+    that of all terms, each held to its `largest` size. Raises FloatingPointError where there is
+    none.
     """
 
     def prepared(start: WeakFit, periods: float) -> Prepared | None:
@@ -75,15 +76,27 @@ def follow(
         fits = (_freely(problem, *each) for each in slow)
         few = next((fit for fit in fits if fit is not None and is_close(fit[0], fit[2].fit)), None)
         if few is not None:
-            yield few
-    best = _shortened(problem, period, first, partial(prepared, start))
+            yield "few terms", few
+    name, best = "weak form", _shortened(problem, period, first, partial(prepared, start))
     if best is None:
+        name = "all terms"
         anew = partial(prepared, _of_all_terms(start, largest))
         best = _shortened(problem, period, anew(PERIODS_PER_SEGMENT), anew)
     if best is not None:
-        yield best
+        yield (name if few is None else f"{name} after few terms"), best
     elif few is None:
         raise FloatingPointError(DIVERGES)
+
+
+def path_of(period: float, condensed: Condensed, segments: Segments, step: Step) -> Iterator[str]:
+    """What `follow` made of the windows and segments, in words."""
+    if (finer := round(period / WINDOWS_PER_PERIOD / condensed.step)) > 1:
+        yield f"windows 1/{finer}"
+    periods = np.median(np.diff(segments.first)) * condensed.step / period
+    halvings = round(np.log2(PERIODS_PER_SEGMENT / periods))
+    yield f"{PERIODS_PER_SEGMENT / 2**halvings:g} periods"
+    if not is_close(condensed, step.fit):
+        yield "not close"
 
 
 def _of_few_terms(start: WeakFit, penalty: float) -> Iterator[WeakFit]:

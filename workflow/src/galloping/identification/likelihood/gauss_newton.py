@@ -11,6 +11,7 @@ from galloping.identification.likelihood.constants import CLOSE, MOST_HALVINGS
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import Segments, chained, eliminate, linearise
+from galloping.passes import passing
 
 DIVERGES = "no model found that follows the data: the iteration diverges"
 
@@ -75,6 +76,7 @@ def guarded_step(
     The other arguments as in `gauss_newton`. Raises FloatingPointError where halving the way
     does not help.
     """
+    passing("follow the recording in segments")
     close = CLOSE * float(np.sum(condensed.rows))
     for _ in range(MOST_HALVINGS):
         try:

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from numbers import Integral
 
+from galloping.identification.likelihood.prior import Prior
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
+
+FEWEST = 100  # samples: fewer hold no oscillation that could be told from noise
+
+
+class Unusable(ValueError):
+    """Why recordings give no model: an answer, not a mistake in a call."""
+
 
 WANTED = "must be a Recording, or a list of recordings of one system"
 
@@ -13,10 +21,10 @@ WANTED = "must be a Recording, or a list of recordings of one system"
 def checked_recordings(recordings: object) -> list[Recording]:
     """One recording or several as a list.
 
-    Raises ValueError where they are none, not recordings, or differ in their states.
+    Raises ValueError where they are none, not recordings, differ in their states, or are too short.
     """
     if isinstance(recordings, Recording):
-        return [recordings]
+        recordings = [recordings]
     if not isinstance(recordings, list | tuple):
         what = type(recordings).__name__
         raise ValueError(f"recordings: a {what}; {WANTED} (Recording.from_frame takes a DataFrame)")
@@ -30,6 +38,8 @@ def checked_recordings(recordings: object) -> list[Recording]:
                 f"recordings: item {i} has the states {', '.join(recording.states)}; "
                 f"must have those of the first, {', '.join(recordings[0].states)}"
             )
+    if (samples := sum(len(recording.time) for recording in recordings)) < FEWEST:
+        raise ValueError(f"recordings: {samples} samples are fewer than the {FEWEST} needed")
     return list(recordings)
 
 
@@ -38,8 +48,11 @@ def check_question(
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None,
     known_states: tuple[str, ...],
+    prior: Prior | None = None,
 ) -> None:
-    """Raise ValueError where the library or the known equations are not about `states`."""
+    """Raise ValueError where the library or the known equations are not about `states`, or the
+    prior is none.
+    """
     n = len(states)
     hint = f"must be tuples of {n} exponents, such as polynomial_library({n}, degree)"
     if not isinstance(terms, list | tuple) or not terms:
@@ -50,6 +63,8 @@ def check_question(
             raise ValueError(f"terms: {term!r:.60}; {hint}")
     if known is not None and not isinstance(known, PolynomialModel):
         raise ValueError(f"known: a {type(known).__name__}; must be a PolynomialModel or None")
+    if prior is not None and not isinstance(prior, Prior):
+        raise ValueError(f"prior: a {type(prior).__name__}; must be a Prior or None")
     if known is not None and known.states != states:
         raise ValueError(f"known: has the states {known.states}; must have {states}")
     for name in known_states:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.likelihood.ambiguity import preferred
+from galloping.identification.likelihood.ambiguity import costs, preferred
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.constants import (
     CHAIN_GROWTH,
@@ -48,7 +48,7 @@ def match(
     penalty: float,
     unseen: bool,
     largest: np.ndarray,
-) -> tuple[Fit, Step]:
+) -> tuple[Fit, Step, tuple[str, ...]]:
     """Gauss-Newton with segments matched in chains; terms chosen at every pass but the last ones.
 
     Chains grow from pass to pass until the terms stay the same: about a rough fit, that of too
@@ -60,27 +60,28 @@ def match(
     then it is tried again from few terms, and believed where it follows the data and has more terms
     than mixtures go unseen: a limit cycle looks like one of fewer terms. What does not settle while
     terms are chosen never will: it ends with the last of the models that follow the data alike, or
-    with the free segments that it began with where none follows the whole.
+    with the free segments that it began with where none follows the whole. Which try it was and how
+    it ended comes with it, in words.
     Raises FloatingPointError where it diverges, or does not settle, on other recordings.
     """
     ends, objections = [], []
     for passes in (FIRST_TRY, SPARSE_TRY if unseen else PATIENT_TRY):
         try:
-            fit, last = _matched(problem, condensed, segments, step, penalty, unseen, passes)
+            fit, last, ended = _matched(problem, condensed, segments, step, penalty, unseen, passes)
         except FloatingPointError as error:
             objections.append(error)
             continue
         told = not unseen or unseen_mixtures(last.information, largest) < fit.support.sum()
         if last.settled and (passes is FIRST_TRY or (told and is_close(condensed, fit))):
-            return fit, last
+            return fit, last, (passes.name, *ended)
         if not last.settled:
-            ends.append((fit, last))
+            ends.append((fit, last, (passes.name, *ended)))
     if ends:
         return ends[0]
     if unseen:
         free = gauss_newton(problem, condensed, segments, step.fit, 1, None)
         if is_close(condensed, free.fit):
-            return step.fit, replace(free, settled=False)
+            return step.fit, replace(free, settled=False), ("free segments",)
     raise objections[0]
 
 
@@ -92,7 +93,7 @@ def _matched(
     penalty: float,
     unseen: bool,
     passes: Passes,
-) -> tuple[Fit, Step]:
+) -> tuple[Fit, Step, tuple[str, ...]]:
     """A try of `match`, of so many passes.
 
     Where it does not settle while terms are chosen, though the whole is followed, the last step.
@@ -116,9 +117,11 @@ def _matched(
         settled = step.decrement < CONVERGED and step.gap < MATCHED and passed >= len(passes.raised)
         if unchanged and whole and settled:
             whitened = whiten(step.information, step.right, fit.free)
-            support = fit.support if preferring else preferred(whitened, fit.support, penalty)
+            support = fit.support
+            if not preferring:
+                support = preferred(whitened, support, costs(problem, penalty))
             if np.array_equal(support, fit.support):
-                return fit, step
+                return fit, step, ("preferred",) * preferring + ("settled",)
             preferring = True
             fit = replace(fit, support=support)
         stays = not unchanged and alike < passes.alike and step.decrement > SHORT
@@ -130,7 +133,7 @@ def _matched(
         else:
             longest = (longest or np.inf) * (1 if stays else CHAIN_GROWTH)
     if unseen and whole and is_close(condensed, fit):
-        return fit, replace(step, settled=False)
+        return fit, replace(step, settled=False), ("unsettled",)
     misfit = fit.cost / float(np.sum(condensed.rows))
     what = "follows the data" if misfit > CLOSE else "is preferred by the data"
     raise FloatingPointError(f"no model found that {what}: chi2/n {misfit:.3g}")

@@ -20,31 +20,41 @@ from galloping.identification.likelihood.constants import (
     TIME_SCALES,
 )
 from galloping.identification.likelihood.derivative_fit import derivative_fit
-from galloping.identification.likelihood.following import follow, prepare, window_states
+from galloping.identification.likelihood.following import (
+    follow,
+    path_of,
+    prepare,
+    window_states,
+)
 from galloping.identification.likelihood.gauss_newton import Fit, is_close
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.instrument import FORCES, Fault, faults
 from galloping.identification.likelihood.matching import match, unseen_mixtures
 from galloping.identification.likelihood.model_error import approximation
+from galloping.identification.likelihood.prior import Prior
 from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import Residue, residue
 from galloping.identification.likelihood.rest import from_rest
-from galloping.identification.likelihood.result import NO_MODEL, judged, refused
+from galloping.identification.likelihood.result import NO_MODEL, by, judged, refused
 from galloping.identification.likelihood.shooting import Segments, residuals
-from galloping.identification.likelihood.smoothing import Smooth
-from galloping.identification.likelihood.weak_gls import Start, begin, rough_fit
+from galloping.identification.likelihood.weak_gls import Start, begin, largest_terms, rough_fit
 from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import Exponents, PolynomialModel, design_matrix
+from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
+from galloping.threads import one_thread
+
+PRIOR = Prior()
 
 
+@one_thread
 def maximum_likelihood(
     recordings: Recording | Sequence[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
-    begin: Callable[..., Start] = begin,
+    prior: Prior | None = PRIOR,
+    start: Callable[..., Start] | None = None,
 ) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
 
@@ -53,28 +63,30 @@ def maximum_likelihood(
     say it: then it is the least that is assumed, and what the misfit is held against. Where they
     carry derivatives, the states are exact and the equations are fitted directly.
     terms: the library. known: model whose equations of `known_states` hold; the equation of a
-    state X is known to be dX/dt = dX where a state has that name. begin: makes the start, as
-    `weak_gls.begin` does; with a shorter time scale of the motion where the first gives no model.
+    state X is known to be dX/dt = dX where a state has that name. start: makes the start, as
+    `weak_gls.begin`, the default; with a shorter time scale where the first gives no model.
+    prior: of the terms (see `prior`); None: the data alone choose them and speak in the verdict.
     The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
     model of the library follows the data to the noise; see `model_error`), or `refused`.
     Raises ValueError where the recordings differ in their states, and for other input.
     """
     recordings = checked_recordings(recordings)
     states = recordings[0].states
-    check_question(states, terms, known, known_states)
-    problem = posed(states, terms, known, known_states)
+    check_question(states, terms, known, known_states, prior)
+    problem = posed(states, terms, known, known_states, prior)
     try:
         if all(recording.derivatives is not None for recording in recordings):
             return derivative_fit(problem, recordings)
     except NO_MODEL as error:
-        return refused(problem, str(error))
+        return by(["derivatives"], refused(problem, str(error)))
     reasons = []
     for halvings in range(TIME_SCALES):
         try:
-            return _from_states(problem, recordings, partial(begin, share=0.5**halvings))
+            found = _from_states(problem, recordings, partial(start or begin, share=0.5**halvings))
+            return by([f"time scale 1/{2**halvings}"] if halvings else [], found)
         except NO_MODEL as error:
             reasons.append(str(error))
-    return refused(problem, reasons[0])
+    return by(["no model"], refused(problem, reasons[0]))
 
 
 def _from_states(
@@ -101,10 +113,11 @@ def _exact_or_near(problem: Problem, recordings: list[Recording], begun: Start) 
             problem, begun.recordings, begun.smoothed, begun.period, begun.fit, STRETCH_PERIODS
         )
         states, _ = window_states(condensed, begun.recordings, begun.smoothed)
-        return approximation(
+        near = approximation(
             problem, condensed, segments, states, fit.free, fit.sigma, fit.floor, begun.penalty,
             str(objection),
         )  # fmt: skip
+        return by(["approximation"], near)
 
 
 def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
@@ -116,14 +129,17 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
     kept = sum(recording.samples for recording in recordings)
     penalty, start = begun.penalty, rough_fit(problem, begun)
-    largest = _largest(problem, smoothed)
-    for condensed, segments, step in follow(
+    largest = largest_terms(problem, smoothed)
+    for name, (condensed, segments, step) in follow(
         problem, recordings, smoothed, period, start, penalty, largest
     ):
         followed = step.fit
+        part = [] if start is begun.fit else ["telling stretch"]
+        path = [*part, name, *path_of(period, condensed, segments, step)]
         unseen = unseen_mixtures(step.information, largest) > 0
         try:
-            fit, step = match(problem, condensed, segments, step, penalty, unseen, largest)
+            fit, step, ended = match(problem, condensed, segments, step, penalty, unseen, largest)
+            path += ended
             break
         except FloatingPointError as error:
             unmatched = error
@@ -136,7 +152,8 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
         noise = np.sqrt(power)
         fit = replace(fit, sigma=noise, floor=noise, reference=noise, cost=np.inf)
         step = replace(step, before=fit, fit=fit)
-        fit, step = match(problem, condensed, segments, step, penalty, unseen, largest)
+        fit, step, ended = match(problem, condensed, segments, step, penalty, unseen, largest)
+        path += ["coloured noise", *ended]
         remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
     squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
@@ -155,10 +172,10 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
             raise FloatingPointError(objection)
     else:  # what it leaves in the residuals is that it is not the best fit
         objection, doubt = "", "many models follow the data alike"
-    return judged(
+    found = judged(
         problem, step.information, step.right, fit.support, penalty,
         about=step.fit.free,
-        seen=not unseen,
+        largest=largest,
         objection=objection,
         doubt=doubt,
         initial_states=fit.starts[_first_segments(segments)],
@@ -174,6 +191,7 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
             **{f"noise_{names[o]}": total[-1, o] for o in np.flatnonzero(condensed.is_rate)},
         },
     )  # fmt: skip
+    return by(path, found)
 
 
 def _causes_of_none(
@@ -223,14 +241,3 @@ def _remaining(
 def _first_segments(segments: Segments) -> np.ndarray:
     """(n_recordings,) the first segment of each recording."""
     return np.unique(segments.recording, return_index=True)[1]
-
-
-def _largest(problem: Problem, smoothed: list[Smooth]) -> np.ndarray:
-    """(n_candidates,) coefficients at which each term alone would make up its equation."""
-    rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in smoothed]
-    rate = np.sqrt(np.mean(np.concatenate(rates) ** 2, axis=0))
-    theta = design_matrix(
-        np.concatenate([one.states[one.valid] for one in smoothed]), problem.terms
-    )
-    size = np.sqrt(np.mean(theta**2, axis=0)) + np.finfo(float).tiny
-    return rate[problem.candidates[:, 0]] / size[problem.candidates[:, 1]]

@@ -42,9 +42,9 @@ def start(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Evid
 
 def by_weak_gls(evidence: Evidence) -> IdentifiedModel:
     """`likelihood.weak_gls` on the polynomial library."""
-    return weak.weak_gls(evidence.recordings, evidence.terms, begin=evidence.begin)
+    return weak.weak_gls(evidence.recordings, evidence.terms, start=evidence.begin)
 
 
 def by_maximum_likelihood(evidence: Evidence) -> IdentifiedModel:
     """`likelihood.maximum_likelihood` on the polynomial library."""
-    return likelihood.maximum_likelihood(evidence.recordings, evidence.terms, begin=evidence.begin)
+    return likelihood.maximum_likelihood(evidence.recordings, evidence.terms, start=evidence.begin)

@@ -34,7 +34,7 @@ from galloping.identification.likelihood.constants import (
 from galloping.identification.likelihood.fluctuation import fluctuating
 from galloping.identification.likelihood.further_modes import further_modes
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.result import refused
+from galloping.identification.likelihood.result import by, refused
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.shooting import Segments
 from galloping.identification.likelihood.weak_constraint import (
@@ -53,6 +53,7 @@ from galloping.identification.likelihood.weak_constraint import (
 )
 from galloping.identification.model import FurtherMode, IdentifiedModel
 from galloping.intervals import NORMAL_95, QUANTILES_95
+from galloping.passes import passing
 from galloping.polynomial import PolynomialModel
 
 MisfitOf = Callable[[Record, np.ndarray], np.ndarray]
@@ -65,7 +66,7 @@ class Approximation:
     free, support: (n_candidates,). starts: (n_segments, n_states). information, covariance: of
     the candidates with the disturbance accounted for, and of the supported ones by leaving
     stretches out (delete-a-group jackknife), widened for what errs alike in all stretches, or,
-    where the coefficients fluctuate, that of their means.
+    where the coefficients fluctuate, that of their means. path: how it was found, in words.
     forecast: per segment and channel the mean squares of data, of what is left of them by
     forecasts from its beginning, and of the noise, (3, n_segments, n_observed). residual:
     (n_windows, n_observed) of those forecasts, as the mean of a window's samples times the root
@@ -80,6 +81,7 @@ class Approximation:
     forecast: np.ndarray
     residual: np.ndarray
     fluctuates: bool = False
+    path: tuple[str, ...] = ()
 
     @property
     def skill(self) -> float:
@@ -116,7 +118,7 @@ def approximation(
     except (FloatingPointError, np.linalg.LinAlgError) as error:
         raise FloatingPointError(f"{objection}; {error}") from error
     if not made.skill > 0.0:
-        return refused(problem, f"{objection}; what comes near it predicts nothing")
+        return by(made.path, refused(problem, f"{objection}; what comes near it predicts nothing"))
     shares = error_shares(made, condensed)
     names = condensed.names(problem.states)
     noise = np.full((len(condensed.counts), len(problem.states)), np.nan)
@@ -134,7 +136,7 @@ def approximation(
     noise_power = np.sum(made.forecast[2])
     errors = added_deviation(made.information, made.support)
     errors[made.support] = np.sqrt(np.diag(made.covariance))
-    return IdentifiedModel(
+    found = IdentifiedModel(
         model=PolynomialModel(problem.states, problem.terms, problem.coefficients(made.free)),
         standard_errors=problem.on_library(np.where(made.support, errors, np.nan)),
         detection_limits=problem.on_library(detection_limits(errors, made.support, penalty)),
@@ -160,6 +162,7 @@ def approximation(
             },
         },
     )  # fmt: skip
+    return by(made.path, found)
 
 
 def _in_words(modes: tuple[FurtherMode, ...]) -> str:
@@ -176,8 +179,8 @@ def _approximate(
 ) -> Approximation:
     """The smallest of several models that forecast, or, where coefficients fluctuate, their means.
 
-    What is missed is taken for noise of its own spectrum and, where no model that is so found can
-    be followed over stretches that were left out, for white noise: of a motion that grows, and of
+    What is missed is taken for noise of its own spectrum and, where no model so found predicts
+    stretches that were left out, for white noise: of a motion that grows, and of
     few stretches, the spectrum is told badly. None may jump more than the whole library: what a
     term that was left out would do is no disturbance. Raises FloatingPointError or LinAlgError
     where no model is found that can be integrated over a segment.
@@ -191,12 +194,14 @@ def _approximate(
         try:
             whole = _iterate(record, start, misfit_of, WHOLE_PASSES, _as_before)
             made = _of_penalties(record, whole, misfit_of, penalty)
-            if np.isfinite(max(each.skill for each in made)):
+            if max(each.skill for each in made) > 0.0:
                 break
         except (FloatingPointError, np.linalg.LinAlgError):
             if misfit_of is white_misfit:
                 raise
-    return _varying(record, whole, penalty) or _smallest(made)
+    found = _varying(record, whole, penalty) or _smallest(made)
+    misfit = "white misfit" if misfit_of is white_misfit else "coloured misfit"
+    return replace(found, path=(misfit, *found.path))
 
 
 def _of_penalties(
@@ -215,7 +220,7 @@ def _of_penalties(
             fit = _iterate(record, fit, misfit_of, CHOOSING_PASSES, choose, whole.jump)
             if not fit.support.any():
                 raise FloatingPointError("no term stands out of the noise")
-            made.append(_judged(record, fit))
+            made.append(replace(_judged(record, fit), path=(f"penalty {times:g}",)))
         except (FloatingPointError, np.linalg.LinAlgError):
             if not made:
                 raise
@@ -249,7 +254,9 @@ def _varying(record: Record, fit: StretchFit, penalty: float) -> Approximation |
         judged = _judged(record, means)
     except (FloatingPointError, np.linalg.LinAlgError):
         return None
-    return replace(judged, covariance=covariance, fluctuates=True) if judged.skill > 0.0 else None
+    if not judged.skill > 0.0:
+        return None
+    return replace(judged, covariance=covariance, fluctuates=True, path=("fluctuating",))
 
 
 def _iterate(
@@ -266,6 +273,7 @@ def _iterate(
     largest: covariance of jumps whose size those of the model may not exceed.
     """
     for passed in range(choosing + SETTLING_PASSES):
+        passing("approximate in stretches")
         linear = linearised(record, fit)
         solved = joint(record, linear, fit.starts, record.precision(fit.jump))
         right = solved.right + solved.information @ fit.free
@@ -320,6 +328,7 @@ def _judged(record: Record, fit: StretchFit) -> Approximation:
     changes = np.zeros((len(groups), int(fit.support.sum())))
     residual = np.full(condensed.targets.shape, np.inf)
     for k, group in enumerate(groups):
+        passing("forecast stretches that are left out")
         solved = joint(record, linear, fit.starts, precision, np.isin(np.arange(count), group))
         change, _ = solve_support(solved.information, solved.right, fit.support)
         changes[k] = change[fit.support]

@@ -7,8 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from galloping.identification.likelihood.prior import Prior
 from galloping.identification.likelihood.taylor import Tables, tables
-from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
+from galloping.polynomial import Exponents, PolynomialModel, design_matrix, velocity_pairs
 
 
 @dataclass(frozen=True)
@@ -17,19 +18,26 @@ class Problem:
 
     states: names of the n_states states. terms: exponents of the n_terms candidate monomials.
     known: (n_states, n_terms), the coefficients of the known equations, zero elsewhere.
-    unknown: indices of the equations to identify, increasing.
+    unknown: indices of the equations to identify, increasing. prior: of the supports; None: all
+    are as probable.
     """
 
     states: tuple[str, ...]
     terms: tuple[Exponents, ...]
     known: np.ndarray
     unknown: tuple[int, ...]
+    prior: Prior | None = None
 
     @cached_property
     def candidates(self) -> np.ndarray:
         """(n_candidates, 2) pairs (equation, term), by equation and then by term."""
         n_terms = len(self.terms)
         return np.array([(i, j) for i in self.unknown for j in range(n_terms)], int).reshape(-1, 2)
+
+    @cached_property
+    def degrees(self) -> np.ndarray:
+        """(n_candidates,) degree of each candidate's term."""
+        return np.array([sum(self.terms[j]) for _, j in self.candidates])
 
     @cached_property
     def tables(self) -> Tables:
@@ -57,6 +65,7 @@ def posed(
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
+    prior: Prior | None = None,
 ) -> Problem:
     """The identification problem of a library.
 
@@ -83,4 +92,19 @@ def posed(
         raise ValueError(
             f"the equations of {', '.join(states)} are all known; none is left to find"
         )
-    return Problem(tuple(states), tuple(terms), rows, unknown)
+    return Problem(tuple(states), tuple(terms), rows, unknown, prior)
+
+
+def largest(problem: Problem, states: np.ndarray, rates: np.ndarray) -> np.ndarray:
+    """(n_candidates,) coefficients at which each term alone would make up its equation.
+
+    states, rates: (n, n_states), NaN where missing, by the root mean squares of terms and rates.
+    """
+
+    def size(values: np.ndarray) -> np.ndarray:
+        there = np.isfinite(values)
+        squares = np.sum(np.where(there, values, 0.0) ** 2, axis=0)
+        return np.sqrt(squares / np.maximum(there.sum(axis=0), 1))
+
+    of_terms = size(design_matrix(states, problem.terms)) + np.finfo(float).tiny
+    return size(rates)[problem.candidates[:, 0]] / of_terms[problem.candidates[:, 1]]

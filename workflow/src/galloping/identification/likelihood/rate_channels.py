@@ -20,6 +20,7 @@ from galloping.identification.likelihood.constants import (
     RATE_MARGIN,
     RATE_OUTLIER,
 )
+from galloping.identification.likelihood.inputs import Unusable
 from galloping.identification.likelihood.integrals import undisplaced
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.weak_gls import Start
@@ -132,7 +133,7 @@ def _without_offsets(
         if unknown is not None and unknown[k]:
             good = inside & np.isfinite(difference[:, k])
             if good.sum() <= 10 * (DRIFT_DEGREE + 1):
-                raise ValueError(f"the offset of d{recording.states[k]} cannot be told")
+                raise Unusable(f"the offset of d{recording.states[k]} cannot be told")
             fitted = slow @ np.linalg.lstsq(slow[good], difference[good, k], rcond=None)[0]
             rates[:, k] -= fitted
             difference[:, k] -= fitted
@@ -153,7 +154,7 @@ def _scaled(recording: Recording, period: float) -> Recording:
             recording.time, values[:, k], _rates(recording)[:, velocity], order, period
         )
         if len(own) < FEWEST_INTEGRALS:
-            raise ValueError(
+            raise Unusable(
                 f"the scale of {recording.states[k]} cannot be told: no channel of known scale "
                 f"measures d{recording.states[velocity]}"
             )

@@ -15,7 +15,7 @@ import numpy as np
 from galloping.identification.likelihood.constants import OFF_REST
 from galloping.identification.likelihood.integrals import undisplaced
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.result import NO_MODEL
+from galloping.identification.likelihood.result import NO_MODEL, by
 from galloping.identification.likelihood.weak_gls import Start, weak_fit
 from galloping.identification.model import BY_TERM, IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel
@@ -43,9 +43,11 @@ def from_rest(
     without = replace(problem, terms=terms, known=problem.known[:, moving])
     units = np.eye(len(problem.states))[sorted(state for state, _ in pairs)]
     made, objections = [], []
-    for offset in (*OFF_REST * units, *-OFF_REST * units, 0.0 * units[0]):
+    offsets = [*OFF_REST * units, *-OFF_REST * units, 0.0 * units[0]]
+    for k, offset in enumerate(offsets, 1):
         try:
-            made.append(identify(without, _moved(without, start, offset)))
+            found = identify(without, _moved(without, start, offset))
+            made.append(by([f"rest {k} of {len(offsets)}"], found))
         except NO_MODEL as objection:
             objections.append(objection)
     if not made:

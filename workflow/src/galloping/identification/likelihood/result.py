@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 import numpy as np
 
 from galloping.identification.likelihood.ambiguity import (
     detection_limits,
+    hidden_term,
     open_questions,
     plausible_supports,
+    told_by_prior,
     unconditional_errors,
+    with_prior,
 )
-from galloping.identification.likelihood.constants import (
-    MOST_RIVAL_WEIGHT,
-    MOST_RIVAL_WEIGHT_SEEN,
-)
+from galloping.identification.likelihood.inputs import Unusable
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import added_deviation, solve_support, whiten
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 
-# What ends an identification without a model.
-NO_MODEL = (ValueError, FloatingPointError, np.linalg.LinAlgError)
+# What ends an identification without a model. Any other ValueError is a mistake in the code.
+NO_MODEL = (Unusable, FloatingPointError, np.linalg.LinAlgError)
 
 
 def judged(
@@ -30,8 +33,8 @@ def judged(
     support: np.ndarray,
     penalty: float,
     *,
+    largest: np.ndarray,
     about: np.ndarray | None = None,
-    seen: bool = False,
     objection: str = "",
     doubt: str = "",
     initial_states: np.ndarray,
@@ -42,11 +45,13 @@ def judged(
     """The identified model and its status, the same for all methods.
 
     information, right, support, penalty, about: as in `selection`, `about` zero outside the
-    support. seen: whether every mixture of terms as large as the motion would leave a trace.
-    objection: why the fit must not be trusted, doubt: why its terms are not settled, ''
-    where there is nothing to say. The rest as in `IdentifiedModel`.
+    support. largest: (n_candidates,) as in `problem.largest`. objection: why the fit must not be
+    trusted, doubt: why its terms are not settled, '' where there is nothing to say. The rest as in
+    `IdentifiedModel`.
 
-    `ok` claims: the terms found are right, and every absent one is smaller than its stated limit.
+    `ok` claims: the terms found are right, every absent one is smaller than its stated limit, and
+    no simple one may hide that matters. Where the data alone would leave other terms open, and the
+    prior did not, its reason says so. Intervals and limits are those of the data alone.
     """
     if objection:
         return refused(problem, objection)
@@ -54,15 +59,19 @@ def judged(
     if about is not None:
         free = free + about
     status, reason = "not identifiable", "no term stands out of the noise"
-    errors = added_deviation(information, support)
+    alone = errors = added_deviation(information, support)
     if support.any():
-        rivals = MOST_RIVAL_WEIGHT_SEEN if seen else MOST_RIVAL_WEIGHT
         whitened = whiten(information, right, about)
         plausible = plausible_supports(whitened, support)
-        errors = unconditional_errors(plausible, errors)
-        questions = open_questions(problem, whitened, plausible, rivals)
-        reason = "; ".join(filter(None, [doubt, questions]))
+        errors = unconditional_errors(plausible, alone)
+        believed = with_prior(problem, plausible)
+        believed_errors = unconditional_errors(believed, alone)
+        questions = open_questions(problem, whitened, believed)
+        limits = detection_limits(believed_errors, support, penalty)
+        hidden = hidden_term(problem, support, limits, largest)
+        reason = "; ".join(filter(None, [doubt, questions, hidden]))
         status = "not identifiable" if reason else "ok"
+        reason = reason or told_by_prior(problem, plausible)
     conditional = np.full(len(support), np.nan)
     conditional[support] = np.sqrt(np.diag(covariance))
     return IdentifiedModel(
@@ -79,6 +88,13 @@ def judged(
         known=problem.known_equations,
         diagnostics=diagnostics or {},
     )
+
+
+def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
+    """The model with further stages before those of its path, by which it was found."""
+    own = identified.diagnostics.get("path")
+    stages = [*path, *([own] if own else [])]
+    return replace(identified, diagnostics={**identified.diagnostics, "path": ", ".join(stages)})
 
 
 def refused(problem: Problem, reason: str) -> IdentifiedModel:

@@ -19,6 +19,7 @@ from galloping.identification.likelihood.constants import (
     OUTLIER_ROUNDS,
     SATURATED_SHARE,
 )
+from galloping.identification.likelihood.inputs import Unusable
 from galloping.identification.likelihood.smoothing import Smooth, smooth
 from galloping.recording import Recording
 
@@ -82,14 +83,16 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
         left = np.isfinite(recording.values).sum(axis=0)
         for name, was, now in zip(recording.states, before, left, strict=True):
             if now < (1.0 - MOST_OUTLIERS) * was:
-                raise ValueError(f"more than a tenth of the samples of {name} are outliers")
+                raise Unusable(f"more than a tenth of the samples of {name} are outliers")
         smoothed = smooth(recording, period)
     return recording, smoothed
 
 
 def _local_median(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
-    """(n,) median of the values within stretches of `length` s, interpolated between them."""
-    stretch = ((time - time[0]) // length).astype(np.int64)
-    edges = np.flatnonzero(np.diff(stretch)) + 1
-    centres = [part.mean() for part in np.split(time, edges)]
-    return np.interp(time, centres, [np.median(part) for part in np.split(values, edges)])
+    """(n,) median of the values within stretches of about `length` s, interpolated between them.
+
+    All stretches have as many samples: one of a few would take its outliers for its noise.
+    """
+    count = max(int((time[-1] - time[0]) / length), 1)
+    centres = [part.mean() for part in np.array_split(time, count)]
+    return np.interp(time, centres, [np.median(part) for part in np.array_split(values, count)])

@@ -30,6 +30,7 @@ from galloping.identification.likelihood.constants import (
     SPLINE_ACCURACY,
     SPLINE_DEGREE,
 )
+from galloping.identification.likelihood.inputs import Unusable
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 
@@ -91,7 +92,7 @@ def shortest_period(recordings: list[Recording]) -> float:
                 bin_ = 1 + int(np.searchsorted(total, 0.95 * total[-1]))
                 highest = max(highest, bin_ / duration)
     if highest == 0.0:
-        raise ValueError("no channel varies above its noise")
+        raise Unusable("no channel varies above its noise")
     return 1.0 / highest
 
 
@@ -161,7 +162,7 @@ def _curves(
     for i, name in enumerate(recording.states):
         if i not in done:
             if counts[i] < LEAST_SAMPLES:
-                raise ValueError(f"state {name} is not measured, nor its integral")
+                raise Unusable(f"state {name} is not measured, nor its integral")
             curves.append([i])
     return curves, derived
 

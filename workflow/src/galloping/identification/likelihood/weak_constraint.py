@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.interpolate import BSpline
 from scipy.linalg import solve_triangular
-from scipy.signal.windows import parzen
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.constants import (
@@ -26,6 +26,9 @@ from galloping.identification.likelihood.constants import (
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.shooting import Segments
 from galloping.identification.likelihood.taylor import integrate, system
+
+# Parzen's lag window, up to its height and width: `scipy.signal`, which has it, is slow to import
+PARZEN = BSpline.basis_element([-2, -1, 0, 1, 2])
 
 
 @dataclass(frozen=True)
@@ -235,7 +238,8 @@ def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
     many times as there are windows.
     """
     first, n_lags = record.condensed.first, record.longest
-    taper = parzen(2 * n_lags + 1)[n_lags:-1, None, None]
+    lags = np.arange(n_lags) / (n_lags + 0.5)
+    taper = (PARZEN(2 * lags) / PARZEN(0.0))[:, None, None]
     misfit = np.empty((len(first) - 1, n_lags, *residual.shape[1:]))
     for r, (a, b) in enumerate(pairwise(first)):
         length = next_fast_len(b - a + n_lags, real=True)

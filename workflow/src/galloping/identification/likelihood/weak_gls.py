@@ -13,17 +13,19 @@ from galloping.identification.likelihood.constants import (
     START_PERIODS,
     WEAK_ITERATIONS,
 )
-from galloping.identification.likelihood.inputs import check_question, checked_recordings
+from galloping.identification.likelihood.inputs import Unusable, check_question, checked_recordings
 from galloping.identification.likelihood.integrals import with_integrals
-from galloping.identification.likelihood.problem import Problem, posed
-from galloping.identification.likelihood.result import judged, refused
+from galloping.identification.likelihood.problem import Problem, largest, posed
+from galloping.identification.likelihood.result import NO_MODEL, judged, refused
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.smoothing import Smooth, shortest_period
 from galloping.identification.likelihood.weak_form import whitened_weak_form
 from galloping.identification.model import IdentifiedModel
+from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
+from galloping.threads import one_thread
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ def prepared(
     share: of the shortest period that the spectra show, which is taken in its place. Raises
     ValueError where no channel varies or a state cannot be had from the channels.
     """
+    passing("smooth the recording")
     whole = [with_integrals(recording) for recording in recordings]
     period = share * shortest_period(whole)
     pairs = [smooth_without_outliers(without_faults(one, period), period) for one in whole]
@@ -71,6 +74,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     support = np.ones(n, bool)
     coefficients = None
     for _ in range(WEAK_ITERATIONS + 1):
+        passing("start from the weak form")
         systems = [whitened_weak_form(problem, one, coefficients) for one in smoothed]
         information = sum(a.T @ a for a, _ in systems)
         right = sum(a.T @ b for a, b in systems)
@@ -79,7 +83,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         if coefficients is not None:
             support = select(information, right, [np.ones(n, bool)], penalty)
         if not np.any(np.diag(information)):
-            raise ValueError("no stretch of a period of the recordings is free of gaps")
+            raise Unusable("no stretch of a period of the recordings is free of gaps")
         free, covariance = solve_support(information, right, support)
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
@@ -103,6 +107,13 @@ def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> 
     penalty = 2.0 * np.log(sum(recording.samples for recording in recordings))
     fit = weak_fit(problem, smoothed, penalty)
     return Start(recordings, smoothed, period, penalty, fit)
+
+
+def largest_terms(problem: Problem, smoothed: list[Smooth]) -> np.ndarray:
+    """(n_candidates,) as in `problem.largest`, of smooth curves."""
+    rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in smoothed]
+    states = [one.states[one.valid] for one in smoothed]
+    return largest(problem, np.concatenate(states), np.concatenate(rates))
 
 
 def rough_fit(problem: Problem, start: Start) -> WeakFit:
@@ -137,18 +148,19 @@ def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
     return replace(smooth, time=time, states=states, valid=valid)
 
 
+@one_thread
 def weak_gls(
     recordings: Recording | Sequence[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
-    begin: Callable[[Problem, list[Recording]], Start] = begin,
+    start: Callable[[Problem, list[Recording]], Start] | None = None,
 ) -> IdentifiedModel:
     """Identify one model from noisy states by the weak form, in generalised least squares.
 
     recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
-    whose equations of `known_states` hold; dX/dt = `dX` is known by its name. begin: makes the
-    start.
+    whose equations of `known_states` hold; dX/dt = `dX` is known by its name. start: makes the
+    start, as `begin` does, which is the default.
     The intervals are those of the linearised weak form, inflated by the misfit where it is above
     one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
     """
@@ -156,8 +168,8 @@ def weak_gls(
     check_question(recordings[0].states, terms, known, known_states)
     problem = posed(recordings[0].states, terms, known, known_states)
     try:
-        return _fitted(problem, begin(problem, recordings))
-    except (ValueError, np.linalg.LinAlgError) as error:
+        return _fitted(problem, (start or begin)(problem, recordings))
+    except NO_MODEL as error:
         return refused(problem, str(error))
 
 
@@ -169,6 +181,7 @@ def _fitted(problem: Problem, start: Start) -> IdentifiedModel:
         objection = f"model inadequate or noise correlated: misfit {fit.misfit:.2f}"
     return judged(
         problem, fit.information / inflation, fit.right / inflation, fit.support, penalty,
+        largest=largest_terms(problem, smoothed),
         objection=objection,
         initial_states=np.array([one.states[0] for one in smoothed]),
         sigma=np.array([one.noise for one in smoothed]),

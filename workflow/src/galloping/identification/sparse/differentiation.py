@@ -9,8 +9,11 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
+from galloping.recording import Recording
+
 DEGREE = 7  # its truncation error stays below rounding noise in 100 Hz records without noise
 KNOT_EVERY = (128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)  # samples between knots, smooth to rough
+ON_GRID, MOST_MISSING = 1e-3, 100  # of the spacing; places of a grid for each sample
 ENOUGH = 1.05  # the scan stops once every channel's score is this much above its best
 
 
@@ -19,15 +22,44 @@ def differentiate(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Smoothed states, their derivatives, and the effective number of observations.
 
-    time: (n,) s, increasing, regular or not; values: (n, n_channels). Least-squares splines of
-    degree 7 with a knot at every m-th sample; m of each channel by generalised cross-validation
-    (Craven and Wahba 1979). Returns two (n, n_channels) arrays and (n_channels,) counts of
-    spline coefficients: that many independent values are left in a smoothed channel.
+    time: (n,) s, increasing, regular or not; values: (n, n_channels). Returns two (n, n_channels)
+    arrays and (n_channels,) counts of spline coefficients: that many independent values are left in
+    a smoothed channel. Raises ValueError for samples too few for a spline.
+    """
+    splines, effective = _splines(time, values)
+    derivatives = [spline.derivative()(time) for spline in splines]
+    return _at(splines, time), np.column_stack(derivatives), effective
+
+
+def with_missing_samples(recording: Recording) -> Recording:
+    """A recording whose times are some of an equally spaced grid, on the whole grid.
+
+    Between the samples stand the values of smoothing splines, so that one algorithm serves all
+    samples of a record and a random subset of them. A recording is returned as it is where its
+    times are on no grid, or on all of one. Raises ValueError for samples too few for a spline.
+    """
+    steps = np.diff(recording.time)
+    places = np.r_[0.0, np.cumsum(steps)] / steps.min()
+    count = round(places[-1]) + 1
+    on_grid = np.all(np.abs(places - np.rint(places)) < ON_GRID) and count <= MOST_MISSING * len(
+        places
+    )
+    if count == len(places) or not on_grid:
+        return recording
+    time = np.linspace(recording.time[0], recording.time[-1], count)
+    values = _at(_splines(recording.time, recording.values)[0], time)
+    values[np.rint(places).astype(int)] = recording.values
+    return Recording(time, recording.states, values)
+
+
+def _splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], np.ndarray]:
+    """A least-squares spline of degree 7 for each channel, and the number of its coefficients.
+
+    It has a knot at every m-th sample; m by generalised cross-validation (Craven and Wahba 1979).
     """
     n, channels = values.shape
-    score, chosen = np.full(channels, np.inf), np.zeros(channels, dtype=int)
-    smoothed, derivative = np.empty_like(values), np.empty_like(values)
-    effective, splines = np.zeros(channels, dtype=int), {}
+    score, effective = np.full(channels, np.inf), np.zeros(channels, dtype=int)
+    chosen: dict[int, BSpline] = {}
     for every in KNOT_EVERY:
         knots = _knots(time, every)
         p = len(knots) - DEGREE - 1
@@ -35,19 +67,19 @@ def differentiate(
             continue
         design, bands = _basis(time.tobytes(), every)
         coefficients = cho_solve_banded((bands, False), design.T @ values)
-        fit = design @ coefficients
-        gcv = n * np.sum((values - fit) ** 2, axis=0) / (n - p) ** 2
-        better = gcv < score
-        smoothed[:, better], splines[every] = fit[:, better], BSpline(knots, coefficients, DEGREE)
-        score[better], effective[better], chosen[better] = gcv[better], p, every
+        gcv = n * np.sum((values - design @ coefficients) ** 2, axis=0) / (n - p) ** 2
+        for channel in np.flatnonzero(gcv < score):
+            chosen[channel] = BSpline(knots, coefficients[:, channel], DEGREE)
+            score[channel], effective[channel] = gcv[channel], p
         if np.all(gcv > ENOUGH * score):
             break
     if not np.all(effective):
         raise ValueError(f"recording: {n} samples are too few to differentiate")
-    for every in np.unique(chosen):
-        channels = chosen == every
-        derivative[:, channels] = splines[every].derivative()(time)[:, channels]
-    return smoothed, derivative, effective
+    return [chosen[channel] for channel in range(channels)], effective
+
+
+def _at(splines: list[BSpline], time: np.ndarray) -> np.ndarray:
+    return np.column_stack([spline(time) for spline in splines])
 
 
 def _knots(time: np.ndarray, every: int) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.sparse.differentiation import differentiate
+from galloping.identification.sparse.differentiation import differentiate, with_missing_samples
 from galloping.identification.sparse.regression import Regression, regression, stretches
 from galloping.identification.sparse.tuning import Setting, best_setting, smoothings
 from galloping.polynomial import Exponents, design_matrix
@@ -32,14 +32,17 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
     """The regressions of recordings of one system on the candidate library `terms`.
 
     Where no derivatives were measured they come from smoothing, and so do the states: it is chosen
-    where the samples are equally spaced. Recordings without any sample, as of a line that diverges,
-    give NaN, which no method can solve. Raises ValueError where a value is missing.
+    where the samples are equally spaced, or some of equally spaced ones. Recordings without any
+    sample, as of a line that diverges, give NaN, which no method can solve. Raises ValueError where
+    a value is missing.
     """
     states = recordings[0].states
     if any(np.isnan(recording.values).all() for recording in recordings):
         theta, targets = np.full((1, len(terms)), np.nan), np.full((1, len(states)), np.nan)
         nothing = Regression(theta, targets, np.zeros(len(states)), states, terms)
         return Regressions(nothing, nothing)
+    if all(each.derivatives is None for each in recordings):
+        recordings = [with_missing_samples(_complete(each)) for each in recordings]
     parts = [_differentiated(recording) for recording in recordings]
     x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
     observations = sum(part[2] for part in parts)
@@ -51,13 +54,18 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
     return Regressions(plain, tuned, tuple(settings))
 
 
-def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States, derivatives and the effective number of observations of each derivative."""
+def _complete(recording: Recording) -> Recording:
+    """The recording. Raises ValueError where a state is missing."""
     if not np.all(np.isfinite(recording.values)):
         raise ValueError("recording: sparse regression needs every state at every sample")
+    return recording
+
+
+def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States, derivatives and the effective number of observations of each derivative."""
     if recording.derivatives is None:
         return differentiate(recording.time, recording.values)
     if not np.all(np.isfinite(recording.derivatives)):
         raise ValueError("recording: sparse regression needs every derivative at every sample")
-    n, states = recording.values.shape
+    n, states = _complete(recording).values.shape
     return recording.values, recording.derivatives, np.full(states, n)

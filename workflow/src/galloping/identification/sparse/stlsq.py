@@ -9,6 +9,7 @@ import pysindy as ps
 from sklearn import config_context
 
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.options import IDENTIFIED, KNOWN
 from galloping.identification.sparse.cross_validation import judge
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Regression
@@ -20,6 +21,7 @@ from galloping.identification.sparse.supports import (
     threshold_path,
     thresholded_supports,
 )
+from galloping.polynomial import velocity_pairs
 
 # Of unit columns: a ridge keeps nearly collinear ones from large coefficients of opposite sign
 # while thresholds act; the last step is least squares without it.
@@ -47,11 +49,18 @@ def normalised(
     return problem.model(coefficients * scale[:, np.newaxis] / lengths, chosen)
 
 
-def raw(evidence: Regressions, *, threshold: float | None, path_length: int) -> IdentifiedModel:
-    """Thresholds act on the coefficients as they are, in SI units, as the paper most likely did.
+def raw(
+    evidence: Regressions,
+    *,
+    threshold: float | None,
+    path_length: int,
+    kinematics: str = IDENTIFIED,
+) -> IdentifiedModel:
+    """Thresholds act on the coefficients as they are, in SI units, as the paper did.
 
     threshold: in the coefficients' units, or None to choose one for each equation by EBIC out
     of `path_length` from NEGLIGIBLE times the largest coefficient of least squares up to it.
+    kinematics: KNOWN puts in place of an identified rate of a displacement its velocity.
     """
     library, targets = compact(evidence.plain)
     if threshold is None:
@@ -60,7 +69,13 @@ def raw(evidence: Regressions, *, threshold: float | None, path_length: int) -> 
         chosen = _scan(library, targets, candidates, evidence.plain.observations)
     else:
         chosen = np.full(targets.shape[1], threshold)
-    return evidence.plain.model(fit(library, targets, chosen), chosen)
+    coefficients = fit(library, targets, chosen)
+    if kinematics == KNOWN:
+        units = np.eye(len(coefficients), dtype=int)
+        for rate, velocity in velocity_pairs(evidence.plain.states).items():
+            coefficients[rate] = 0.0
+            coefficients[rate, evidence.plain.terms.index(tuple(units[velocity].tolist()))] = 1.0
+    return evidence.plain.model(coefficients, chosen)
 
 
 def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np.ndarray:

@@ -1,0 +1,144 @@
+"""Recordings that take the fallbacks of `maximum_likelihood`.
+
+What is tested is the answer, by the truth of the recording. A recording is named after what was
+special about the path to its answer when the test was written; the whole path, as it is now, is a
+property of the test in pytest's report (`--junit-xml`). Recordings of other fallbacks are tested
+where their subject is: derivatives and, of three samples a second, few terms and the sparse try in
+test_maximum_likelihood; accelerations alone in test_integrals; fluctuating coefficients in
+test_model_error; the white misfit, of the README's example, in field/test_command; the start that
+comes after few terms in test_trials.
+"""
+
+import numpy as np
+import pytest
+from identification_cases import model, noisy
+from scipy.signal import lfilter
+
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.model import IdentifiedModel
+from galloping.physics.equations import STATES
+from galloping.polynomial import PolynomialModel, library
+from galloping.recording import Recording
+from galloping.seeds import generator
+from galloping.simulation import Simulator, time_grid
+from galloping.trials.attempts import measured
+from galloping.trials.random_lines import TERMS, lines
+from galloping.trials.scores import claims
+from galloping.trials.systems import PERIODS, SYSTEMS
+
+OSCILLATOR = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.3, "x^2 dx": -0.3})
+TIME = np.linspace(0.0, 100.0, 2001)
+SEED = 2718281
+Known = tuple[PolynomialModel, Recording]
+
+
+def moving(true: PolynomialModel, start: tuple[float, ...], time: np.ndarray) -> np.ndarray:
+    return Simulator(true.states, true.terms)(true, np.array(start), time).states
+
+
+def published(name: str, level: float) -> Known:
+    """Of a published system, 500 samples of thirty periods, as its trial makes it."""
+    true, time = SYSTEMS[name].model, np.linspace(0.0, PERIODS * SYSTEMS[name].period, 500)
+    columns = {
+        "system": name, "states": len(true.states), "samples": 500,
+        "protocol": "state", "level": level, "seed": SEED, "replicate": 0,
+    }  # fmt: skip
+    return true, measured(columns, true, time, moving(true, SYSTEMS[name].start, time)).recording
+
+
+def random_line(number: int, release: int, seed: int) -> Known:
+    """100 s of a line that is drawn, at 5 % noise."""
+    time = time_grid(100.0, 100.0)
+    simulator = Simulator(STATES, TERMS)
+    true, motions = next(lines(generator(SEED, "random line", number), simulator, time))
+    return true, noisy(true, motions[release], time, 0.05, seed)
+
+
+def long_ago_settled() -> Known:
+    """Of 2,050 periods, all but some ten on the limit cycle."""
+    time = np.linspace(0.0, 2.0 * np.pi * 2050, 2050 * 8)
+    return OSCILLATOR, noisy(OSCILLATOR, moving(OSCILLATOR, (0.5, 0.0), time), time, 0.05, 0)
+
+
+def velocity_alone(rate: dict[str, float]) -> Known:
+    """Of a motion whose middle is not its position of rest: its spring is softer on one side."""
+    true = model(("x", "dx"), 3, {"dx": 1.0}, rate)
+    recording = noisy(true, moving(true, (0.3, 0.0), TIME), TIME, 0.03, 0)
+    velocity = np.where([False, True], recording.values, np.nan)
+    return true, Recording(TIME, true.states, velocity)
+
+
+def noise_correlated_over_samples() -> Known:
+    x = moving(OSCILLATOR, (0.5, 0.0), TIME)
+    white = np.random.default_rng(0).normal(size=(len(TIME) + 1000, 2))
+    noise = lfilter([0.75**0.5], [1.0, -0.5], white, axis=0)[1000:]
+    return OSCILLATOR, Recording(TIME, OSCILLATOR.states, x + 0.05 * x.std(axis=0) * noise)
+
+
+FOUND = {
+    "time scale 1/4": lambda: published("cubic_damped", 0.01),
+    "time scale 1/2, windows 1/8": lambda: published("cubic_damped", 0.05),
+    "few terms": lambda: published("van_der_pol", 0.2),
+    "few terms, of a line": lambda: random_line(2, 0, 0),
+    "3 periods": lambda: published("rayleigh", 0.1),
+    "0.75 periods": lambda: published("rayleigh", 0.2),
+    "preferred": lambda: random_line(18, 1, 2),
+    "not close, coloured noise": noise_correlated_over_samples,
+    "telling stretch": long_ago_settled,
+    "rest": lambda: velocity_alone({"x": -1.0, "x^2": -0.4, "x^3": -0.2, "dx": 0.1, "dx^3": -0.1}),
+    "rest, patient try": lambda: velocity_alone(
+        {"x": -1.0, "x^2": -0.5, "dx": 0.05, "x^2 dx": -0.1}
+    ),
+}
+OPEN = {
+    "all terms": lambda: published("four_species", 0.01),
+    "windows 1/8, 0.1875 periods": lambda: published("three_competitors", 0.01),
+    "unsettled": lambda: published("wake", 0.05),
+    "time scale 1/2, free segments": lambda: published("brusselator", 0.01),
+    "no model": lambda: published("relaxation", 0.05),
+}
+
+
+@pytest.mark.parametrize("path", FOUND)
+def test_terms_are_found_and_coefficients_within_their_intervals(path, record_property) -> None:
+    true, recording = FOUND[path]()
+    found = maximum_likelihood(recording, true.terms)
+    record_property("path", found.diagnostics["path"])
+    row = claims(true, found)
+    assert found.status in ("ok", "not identifiable"), found.reason
+    assert row["exact"] and not row["off"]  # within four errors
+    error = (found.model.coefficients - true.coefficients)[found.support]
+    size = true.coefficients[found.support]
+    assert np.linalg.norm(error) < 0.1 * np.linalg.norm(size)
+
+
+@pytest.mark.parametrize("path", OPEN)
+def test_what_is_hard_to_tell_is_never_sure_and_wrong(path, record_property) -> None:
+    true, recording = OPEN[path]()
+    found = maximum_likelihood(recording, true.terms)
+    record_property("path", found.diagnostics["path"])
+    assert not claims(true, found)["ok_and_wrong"]
+    assert found.status == "ok" or found.reason
+    assert (found.status == "refused") == bool(np.isnan(found.model.coefficients).all())
+
+
+@pytest.mark.parametrize("level", [0.005, 0.02])
+def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(level, record_property):
+    """Of one level by the weaker, of the other by the stronger penalty."""
+    rate = {"x": -1.0, "dx": 0.3, "x^2 dx": -0.3, "x^5": -0.02}
+    true = model(("x", "dx"), 5, {"dx": 1.0}, rate)
+    recording = noisy(true, moving(true, (0.5, 0.0), TIME), TIME, level, 0)
+    found = maximum_likelihood(recording, library(2, 3))
+    record_property("path", found.diagnostics["path"])
+    assert found.status == "approximate", found.reason
+    assert found.diagnostics["forecast_r2"] > 0.95
+
+
+def test_the_path_is_kept_with_the_model(tmp_path) -> None:
+    _, recording = published("linear", 0.01)
+    found = maximum_likelihood(recording, library(2, 3))
+    assert found.diagnostics["path"]
+    found.save(tmp_path / "model.json")
+    again = IdentifiedModel.load(tmp_path / "model.json")
+    assert again.diagnostics["path"] == found.diagnostics["path"]
+    assert again.diagnostics["residual_band"] == found.diagnostics["residual_band"]
