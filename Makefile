@@ -2,6 +2,8 @@
 # make smoke      the same in two minutes, in results/smoke
 # make trust      may the verdicts be trusted? trials on thousands of recordings, in results/trust
 # make reality    what a recording gives of a line that is not its own model, in results/reality
+# make published  the settings of published methods, beside their numbers, in results/published
+# make paper      what the paper leaves out, inferred from its numbers, in results/paper
 # make test       the study, then its checks; SLOW=yes: all checks, as in CI
 # make repair     after a kill, a crash or an edit by hand: mend what is there, then the study
 # make verify     compare every result with its receipt, and every receipt with the settings
@@ -34,7 +36,7 @@ WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores
 RICH = $(shell [ -t 1 ] && echo --logger rich)
 DIGEST := $(if $(SHA256),--sha256 '$(SHA256)')
 
-.PHONY: all study smoke trust reality test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs lock help
+.PHONY: all study smoke trust reality published paper test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs lock help
 all: study
 
 study: $(VENV)/made
@@ -43,7 +45,7 @@ study: $(VENV)/made
 smoke:
 	@$(MAKE) --no-print-directory study CONFIG=config/smoke.yaml
 
-trust reality:
+trust reality published paper:
 	@$(MAKE) --no-print-directory study CONFIG=config/$@.yaml
 
 repair: $(VENV)/made

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-SPARSE = ["stlsq", "stlsq_raw", "frols", "ensemble", "weak"]
+SPARSE = ["stlsq", "paper", "frols", "ensemble", "weak"]
 LINE = "internal_resonance"
 
 
@@ -45,43 +45,42 @@ def test_all_cells_and_replicates_are_there(tables):
     assert {"joint_0.05"} < set(scores[scores["case"] == "non_resonant"]["cell"])
 
 
-# recordings, protocol, level, points, least exact, most rms error / bound, least R2, most amplitude
-BARS = [
-    (LINE, 1, "state", 0.01, 30001, 20, 1.10, 0.999, 0.3),
-    (LINE, 1, "state", 0.03, 30001, 20, 1.10, 0.999, 0.3),
-    (LINE, 1, "state", 0.05, 30001, 20, 1.10, 0.999, 0.3),
-    (LINE, 1, "state", 0.10, 30001, 19, 1.20, 0.99, 1.0),
-    (LINE, 1, "state", 0.15, 30001, 19, 1.20, 0.99, 1.0),
-    (LINE, 1, "displacement", 0.05, 30001, 19, 1.20, 0.99, 1.0),
-    (LINE, 1, "state", 0.05, 10000, 19, 1.20, 0.99, 0.5),
-    (LINE, 1, "state", 0.05, 5000, 19, 1.20, 0.99, 0.5),
-    (LINE, 1, "derivative", 0.05, 30001, 19, 1.10, -np.inf, np.inf),
-    (LINE, 1, "derivative", 0.15, 30001, 19, 1.10, -np.inf, np.inf),
-    ("non_resonant", 2, "state", 0.05, 30001, 19, 1.20, 0.99, 1.0),
-]
+# Cells of whole records whose weakest term has a t (true coefficient over its Cramer-Rao deviation)
+# well above the 7.6 that a reliable selection needs. The paper's motion is near its limit cycle,
+# which tells little of the equations: at noise 0.05 the first line has t of 5 to 7.5.
+CLEAR = [
+    (LINE, 1, "state", 0.01), (LINE, 1, "state", 0.03),
+    (LINE, 1, "displacement", 0.01), (LINE, 1, "derivative", 0.01),
+    ("non_resonant", 1, "state", 0.01), ("non_resonant", 1, "state", 0.03),
+    ("non_resonant", 1, "state", 0.05), ("non_resonant", 1, "displacement", 0.01),
+    ("non_resonant", 1, "derivative", 0.01), ("non_resonant", 2, "state", 0.05),
+    ("non_resonant", 2, "displacement", 0.05),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("bar", BARS, ids=lambda bar: "-".join(map(str, bar[:5])))
-def test_maximum_likelihood_is_at_the_bound(efficiency, bar):
-    *cell, exact, most, r2, amplitude = bar
-    row = efficiency.loc[(*cell, "maximum_likelihood")]
-    assert row["weakest_t"] > 7.6
-    assert row["exact_support"] >= exact and row["replicates"] == 20
-    assert row["efficiency"] <= most
-    assert min(row["r2_q_v"], row["r2_q_w"]) >= r2
-    assert row["amplitude_error_percent"] <= amplitude
+@pytest.mark.parametrize("cell", CLEAR, ids=lambda cell: "-".join(map(str, cell)))
+def test_maximum_likelihood_is_at_the_bound(efficiency, tables, cell):
+    row = efficiency.loc[(*cell, 30001, "maximum_likelihood")]
+    assert row["weakest_t"] > 12
+    assert row["exact_support"] >= 19 and row["replicates"] == 20
+    assert min(row["r2_q_v"], row["r2_q_w"]) >= 0.99
+    assert row["amplitude_error_percent"] <= 1.0
+    scores = tables("scores")
+    case, recordings, protocol, level = cell
+    own = (scores["case"] == case) & (scores["protocol"] == protocol)
+    own &= (scores["level"] == level) & (scores["recordings"] == recordings)
+    own &= (scores["method"] == "maximum_likelihood") & (scores["points"] == 30001)
+    exact = scores[own & (scores["missing"] + scores["spurious"] == 0)]
+    assert np.sqrt(np.mean(exact["efficiency"] ** 2)) <= 1.2
 
 
-def test_a_thousand_points_are_as_good_as_the_bound_lets_them(efficiency):
-    cell = (LINE, 1, "state", 0.05, 1000)
-    ours, bound = efficiency.loc[(*cell, "maximum_likelihood")], efficiency.loc[(*cell, "bound")]
-    assert ours["weakest_t"] < 7.6  # below what a selection can rely on
-    assert ours["efficiency"] <= 1.20
-    assert min(ours["r2_q_v"], ours["r2_q_w"]) >= 0.99
-    # its amplitude is not within 0.5 %; neither is that of a method that knows the terms
-    assert bound["amplitude_error_percent"] > 0.5
-    # medians of 20 such errors scatter by a quarter each
-    assert ours["amplitude_error_percent"] < 2 * bound["amplitude_error_percent"]
+@pytest.mark.parametrize("protocol", ["state", "displacement"])
+def test_the_motion_is_followed_where_the_terms_cannot_be_told(efficiency, protocol):
+    of = efficiency.loc[(LINE, 1, protocol)].xs("maximum_likelihood", level="method")
+    noisy = of[of.index.get_level_values("level") > 0]
+    assert noisy["weakest_t"].min() < 2 and len(noisy) == 9
+    assert noisy[["r2_q_v", "r2_q_w"]].min(axis=None) >= 0.99
+    assert noisy["amplitude_error_percent"].max() <= 0.5
 
 
 def test_intervals_hold(efficiency, tables):
@@ -95,47 +94,54 @@ def test_intervals_hold(efficiency, tables):
 
 def test_the_data_say_what_they_cannot_tell(tables):
     terms = tables("identifiability")
-    weak = terms[(terms["case"] == "non_resonant") & (terms["protocol"] == "state")]
-    weak = weak[(weak["level"] == 0.05) & (weak["points"] == 30001)]
-    verdict = weak.set_index(["recordings", "equation", "term"])["verdict"]
-    assert verdict[1, "vertical", "q_v q_w^2"] == "not identifiable"
-    assert (verdict[2] == "identifiable").all()
+    terms = terms[(terms["level"] == 0.05) & (terms["points"] == 30001)]
+    alone = terms[(terms["case"] == LINE) & (terms["protocol"] == "displacement")]
+    assert "not identifiable" in set(alone["verdict"])
+    both = terms[(terms["case"] == "non_resonant") & (terms["protocol"] == "state")]
+    assert set(both[both["recordings"] == 2]["verdict"]) == {"identifiable"}
     scores = tables("scores")
-    alone = scores[(scores["case"] == "non_resonant") & (scores["cell"] == "noise_0.05")]
-    alone = alone[(alone["protocol"] == "state") & (alone["method"] == "maximum_likelihood")]
-    assert alone["verdict"].str.startswith("not identifiable: ").all()
-
-
-def test_amplitudes_of_the_lines(root):
-    for case, expected in (
-        ("internal_resonance", (1.106, 1.873)),
-        ("non_resonant", (1.770, 0.672)),
-    ):
-        with np.load(root / "results" / "trajectories" / f"{case}.npz") as file:
-            steady = file["states"][0][file["time"] >= 200, :2]
-        assert np.ptp(steady, axis=0) / 2 == pytest.approx(expected, abs=6e-4)
+    own = (scores["case"] == LINE) & (scores["protocol"] == "displacement")
+    own &= (scores["cell"] == "noise_0.05") & (scores["method"] == "maximum_likelihood")
+    said = scores.loc[own, "verdict"].str.startswith("not identifiable: ")
+    assert said.mean() >= 0.8
 
 
 def test_claims_come_with_a_verdict_and_its_reason(tables):
     claims = tables("claims")
-    assert set(claims["verdict"]) <= {"reproduced", "better", "in reach", "not reproduced"}
-    least = {"better": 0.95, "reproduced": 0.5, "in reach": 0.05, "not reproduced": 0}
-    assert (claims["met_by"] >= claims["verdict"].map(least)).all()
-    assert len(claims["claim"].unique()) >= 24
+    assert set(claims["verdict"]) <= {"reproduced", "better", "worse", "met", "seldom met",
+                                      "not met", "undecided"}  # fmt: skip
+    assert claims["reason"].notna().all() and len(claims["claim"].unique()) >= 30
+    drawn = (claims["protocol"] == "derivative") & (claims["method"] == "paper")
+    noisy = drawn & (claims["case"] == LINE) & ~claims["claim"].str.contains("without noise")
+    assert set(claims.loc[noisy, "replicates"]) == {200}
+
+
+def test_the_paper_s_printed_numbers_come_out(tables):
+    paper = tables("paper")
+    numbers = paper[paper["ratio"].notna()]
+    assert len(numbers) == 10 and set(numbers["verdict"]) == {"reproduced"}
+    assert numbers["ratio"].between(1 / 2.5, 2.5).sum() >= 8
+    rows = paper[paper["case"] == LINE].set_index("claim")
+    r2 = rows[rows.index.str.startswith("R2 of") & ~rows.index.str.contains("abstract")]
+    assert len(r2) == 6 and (r2["share_of_draws"] >= 0.25).all()
+    assert rows.loc["all 6 R2 bounds in the same draw", "share_of_draws"] >= 0.1
+    for level in (0.01, 0.03, 0.05):
+        assert rows.loc[f"all terms found at noise {level:g}", "share_of_draws"] >= 0.5
+    steady = rows[rows.index.str.startswith("steady state")]
+    assert len(steady) == 2 and set(steady["verdict"]) == {"met"}
 
 
 # wind, case, vertical and horizontal half range over the last 1,000 of 4,000 s, m
 SETTLED = [
-    (6, LINE, 0.223, 0.162),
-    (10, LINE, 0.798, 1.373),
-    (12, LINE, 1.305, 2.132),
-    (14, LINE, 1.805, 2.755),
-    (16, LINE, 2.298, 3.277),
-    (6, "non_resonant", 0.538, 0.097),
-    (8, "non_resonant", 0.969, 0.235),
-    (12, "non_resonant", 1.774, 0.664),
-    (16, "non_resonant", 2.609, 1.386),
-    (20, "non_resonant", 3.573, 2.970),
+    (2, LINE, 0.233, 0.213),
+    (3, LINE, 0.387, 0.597),
+    (4, LINE, 0.559, 0.946),
+    (6, LINE, 0.931, 1.596),
+    (10, LINE, 1.743, 2.755),
+    (3, "non_resonant", 0.479, 0.085),
+    (4, "non_resonant", 0.666, 0.158),
+    (6, "non_resonant", 1.043, 0.373),
+    (10, "non_resonant", 1.827, 1.144),
 ]
 
 
@@ -160,13 +166,14 @@ def test_galloping_begins_where_the_net_damping_vanishes(tables):
     assert onset["value"].to_numpy() == pytest.approx(onset["closed_form"].to_numpy(), rel=1e-6)
 
 
-@pytest.mark.parametrize("protocol", ["state", "displacement"])
-def test_other_wind_speeds_are_predicted_from_one_recording(tables, protocol):
+# Of displacements the terms cannot be told (t of 5), and a band that trusts those found is narrow.
+@pytest.mark.parametrize(("protocol", "inside"), [("state", 0.9), ("displacement", 0.6)])
+def test_other_wind_speeds_are_predicted_from_one_recording(tables, protocol, inside):
     rows = tables("prediction")
     rows = rows[(rows["protocol"] == protocol) & (rows["method"] == "maximum_likelihood")]
     assert rows["replicate"].nunique() == 20 and rows["wind_m_s"].nunique() == 5
     assert rows["error_percent"].max() < 5
-    assert rows["inside"].mean() >= 0.9
+    assert rows["inside"].mean() >= inside
 
 
 def test_maximum_likelihood_beats_any_setting_of_pysindy(tables):
@@ -182,3 +189,11 @@ def test_maximum_likelihood_beats_any_setting_of_pysindy(tables):
 
 def test_the_numbers_of_the_reference_come_out_again(root, hold_to_reference):
     hold_to_reference(root / "results" / "tables", root / "results" / "reference")
+
+
+def test_every_column_is_in_the_data_dictionary(root, tables):
+    known = tables("columns").fillna("")
+    names = set(zip(known["table"], known["column"], strict=True))
+    for path in (root / "results" / "tables").glob("*.csv"):
+        for column in pd.read_csv(path, nrows=0):
+            assert {("", column), (path.stem, column)} & names, (path.stem, column)

@@ -25,19 +25,23 @@ from galloping.configuration.load import (
     read,
     results_folder,
 )
-from galloping.configuration.parameters import conductor_parameters, spacer_parameters
+from galloping.configuration.parameters import (
+    conductor_parameters,
+    departures,
+    spacer_parameters,
+)
 from galloping.configuration.schema import leaves, schema
-from galloping.configuration.settings import Settings, paper_cases_in
+from galloping.configuration.settings import Settings
 from galloping.cycles import line_family
 from galloping.identification.registry import BY_NAME as METHODS
+from galloping.paper import variations
 from galloping.physics import continuous, measures
 from galloping.physics.galerkin import derive
 from galloping.study.kinds import OPEN_PARAMETERS
-from galloping.tables import reproduction
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
 ROOT = Path(__file__).parents[2]
-METHOD_NAMES = "stlsq, stlsq_raw, lasso, frols, ensemble, weak, weak_gls, maximum_likelihood"
+METHOD_NAMES = "paper, stlsq, lasso, frols, ensemble, weak, weak_gls, maximum_likelihood"
 NAME_RULE = "at most 40 lower-case letters, digits and '_', a letter first"
 TENSION_RULE = "must be 10..10000000 N, with a sag of at most a quarter of the span"
 FOLDER_RULE = (
@@ -66,8 +70,19 @@ def walk(value):
 # --- what is accepted ---
 
 
-def test_shipped_configuration_is_the_default_study():
-    assert load(read(ROOT / "config/config.yaml")) == load({})
+def test_shipped_configuration_is_the_default_study_where_the_paper_stands():
+    shipped, default = plain(load(read(ROOT / "config/config.yaml"))), plain(load({}))
+    inferred = ("bundle", "wind", "damping", "initial_state")  # the same for both lines
+    both = [{name: case.pop(name) for name in inferred} for case in shipped["cases"].values()]
+    assert both[0] == both[1]
+    for case in default["cases"].values():
+        assert both[0].keys() == {name: case.pop(name) for name in inferred}.keys()
+    for study in (shipped, default):  # winds and further settings about those of the study
+        del study["sweeps"]["wind"], study["assessment"]["winds"]
+        del study["assessment"]["open_parameters"]
+    paper = shipped["identification"].pop("paper")
+    assert paper["threshold"] and default["identification"].pop("paper")["threshold"] is None
+    assert shipped == default
 
 
 def test_default_study():
@@ -82,31 +97,16 @@ def test_default_study():
 
 
 def test_smoke_changes_only_the_extent_of_the_study():
-    config = read(ROOT / "config/config.yaml")
-    update_config(config, read(ROOT / "config/smoke.yaml"))
-    expected = plain(load({}))
-    expected["results"] = "results/smoke"
-    expected["reference"] = "results/reference/smoke"
-    expected["measurement"] |= {
-        "replicates": 2,
-        "protocols": ["state"],
-        "levels": [0, 0.05],
-    }
-    expected["measurement"]["subsets"]["points"] = [1000]
-    expected["identification"]["methods"] = ["stlsq", "maximum_likelihood"]
-    expected["sweeps"]["wind"]["values"] = [4, 12, 4]
-    expected["sweeps"]["resonance"] |= {
-        "values": [8, 12, 4],
-        "second_values": [24000, 26000, 2000],
-    }
-    expected["assessment"]["winds"] = [10, 12]
-    expected["assessment"]["open_parameters"] = {
-        "wind_speed": [12],
-        "damping_ratio": [],
-        "bundle_dimension": [],
-        "initial_displacement": [],
-    }
-    assert plain(load(config)) == expected
+    config, own = read(ROOT / "config/config.yaml"), read(ROOT / "config/smoke.yaml")
+    whole = plain(load(config))
+    update_config(config, own)
+    small = plain(load(config))
+    for name in ("cases", "simulation", "trials", "recordings", "figures"):
+        assert small[name] == whole[name]
+    for name, values in whole["identification"].items():
+        assert name == "methods" or small["identification"][name] == values
+    assert set(own) == {"results", "reference", "measurement", "identification", "sweeps",
+                        "assessment"}  # fmt: skip
 
 
 @pytest.mark.parametrize("folder", ["/tmp/x", "../x/results/reference", "mine"])
@@ -438,7 +438,7 @@ REFUSED = [
     (
         {"identification": {"methods": ["weak"]}, "measurement": {"protocols": ["derivative"]}},
         "identification.methods: ['weak'] cannot use the recordings of protocol derivative; "
-        "must hold one of stlsq, stlsq_raw, lasso, frols, ensemble, maximum_likelihood",
+        "must hold one of paper, stlsq, lasso, frols, ensemble, maximum_likelihood",
     ),
     (
         {"identification": {"laso": {"threshold": 1}}},
@@ -452,7 +452,8 @@ REFUSED = [
     (
         {"trials": {"a": {"kind": "random_line"}}},
         "trials.a.kind: unknown kind 'random_line'; did you mean 'random_lines'? allowed: "
-        "default_line, random_lines, sensor_faults, long_and_steady, systems, model_error",
+        "default_line, random_lines, sensor_faults, long_and_steady, systems, model_error, "
+        "published_terms, published_intervals, paper",
     ),
     (
         {"trials": {"a": {"kind": "sensor_faults", "samples": [500]}}},
@@ -461,6 +462,10 @@ REFUSED = [
     (
         {"trials": {"a": {"kind": "random_lines", "cases": ["some"]}}},
         "trials.a.cases: unknown case 'some' of random_lines; allowed: all",
+    ),
+    (
+        {"trials": {"a": {"kind": "published_terms", "cases": ["lorenz"], "durations": [12]}}},
+        "trials.a.durations: 12 is not allowed; of lorenz at most 10",
     ),
     (
         {"trials": {"a": {"replicates": 0}}},
@@ -701,14 +706,23 @@ def test_a_line_of_ones_own_is_studied_alone():
         update_config(whole, part)
     settings = load(merged(whole, files))
     assert list(settings.cases) == ["my_line"]
-    assert paper_cases_in(settings) == []
+    assert set(departures(settings).values()) == {"the study does not have it"}
 
 
-def test_which_cases_are_the_papers():
-    assert paper_cases_in(load({})) == ["internal_resonance", "non_resonant"]
-    cases = {"internal_resonance": {"releases": {"high": {"q_v": 2}}}, "non_resonant": {}, "b": {}}
-    assert paper_cases_in(load({"cases": cases})) == ["internal_resonance"]
-    assert paper_cases_in(load({"cases": {"internal_resonance": {"wind": {"speed": 30}}}})) == []
+def test_which_cases_are_judged():
+    both = {"internal_resonance": "", "non_resonant": ""}
+    assert departures(load({})) == both
+    ours = {"wind": {"speed": 30}, "damping": {"vertical": 0.01}, "releases": {"high": {"q_v": 2}}}
+    tighter = {"line": {"tension": 36000}}  # the paper prints the tension of the first line alone
+    cases = {"internal_resonance": ours, "non_resonant": tighter, "b": {}}
+    assert departures(load({"cases": cases})) == both
+    other = {"internal_resonance": {"line": {"tension": 26000}, "truth": {}}}
+    assert departures(load({"cases": other})) == {
+        "internal_resonance": "line.tension is 26000, where the paper has 25000",
+        "non_resonant": "the study does not have it",
+    }
+    continuous = {"internal_resonance": {"truth": {"model": "continuous"}}}
+    assert "continuous" in departures(load({"cases": continuous}))["internal_resonance"]
 
 
 def test_files_are_judged_together_before_anything_is_written(tmp_path):
@@ -847,4 +861,4 @@ def test_settings_allow_what_there_is():
     assert set(lines.AERODYNAMICS) == set(continuous.AERODYNAMICS)
     assert set(assessment.SWEPT) == set(line_family.PARAMETERS)
     assert set(assessment.MEASURES) == set(measures.KINDS)
-    assert set(OPEN_PARAMETERS) == set(reproduction.OPEN)
+    assert set(OPEN_PARAMETERS) == set(variations.OPEN)

@@ -94,10 +94,11 @@ def test_code_changes_the_digest_however_deep(package, name, old, new):
     assert package(name, text.replace(old, new)) != before
 
 
-def test_a_template_beside_a_module_counts(package):
-    package("part/page.jinja", "one")
+@pytest.mark.parametrize("name", ["part/page.jinja", "part/data.csv"])
+def test_a_template_and_data_beside_a_module_count(package, name):
+    package(name, "one")
     before = package()
-    assert package("part/page.jinja", "two") != before
+    assert package(name, "two") != before
 
 
 def test_modules_that_a_script_does_not_use_do_not_count(package):

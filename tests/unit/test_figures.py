@@ -11,18 +11,20 @@ from matplotlib.text import Text
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.reconstruction import Reconstruction
-from galloping.figures.amount import draw_data_amount
 from galloping.figures.claims import draw_claims
 from galloping.figures.coefficients import draw_coefficients
+from galloping.figures.draws import draw_draws
 from galloping.figures.efficiency import draw_efficiency
 from galloping.figures.flow import draw_flow
 from galloping.figures.histories import draw_histories
 from galloping.figures.identifiability import draw_identifiability
 from galloping.figures.line import draw_line
 from galloping.figures.load import draw_load
-from galloping.figures.noise import draw_noise_coefficients, draw_noise_r2
+from galloping.figures.methods import draw_methods
 from galloping.figures.overview import best_of_pysindy, draw_overview
 from galloping.figures.panels import shifts
+from galloping.figures.paper import printed
+from galloping.figures.quantities import QUANTITIES
 from galloping.figures.recovery import draw_recovery
 from galloping.figures.style import METHODS, method_style, styled
 from galloping.figures.trust import draw_trust
@@ -30,18 +32,23 @@ from galloping.figures.write import write_figure
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement.motion import Motion
 from galloping.measurement.protocols import BY_NAME as PROTOCOLS
+from galloping.paper.printed import CLAIMS
 from galloping.physics.galerkin import derive
 from galloping.polynomial import library
-from galloping.tables.claims import CLAIMS
 
 LINE = derive(plain(load({}))["cases"]["internal_resonance"])
 NAMES = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "new_method"]}
 CELL = {"case": "line", "protocol": "state", "method": "weak"}
 
 
+NOISE = {"kind": "noise", "x": "level", "labels": dict.fromkeys(PROTOCOLS, "noise"),
+         "quantities": ["coefficients"], "values": "noise_coefficients.csv"}  # fmt: skip
+AMOUNT = {**NOISE, "kind": "points", "x": "points", "quantities": ["r2", "amplitude"]}
+COLUMNS = [column for quantity in QUANTITIES.values() for column in quantity.columns]
+
+
 def histories(cells):
-    columns = [{**CELL, "method": m, "cells": cells} for m in ("weak", "maximum_likelihood")]
-    return {"case": "line", "columns": columns, "window": (50, 100)}
+    return {**CELL, "cells": cells, "window": (50, 100)}
 
 
 def written(tmp_path, draw):
@@ -52,36 +59,23 @@ def written(tmp_path, draw):
     return svg.read_bytes(), png.read_bytes()
 
 
-def values(name, low, median, high):
-    return {name: median, f"{name}_low": low, f"{name}_high": high}
-
-
-def noise_errors(levels=(0, 0.05), worst=np.inf):
-    return pd.DataFrame(
-        {"case": "line", "protocol": "state", "method": method, "level": level, "order": order}
-        | values("mean_error_percent", 1e-13 + level, level, worst if level else 1e-12)
-        for method in NAMES["methods"]
-        for level in levels
-        for order in ("linear", "cubic")
-    )
-
-
-def noise_motion(median):
-    return pd.DataFrame(
-        {"case": "line", "protocol": "state", "method": "weak", "level": level, "state": state,
-         "r2_median": median, "r2_low": -np.inf, "r2_high": 1.0}
-        for level in (0, 0.05)
-        for state in ("q_v", "q_w")
+def scores(levels=(0, 0.05), points=(), error=5.0, worst=np.inf, case="line", methods=("weak",)):
+    """scores.csv of four draws a cell, of which one is the worst; R2 is 1 - error / 10."""
+    cells = [("noise", level, 30001) for level in levels]
+    cells += [("points", 0.05, number) for number in points]
+    table = pd.DataFrame(
+        {"case": case, "protocol": "state", "kind": kind, "level": level, "points": number,
+         "method": method, "replicate": k,
+         "error": worst if k == 3 and level else error * level + 1e-13}
+        for kind, level, number in cells
+        for method in methods
+        for k in range(4 if level else 1)
     )  # fmt: skip
-
-
-def amounts(error):
-    return pd.DataFrame(
-        {"case": "line", "protocol": "state", "method": "weak", "points": 1000, "state": state}
-        | values("amplitude_error_percent", 0, error, np.inf)
-        | values("r2", -np.inf, 0.5, 1)
-        for state in ("q_v", "q_w")
-    )
+    columns = {
+        name: 1 - table["error"] / 10 if name.startswith("r2") else table["error"]
+        for name in COLUMNS
+    }
+    return table.assign(**columns)
 
 
 def motion(states):
@@ -97,8 +91,9 @@ def swing():
 
 
 def test_same_data_same_bytes_without_a_date(tmp_path):
-    first = written(tmp_path, lambda: draw_noise_coefficients(noise_errors(), NAMES))
-    assert written(tmp_path, lambda: draw_noise_coefficients(noise_errors(), NAMES)) == first
+    settings = {**NAMES, **NOISE}
+    first = written(tmp_path, lambda: draw_methods(scores(), settings))
+    assert written(tmp_path, lambda: draw_methods(scores(), settings)) == first
     assert b"<dc:date>" not in first[0]
     assert b"Software" not in first[1]
 
@@ -112,17 +107,53 @@ def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
         assert one.marker != other.marker
 
 
+@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize("error", [0.0, 5.0, np.inf])
 @pytest.mark.parametrize("levels", [(0,), (0.05,), (0, 0.01, 0.05)])
-def test_noise_levels_of_any_number_and_failures(levels):
-    drawn(lambda: draw_noise_coefficients(noise_errors(levels), NAMES))
+def test_noise_levels_of_any_number_and_errors_of_any_size(levels, error, quantity):
+    table, settings = scores(levels, error=error), {**NAMES, **NOISE, "quantities": [quantity]}
+    drawn(lambda: draw_methods(table, settings))
+    drawn(lambda: draw_draws(table, settings | CELL))
 
 
-@pytest.mark.parametrize("levels", [(0, 0.05), (0, 0.01, 0.05)])
-def test_the_bound_is_a_line_without_marks(levels):
-    table, names = noise_errors(levels), {**NAMES, "methods": ["weak", "bound"]}
-    bound = table[table["method"] == "weak"].assign(method="bound")
-    with_bound = drawn(lambda: draw_noise_coefficients(pd.concat([table, bound]), names))
-    assert with_bound != drawn(lambda: draw_noise_coefficients(table, names))
+@pytest.mark.parametrize("points", [(), (1000,), (1000, 5000)])
+def test_amounts_of_any_number(points):
+    table = scores(points=points)
+    drawn(lambda: draw_methods(table, {**NAMES, **AMOUNT}))
+    drawn(lambda: draw_draws(table, {**AMOUNT, **CELL}))
+
+
+def test_the_first_draw_stands_beside_the_spread_of_all_and_what_the_paper_prints():
+    case = "internal_resonance"
+    table = scores((0.01, 0.05), case=case, worst=90.0).assign(mean_error_linear_percent=[
+        7.0, 1.0, 2.0, 3.0, 8.0, 2.0, 4.0, 6.0
+    ])  # fmt: skip
+    figure = draw_draws(table, {**NOISE, **CELL, "case": case})
+    drawn_lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
+    assert list(drawn_lines["one draw, the first"]) == [7.0, 8.0]
+    assert list(drawn_lines["their median"]) == [2.5, 5.0]
+    (of_paper,) = printed("mean_error_linear_percent", case)
+    assert list(drawn_lines["paper: printed"]) == [of_paper.value]
+    more = table[4:5].rename(columns={"replicate": "draw"})
+    more = pd.concat([more.assign(draw=k, mean_error_linear_percent=k + 1.0) for k in range(9)])
+    figure = draw_draws(table, {**NOISE, **CELL, "case": case}, more)
+    drawn_lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
+    assert list(drawn_lines["one draw, the first"]) == [7.0, 1.0]
+    assert list(drawn_lines["their median"]) == [2.5, 5.0]
+
+
+def test_the_worse_direction_counts_where_both_share_a_panel():
+    table = pd.DataFrame({"r2_q_v": [0.9, 0.2], "r2_q_w": [0.8, 0.4],
+                          "amplitude_error_q_v_percent": [1.0, 2.0],
+                          "amplitude_error_q_w_percent": [3.0, np.inf]})  # fmt: skip
+    assert list(QUANTITIES["r2"].combined(table)) == [0.8, 0.2]
+    assert list(QUANTITIES["amplitude"].combined(table)) == [3.0, np.inf]
+
+
+def test_the_bound_is_a_line_without_marks():
+    names = {**NAMES, **NOISE, "methods": ["weak", "bound"]}
+    with_bound = drawn(lambda: draw_methods(scores(methods=("weak", "bound")), names))
+    assert with_bound != drawn(lambda: draw_methods(scores(), names))
     assert shifts(["weak", "bound"], 0.1) == {"weak": 0.0, "bound": 0.0}
 
 
@@ -131,7 +162,7 @@ def efficiencies(methods=("weak", "maximum_likelihood", "bound"), joint=True, le
     cells += [(2, levels[-1], np.nan)] * joint
     return pd.DataFrame(
         {"case": "line", "recordings": recordings, "protocol": "state", "level": level,
-         "points": 30001, "method": method, "efficiency": value}
+         "points": 30001, "method": method, "efficiency": value, "failures": 1, "replicates": 20}
         for recordings, level, value in cells
         for method in methods
     )  # fmt: skip
@@ -140,7 +171,8 @@ def efficiencies(methods=("weak", "maximum_likelihood", "bound"), joint=True, le
 @pytest.mark.parametrize("joint", [False, True])
 def test_efficiency_with_failures_and_joint_recordings(joint):
     settings = {"cases": ["line", "other"], "protocols": ["state", "displacement"],
-                "methods": ["weak", "maximum_likelihood", "absent", "bound"]}  # fmt: skip
+                "methods": ["weak", "maximum_likelihood", "absent", "bound"],
+                "labels": NOISE["labels"]}  # fmt: skip
     drawn(lambda: draw_efficiency(efficiencies(joint=joint), settings))
     drawn(lambda: draw_efficiency(efficiencies(["bound"]), settings))
     drawn(lambda: draw_efficiency(efficiencies()[:0], settings))
@@ -148,7 +180,8 @@ def test_efficiency_with_failures_and_joint_recordings(joint):
 
 def test_efficiency_of_joint_recordings_alone():
     # as of a study whose whole records have no noise
-    settings = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "bound"]}
+    settings = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "bound"],
+                "labels": NOISE["labels"]}  # fmt: skip
     both, table = efficiencies(), efficiencies().query("recordings == 2")
     alone = drawn(lambda: draw_efficiency(table, settings))
     assert alone != drawn(lambda: draw_efficiency(both, settings))
@@ -184,12 +217,12 @@ def scored(methods, error=5.0, levels=(0, 0.01, 0.05)):
 
 
 MANY = [f"line {k} with quite a long name" for k in range(8)]
-LEVELS, POINTS = (0, 0.01, 0.03, 0.05, 0.1, 0.15), (1000, 5000, 10000, 30000)
+LEVELS = (0, 0.01, 0.03, 0.05, 0.1, 0.15)
 
 
-def of_many(table, **values):
-    """The rows of a table for each of MANY, each protocol and each of further values."""
-    for name, options in {"case": MANY, "protocol": list(PROTOCOLS), **values}.items():
+def of_many(table):
+    """The rows of a table for each of MANY and each protocol."""
+    for name, options in {"case": MANY, "protocol": list(PROTOCOLS)}.items():
         table = pd.concat([table.assign(**{name: option}) for option in options])
     return table
 
@@ -212,9 +245,7 @@ def boxes(figure):
 @pytest.mark.parametrize(
     ("draw", "table"),
     [
-        (draw_noise_coefficients, lambda: of_many(noise_errors(LEVELS))),
-        (draw_noise_r2, lambda: of_many(noise_motion(0.9), level=LEVELS)),
-        (draw_data_amount, lambda: of_many(amounts(5.0), points=POINTS)),
+        (draw_methods, lambda: of_many(scores(LEVELS))),
         (draw_efficiency, lambda: of_many(efficiencies(levels=LEVELS[1:]))),
         (draw_identifiability, lambda: of_many(identifiable(7.6))),
         (draw_recovery, None),
@@ -223,7 +254,7 @@ def boxes(figure):
 def test_eight_cases_keep_to_a_page_without_labels_upon_each_other(draw, table, swing):
     settings = {**NAMES, "cases": MANY, "protocols": list(PROTOCOLS), "protocol": "state",
                 "methods": ["weak", "maximum_likelihood", "bound"], "method": "weak",
-                "level": 0.05}  # fmt: skip
+                "level": 0.05, **NOISE}  # fmt: skip
     with styled(8):
         if table:
             figure = draw(table(), settings)
@@ -246,15 +277,15 @@ def test_eight_cases_keep_to_a_page_without_labels_upon_each_other(draw, table, 
 @pytest.mark.parametrize(
     "methods",
     [
-        ["stlsq_raw", "weak", "maximum_likelihood", "bound"],
-        ["weak", "stlsq_raw"],
+        ["paper", "weak", "maximum_likelihood", "bound"],
+        ["weak", "paper"],
         ["stlsq", "maximum_likelihood"],
         ["bound"],
         ["new_method"],
     ],
 )
 def test_overview_with_the_methods_there_are(methods, error):
-    settings = {"case": "line", "protocol": "state"}
+    settings = {"case": "line", "protocol": "state", "label": "noise"}
     table = scored(methods, error).fillna(0.0)
     drawn(lambda: draw_overview(table, settings))
     one_level = table[table["level"] < 0.05]
@@ -277,18 +308,6 @@ def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
     assert best_of_pysindy(table[table["method"] == "maximum_likelihood"]) is None
 
 
-@pytest.mark.parametrize("median", [1.0, 0.97, -3.0, -np.inf])
-def test_r2_of_any_size(median):
-    drawn(lambda: draw_noise_r2(noise_motion(median), NAMES))
-
-
-@pytest.mark.parametrize("error", [0.0, 5.0, np.inf])
-def test_amplitude_errors_of_any_size(error):
-    table = amounts(error)
-    drawn(lambda: draw_data_amount(table, {**NAMES, "level": 0.05}))
-    drawn(lambda: draw_data_amount(table[:0], {**NAMES, "level": 0.05}))
-
-
 @pytest.mark.parametrize("bad", [0.0, np.nan])
 def test_motions_that_ended_early(swing, bad):
     of_cell = dict.fromkeys(("weak", "maximum_likelihood"), motion(swing.states + bad))
@@ -301,7 +320,7 @@ def test_motions_that_ended_early(swing, bad):
 def test_figures_without_cells_say_so(tmp_path, swing):
     for draw in (
         lambda: draw_histories([swing], {}, histories({})),
-        lambda: draw_coefficients(LINE, {}, {**CELL, "levels": {}, "degree": 3}),
+        lambda: draw_coefficients(LINE, {}, {**CELL, "levels": {}, "unit": "m", "degree": 3}),
         lambda: draw_claims(
             pd.DataFrame(columns=["claim", "case", "protocol", "method"]), {"combinations": []}
         ),
@@ -316,7 +335,7 @@ def test_coefficients_with_missing_and_spurious_terms():
     line = LINE.model.on_library(library(4, 3))
     replicates = [IdentifiedModel(replace(line, coefficients=c), "unjudged") for c in (values, off)]
     models = {"cell": {"weak": replicates}}
-    settings = {**CELL, "levels": {"cell": 0.05}, "degree": 3}
+    settings = {**CELL, "levels": {"cell": 0.05}, "unit": "m", "degree": 3}
     drawn(lambda: draw_coefficients(LINE, models, settings))
 
 
@@ -330,7 +349,7 @@ def test_claims_with_failures_and_cells_not_run():
             "verdict": verdict,
         }  # fmt: skip
 
-    verdicts = [("better", 0.1), ("in reach", 1.0), ("not run", np.nan), ("not reproduced", np.inf)]
+    verdicts = [("better", 0.1), ("seldom met", 1.0), ("not run", np.nan), ("not met", np.inf)]
     table = pd.DataFrame(
         [row(claim, *verdicts[k % len(verdicts)]) for k, claim in enumerate(CLAIMS)]
     )

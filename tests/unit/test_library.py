@@ -1,24 +1,36 @@
 """The library as a user meets it: names, examples, what it takes and what it says of the rest."""
 
+import ast
+import copy
 import doctest
 import math
+import pickle
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
+from importlib import import_module
+from inspect import getmembers, isfunction, signature
 from pathlib import Path
+from typing import get_type_hints
 
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 import galloping
 from galloping import Recording
+from galloping.immutable import Immutable
 
 ROOT = Path(__file__).parents[2]
 TIME = np.arange(200) / 20
 VALUES = np.column_stack([np.sin(TIME), np.cos(TIME)])
 TERMS = galloping.polynomial_library(2, 1)
 LINE = galloping.PolynomialModel(("q", "dq"), TERMS, np.array([[0, 0, 1.0], [0, -1.0, 0]]))
+FOUND = galloping.IdentifiedModel(LINE, "ok", diagnostics={"told": math.nan})
+TYPES = {"Trajectory": galloping.Trajectory, "Figure": Figure}  # imported where they are made
+DATES = np.datetime64("2026-01-30T10:00") + (1000 * TIME).astype("timedelta64[ms]")
 
 
 def recording(**changes):
@@ -88,6 +100,95 @@ def test_lists_arrays_and_frames_are_the_same_recording():
         assert np.array_equal(other.values, VALUES)
     missing = Recording.from_frame(frame.astype({"q": object}).replace({"q": {0.0: None}}))
     assert np.isnan(missing.values[0, 0])
+
+
+def test_dates_become_seconds():
+    day = pd.DatetimeIndex(DATES)
+    frame = pd.DataFrame(VALUES, columns=["q", "dq"], index=day)
+    for other in (
+        Recording.from_frame(frame),
+        Recording.from_frame(frame.tz_localize("Europe/Berlin")),
+        Recording.from_frame(frame.reset_index(names="t")),
+        recording(time=day),
+        recording(time=day - day[0]),
+        recording(time=day.to_pydatetime()),
+        recording(time=list(day.tz_localize("UTC").to_pydatetime())),
+    ):
+        assert other == recording(time=DATES)
+        assert np.allclose(other.time, TIME)
+
+
+def test_what_is_printed_says_what_it_is_in_a_few_lines():
+    gap = np.where(np.arange(200)[:, None] < 20, np.nan, VALUES)
+    rates = np.column_stack([np.full(200, np.nan), VALUES[:, 0]])
+    assert repr(recording(values=gap, rates=rates)) == (
+        "Recording of q, dq\n"
+        "200 samples from 0 to 9.95 s, every 0.05 s\n"
+        "measured: q (10 % missing), dq (10 % missing), ddq"
+    )
+    assert repr(LINE) == (
+        "PolynomialModel of q, dq, 3 candidate terms\nd(q)/dt = 1 dq\nd(dq)/dt = -1 q"
+    )
+    assert repr(FOUND) == "IdentifiedModel of q, dq\nd(q)/dt = 1 dq\nd(dq)/dt = -1 q\nok"
+    assert repr(MOTION) == "Trajectory: 200 samples of 2 states from 0 to 9.95 s, ok"
+
+
+def test_equal_things_are_equal_and_have_one_hash(tmp_path):
+    found = galloping.weak_gls(recording(), TERMS)
+    found.save(tmp_path / "found.json")
+    for one, same, other in (
+        (found, galloping.IdentifiedModel.load(tmp_path / "found.json"), replace(found, chi2=9.0)),
+        (FOUND, pickle.loads(pickle.dumps(FOUND)), replace(FOUND, reason="none")),
+        (LINE, copy.deepcopy(LINE), replace(LINE, coefficients=2 * LINE.coefficients)),
+        (recording(), recording(values=VALUES.tolist()), recording()[:100]),
+        (MOTION, galloping.Trajectory(TIME, VALUES, "ok"), ENDED),
+    ):
+        assert one == same and hash(one) == hash(same)
+        assert one != other and one != 3
+        assert len({one, same, other}) == 2
+
+
+def test_nothing_changes_afterwards():
+    given = VALUES.copy()
+    recorded = recording(values=given)
+    given[:] = 0.0
+    assert np.array_equal(recorded.values, VALUES)
+    copied = pickle.loads(pickle.dumps(FOUND))
+    for array in (
+        recorded.values, recorded.time, recorded[:50].values, LINE.coefficients,
+        copied.model.coefficients, copied.standard_errors, copied.covariance, MOTION.states,
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match="read-only"):
+            array[:] = 1.0
+    with pytest.raises(TypeError):
+        copied.diagnostics["told"] = 1.0
+
+
+def test_signatures_hold_no_address_and_real_types():
+    for name in galloping.__all__[1:]:
+        public = getattr(galloping, name)
+        functions = [own for of, own in getmembers(public, isfunction) if of not in vars(Immutable)]
+        for called in [public] if isfunction(public) else functions:
+            assert " at 0x" not in str(signature(called)), called
+            if called.__module__.startswith("galloping"):
+                hints = get_type_hints(called, vars(import_module(called.__module__)) | TYPES)
+                assert np.ndarray not in hints.values(), called
+
+
+def test_type_checkers_see_what_is_there():
+    package = Path(galloping.__file__).parent
+    assert (package / "py.typed").exists()
+    stub = ast.parse((package / "__init__.pyi").read_text())
+    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
+    names = {
+        alias.asname or alias.name: (node.module, alias.name)
+        for node in imports
+        for alias in node.names
+    }
+    [exported] = [node.value for node in stub.body if isinstance(node, ast.Assign)]
+    assert {"__version__", *names} == set(galloping.__all__) == set(ast.literal_eval(exported))
+    for name, (module, there) in names.items():
+        assert getattr(galloping, name) is getattr(import_module(module), there)
 
 
 def test_one_recording_is_as_good_as_a_list_of_one():
@@ -179,10 +280,40 @@ REFUSED = {
     ),
     "known_states: 'x'; must be among q, dq": fits(recording(), TERMS, LINE, ("x",)),
     "known: a dict; must be a PolynomialModel or None": fits(recording(), TERMS, {}),
+    "prior: a float; must be a Prior or None": [
+        lambda: galloping.maximum_likelihood(recording(), TERMS, prior=0.1)
+    ],
     "degree: -1; must be a whole number >= 0": [lambda: galloping.polynomial_library(2, -1)],
     "n_states: 'a'; must be a whole number >= 1": [lambda: galloping.polynomial_library("a", 1)],
-    "initial_state: has shape (3,); must have shape (2,)": [
+    "initial_state: 3 numbers for the 2 states q, dq": [
         lambda: galloping.simulate(LINE, [0, 0, 0], TIME)
+    ],
+    "initial_state: 1 numbers for the 2 states q, dq; none for dq": [
+        lambda: galloping.simulate(LINE, [0], TIME),
+        lambda: FOUND.simulate([0], TIME),
+        lambda: galloping.cramer_rao_bound(LINE, [0], TIME, [1, 1]),
+    ],
+    "recordings: 10 samples are fewer than the 100 needed": fits(
+        Recording(TIME[:10], ("q", "dq"), VALUES[:10]), TERMS
+    ),
+    "found: a PolynomialModel; must be an IdentifiedModel, such as `maximum_likelihood` returns": [
+        lambda: galloping.summarise(LINE, recording()),
+        lambda: galloping.dynamics(LINE, recording()),
+        lambda: galloping.forecast(LINE, recording()),
+    ],
+    "recordings: have the states a, b; the model has q, dq": [
+        lambda: galloping.summarise(FOUND, recording(states=("a", "b"))),
+        lambda: galloping.dynamics(FOUND, recording(states=("a", "b"))),
+        lambda: galloping.forecast(FOUND, recording(states=("a", "b"))),
+    ],
+    "method: 'stlsq'; must be one of maximum_likelihood, weak_gls": [
+        lambda: galloping.summarise(FOUND, recording(), method="stlsq")
+    ],
+    "time: begins at 9.95 s; the recording ends at 9.95 s": [
+        lambda: galloping.forecast(FOUND, recording(), [9.95, 10])
+    ],
+    "recording: time: no time in row 1": [
+        lambda: recording(time=np.where(TIME[1] == TIME, np.datetime64("NaT"), DATES))
     ],
     "initial_state: [0.0, inf]; must be finite": [
         lambda: galloping.simulate(LINE, [0, math.inf], TIME)
@@ -210,6 +341,8 @@ REFUSED = {
     "protocol: 'stat'; must be one of derivative, state, displacement, acceleration": [
         lambda: galloping.measure(LINE, MOTION, protocol="stat")
     ],
+    "level: 5 is noise of 500 % of the motion; 5 % is 0.05, and an absolute level goes with "
+    "relative=False": [lambda: galloping.measure(LINE, MOTION, level=5)],
     "level: -1; must be >= 0": [lambda: galloping.measure(LINE, MOTION, level=-1)],
     "level: nan; must be finite": [lambda: galloping.measure(LINE, MOTION, level=math.nan)],
     "level: text; must be real numbers": [lambda: galloping.measure(LINE, MOTION, level="5 %")],

@@ -64,8 +64,6 @@ sweeps: {wind: {values: [2, 6, 4]}}
 assessment:
   winds: [4, 8]
   design_wind: 3
-  open_parameters:
-    {wind_speed: [], damping_ratio: [], bundle_dimension: [], initial_displacement: []}
 figures: {dpi: 50}
 """
 

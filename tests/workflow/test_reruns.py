@@ -182,9 +182,13 @@ EDITS = {
     "a subset size added": settings("measurement: {subsets: {points: [1000, 2000]}}"),
     "the noise level of the subsets": settings("measurement: {subsets: {level: 0.04}}"),
     "a method added": settings(
-        "identification: {methods: [stlsq, maximum_likelihood, lasso]}"
+        "identification: {methods: [paper, stlsq, maximum_likelihood, lasso]}"
     ),
-    "a method removed": settings("identification: {methods: [stlsq]}"),
+    "a method removed": settings("identification: {methods: [paper, stlsq]}"),
+    "two damping ratios swapped": settings(
+        "cases: {internal_resonance: {damping: {vertical: 0.0014, horizontal: 0.0016}}}"
+    ),
+    "the threshold of the paper's method": settings("identification: {paper: {threshold: 0.004}}"),
     "a threshold of `stlsq`": settings("identification: {stlsq: {threshold: 0.01}}"),
     "the degree of the library": settings("identification: {degree: 2}"),
     "the steady window": settings("simulation: {steady_window: [210, 300]}"),
@@ -204,7 +208,9 @@ EDITS = {
     "a function body in `evaluation/motion.py`": statement_added(
         "evaluation/motion.py", "r_squared"
     ),
-    "a function body in `figures/noise.py`": statement_added("figures/noise.py", "draw_noise_r2"),
+    "a function body in `figures/methods.py`": statement_added(
+        "figures/methods.py", "draw_methods"
+    ),
     "a colour in `figures/style.py`": replaced(
         module("figures/style.py"), 'BAND = "#f2c46d"', 'BAND = "#f2c46e"'
     ),
@@ -263,7 +269,7 @@ class Output(NamedTuple):
     @property
     def names(self) -> dict[str, str]:
         """The case, cell and method that the path names, as far as it does."""
-        if self.path.parts[0] in ("tables", "figures", "reproduction"):
+        if self.path.parts[0] in ("tables", "figures", "reproduction", "paper"):
             return {}
         if self.path.parts[0] in ("sweeps", "assessment"):
             return {"case": self.path.parts[1]}
@@ -272,8 +278,8 @@ class Output(NamedTuple):
 
     @property
     def job(self) -> str:
-        """Its rule, of tables and figures with the name."""
-        shown = self.rule in ("make_table", "draw_figure")
+        """Its rule, of tables, figures and draws of the paper with the name."""
+        shown = self.rule in ("make_table", "draw_figure", "redraw_paper")
         return f"{self.rule}:{self.path.stem}" if shown else self.rule
 
 

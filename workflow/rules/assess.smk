@@ -76,7 +76,26 @@ rule predict_winds:
         "../scripts/predict_winds.py"
 
 
+rule redraw_paper:
+    output:
+        draws=PATHS.paper_draws,
+    log:
+        log_of("redraw_paper/{case}"),
+    benchmark:
+        benchmark_of("redraw_paper/{case}")
+    conda:
+        "../envs/galloping.yaml"
+    params:
+        settings=settings("redraw_paper"),
+    message:
+        "The paper's study of {wildcards.case}, drawn again and again"
+    script:
+        "../scripts/redraw_paper.py"
+
+
 rule vary_parameter:
+    input:
+        unpack(inputs("vary_parameter")),
     output:
         table=PATHS.openness,
     log:

@@ -1,5 +1,7 @@
 # figures, tables -> one page
-INTRODUCTIONS = ["introduction"] * bool(STUDY.cases) + ["trials"] * bool(STUDY.trials)
+INTRODUCTIONS = ["introduction"] * bool(STUDY.cases) + list(
+    dict.fromkeys("inference" if trial.kind.table == PAPER else "trials" for trial in STUDY.trials)
+)
 
 
 rule write_report:
@@ -19,7 +21,7 @@ rule write_report:
             "introduction": "\n".join(captions(".", *INTRODUCTIONS).values()),
             "captions": {
                 "figures": captions("figures", *FIGURES, jobs.ANIMATION),
-                "tables": captions("tables", *TABLES, *jobs.COMPARISONS),
+                "tables": captions("tables", *TABLES, *tables.COMPARISONS),
             },
         },
     message:

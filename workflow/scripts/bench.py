@@ -4,10 +4,12 @@ RESULTS is a finished default study, for its motions and the cost of its jobs. O
 folder of the same study by an older version, run on the same machine: the sums of job seconds
 stand beside each other. The study, smoke and idle times are of real runs in a temporary copy of
 the project. `make bench` sets one
-thread a process, as in a job.
+thread a process, as in a job, but where the default is measured.
 """
 
+import os
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -171,6 +173,31 @@ def limit(results: Path) -> list[dict]:
     ]  # fmt: skip
 
 
+def command() -> list[dict]:
+    """What the README's example costs a core, with the default threads and with one."""
+    example, threads = ROOT / "examples/span", ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
+    default = {name: value for name, value in os.environ.items() if name not in threads}
+
+    def cost(environment: dict[str, str]) -> float:
+        with tempfile.TemporaryDirectory() as folder:
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            subprocess.run(
+                [sys.executable, "-c", "from galloping.cli import main; main()", "identify",
+                 f"{example}.csv", "--map", f"{example}.yaml", "--output", f"{folder}/span"],
+                env=environment, check=True, capture_output=True,
+            )  # fmt: skip
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+    cost(default)  # compiled before
+    one = cost(default | dict.fromkeys(threads, "1"))
+    ours = cost(default)
+    return [
+        row("galloping identify on the example, of a core", ours, "s",
+            "the same with one thread", one / ours, "<= 8"),
+    ]  # fmt: skip
+
+
 def sensitivity(results: Path) -> list[dict]:
     """The compiled Taylor integrator with its projections beside heyoka's variational equations.
 
@@ -307,6 +334,7 @@ def main(results: str, output: str, older: str | None = None) -> None:
         *simulation(folder),
         *identification(folder),
         *limit(folder),
+        *command(),
         *sensitivity(folder),
         *whole_runs(),
     ]

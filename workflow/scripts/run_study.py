@@ -47,6 +47,8 @@ def main(*arguments: str) -> int:
                 sys.exit("Interrupted. Finished jobs are kept; run it again to go on.")
             if status:
                 check_disk(results)
+            if not status:
+                tell(results)
             if status and (reasons := "; ".join(failures(results, began))):
                 told = f"The study stopped: {reasons}. Finished jobs are kept"
                 print(f"{told}; run it again to go on.", file=sys.stderr)
@@ -55,6 +57,19 @@ def main(*arguments: str) -> int:
         sys.exit(str(error))
     except Killed:
         sys.exit(killed(repair))
+
+
+def tell(results: str) -> None:
+    """Where the report is, and how many of the paper's claims hold."""
+    report, table = Path(results, "report.html"), Path(results, "tables", "paper.csv")
+    if table.exists():
+        import pandas as pd
+
+        from galloping.report.paper import count
+
+        print(count(pd.read_csv(table)))
+    if report.exists():
+        print(f"Report: {report}")
 
 
 def check_cores(text: str | None) -> None:

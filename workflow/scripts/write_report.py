@@ -2,14 +2,15 @@
 
 from pathlib import Path
 
-from galloping.report.headline import headline, verdicts
+from galloping.report.headline import headline, inferred, verdicts
 from galloping.report.page import Item, Page, RecordingSection, render
-from galloping.report.settings import described, versions
+from galloping.report.paper import section
+from galloping.report.settings import described, made_by, versions
 from galloping.reproducibility.job import run
 from galloping.storage import write_text
 from galloping.study.loading import load
 
-FIRST = ("overview", "trust")  # the figures that may stand first
+FIRST = ("overview", "trust", "paper_region")  # the figures that may stand first
 CAPTIONS_OF_FIELD = {
     "quality": "The samples, with gaps, and their spectra.",
     "fit": "The samples and the model's motion, which begins anew in each stretch.",
@@ -30,7 +31,8 @@ def main() -> None:
             if (path := paths.get(f"{kind}/{name}"))
         }
 
-    trust = read.pop("trust", None)
+    further = (read.pop(name, None) for name in ("trust", "paper", "varied", "region"))
+    trust, printed, varied, region = further
     sentences = headline(**read, **settings["headline"]) if read else []
 
     def recordings(name: str) -> RecordingSection:
@@ -44,10 +46,18 @@ def main() -> None:
         )
 
     figures = items("figures", settings["labels"])
+    first = next((figures.pop(name) for name in FIRST if name in figures), None)
     page = Page(
         title="Galloping of iced overhead lines",
-        headline=sentences + (verdicts(trust) if trust is not None else []),
-        first=next((figures[name] for name in FIRST if name in figures), None),
+        paper=section(printed, varied) if printed is not None else None,
+        printed=figures.pop("printed", None),
+        made=made_by(),
+        headline=[
+            *sentences,
+            *(verdicts(trust) if trust is not None else []),
+            *(inferred(region) if region is not None else []),
+        ],
+        first=first,
         settings=described(settings["study"]),
         introduction=settings["introduction"],
         figures=list(figures.values()),

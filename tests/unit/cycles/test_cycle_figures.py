@@ -57,8 +57,16 @@ def test_diagram(case, simulator):
     assert hopf["value"] == pytest.approx(hopf["closed_form"], rel=1e-9)
     ends = changes[changes["name"] == "end"]
     assert list(ends["note"]) == ["reached 9"] * 3
-    settings = {"cases": ["line"], "parameter": "wind_speed", "label": "wind speed, m/s"}
-    drawn(lambda: draw_limit_cycles(cycles, changes, settings))
+    settings = {"parameter": "wind_speed", "label": "wind speed, m/s"}
+    plain_lines, shaded = (
+        drawn(
+            lambda line=line: draw_limit_cycles(
+                cycles, changes, {**settings, "cases": {"line": line}}
+            )
+        )
+        for line in (None, case)
+    )
+    assert plain_lines != shaded
 
 
 def test_parameters_without_a_hopf_bifurcation_in_their_range(case, simulator):

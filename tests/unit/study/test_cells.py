@@ -118,7 +118,9 @@ def test_every_table_and_figure_reads_what_some_job_writes(settings):
             written.add(paths.prediction.format(case=case.name, protocol=protocol))
     for trial in described.trials:
         written |= {paths.trial.format(trial=trial.name, batch=b.name) for b in trial.batches}
+    written |= {paths.paper_draws.format(case=name) for name in shown.redrawn_cases(described)}
     written |= {paths.openness.format(parameter=name) for name in OPEN_PARAMETERS}
+    written.add(str(sources.REGION))  # kept with the project: `make paper` infers it
     read = [jobs.make_table(described, table.name) for table in tables.of_study(described)]
     read += [jobs.draw_figure(described, figure.name) for figure in figures.of_study(described)]
     for job in read:
@@ -128,9 +130,9 @@ def test_every_table_and_figure_reads_what_some_job_writes(settings):
 
 def test_a_study_has_tables_and_figures_of_what_is_in_it(default):
     alone = study(cases={}, trials={"a": {"kind": "systems"}})
-    assert [table.name for table in tables.of_study(alone)] == ["systems"]
+    assert [table.name for table in tables.of_study(alone)] == ["columns", "systems", "paths"]
     assert figures.of_study(alone) == []
-    assert not {"fits", "trust", "systems"} & {t.name for t in tables.of_study(default)}
+    assert not {"fits", "trust", "systems", "paths"} & {t.name for t in tables.of_study(default)}
 
 
 def test_more_replicates_of_a_trial_are_further_batches():

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import finite, increasing
+from galloping.arrays import initial_state as checked_state
 from galloping.bounds.information import Experiment, state_bound
 from galloping.configuration.load import ConfigurationError, load, plain
 from galloping.measurement.measuring import measure as recordings_of
@@ -17,6 +19,7 @@ from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 from galloping.simulation import Simulator, Trajectory
+from galloping.threads import one_thread
 
 
 def derive(**sections: Mapping | float) -> PolynomialModel:
@@ -32,14 +35,14 @@ def derive(**sections: Mapping | float) -> PolynomialModel:
     return equations_of(coefficients(plain(settings.cases["line"])))
 
 
-def simulate(model: PolynomialModel, initial_state: object, time: object) -> Trajectory:
+def simulate(model: PolynomialModel, initial_state: ArrayLike, time: ArrayLike) -> Trajectory:
     """Motion of a model.
 
     initial_state: (n_states,) at time[0]. time: (n,) s, increasing. To simulate many models on
     one library compile it once, with `Simulator`. Raises ValueError for other input.
     """
     _check_model(model)
-    start = finite("initial_state", initial_state, (len(model.states),))
+    start = checked_state(initial_state, model.states)
     return Simulator(model.states, model.terms)(model, start, increasing("time", time))
 
 
@@ -57,8 +60,8 @@ def measure(
     protocol: `state` (all states noisy), `displacement` (velocities not measured), `acceleration`
     (of the velocities, nothing else) or `derivative` (exact states with noisy derivatives). level:
     of the white noise; except for `derivative` times the standard deviation of what is measured if
-    `relative`, else absolute. The same seed draws the same noise. Raises ValueError for other
-    input and for a motion that ended early.
+    `relative`, else absolute: 0.05 is 5 %. The same seed draws the same noise. Raises ValueError
+    for other input, such as a relative level above one, and for a motion that ended early.
     """
     _check_model(model)
     if not isinstance(motion, Trajectory):
@@ -74,6 +77,11 @@ def measure(
     amount = float(finite("level", level, ()))
     if amount < 0:
         raise ValueError(f"level: {level!r}; must be >= 0")
+    if amount > 1 and relative and protocol != "derivative":
+        raise ValueError(
+            f"level: {level!r} is noise of {100 * amount:.4g} % of the motion; {amount:g} % is "
+            f"{amount / 100:g}, and an absolute level goes with relative=False"
+        )
     measured = Motion(model.states, motion.time, motion.states, model(motion.states))
     replicates = recordings_of(
         [measured], protocol=protocol, level=amount, relative=relative, samples=len(motion.time),
@@ -82,13 +90,14 @@ def measure(
     return replicates[0][0]
 
 
+@one_thread
 def cramer_rao_bound(
     model: PolynomialModel,
-    initial_state: object,
-    time: object,
-    sigma: object,
-    rate_sigma: object = None,
-) -> np.ndarray:
+    initial_state: ArrayLike,
+    time: ArrayLike,
+    sigma: ArrayLike,
+    rate_sigma: ArrayLike | None = None,
+) -> NDArray[np.float64]:
     """Least standard deviation that an unbiased method can reach, of each term of a model.
 
     initial_state: (n_states,) at time[0], itself unknown to the method. time: (n,) s, increasing.
@@ -99,7 +108,7 @@ def cramer_rao_bound(
     input, and where the model's solution diverges.
     """
     _check_model(model)
-    start = finite("initial_state", initial_state, (len(model.states),))
+    start = checked_state(initial_state, model.states)
     noise = {"sigma": sigma} if rate_sigma is None else {"sigma": sigma, "rate_sigma": rate_sigma}
     for name, given in noise.items():
         noise[name] = finite(name, given, (len(model.states),), infinite=True)

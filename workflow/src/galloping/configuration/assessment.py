@@ -118,15 +118,20 @@ class MeasureSection(Section):
 class OpenParametersSection(Section):
     """What the paper leaves open of its first line: values at which its claims are judged."""
 
-    wind_speed: distinct(real(ge=0.1, le=120)) = setting((8, 10, 12, 14, 16), "wind speed", "m/s")
-    damping_ratio: distinct(DampingRatio) = setting(
-        (0.002, 0.005, 0.01), "damping ratio of both modes", "1"
+    wind_speed: distinct(real(ge=0.1, le=120)) = setting((8, 9, 10, 12, 14), "wind speed", "m/s")
+    damping_vertical: distinct(DampingRatio) = setting(
+        (0.002, 0.005, 0.008), "damping ratio of the vertical mode", "1"
+    )
+    damping_horizontal: distinct(DampingRatio) = setting(
+        (0.002, 0.005, 0.008), "damping ratio of the horizontal mode", "1"
     )
     bundle_dimension: distinct(real(ge=1e-3, le=10)) = setting(
-        (0.0276, 0.0552, 0.1104, 0.4), "characteristic dimension of the bundle", "m"
+        (0.0552, 0.1104, 0.2208), "characteristic dimension of the bundle", "m"
     )
-    initial_displacement: distinct(MotionAmount) = setting(
-        (0.01, 0.1, 0.5, 1), "release of both modes", "m"
+    release_vertical: distinct(MotionAmount) = setting((0.1, 0.5, 1), "release in q_v", "m")
+    release_horizontal: distinct(MotionAmount) = setting((0.1, 0.5, 1), "release in q_w", "m")
+    threshold: distinct(Positive) = setting(
+        (0.001, 0.002, 0.003, 0.004), "threshold of the paper's method", "1"
     )
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
-Provenance = Literal["seed", "derived", "assumed"]
+Provenance = Literal["seed", "derived", "inferred", "assumed"]
 
 DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 
@@ -135,7 +135,8 @@ def parameter(
 ) -> Any:
     """A physical parameter: a key that also has a symbol and a source.
 
-    provenance: `seed` is printed in the paper, `derived` follows from it, `assumed` is ours.
+    provenance: `seed` is printed in the paper, `derived` follows from it, `inferred` comes from its
+    printed numbers (only in tables of results), `assumed` is ours.
     symbol: with `{}` for the number of the item where the value is a list. why: the reason for
     the range, which is that of lines that are built.
     """

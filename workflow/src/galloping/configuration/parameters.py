@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import getitem
 
-from galloping.configuration.fields import Provenance
+from galloping.configuration.fields import Provenance, show
+from galloping.configuration.lines import CaseSection, paper_cases
 from galloping.configuration.load import plain
 from galloping.configuration.schema import child, leaves, schema
 from galloping.configuration.settings import Settings
@@ -34,6 +35,32 @@ def conductor_parameters(settings: Settings) -> list[ParameterRow]:
 def spacer_parameters(settings: Settings) -> list[ParameterRow]:
     """Table 2: mass and positions of the spacers, one position a row."""
     return [row for row in _rows(settings) if row.key.startswith("spacers.")]
+
+
+def departures(settings: Settings) -> dict[str, str]:
+    """Why the paper's claims about each of its cases cannot be judged in a study; "" where they
+    can: what the paper prints of the line is unchanged, whatever the rest is.
+    """
+    return {
+        name: _departure(settings.cases.get(name), case) for name, case in paper_cases().items()
+    }
+
+
+def _departure(case: CaseSection | None, paper: CaseSection) -> str:
+    if case is None:
+        return "the study does not have it"
+    if case.truth.model != "two_mode":
+        return f"its recordings are those of a line that is {case.truth.model}"
+    ours, papers = plain(case), plain(paper)
+    for key, node in leaves(child(schema(), "cases")):
+        path = key.split(".")[1:]  # below the name of the case
+        if node.get("provenance") != "seed":
+            continue
+        value, printed = (reduce(getitem, path, values) for values in (ours, papers))
+        # where the paper's own case has another value it is ours, as the tension of the second line
+        if printed == node["default"] and value != printed:
+            return f"{'.'.join(path)} is {show(value)}, where the paper has {show(printed)}"
+    return ""
 
 
 def _rows(settings: Settings) -> Iterator[ParameterRow]:

@@ -114,6 +114,9 @@ class MeasurementSection(Section):
     replicates: whole(ge=1, le=10000) = setting(
         20, "independent realisations of the noise in a cell", "1"
     )
+    paper_draws: whole(ge=1, le=100000) = setting(
+        200, "independent draws of the paper's study by its own method, for its claims", "1"
+    )
     protocols: selection(ProtocolName) = setting(
         tuple(protocol.name for protocol in PROTOCOLS if protocol.by_default),
         "what is measured: "
@@ -187,19 +190,6 @@ class FiguresSection(Section):
 
     dpi: whole(ge=50, le=1200) = setting(200, "resolution of the PNG files", "px/inch")
     font_size: real(ge=4, le=24) = setting(8, "font size", "pt")
-
-
-def paper_cases_in(settings: Settings) -> list[str]:
-    """Names of the cases that are those of the paper, with the parameters of their line.
-
-    Further releases are further recordings of the same line, and do not count.
-    """
-    paper = {name: case.model_copy(update={"releases": {}}) for name, case in paper_cases().items()}
-    return [
-        name
-        for name, case in settings.cases.items()
-        if case.model_copy(update={"releases": {}}) == paper.get(name)
-    ]
 
 
 class Settings(Section):

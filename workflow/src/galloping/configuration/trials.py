@@ -9,13 +9,14 @@ from galloping.configuration.fields import (
     Section,
     invalid,
     one_of,
+    real,
     selection,
     setting,
     show,
     whole,
 )
 from galloping.identification.registry import METHODS, PROTOCOL_NAMES
-from galloping.trials.registry import KINDS
+from galloping.trials.registry import KINDS, LONGEST
 
 ProtocolName = one_of(PROTOCOL_NAMES)
 MethodName = one_of(tuple(method.name for method in METHODS))
@@ -41,13 +42,16 @@ class TrialSection(Section):
         None, "noise levels, in standard deviations of each state", "1"
     )
     samples: selection(whole(ge=100)) | None = setting(
-        None, "lengths of the recordings", "samples", rule="of `systems`"
+        None, "lengths of the recordings", "samples", rule="of `systems` and `published_intervals`"
+    )
+    durations: selection(real(ge=1)) | None = setting(
+        None, "lengths of the recordings", "s", rule="of `published_terms`"
     )
 
     @model_validator(mode="after")
     def _of_its_kind(self) -> TrialSection:
         kind = KINDS[self.kind]
-        for key in ("protocols", "levels", "samples"):
+        for key in ("protocols", "levels", "samples", "durations"):
             if getattr(self, key) is not None and key not in kind.options:
                 taken = ", ".join(kind.options) or "none"
                 raise invalid(f"is no key of {self.kind}; its own keys: {taken}", key)
@@ -57,4 +61,11 @@ class TrialSection(Section):
                     f"unknown case {show(case)} of {self.kind}; allowed: {', '.join(kind.cases)}",
                     "cases",
                 )
+        for duration in self.durations or ():
+            for case in self.cases or kind.cases:
+                if duration > LONGEST[case]:
+                    raise invalid(
+                        f"{duration:g} is not allowed; of {case} at most {LONGEST[case]:g}",
+                        "durations",
+                    )
         return self

@@ -16,7 +16,7 @@ from galloping.physics.galerkin import modes
 from galloping.physics.line import Line, positions
 from galloping.storage import replacing
 
-SIZE, DPI, RATE = (6.0, 2.6), 72, 12  # inches, px/inch, frames per second
+SIZE, DPI, RATE = (7.2, 3.2), 130, 12  # inches, px/inch, frames per second
 
 
 def write_animation(

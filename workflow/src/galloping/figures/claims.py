@@ -14,20 +14,23 @@ from matplotlib.lines import Line2D
 
 from galloping.figures import panels
 from galloping.figures.style import DOUBLE, PAPER, STATE_LABELS, method_style, scientific, spoken
-from galloping.tables.claims import CLAIMS
+from galloping.paper.printed import AT_LEAST, AT_MOST, CLAIMS
 
 ROW, HEAD = 0.23, 1.25  # inches: height of a claim, room for the heads and the legend
 GAPS = {"none": 0.36, "error": 0.66, "r2": 0.66}  # below a group: its axis, the next one's title
 VERDICT_LOOKS = {  # marker and colour
     "better": ("^", "#2fa86a"),
     "reproduced": ("o", "#2fa86a"),
-    "in reach": ("D", "#e69f00"),
-    "not reproduced": ("x", "#111111"),
+    "met": ("s", "#2fa86a"),
+    "seldom met": ("D", "#e69f00"),
+    "worse": ("v", "#111111"),
+    "not met": ("x", "#111111"),
+    "undecided": ("P", "#5f5f5f"),
     "not run": ("_", "#9a9a9a"),
 }
 DOTS, CELLS = (0.352, 0.165), (0.53, 0.47)  # of the figure's width: left, width
 ERROR_LIMITS = (1e-2, 1e2)  # percent
-BOUNDS = {"at_least": "≥ ", "at_most": "≤ "}
+BOUNDS = {AT_LEAST: "≥ ", AT_MOST: "≤ "}
 
 
 @dataclass(frozen=True)
@@ -74,9 +77,9 @@ def _groups(table: pd.DataFrame) -> list[Group]:
     rows: dict[str, list] = {"error": [], "r2": [], "none": []}
     for name, case in dict.fromkeys(zip(table["claim"], table["case"], strict=True)):
         claim = about.get(name)
-        if claim and claim.kind == "value":
+        if claim and claim.is_number:
             rows["error"].append((name, case))
-        elif claim and claim.column.startswith("r2_") and claim.minus is None:
+        elif claim and claim.column.startswith("r2_") and not claim.minus:
             rows["r2"].append((name, case))
         else:
             rows["none"].append((name, case))
@@ -89,10 +92,10 @@ def _groups(table: pd.DataFrame) -> list[Group]:
 
 def _labels(axes: Axes, group: Group) -> None:
     names = []
-    several = len({case for _, case in group.rows}) > 1
+    first = group.rows[0][1]
     for name, case in group.rows:
         text = _typeset(name)
-        names.append(f"{text}, {spoken(case)}" if several and _repeated(name, group) else text)
+        names.append(text if case == first else f"{text}, {spoken(case)}")
     axes.set_yticks(range(len(names)), names)
     axes.tick_params(axis="y", length=0, pad=4)
     axes.set_ylim(len(names) - 0.5, -0.5)
@@ -105,10 +108,6 @@ def _typeset(text: str) -> str:
     for plain, symbol in (("R2", "$R^2$"), *STATE_LABELS.items(), ("percent points", "% points")):
         text = text.replace(plain, symbol)
     return text
-
-
-def _repeated(name: str, group: Group) -> bool:
-    return sum(row[0] == name for row in group.rows) > 1
 
 
 def _of(table: pd.DataFrame, row: tuple[str, str], pair: tuple[str, str]) -> pd.Series | None:

@@ -8,19 +8,22 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from galloping.cycles.rows import SIMULATION
 from galloping.figures import panels
-from galloping.figures.style import DIRECTIONS, DOUBLE, MODEL, PAPER, STATE_LABELS
+from galloping.figures.style import BAND, DIRECTIONS, DOUBLE, MODEL, PAPER, STATE_LABELS
+from galloping.physics.galerkin import frequencies, modes
+from galloping.physics.line import Line
 
 COLUMNS = {"v_m": "q_v", "w_m": "q_w"}
+SMALL = 0.35  # velocity over wind speed, 20 degrees: the model's load is that of small angles
+BEYOND = "beyond small angles"
 MARKS = {
-    "Hopf": ("o", "Hopf"),
-    "fold of cycles": ("D", "fold of cycles"),
-    "branch point": ("P", "branch point"),
-    "period doubling": ("s", "period doubling"),
-    "Neimark-Sacker": ("X", "Neimark-Sacker"),
+    "Hopf": "o",
+    "fold of cycles": "D",
+    "branch point": "P",
+    "period doubling": "s",
+    "Neimark-Sacker": "X",
 }
 
 
@@ -29,12 +32,13 @@ def draw_limit_cycles(
 ) -> Figure:
     """Amplitude against a parameter: a row for each case, a column for each direction.
 
-    cycles, bifurcations: limit_cycles.csv and bifurcations.csv. settings: cases, parameter, label
-    and, where the axis is to end before the largest, `highest` (m).
+    cycles, bifurcations: limit_cycles.csv and bifurcations.csv. settings: parameter and its label;
+    cases, each with its line, to mark motions beyond small angles, or None; where the axis is to
+    end before the largest, `highest` (m).
     """
     if cycles.empty:
         return panels.nothing_at_all("this study varies no single parameter")
-    cases, height = panels.fitting(settings["cases"], 0.7, 2.2)
+    cases, height = panels.fitting(list(settings["cases"]), 0.9, 2.2)
     figure = Figure(figsize=(DOUBLE, height), layout="constrained")
     grids = panels.case_grids(figure, cases, 1, len(COLUMNS))
     for row, case in enumerate(cases):
@@ -52,9 +56,26 @@ def draw_limit_cycles(
             axes.set_xlim(0, 1.03 * cycles["value"].max())
             if "highest" in settings:
                 axes.set_ylim(-0.02 * settings["highest"], settings["highest"])
-    _legend(figure, bifurcations)
-    panels.note_left_out(figure, settings["cases"][len(cases) :], "limit_cycles.csv")
+        for column, axes in enumerate(grids[case][0]):
+            if settings["cases"][case]:
+                _beyond_small_angles(axes, settings["cases"][case], column)
+    panels.legend(figure, columns=4)
+    left = list(settings["cases"])[len(cases) :]
+    panels.note_left_out(figure, left, "limit_cycles.csv")
     return figure
+
+
+def _beyond_small_angles(axes: Axes, case: Mapping, direction: int) -> None:
+    """Shades half ranges whose velocity, at the mode's own frequency, is not small to the wind."""
+    line = Line.from_case(case)
+    frequency = frequencies(line, *modes(case, line))[direction]  # rad/s
+    low, high = axes.get_ylim()
+    wind = np.array(axes.get_xlim())
+    axes.fill_between(
+        wind, np.minimum(SMALL * wind / frequency, high), high, color="#ececec", lw=0, zorder=0,
+        label=BEYOND,
+    )  # fmt: skip
+    axes.set_ylim(low, high)
 
 
 def _panel(axes: Axes, cycles: pd.DataFrame, bifurcations: pd.DataFrame, name: str) -> None:
@@ -63,35 +84,27 @@ def _panel(axes: Axes, cycles: pd.DataFrame, bifurcations: pd.DataFrame, name: s
     for _, branch in continued.groupby("branch", sort=False):
         x, y = branch["value"].to_numpy(float), branch[name].to_numpy(float)
         stable = branch["stable"].astype(bool).to_numpy()
-        for kept, look in ((stable, "-"), (~stable, (0, (3, 1.5)))):
+        looks = ((stable, "-", "stable"), (~stable, (0, (3, 1.5)), "unstable"))
+        for kept, look, label in looks:
             reached = kept | np.append(False, kept[:-1])  # up to the first point beyond a change
-            axes.plot(x, np.where(reached, y, np.nan), color=MODEL, ls=look, lw=1.2, zorder=2)
+            if kept.any():
+                y_kept = np.where(reached, y, np.nan)
+                axes.plot(x, y_kept, color=MODEL, ls=look, lw=1.2, zorder=2, label=label)
     irregular = simulated["kind"] == "irregular"
     low, high = (simulated[f"{name[0]}_{end}_m"] for end in ("low", "high"))
-    axes.vlines(simulated["value"][irregular], low[irregular], high[irregular], color=PAPER, lw=1.2)
+    if irregular.any():
+        axes.vlines(
+            simulated["value"][irregular], low[irregular], high[irregular], color=PAPER, lw=1.2,
+            label="its range, not repeating",
+        )  # fmt: skip
     axes.plot(
         simulated["value"], simulated[name], ls="", marker="o", ms=3, mfc="white", mec=PAPER,
-        mew=0.8, zorder=3,
+        mew=0.8, zorder=3, label="long simulation",
     )  # fmt: skip
-    for kind, (marker, _) in MARKS.items():
+    for kind, marker in MARKS.items():
         at = bifurcations[bifurcations["name"] == kind]
-        axes.plot(
-            at["value"], at[name], ls="", marker=marker, ms=5, mfc="#f2c46d", mec="k", mew=0.7,
-            zorder=4,
-        )  # fmt: skip
-
-
-def _legend(figure: Figure, bifurcations: pd.DataFrame) -> None:
-    present = [kind for kind in MARKS if kind in set(bifurcations["name"])]
-    handles = [
-        Line2D([], [], color=MODEL, lw=1.2, label="stable"),
-        Line2D([], [], color=MODEL, lw=1.2, ls=(0, (3, 1.5)), label="unstable"),
-        Line2D([], [], ls="", marker="o", ms=3, mfc="white", mec=PAPER, label="long simulation"),
-        Line2D([], [], ls="", marker="|", ms=8, mec=PAPER, label="its range, not repeating"),
-        *(
-            Line2D([], [], ls="", marker=MARKS[kind][0], ms=5, mfc="#f2c46d", mec="k",
-                   label=MARKS[kind][1])
-            for kind in present
-        ),
-    ]  # fmt: skip
-    figure.legend(handles=handles, loc="outside upper center", ncols=4)
+        if len(at):
+            axes.plot(
+                at["value"], at[name], ls="", marker=marker, ms=5, mfc=BAND, mec="k", mew=0.7,
+                zorder=4, label=kind,
+            )  # fmt: skip

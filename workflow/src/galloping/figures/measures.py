@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from galloping.figures import panels
 from galloping.figures.style import DOUBLE, MODEL, PAPER, spoken
@@ -26,7 +27,7 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
     table: measures.csv. settings: cases.
     """
     rows = max(len(table[table["case"] == case]) for case in settings["cases"])
-    cases, height = panels.fitting(settings["cases"], 0.1, 0.7 + 0.2 * rows)
+    cases, height = panels.fitting(settings["cases"], 0.4, 0.7 + 0.26 * rows)
     figure = Figure(figsize=(DOUBLE, height), layout="constrained")
     blocks = figure.subfigures(len(cases), 1, squeeze=False)[:, 0]
     for row, (case, block) in enumerate(zip(cases, blocks, strict=True)):
@@ -36,27 +37,44 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
         for column, (axes, name) in enumerate(zip(grid, QUANTITIES, strict=True)):
             panels.letter(axes, row * len(QUANTITIES) + column, QUANTITIES[name])
             _panel(axes, of_case, name)
+    panels.legend(figure)
     panels.note_left_out(figure, settings["cases"][len(cases) :], "measures.csv")
     return figure
 
 
 def _panel(axes: Axes, table: pd.DataFrame, name: str) -> None:
+    """Dots, with the number and its interval written beside each, too narrow to be seen."""
     places = np.arange(len(table))
     values, low, high = (table[f"{name}{end}"].to_numpy(float) for end in ("", "_low", "_high"))
     finite = np.isfinite(values)
-    axes.hlines(places, 0, np.where(finite, values, 0), color="#c9c9dd", lw=4)
+    reach = np.append(np.concatenate([values, low, high])[np.tile(finite, 3)], 0.0)
     axes.hlines(places, low, high, color=MODEL, lw=1.6)
     axes.plot(values[finite], places[finite], ls="", marker="o", color=MODEL)
-    for place, value in zip(places[~finite], values[~finite], strict=True):
-        text = "never" if np.isposinf(value) else "no bounded motion"
-        axes.text(0.02, place, text, transform=axes.get_yaxis_transform(), va="center",
-                  size="small", color=PAPER)  # fmt: skip
+    for place, value, *ends in zip(places, values, low, high, strict=True):
+        axes.text(
+            0.03, place + 0.17, _told(value, *ends), transform=axes.get_yaxis_transform(),
+            size="x-small", color=MODEL if np.isfinite(value) else PAPER, zorder=4,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],  # upon the limit
+        )  # fmt: skip
     if name == "clearance_m":
-        axes.axvline(float(table["limit_m"].iloc[0]), color=PAPER, lw=0.9, ls=(0, (4, 2)))
-    axes.set_xlim(left=0)
-    axes.set_ylim(-0.6, len(table) - 0.4)
+        limit = float(table["limit_m"].iloc[0])
+        axes.axvline(limit, color=PAPER, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
+    axes.set_xlim(-0.04 * np.nanmax(reach), 1.08 * max(np.nanmax(reach), 1e-3))
+    axes.set_ylim(-0.6, len(table) - 0.3)
+    for place in places[1:] - 0.5:
+        axes.axhline(place, color="#e4e4e4", lw=0.6, zorder=0)
     labels = [
         f"{text} *" if isinstance(note, str) and note else text
         for text, note in zip(table["measure"], table["note"], strict=True)
     ]
     axes.set_yticks(places, labels)
+
+
+def _told(value: float, low: float, high: float) -> str:
+    """The number and both ends of its interval, to the first digit of their difference."""
+    if not np.isfinite(value):
+        return "never" if np.isposinf(value) else "no bounded motion"
+    if not low < high < np.inf:
+        return f"{value:.3g}"
+    decimals = max(0, -int(np.floor(np.log10(high - low))))
+    return f"{value:.{decimals}f}  ({low:.{decimals}f} to {high:.{decimals}f})"

@@ -8,16 +8,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 
 from galloping.figures import panels, paper
-from galloping.figures.style import PAPER, SINGLE, method_style
-from galloping.study.kinds import BOUND, NOISE, OURS
+from galloping.figures.style import PAPER, SINGLE, method_style, spoken
+from galloping.study.kinds import BOUND, NOISE, OURS, PAPER_METHOD
 from galloping.tables.peers import ORACLE, mean_error
 from galloping.tables.summary import interval, of_kind
 
-PAPERS_METHOD = "stlsq_raw"
-PYSINDY = ("stlsq", "stlsq_raw", "lasso", "frols", "ensemble", "weak")
+PYSINDY = (PAPER_METHOD, "stlsq", "lasso", "frols", "ensemble", "weak")
 ORACLES = "oracle"  # how the best settings of pysindy are drawn
 ORDERS = ("linear", "quadratic", "cubic")
 
@@ -29,10 +27,10 @@ def draw_overview(
     pysindy, its oracle, ours, and the bound; those that the study has.
 
     table: scores.csv. peers: peers.csv, or None to draw no oracle. settings: case and protocol to
-    show.
+    show, and the label of the noise.
     """
     case, protocol = settings["case"], settings["protocol"]
-    figure = Figure(figsize=(SINGLE, 3.3), layout="constrained")
+    figure = Figure(figsize=(SINGLE, 3.7), layout="constrained")
     axes = figure.subplots()
     errors = _errors(table, case, protocol)
     if peers is not None:
@@ -41,11 +39,11 @@ def draw_overview(
         panels.nothing(axes, "this study has no noisy recordings to show")
         return figure
     places = panels.LogAxis.of(errors["level"])
-    places.prepare(axes, "noise level")
+    places.prepare(axes, settings["label"])
     axes.set_yscale("log")
     shown = _shown(errors)
-    claims = _claims(case, places)
-    limits = _limits(errors[errors["method"].isin(shown)], [c.paper_value for c in claims.values()])
+    printed = _printed(case, places)
+    limits = _limits(errors[errors["method"].isin(shown)], [p.value for p in printed.values()])
     axes.yaxis.set_major_formatter("{x:g}")
     axes.set(ylim=limits, ylabel="mean error of the coefficients, %")
     _beyond(axes, errors, places, limits)
@@ -53,21 +51,18 @@ def draw_overview(
     for method in shown:
         line = errors[errors["method"] == method]
         x = [places.position(level, shift[method]) for level in line["level"]]
-        panels.series(axes, x, line["median"], line["low"], line["high"], method, limits)
-    for order, claim in claims.items():
-        x = places.position(claim.level)
-        paper.mark(axes, x, claim.paper_value, claim)
-        above = claim.paper_value == max(other.paper_value for other in claims.values())
-        axes.annotate(
-            f"paper, {order} terms: {claim.paper_value:g} %",
-            (x, claim.paper_value), (4, 8) if above else (-7, 0),
-            textcoords="offset points", ha="right",
-            va="bottom" if above else "center", color=PAPER, fontsize="small",
-            path_effects=[withStroke(linewidth=2.0, foreground="white")],  # upon bars and lines
+        panels.series(axes, x, line[["median", "low", "high"]].to_numpy().T, method, limits)
+    for (order, each), face in zip(printed.items(), (PAPER, "white"), strict=False):
+        axes.plot(
+            places.position(each.level), each.value, "*", mfc=face, mec=PAPER, ms=8, mew=0.9,
+            ls="", zorder=6, label=f"paper, {order} terms: {each.value:g} %",
         )  # fmt: skip
+    title = [f"{spoken(case)}, protocol {protocol}"]
     if levels := beaten_at(errors):
-        axes.set_title(f"the oracle is better than ours at {levels}", fontsize="small")
-    figure.legend(handles=panels.method_handles(shown), loc="outside upper left", handlelength=3)
+        title.append(f"the oracle is better than ours at {levels}")
+    axes.set_title("\n".join(title), fontsize="small")
+    handles = [*panels.method_handles(shown), *axes.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, loc="outside upper left", handlelength=3)
     return figure
 
 
@@ -117,16 +112,14 @@ def _shown(table: pd.DataFrame) -> dict[str, str]:
     """Names for the legend of the methods to draw, those of them that the study has."""
     best = best_of_pysindy(table)
     names = {
-        PAPERS_METHOD: "paper's method",
+        PAPER_METHOD: "",
         ORACLES: "pysindy as the truth would set it",
         OURS: "ours",
         BOUND: "",
     }
-    if best == PAPERS_METHOD:
-        names[best] += ", best of pysindy"
-    elif best:
+    if best:
         names[best] = "best of pysindy"
-    ordered = [PAPERS_METHOD, best, ORACLES, OURS, BOUND]
+    ordered = [PAPER_METHOD, best, ORACLES, OURS, BOUND]
     present = set(table["method"])
     return {
         name: f"{names[name]}: {method_style(name).label}".removeprefix(": ")
@@ -135,13 +128,15 @@ def _shown(table: pd.DataFrame) -> dict[str, str]:
     }
 
 
-def _claims(case: str, places: panels.LogAxis) -> dict:
-    return {
-        order: claim
+def _printed(case: str, places: panels.LogAxis) -> dict[str, paper.Printed]:
+    """By order, the largest first."""
+    found = {
+        order: each
         for order in ORDERS
-        for claim in paper.claims_of(f"mean_error_{order}_percent", case)
-        if claim.level in places.values
+        for each in paper.printed(f"mean_error_{order}_percent", case)
+        if each.points is None and each.level in places.values
     }
+    return dict(sorted(found.items(), key=lambda item: -item[1].value))
 
 
 def _limits(table: pd.DataFrame, printed: list[float]) -> tuple[float, float]:

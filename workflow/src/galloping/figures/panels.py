@@ -14,10 +14,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator
 
-from galloping.figures.style import DOUBLE, method_style, spoken
+from galloping.figures.style import BAND, DOUBLE, method_style, spoken
+from galloping.measurement.protocols import BY_NAME
 
 TALLEST = 12.0  # inches: what a page of a report shows at once
 SHRUNK = 0.8  # of its wanted height has a case at least, where there are many
+BEYOND = "beyond the axis"  # label of what stands at a limit as an open triangle
 NOTE_WIDTH = 135  # letters in a line of the double width
 R2_LIMITS = (0.0, 0.9999)
 R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
@@ -71,6 +73,29 @@ def case_grids(
         block.suptitle(spoken(case), x=0.01, ha="left", weight="bold", size=rcParams["font.size"])
         grids[case] = block.subplots(rows, columns, squeeze=False, sharex=True, sharey="row")
     return grids
+
+
+def method_grid(
+    settings: Mapping, rows: int, each: float, where: str
+) -> tuple[Figure, dict[tuple[str, int, str], Axes]]:
+    """Panels by case, row and protocol: a headed block for each case, a column for each protocol.
+
+    settings: cases and protocols, of which the cases that fit are drawn. each: height of a row, in
+    inches. where: what holds the values of the other cases.
+    """
+    protocols = settings["protocols"]
+    cases, height = fitting(settings["cases"], 0.8, each * rows)
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
+    grid = {
+        (case, row, protocol): axes
+        for case, block in case_grids(figure, cases, rows, len(protocols)).items()
+        for row, line in enumerate(block)
+        for protocol, axes in zip(protocols, line, strict=True)
+    }
+    for index, ((_, _, protocol), axes) in enumerate(grid.items()):
+        letter(axes, index, f"from {BY_NAME[protocol].label}")
+    note_left_out(figure, settings["cases"][len(cases) :], where)
+    return figure, grid
 
 
 @dataclass(frozen=True)
@@ -137,39 +162,54 @@ def prepare_r2(
 def series(
     axes: Axes,
     x: Sequence[float],
-    medians: Sequence[float],
-    lows: Sequence[float],
-    highs: Sequence[float],
+    values: np.ndarray,
     method: str,
     limits: tuple[float, float],
     joined: Sequence[bool] | None = None,
 ) -> None:
     """Medians of one method, intervals as bars; those `joined` (all) lie on one line.
 
-    Values beyond `limits`, failures (inf) among them, stand at the limit as open triangles.
-    A method without a marker is its line alone.
+    x: (n,). values: (3, n) median, low and high, places on the axis. Values beyond `limits`,
+    failures (inf) among them, stand at the limit as open triangles. A method without a marker is
+    its line alone.
     """
-    style = method_style(method)
-    x, medians = np.asarray(x, float), np.asarray(medians, float)
-    inside = np.clip(medians, *limits)
+    style, look = method_style(method), line_look(method)
+    x, values = np.asarray(x, float), np.asarray(values, float)
+    inside, low, high = np.clip(values, *limits)
     line = np.ones(len(x), bool) if joined is None else np.asarray(joined, bool)
-    look = line_look(method)
     if not style.marker:
         dash = "_" if line.sum() == 1 else ""  # a line needs two points
         axes.plot(x[line], inside[line], **look | {"markersize": 14}, marker=dash, zorder=4.5)
         return
-    axes.vlines(x, np.clip(lows, *limits), np.clip(highs, *limits), color=style.color, lw=0.7)
+    axes.vlines(x, low, high, color=style.color, lw=0.9)
     axes.plot(x[line], inside[line], **look, zorder=2 + style.weight)
-    size = look["markersize"]
-    for chosen, marker, face in (
-        ((medians >= limits[0]) & (medians <= limits[1]), style.marker, style.color),
-        (medians < limits[0], "v", "white"),
-        (medians > limits[1], "^", "white"),
+    points(axes, x, values[0], limits, style.color, style.marker, look["markersize"])
+
+
+def points(
+    axes: Axes, x: Sequence[float], y: Sequence[float], limits: tuple[float, float],
+    color: str, marker: str, size: float,
+) -> None:  # fmt: skip
+    """Markers, those beyond the limits at the limit as open triangles."""
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    look = {"ls": "", "mec": color, "mew": 0.7, "ms": size, "zorder": 5}
+    for chosen, own, face, label in (
+        ((y >= limits[0]) & (y <= limits[1]), marker, color, None),
+        (y < limits[0], "v", "white", BEYOND),
+        (y > limits[1], "^", "white", BEYOND),
     ):
-        axes.plot(
-            x[chosen], inside[chosen], ls="", marker=marker, mfc=face, mec=style.color,
-            mew=0.7, ms=size, zorder=3 + style.weight,
-        )  # fmt: skip
+        if chosen.any():
+            clipped = np.clip(y[chosen], *limits)
+            axes.plot(x[chosen], clipped, marker=own, mfc=face, label=label, **look)
+
+
+def band(
+    axes: Axes, x: Sequence[float], low: Sequence[float], high: Sequence[float], label: str
+) -> None:
+    """What lies between two curves, and dashes at their places where there is one place alone."""
+    axes.fill_between(x, low, high, color=BAND, lw=0, label=label, zorder=1)
+    if len(x) == 1:
+        axes.vlines(x, low, high, color=BAND, lw=8, zorder=1)
 
 
 def line_look(method: str) -> dict:
@@ -198,17 +238,21 @@ def in_order(table: pd.DataFrame, column: str, order: Sequence[str]) -> list[str
     return [name for name in order if name in present]
 
 
-def method_legend(
-    figure: Figure, methods: Sequence[str], extra: Sequence[Line2D] = (), columns: int = 5
+def legend(
+    figure: Figure, methods: Sequence[str] = (), columns: int = 5, title: str | None = None
 ) -> None:
-    """All methods and marks, above the panels."""
-    clipped = Line2D(
-        [], [], ls="", marker="v", mfc="white", mec="k", mew=0.7, label="beyond the axis"
-    )
+    """Above the panels: methods, and all that is labelled in any panel, each once."""
     entries = method_handles({method: method_style(method).label for method in methods})
+    named = {}
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
+    if named.pop(BEYOND, None):
+        look = {"ls": "", "marker": "v", "mfc": "white", "mec": "k", "mew": 0.7}
+        named[BEYOND] = Line2D([], [], **look, label=BEYOND)
     figure.legend(
-        handles=[*entries, *extra, clipped], loc="outside upper center", ncols=columns,
-        columnspacing=1.4, handlelength=2.8,
+        [*entries, *named.values()], [*(entry.get_label() for entry in entries), *named],
+        loc="outside upper center", ncols=columns, columnspacing=1.4, handlelength=2.4, title=title,
     )  # fmt: skip
 
 
@@ -218,18 +262,3 @@ def method_handles(names: Mapping[str, str]) -> list[Line2D]:
         Line2D([], [], **line_look(method), marker=method_style(method).marker, label=name)
         for method, name in names.items()
     ]
-
-
-def r2_series(
-    axes: Axes,
-    x: Sequence[float],
-    medians: Sequence[float],
-    lows: Sequence[float],
-    highs: Sequence[float],
-    method: str,
-    joined: Sequence[bool] | None = None,
-) -> None:
-    """`series` of R2 on an axis of `prepare_r2`: open triangles stand for R2 of zero or less."""
-    low, high = map(r2_place, R2_LIMITS)
-    places = np.where(np.asarray(medians, float) < R2_LIMITS[0], low - 1, r2_place(medians))
-    series(axes, x, places, r2_place(lows), r2_place(highs), method, (low, high), joined)

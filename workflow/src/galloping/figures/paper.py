@@ -2,42 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 
 from galloping.figures.style import PAPER
-from galloping.tables.claims import CLAIMS, Claim
+from galloping.paper.printed import CLAIMS
+
+LOOKS = {  # of a printed value and of a printed bound
+    "paper: printed": {"marker": "*", "ms": 8, "mew": 0, "zorder": 6},
+    "paper: at least": {"marker": "_", "ms": 16, "mew": 1.4, "zorder": 2},
+}
 
 
-def claims_of(column: str, case: str, subset: bool = False) -> list[Claim]:
-    """Claims about one score of one case, from whole records or from random subsets."""
+@dataclass(frozen=True)
+class Printed:
+    """One number that the paper prints of a score.
+
+    level, points: of the recording, points None where it is whole. look: a name of LOOKS.
+    """
+
+    level: float
+    points: int | None
+    value: float
+    look: str
+
+
+def printed(column: str, case: str) -> list[Printed]:
+    """What the paper prints of a column of scores.csv, of one case."""
+    value, bound = LOOKS
     return [
-        claim
-        for claim in CLAIMS
-        if claim.column == column
-        and claim.case in (case, None)
-        and claim.minus is None
-        and (claim.points is not None) == subset
+        Printed(c.level, c.points, c.paper_value, value if c.is_number else bound)
+        for c in CLAIMS
+        if c.column == column and c.case in (case, "") and not c.minus
     ]
 
 
-def mark(axes: Axes, x: float, y: float, claim: Claim) -> None:
-    """A star at a printed value, a bar at a printed bound."""
-    if claim.kind == "value":
-        axes.plot(x, y, "*", color=PAPER, markersize=7, markeredgewidth=0, zorder=5)
-    else:
-        axes.plot(x, y, "_", color=PAPER, markersize=14, markeredgewidth=1.3, zorder=2)
-
-
-def handles(value: bool, bound: bool) -> list[Line2D]:
-    """Legend entries of the marks."""
-    entries = []
-    if value:
-        entries.append(
-            Line2D([], [], ls="", marker="*", color=PAPER, ms=7, mew=0, label="paper's value")
-        )
-    if bound:
-        entries.append(
-            Line2D([], [], ls="", marker="_", color=PAPER, ms=10, mew=1.3, label="paper: at least")
-        )
-    return entries
+def mark(axes: Axes, x: float, y: float, of: Printed) -> None:
+    """A star at a printed value, a bar at a printed bound, at a place of the axes."""
+    label = of.look if of.look not in axes.get_legend_handles_labels()[1] else None
+    axes.plot(x, y, ls="", color=PAPER, label=label, **LOOKS[of.look])

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill, shorten
 
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from galloping.figures import panels
-from galloping.figures.style import BAND, DIRECTIONS, DOUBLE, STATE_LABELS, TRUE, method_style
+from galloping.figures.style import DIRECTIONS, DOUBLE, STATE_LABELS, TRUE, method_style
 
 AXES = {"v": "q_v", "w": "q_w"}
 
@@ -48,28 +47,16 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
             _panel(axes, of_panel, methods)
             _deviation(below, of_panel[of_panel["method"] == settings["method"]])
             for pane in (axes, below):
-                pane.axvline(settings["recorded"], color="#9a9a9a", lw=0.8, ls=":")
+                pane.axvline(
+                    settings["recorded"], color="#9a9a9a", lw=0.8, ls=":", label="recorded"
+                )
             if column == 0:
                 axes.set_ylabel("half range, m")
                 below.set_ylabel("deviation, %")
             if row == len(protocols) - 1:
                 below.set_xlabel("wind speed, m/s")
-    figure.legend(
-        handles=[
-            Line2D([], [], color=TRUE, lw=4, label="truth"),
-            *(_handle(method) for method in methods),
-            Patch(fc=BAND, ec="none", label="95 % band"),
-            Line2D([], [], color="#9a9a9a", lw=0.8, ls=":", label="recorded"),
-        ],
-        loc="outside upper center",
-        ncols=5,
-    )
+    panels.legend(figure)
     return figure
-
-
-def _handle(method: str) -> Line2D:
-    style = method_style(method)
-    return Line2D([], [], color=style.color, ls=style.line, marker=style.marker, label=style.label)
 
 
 def _panel(axes: Axes, table: pd.DataFrame, methods: list[str]) -> None:
@@ -78,21 +65,19 @@ def _panel(axes: Axes, table: pd.DataFrame, methods: list[str]) -> None:
         if line.empty:
             continue
         wind, style = line["wind_m_s"], method_style(method)
-        if line["predicted_m"].isna().all():
-            axes.text(0.97, 0.05, f"{style.label}: no limit cycle", ha="right", color=style.color,
-                      transform=axes.transAxes)  # fmt: skip
+        if line["predicted_m"].isna().any():
+            reason = next(iter(line["reason"].dropna()), "no stable limit cycle")
+            axes.text(0.97, 0.05, fill(shorten(f"{style.label}: {reason}", 80), 40), ha="right",
+                      color=style.color, fontsize="small", transform=axes.transAxes)  # fmt: skip
         if k == 0:
-            axes.plot(wind, line["true_m"], color=TRUE, lw=4, zorder=1)
-            axes.fill_between(wind, line["low_m"], line["high_m"], color=BAND, zorder=2, lw=0.8,
-                              ec="#a8741a")  # fmt: skip
+            axes.plot(wind, line["true_m"], color=TRUE, lw=4, zorder=0.9, label="truth")
+            panels.band(axes, wind, line["low_m"], line["high_m"], "95 % band")
             doubtful = sorted(set(line["verdict"]) - {"ok"})
             if doubtful:
                 axes.text(0.03, 0.95, doubtful[0].partition(":")[0], va="top",
                           transform=axes.transAxes, color="#b30000")  # fmt: skip
-        axes.plot(
-            wind, line["predicted_m"], color=style.color, ls=style.line, marker=style.marker,
-            lw=1.0, zorder=3,
-        )  # fmt: skip
+        look = panels.line_look(method) | {"lw": 1.0}
+        axes.plot(wind, line["predicted_m"], **look, marker=style.marker, label=style.label)
 
 
 def _deviation(axes: Axes, table: pd.DataFrame) -> None:
@@ -101,8 +86,8 @@ def _deviation(axes: Axes, table: pd.DataFrame) -> None:
     low, value, high = (
         100 * (line[name] / line["true_m"] - 1) for name in ("low_m", "predicted_m", "high_m")
     )
-    axes.axhline(0, color=TRUE, lw=2, zorder=1)
-    axes.fill_between(wind, low, high, color=BAND, ec="#a8741a", lw=0.8, zorder=2)
+    axes.axhline(0, color=TRUE, lw=2, zorder=0.9)
+    panels.band(axes, wind, low, high, "95 % band")
     for method in line["method"].unique():
-        style = method_style(method)
-        axes.plot(wind, value, color=style.color, ls=style.line, marker=style.marker, lw=1.0)
+        look = panels.line_look(method) | {"lw": 1.0}
+        axes.plot(wind, value, **look, marker=method_style(method).marker)

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from galloping.figures import panels
 from galloping.figures.style import DOUBLE, MODEL, PAPER
@@ -19,6 +18,7 @@ QUANTITIES = {
     "r2": "$R^2$",
 }
 LOOKS = {"vertical": {"color": MODEL, "marker": "o"}, "horizontal": {"color": PAPER, "marker": "s"}}
+OTHER = {"marker": "x", "label": "another motion"}  # not that of the two-mode model
 R2_LOOKS = {"r2_0_100_s": "white", "r2_100_200_s": "#bbbbbb", "r2_200_300_s": ""}
 
 
@@ -29,7 +29,7 @@ def draw_reduction(table: pd.DataFrame, settings: Mapping) -> Figure:
     three stretches of the record. settings: none are read.
     """
     lines = [name for name in table["line"].unique() if name != TWO_MODES]
-    figure = Figure(figsize=(DOUBLE, 5.6), layout="constrained")
+    figure = Figure(figsize=(DOUBLE, 6.0), layout="constrained")
     grid = figure.subplots(len(QUANTITIES), 2, sharex=True)
     places = np.arange(len(lines))
     for column, (direction, look) in enumerate(LOOKS.items()):
@@ -47,21 +47,19 @@ def draw_reduction(table: pd.DataFrame, settings: Mapping) -> Figure:
                     )  # fmt: skip
                 axes.set_xticks(places, lines, rotation=60, ha="right")
             else:
-                axes.plot(places, of_direction.loc[lines, quantity], ls="", **look)
-                axes.axhline(of_direction.loc[TWO_MODES, quantity], color="k", lw=0.8, ls="--")
+                values = of_direction.loc[lines, quantity].to_numpy()
+                error = of_direction.loc[lines, f"{quantity.removesuffix('_m')}_error_percent"]
+                apart = error.isna().to_numpy()
+                axes.plot(places[~apart], values[~apart], ls="", **look, label=direction)
+                axes.plot(places[apart], values[apart], ls="", **look | OTHER)
+                two = of_direction.loc[TWO_MODES, quantity]
+                axes.axhline(two, color="k", lw=0.8, ls="--", label="two-mode model")
                 axes.set_ylim(0, None)
             if column == 0:
                 axes.set_ylabel(label)
-    model = Line2D([], [], color="k", lw=0.8, ls="--", label="two-mode model")
-    entries = [Line2D([], [], ls="", **look, label=name) for name, look in LOOKS.items()]
-    stretches = [
-        Line2D([], [], ls="", marker="o", mec="k", mfc=face or "k", label=f"$R^2$, {_named(key)}")
-        for key, face in R2_LOOKS.items()
-    ]
-    figure.legend(
-        handles=[*entries, model, *stretches], loc="outside upper center", ncols=6,
-        handletextpad=0.3, columnspacing=1.2,
-    )  # fmt: skip
+    for key, face in R2_LOOKS.items():
+        grid[0, 0].plot([], [], "o", mec="k", mfc=face or "k", label=f"$R^2$, {_named(key)}")
+    panels.legend(figure, columns=4)
     return figure
 
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from galloping.measurement.protocols import Protocol
 from galloping.study import shown, sources
 from galloping.study.cells import Cell, Study
-from galloping.study.kinds import BOUND
+from galloping.study.kinds import BOUND, NOISE, SUBSET
 from galloping.study.shown import Pair
 from galloping.study.sources import Sources
-from galloping.trials.registry import MODEL_ERROR, TRUST
+from galloping.trials.registry import EXACT_TERMS, INTERVALS, MODEL_ERROR, PAPER, TRUST
 
 
 def _nothing(study: Study) -> dict:
@@ -55,6 +56,48 @@ def _everything(study: Study) -> dict:
         "protocols": [protocol.name for protocol in study.protocols],
         "methods": [*(method.name for method in study.methods), BOUND],
     }
+
+
+def _unit(study: Study, protocol: Protocol) -> str:
+    """Of its noise levels."""
+    return protocol.noise_unit(study.settings.measurement.state_noise == "relative")
+
+
+def _noise_labels(study: Study) -> dict[str, str]:
+    """Of the axes of each protocol."""
+    return {p.name: f"noise level, {_unit(study, p)}" for p in study.protocols}
+
+
+def _along(study: Study, kind: str, *quantities: str) -> dict:
+    """Scores of whole records against noise, or of subsets against their points."""
+    x, labels = "level", _noise_labels(study)
+    if kind == SUBSET:
+        x, labels = "points", dict.fromkeys(labels, "points")
+    return {"kind": kind, "x": x, "labels": labels, "quantities": list(quantities)}
+
+
+def _papers(kind: str, *quantities: str) -> Callable[[Study], Mapping]:
+    """The paper's method on the first case."""
+    return lambda study: {
+        "case": shown.first_case(study).name,
+        **_pair(shown.paper_pair(study)),
+        **_along(study, kind, *quantities),
+    }
+
+
+def _draws(study: Study) -> Sources:
+    """Scores of the paper's method, and its many draws where the study has them."""
+    case = shown.first_case(study).name
+    more = shown.is_papers(shown.paper_pair(study)) and case in shown.redrawn_cases(study)
+    draws = {"draws": sources.paper_draws(study, case)} if more else {}
+    return {"table": sources.table(study, "scores"), **draws}
+
+
+def _all_methods(kind: str, values: str, *quantities: str) -> Callable[[Study], Mapping]:
+    """values: the table with the numbers."""
+    return lambda study: (
+        _everything(study) | _along(study, kind, *quantities) | {"values": f"{values}.csv"}
+    )
 
 
 def _with_subset_level(study: Study) -> dict:
@@ -126,53 +169,46 @@ def _coefficients(study: Study) -> dict:
         "case": shown.first_case(study).name,
         **_pair(shown.paper_pair(study)),
         "levels": {cell.name: cell.level for cell in _coefficient_cells(study)},
+        "unit": _unit(study, shown.paper_pair(study)[0]),
         "degree": study.settings.identification.degree,
     }
 
 
 def _histories(
-    cells: Callable[[Study], Mapping[str, str]],
+    cells: Callable[[Study, Protocol], Mapping[str, str]], pair: Callable[[Study], Pair]
 ) -> tuple[Callable[[Study], Sources], Callable[[Study], Mapping]]:
     """What is read, and the settings, of time histories. cells: labels by name of the cell."""
 
-    def columns(study: Study) -> list[tuple[Pair, list[tuple[Cell, str]]]]:
-        """The cells of each pair of protocol and method, with their labels."""
-        case, labels = shown.first_case(study).name, cells(study)
-        return [
-            (pair, [(study.cell(case, pair[0].name, name), labels[name]) for name in labels])
-            for pair in shown.history_pairs(study)
-        ]
+    def named(study: Study) -> list[tuple[Cell, str]]:
+        case, (protocol, _) = shown.first_case(study).name, pair(study)
+        labels = cells(study, protocol)
+        return [(study.cell(case, protocol.name, name), labels[name]) for name in labels]
 
     def reads(study: Study) -> Sources:
         return {
             "trajectory": sources.trajectory(study, shown.first_case(study).name),
-            "reconstructions": {
-                cell.id: sources.reconstructions(study, cell)
-                for _, column in columns(study)
-                for cell, _ in column
-            },
+            "reconstructions": {c.id: sources.reconstructions(study, c) for c, _ in named(study)},
         }
 
     def settings(study: Study) -> dict:
         return {
             "case": shown.first_case(study).name,
-            "columns": [
-                _pair(pair) | {"cells": {cell.id: label for cell, label in column}}
-                for pair, column in columns(study)
-            ],
+            **_pair(pair(study)),
+            "cells": {cell.id: label for cell, label in named(study)},
             "window": list(study.settings.simulation.steady_window),
         }
 
     return reads, settings
 
 
-def _noisy(study: Study) -> dict[str, str]:
+def _noisy(study: Study, protocol: Protocol) -> dict[str, str]:
     cells = shown.noise_cells(study, shown.paper_pair(study), HISTORY_LEVELS)
-    return {cell.name: f"noise level {cell.level:g}" for cell in cells}
+    unit = _unit(study, protocol)
+    return {cell.name: f"noise level {cell.level:g} ({unit})" for cell in cells}
 
 
-def _subsets(study: Study) -> dict[str, str]:
-    cells = shown.amount_cells(study, shown.paper_pair(study))
+def _subsets(study: Study, protocol: Protocol) -> dict[str, str]:
+    cells = reversed(shown.amount_cells(study, shown.paper_pair(study)))  # the paper's order
     return {cell.name: f"{cell.samples} points" for cell in cells}
 
 
@@ -182,9 +218,11 @@ def _claims(study: Study) -> dict:
 
 
 def _overview(study: Study) -> dict:
+    protocol = shown.sensor_protocol(study)
     return {
         "case": shown.first_case(study).name,
-        "protocol": shown.sensor_protocol(study).name,
+        "protocol": protocol.name,
+        "label": _noise_labels(study)[protocol.name],
     }
 
 
@@ -193,10 +231,13 @@ def _limit_cycles(study: Study) -> Sources:
 
 
 OPEN_LABELS = {
-    "wind_speed": "wind speed, m/s",
-    "damping_ratio": "damping ratio",
-    "bundle_dimension": "bundle, m",
-    "initial_displacement": "release, m",
+    "wind_speed": "wind, m/s",
+    "damping_vertical": "$\\zeta_v$",
+    "damping_horizontal": "$\\zeta_w$",
+    "bundle_dimension": "$D$, m",
+    "release_vertical": "$q_v(0)$, m",
+    "release_horizontal": "$q_w(0)$, m",
+    "threshold": "threshold",
 }
 LIMIT_CYCLES = {"cycles": "limit_cycles", "bifurcations": "bifurcations"}
 
@@ -206,7 +247,8 @@ def _cases(study: Study) -> dict:
 
 
 def _wind(study: Study) -> dict:
-    return _cases(study) | {"parameter": "wind_speed", "label": "wind speed, m/s"}
+    lines = {case.name: case.line for case in study.cases}
+    return {"cases": lines, "parameter": "wind_speed", "label": "wind speed, m/s"}
 
 
 def _resonance(study: Study) -> dict:
@@ -239,6 +281,14 @@ def _predicted(study: Study) -> dict:
 
 FIGURES = (
     Figure(
+        "printed",
+        "the paper's printed numbers beside ours",
+        "galloping.figures.printed:draw_printed",
+        _table("paper"),
+        lambda study: {"case": next(iter(shown.departures_from_paper(study)))},
+        belongs=lambda study: bool(shown.departures_from_paper(study)),
+    ),
+    Figure(
         "figure01",
         "01 line and coordinates",
         "galloping.figures.line:draw_line",
@@ -270,35 +320,70 @@ FIGURES = (
     Figure(
         "figure06",
         "06 coefficient error against noise",
-        "galloping.figures.noise:draw_noise_coefficients",
-        _table("noise_coefficients"),
-        _everything,
+        "galloping.figures.draws:draw_draws",
+        _draws,
+        _papers(NOISE, "coefficients"),
+    ),
+    Figure(
+        "figure06_methods",
+        "06, all methods: coefficient error against noise",
+        "galloping.figures.methods:draw_methods",
+        _table("scores"),
+        _all_methods(NOISE, "noise_coefficients", "coefficients"),
     ),
     Figure(
         "figure07",
         "07 R2 against noise",
-        "galloping.figures.noise:draw_noise_r2",
-        _table("noise_r2"),
-        _everything,
+        "galloping.figures.draws:draw_draws",
+        _draws,
+        _papers(NOISE, "r2"),
+    ),
+    Figure(
+        "figure07_methods",
+        "07, all methods: R2 against noise",
+        "galloping.figures.methods:draw_methods",
+        _table("scores"),
+        _all_methods(NOISE, "noise_r2", "r2"),
     ),
     Figure(
         "figure08",
         "08 time histories under noise",
         "galloping.figures.histories:draw_histories",
-        *_histories(_noisy),
+        *_histories(_noisy, shown.paper_pair),
+    ),
+    Figure(
+        "figure08_methods",
+        "08, our method: time histories under noise",
+        "galloping.figures.histories:draw_histories",
+        *_histories(_noisy, shown.our_pair),
+        belongs=shown.has_ours,
     ),
     Figure(
         "figure09",
         "09 time histories by amount of data",
         "galloping.figures.histories:draw_histories",
-        *_histories(_subsets),
+        *_histories(_subsets, shown.paper_pair),
+    ),
+    Figure(
+        "figure09_methods",
+        "09, our method: time histories by amount of data",
+        "galloping.figures.histories:draw_histories",
+        *_histories(_subsets, shown.our_pair),
+        belongs=shown.has_ours,
     ),
     Figure(
         "figure10",
         "10 R2 and amplitude by amount of data",
-        "galloping.figures.amount:draw_data_amount",
-        _table("data_amount"),
-        _with_subset_level,
+        "galloping.figures.draws:draw_draws",
+        _draws,
+        _papers(SUBSET, "r2", "amplitude"),
+    ),
+    Figure(
+        "figure10_methods",
+        "10, all methods: amplitude by amount of data",
+        "galloping.figures.methods:draw_methods",
+        _table("scores"),
+        _all_methods(SUBSET, "data_amount", "amplitude"),
     ),
     Figure(
         "claims",
@@ -319,7 +404,7 @@ FIGURES = (
         "efficiency against noise",
         "galloping.figures.efficiency:draw_efficiency",
         _table("efficiency"),
-        _everything,
+        lambda study: _everything(study) | {"labels": _noise_labels(study)},
     ),
     Figure(
         "identifiability",
@@ -382,6 +467,7 @@ FIGURES = (
         "galloping.figures.reproduction:draw_reproduction",
         _table("reproduction"),
         lambda study: {"labels": OPEN_LABELS},
+        belongs=lambda study: bool(shown.redrawn_cases(study)),
     ),
     Figure(
         "trust",
@@ -396,6 +482,30 @@ FIGURES = (
         "galloping.figures.model_error:draw_model_error",
         _table("model_error"),
         belongs=shown.has_trials(MODEL_ERROR),
+    ),
+    Figure(
+        "published_terms",
+        "exact terms beside published methods",
+        "galloping.figures.published:draw_published_terms",
+        _table("published_terms"),
+        belongs=shown.has_trials(EXACT_TERMS),
+    ),
+    Figure(
+        "published_intervals",
+        "intervals after selection beside published ones",
+        "galloping.figures.published:draw_published_intervals",
+        _table("published_intervals"),
+        belongs=shown.has_trials(INTERVALS),
+    ),
+    Figure(
+        "paper_region",
+        "what the paper leaves out",
+        "galloping.figures.region:draw_region",
+        lambda study: {
+            "samples": sources.table(study, "paper_samples"),
+            "readings": sources.table(study, "paper_readings"),
+        },
+        belongs=shown.has_trials(PAPER),
     ),
 )
 BY_NAME = {figure.name: figure for figure in FIGURES}

@@ -41,7 +41,7 @@ class MethodStyle:
 
 METHODS = {
     "stlsq": MethodStyle("STLSQ", "#11115a", "o", "-"),
-    "stlsq_raw": MethodStyle("STLSQ, raw columns", "#1f78b4", "s", "--"),
+    "paper": MethodStyle("paper's method", "#1f78b4", "s", "--"),
     "lasso": MethodStyle("LASSO", "#e69f00", "D", "-."),
     "frols": MethodStyle("FROLS", "#8c6d1f", "H", (0, (6, 1, 2, 1))),
     "oracle": MethodStyle("oracle", "#3d3d3d", ".", (0, (1, 1)), 1.1),

@@ -66,6 +66,13 @@ class Protocol:
             np.any(one.states != other.states) or np.any(one.derivatives != other.derivatives)
         )
 
+    def noise_unit(self, relative: bool) -> str:
+        """What a noise level counts in, in words. relative: as in `channel_scale`."""
+        if relative and self.is_scaled:
+            return "standard deviations"
+        units = {DERIVATIVES: "m/s, m/s²", ALL_STATES: "m, m/s", DISPLACEMENTS_ALONE: "m"}
+        return units.get(self.measures, "m/s²")
+
 
 def _derivatives(level: float, scale: np.ndarray) -> Noise:
     """Absolute noise on every derivative (Brunton et al. 2016)."""

@@ -8,7 +8,6 @@ from galloping.study.kinds import OURS
 
 
 def headline(
-    claims: pd.DataFrame,
     efficiency: pd.DataFrame,
     errors: pd.DataFrame,
     cycles: pd.DataFrame,
@@ -16,17 +15,14 @@ def headline(
     *,
     case: str,
     protocol: str,
-    paper: tuple[str, str],
 ) -> list[str]:
-    """Sentences on the paper's claims, on identification from sensors and on the galloping itself.
+    """Sentences on identification from sensors and on the galloping itself.
 
-    claims, efficiency, errors, cycles, bifurcations: claims.csv, efficiency.csv,
-    noise_coefficients.csv, limit_cycles.csv and bifurcations.csv. case: the
-    line that the sentences are about. protocol: that of its sensors. paper: protocol and method
-    that the paper most likely used. A sentence whose rows the study does not have is left out.
+    efficiency, errors, cycles, bifurcations: efficiency.csv, noise_coefficients.csv,
+    limit_cycles.csv and bifurcations.csv. case: the line that the sentences are about. protocol:
+    that of its sensors. A sentence whose rows the study does not have is left out.
     """
     sentences = [
-        _claims(claims, *paper),
         _from_sensors(efficiency, errors, case, protocol),
         _least_data(efficiency, case, protocol),
         _galloping(cycles, bifurcations, case),
@@ -48,16 +44,14 @@ def verdicts(trust: pd.DataFrame) -> list[str]:
     return sentences
 
 
-def _claims(claims: pd.DataFrame, protocol: str, method: str) -> str:
-    rows = claims[(claims["protocol"] == protocol) & (claims["method"] == method)]
-    if rows.empty:
-        return ""
-    counts = rows["verdict"].value_counts()
-    verdicts = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-    return (
-        f"The paper's claims, by the method that it most likely used ({method} on {protocol} "
-        f"measurements): {verdicts}."
-    )
+def inferred(region: pd.DataFrame) -> list[str]:
+    """A sentence on what the paper's numbers tell of what it leaves out, of paper_region.csv."""
+    named = {
+        verdict: ", ".join(name.replace("_", " ") for name in of["unknown"])
+        for verdict, of in region.groupby("verdict")
+    }
+    told, left = (named.get(name, "nothing") for name in ("determined", "left open"))
+    return [f"The paper's printed numbers determine: {told}. They leave open: {left}."]
 
 
 def _from_sensors(efficiency: pd.DataFrame, errors: pd.DataFrame, case: str, protocol: str) -> str:

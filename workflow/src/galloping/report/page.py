@@ -13,6 +13,9 @@ from docutils.core import publish_parts
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
+from galloping.report.columns import meaning
+from galloping.report.paper import Section
+
 ENLARGED = 2.0  # px of the page for a pt of the print
 MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".csv": "text/csv"}
 
@@ -47,6 +50,10 @@ class Item:
         found = re.search(r'<svg[^>]* width="([\d.]+)pt"', self.path.read_text(encoding="utf-8"))
         return f"{ENLARGED * float(found[1]):.0f}px" if found else ""
 
+    def meaning(self, column: str) -> str:
+        """What a column of a table holds."""
+        return meaning(self.name, column)
+
     @property
     def rows(self) -> pd.DataFrame:
         """The cells of a table as text, numbers with four significant digits."""
@@ -69,11 +76,16 @@ class RecordingSection:
 class Page:
     """What the page shows, in this order.
 
-    headline: sentences that say what was found. settings: pairs of a name and a value with its
-    unit. versions: of Python and the libraries, by name. introduction: reStructuredText.
+    paper: what the paper prints beside ours, with the figure `printed`, or None. made: by which
+    commit. headline: sentences that say what was found beyond the paper, with the figure `first`.
+    settings: pairs of a name and a value with its unit. versions: of Python and the libraries, by
+    name. introduction: reStructuredText.
     """
 
     title: str
+    paper: Section | None
+    printed: Item | None
+    made: str
     headline: list[str]
     first: Item | None
     settings: list[tuple[str, str]]

@@ -6,6 +6,8 @@ import platform
 from collections.abc import Mapping
 from importlib import metadata
 
+from galloping.publication.provenance import commit
+
 LIBRARIES = ("numpy", "scipy", "pandas", "heyoka", "numba", "pysindy", "matplotlib", "snakemake")
 
 
@@ -47,6 +49,15 @@ def _line(case: Mapping) -> str:
         f"wind {case['wind']['speed']:g} m/s, damping ratios {case['damping']['vertical']:g} and "
         f"{case['damping']['horizontal']:g}"
     )
+
+
+def made_by() -> str:
+    """The commit that a report is made by, in words."""
+    known = commit()
+    if known is None:
+        return "code that is in no git repository"
+    changed = f", with {len(known.changes)} files changed since" if known.changes else ""
+    return f"commit {known.digest[:12]} of {known.date[:10]}{changed}"
 
 
 def versions() -> dict[str, str]:

@@ -1,7 +1,8 @@
 """Digest of the code that a script runs, so that Snakemake reruns what an edit touches.
 
 Snakemake tracks a rule's script by its time, and not at all what the script imports. The digest
-covers the script and its imports from this package, transitively. It leaves out comments,
+covers the script and its imports from this package, transitively, with the templates and tables of
+data beside them. It leaves out comments,
 docstrings and layout, and modules that run a script's work but have no part in it.
 """
 
@@ -19,8 +20,8 @@ from galloping.reproducibility.libraries import versions
 
 SOURCE = Path(__file__).parents[2]
 PACKAGE = Path(__file__).parents[1].name
-# Logs, receipts and messages: no number depends on them.
-UNCOUNTED = (f"{PACKAGE}.reproducibility.job",)
+# Logs, receipts, messages and progress: no number depends on them.
+UNCOUNTED = (f"{PACKAGE}.reproducibility.job", f"{PACKAGE}.passes")
 DOCUMENTED = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 IMPORTS = (ast.Import, ast.ImportFrom)
 
@@ -38,7 +39,8 @@ def code(*roots: str | Path) -> dict:
         name = path.relative_to(SOURCE).as_posix() if path.is_relative_to(SOURCE) else "script"
         texts.append(f"{name}\n{_parse(path).content}\n")
         if path.is_relative_to(SOURCE):
-            texts += [template.read_text("utf-8") for template in path.parent.glob("*.jinja")]
+            beside = (path.parent.glob(f"*.{suffix}") for suffix in ("jinja", "csv"))
+            texts += [data.read_text("utf-8") for found in beside for data in found]
     libraries = frozenset().union(*(_parse(path).libraries for path in files))
     return {
         "digest": hashlib.sha256("".join(sorted(texts)).encode()).hexdigest()[:16],

@@ -9,20 +9,19 @@ from pathlib import Path
 from galloping.field import SHOWN
 from galloping.figures import registry as figures
 from galloping.identification.registry import BY_NAME
+from galloping.paper.printed import needed
 from galloping.study import shown, sources
 from galloping.study.cells import Study
-from galloping.study.kinds import OURS_FAMILY
+from galloping.study.kinds import OURS_FAMILY, PAPER_METHOD
 from galloping.study.sources import Source, Sources
 from galloping.tables import registry as tables
-from galloping.trials.registry import TRUST
+from galloping.trials.registry import PAPER, TRUST
 
-COMPARISONS = ["reference_summary", "reference_differences"]  # of compare_reference
 ANIMATION = "galloping"  # the only figure that is not drawn on paper
-MOST_DRAWS = 3  # of each variant of a line, enough to tell most draws from some
+MOST_VARIED_DRAWS = 40  # of each variant of a line, enough to tell most draws from some
 ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
 CONTINUOUS = "galloping.measurement.continuous:motion"  # imports numba: not for all lines
 HEADLINE = {  # tables that tell what was found of lines
-    "claims": "claims",
     "efficiency": "efficiency",
     "errors": "noise_coefficients",
     "cycles": "limit_cycles",
@@ -179,30 +178,44 @@ def predict_winds(study: Study, case: str, protocol: str) -> Job:
     return _reading(reads, settings)
 
 
+def redraw_paper(study: Study, case: str) -> Job:
+    """Many draws of the paper's study by its own method, for its claims about one case."""
+    draws = study.settings.measurement.paper_draws
+    plan = {**_paper_plan(study, case), "draws": draws}
+    return Job({}, {"case": study.case(case).released, "name": case, "plan": plan})
+
+
 def vary_parameter(study: Study, parameter: str) -> Job:
-    """What a parameter that the paper leaves open decides of its claims."""
-    protocol, method = shown.paper_pair(study)
-    case, measurement = shown.first_case(study), study.settings.measurement
-    simulation = study.settings.simulation
-    plan = {
-        "case": case.name,
-        "protocol": protocol.name,
-        "method": method.name,
-        "options": study.options(method),
-        "levels": list(measurement.levels),
-        "points": list(measurement.subsets.points),
+    """What a setting that the paper leaves open decides of its claims about its first case."""
+    case = study.case(shown.redrawn_cases(study)[0])
+    draws = min(study.settings.measurement.paper_draws, MOST_VARIED_DRAWS)
+    values = study.plain["assessment"]["open_parameters"][parameter]
+    plan = {**_paper_plan(study, case.name), "draws": draws}
+    settings = {"case": case.released, "name": case.name, "plan": plan}
+    reads = {"drawn": sources.paper_draws(study, case.name)}
+    return _reading(reads, {**settings, "parameter": parameter, "values": values})
+
+
+def _paper_plan(study: Study, case: str) -> dict:
+    """What claims about a case need of what the paper's study measures, without the draws."""
+    measurement, simulation = study.settings.measurement, study.settings.simulation
+    levels, points = needed(case, measurement.levels, measurement.subsets.points)
+    amounts = {
+        "levels": levels,
+        "points": points,
         "subset_level": measurement.subsets.level,
-        "relative": protocol.is_scaled and measurement.state_noise == "relative",
-        "replicates": min(measurement.replicates, MOST_DRAWS),
-        "seed": measurement.seed,
-        "degree": study.settings.identification.degree,
         "duration": simulation.duration,
         "sampling_rate": simulation.sampling_rate,
-        "steady": list(simulation.steady_window),
+        "steady_window": list(simulation.steady_window),
     }
-    values = study.plain["assessment"]["open_parameters"][parameter]
-    settings = {"case": case.released, "parameter": parameter, "values": values, "plan": plan}
-    return Job({}, settings, method.modules)
+    options = study.plain["identification"][PAPER_METHOD]
+    return {
+        "threshold": options["threshold"],
+        "kinematics": options["kinematics"],
+        "degree": study.settings.identification.degree,
+        "seed": measurement.seed,
+        "amounts": amounts,
+    }
 
 
 def animate_line(study: Study) -> Job:
@@ -283,7 +296,7 @@ def compare_reference(study: Study) -> Job:
 
 def write_report(study: Study) -> Job:
     """Every figure and table with its caption, and what was found in the first case."""
-    names = [*(each.name for each in tables.of_study(study) if each.is_shown), *COMPARISONS]
+    names = [*(each.name for each in tables.of_study(study) if each.is_shown), *tables.COMPARISONS]
     drawn = figures.of_study(study)
     paths = study.paths
     shows = {
@@ -299,16 +312,20 @@ def write_report(study: Study) -> Job:
     reads = {}
     if shown.has_trials(TRUST)(study):
         reads |= {"trust": sources.table(study, "trust")}
+    if shown.has_trials(PAPER)(study):
+        reads |= {"region": sources.table(study, "paper_region")}
     if shown.has_lines(study):
         shows |= {f"figures/{ANIMATION}": paths.animation}
         settings["labels"] |= {ANIMATION: "the span, moving"}
         reads |= {name: sources.table(study, table) for name, table in HEADLINE.items()}
-        protocol, method = shown.paper_pair(study)
         settings["headline"] = {
             "case": shown.first_case(study).name,
             "protocol": shown.sensor_protocol(study).name,
-            "paper": [protocol.name, method.name],
         }
+    if shown.departures_from_paper(study):
+        reads |= {"paper": sources.table(study, "paper")}
+    if shown.redrawn_cases(study):
+        reads |= {"varied": sources.table(study, "reproduction")}
     job = _reading(reads, settings)
     return replace(job, inputs={**shows, **job.inputs})
 

@@ -6,7 +6,12 @@ SUBSET = "points"  # random samples of it
 JOINT = "joint"  # all recordings of a case together
 
 BOUND = "bound"  # the Cramer-Rao bound, where methods are named
+# what the paper did, as its printed numbers tell: see `galloping.paper`
+PAPER_PROTOCOL, PAPER_METHOD = "derivative", "paper"
 OURS = "maximum_likelihood"  # what figures set beside the paper's method
 OURS_FAMILY = "likelihood"
-# what the paper leaves open: `galloping.tables.reproduction.OPEN`
-OPEN_PARAMETERS = ("wind_speed", "damping_ratio", "bundle_dimension", "initial_displacement")
+# what the paper leaves open: `galloping.paper.variations.OPEN`
+OPEN_PARAMETERS = (
+    "wind_speed", "damping_vertical", "damping_horizontal", "bundle_dimension", "release_vertical",
+    "release_horizontal", "threshold",
+)  # fmt: skip

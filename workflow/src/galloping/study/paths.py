@@ -28,6 +28,7 @@ class Paths:
     measures: str = "assessment/{case}/measures.csv"
     orbits: str = "assessment/{case}/orbits.npz"
     prediction: str = "assessment/{case}/prediction_{protocol}.csv"
+    paper_draws: str = "paper/{case}.csv"
     openness: str = "reproduction/{parameter}.csv"
     trial: str = "trials/{trial}/{batch}.csv"
     animation: str = "figures/galloping.gif"

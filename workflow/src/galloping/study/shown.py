@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from galloping.configuration.parameters import departures
 from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
 from galloping.measurement.protocols import ALL_STATES, DERIVATIVES, Protocol
 from galloping.study.cells import Case, Cell, Study
-from galloping.study.kinds import JOINT, NOISE, OURS, OURS_FAMILY, SUBSET
+from galloping.study.kinds import (
+    JOINT,
+    NOISE,
+    OURS,
+    OURS_FAMILY,
+    PAPER_METHOD,
+    PAPER_PROTOCOL,
+    SUBSET,
+)
 
 Pair = tuple[Protocol, Method]
 
@@ -17,9 +26,9 @@ def has_lines(study: Study) -> bool:
     return bool(study.cases)
 
 
-def has_trials(table: str) -> Callable[[Study], bool]:
-    """Whether a study has trials that a table sums up."""
-    return lambda study: any(trial.kind.table == table for trial in study.trials)
+def has_trials(*tables: str) -> Callable[[Study], bool]:
+    """Whether a study has trials that one of the tables sums up."""
+    return lambda study: any(trial.kind.table in tables for trial in study.trials)
 
 
 def first_case(study: Study) -> Case:
@@ -34,9 +43,41 @@ def runs(pair: Pair) -> bool:
 
 
 def paper_pair(study: Study) -> Pair:
-    """What shows one protocol and method shows the first that can run."""
-    pairs = ((protocol, method) for method in study.methods for protocol in study.protocols)
-    return next(filter(runs, pairs))
+    """The paper's protocol and method, or the first pair that can run in a study without them."""
+    pairs = list(
+        filter(runs, ((protocol, m) for m in study.methods for protocol in study.protocols))
+    )
+    papers = (pair for pair in pairs if is_papers(pair))
+    return next(papers, pairs[0])
+
+
+def is_papers(pair: Pair) -> bool:
+    """Whether it is how the paper measured and identified."""
+    protocol, method = pair
+    return (protocol.name, method.name) == (PAPER_PROTOCOL, PAPER_METHOD)
+
+
+def judged_cases(study: Study) -> list[str]:
+    """Names of the cases about which the paper's claims can be judged."""
+    return [name for name, departure in departures(study.settings).items() if not departure]
+
+
+def departures_from_paper(study: Study) -> dict[str, str]:
+    """Why the paper's claims about its cases are not judged by its own method, "" where they are;
+    empty for a study without a case of the paper.
+    """
+    found = departures(study.settings)
+    if not any(case.name in found for case in study.cases):
+        return {}
+    if not is_papers(paper_pair(study)):
+        lacking = f"the study does not have {PAPER_METHOD} by protocol {PAPER_PROTOCOL}"
+        return {name: departure or lacking for name, departure in found.items()}
+    return found
+
+
+def redrawn_cases(study: Study) -> list[str]:
+    """Names of the cases whose claims are judged by draws of the paper's own method."""
+    return [name for name, departure in departures_from_paper(study).items() if not departure]
 
 
 def sensor_protocol(study: Study) -> Protocol:
@@ -45,11 +86,16 @@ def sensor_protocol(study: Study) -> Protocol:
     return next(sensors, study.protocols[0])
 
 
-def history_pairs(study: Study) -> list[Pair]:
-    """What the paper did, and beside it what can be had from sensors."""
-    pairs = [paper_pair(study)]
-    ours = [(sensor_protocol(study), method) for method in study.methods if method.name == OURS]
-    return pairs + [pair for pair in ours if pair not in pairs]
+def our_pair(study: Study) -> Pair:
+    """What can be had from sensors, of a study that has maximum likelihood."""
+    ours = next(method for method in study.methods if method.name == OURS)
+    return sensor_protocol(study), ours
+
+
+def has_ours(study: Study) -> bool:
+    """Whether our method runs on lines, and is not what stands for the paper's."""
+    names = [method.name for method in study.methods]
+    return has_lines(study) and OURS in names and our_pair(study) != paper_pair(study)
 
 
 def claim_pairs(study: Study) -> list[Pair]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from galloping.study.cells import Cell, Study
 
 FILES = "galloping.study.files"
+REGION = Path("results/reference/paper/paper_region.csv")  # what `make paper` found, kept
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,11 @@ def oracle(study: Study, cell: Cell) -> Source:
     return Source(study.paths.oracle.format(**cell.wildcards), f"{FILES}.tables:read")
 
 
+def paper_draws(study: Study, case: str) -> Source:
+    """The draws of the paper's study by its own method."""
+    return Source(study.paths.paper_draws.format(case=case), f"{FILES}.tables:read")
+
+
 def reconstructions(study: Study, cell: Cell) -> Source:
     """The motions of the models of a cell."""
     path = study.paths.reconstructions.format(**cell.wildcards)
@@ -68,14 +75,14 @@ def table(study: Study, name: str) -> Source:
     return Source(study.paths.table.format(table=name), f"{FILES}.tables:read")
 
 
-def trials(study: Study, table: str) -> dict[str, Source]:
-    """The fits of all batches of the trials that a table sums up."""
+def trials(study: Study, *tables: str) -> dict[str, Source]:
+    """The fits of all batches of the trials that one of the tables sums up."""
     return {
         f"{trial.name}/{batch.name}": Source(
             study.paths.trial.format(trial=trial.name, batch=batch.name), f"{FILES}.tables:read"
         )
         for trial in study.trials
-        if trial.kind.table == table
+        if trial.kind.table in tables
         for batch in trial.batches
     }
 
@@ -88,6 +95,11 @@ def swept(study: Study, pattern: str, **names: str) -> Source:
 def orbits(study: Study, case: str) -> Source:
     """The orbits of a line over one period."""
     return Source(study.paths.orbits.format(case=case), f"{FILES}.orbits:read")
+
+
+def region() -> dict[str, Source]:
+    """What was inferred of the settings that the paper does not print, where a clone has it."""
+    return {"region": Source(str(REGION), f"{FILES}.tables:read")} if REGION.exists() else {}
 
 
 def as_written(path: str) -> Source:

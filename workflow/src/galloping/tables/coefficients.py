@@ -79,3 +79,28 @@ def table3(
     table = table.assign(relative_error_percent=error)
     first = ["case", "equation", "symbol", "term", "true", "identified", "relative_error_percent"]
     return table[[*first, *named]]
+
+
+def as_printed(table3: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+    """Table 3 as the paper lays it out: gamma of each number, and kappa in parentheses.
+
+    table3: table3_coefficients.csv. A row for the true and for the identified coefficients of each
+    case; columns case, coefficients, then the numbers 1 to 10. Coefficients are those of the
+    left-hand side; one that the equation does not have is left out.
+    """
+    rows = []
+    parts = table3["symbol"].str.extract(r"^(gamma|kappa)_(\d+)$").set_axis(["letter", "k"], axis=1)
+    numbered = table3.assign(**parts).dropna(subset=["k"])
+    for case, of_case in numbered.groupby("case", sort=False):
+        for name in ("true", "identified"):
+            values = {(row["letter"], int(row["k"])): row[name] for _, row in of_case.iterrows()}
+            row = {"case": case, "coefficients": name}
+            for k in range(1, 11):
+                gamma, kappa = (_short(values.get((letter, k))) for letter in ("gamma", "kappa"))
+                row[str(k)] = f"{gamma} ({kappa})" if kappa else gamma
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _short(value: float | None) -> str:
+    return "" if value is None or np.isnan(value) else f"{value:.4g}"

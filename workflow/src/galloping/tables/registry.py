@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from galloping.configuration.settings import paper_cases_in
 from galloping.study import shown, sources
 from galloping.study.cells import Case, Cell, Study
 from galloping.study.kinds import NOISE, OPEN_PARAMETERS, OURS, OURS_FAMILY
 from galloping.study.sources import Sources
 from galloping.study.sweeps import Sweep
-from galloping.trials.registry import MODEL_ERROR, SYSTEMS, TRUST
+from galloping.trials.registry import EXACT_TERMS, INTERVALS, MODEL_ERROR, PAPER, SYSTEMS, TRUST
 
 
 def _nothing(study: Study) -> dict:
@@ -85,10 +84,20 @@ def _coefficients(study: Study) -> dict:
 
 def _claims(study: Study) -> dict:
     return {
-        "cases": paper_cases_in(study.settings),
-        "subset_level": study.settings.measurement.subsets.level,
+        "cases": shown.judged_cases(study),
         "pairs": [[p.name, m.name] for p in study.protocols for m in study.methods],
+        "steady_window": list(study.settings.simulation.steady_window),
     }
+
+
+def _paper_draws(study: Study) -> Sources:
+    cases = shown.redrawn_cases(study)
+    return {"draws": {case: sources.paper_draws(study, case) for case in cases}}
+
+
+def _claims_reads(study: Study) -> Sources:
+    moved = {case: sources.trajectory(study, case) for case in shown.judged_cases(study)}
+    return _scores(study) | _paper_draws(study) | {"trajectories": moved}
 
 
 def _noisy(study: Study) -> list[Cell]:
@@ -171,7 +180,9 @@ def _predictions(study: Study) -> Sources:
 
 def _openness(study: Study) -> Sources:
     opened = study.settings.assessment.open_parameters
-    names = [name for name in OPEN_PARAMETERS if getattr(opened, name)]
+    names = [
+        name for name in OPEN_PARAMETERS if getattr(opened, name) and shown.redrawn_cases(study)
+    ]
     return {"parts": {name: sources.swept(study, "openness", parameter=name) for name in names}}
 
 
@@ -212,14 +223,36 @@ def _ahead(study: Study) -> dict:
     }
 
 
-def _fits(table: str) -> Callable[[Study], Sources]:
-    """Of all trials that are summed up in a table."""
-    return lambda study: {"parts": sources.trials(study, table)}
+def _tables(study: Study) -> dict:
+    return {"tables": [*(table.name for table in of_study(study)), *COMPARISONS]}
 
 
+def _fits(*tables: str) -> Callable[[Study], Sources]:
+    """Of all trials that are summed up in one of the tables."""
+    return lambda study: {"parts": sources.trials(study, *tables)}
+
+
+COMPARISONS = ("reference_summary", "reference_differences")  # of compare_reference
 TOGETHER = "galloping.tables.assessment:together"
 TABLES = (
-    Table("table1_conductor", "galloping.tables.parameters:conductor", settings=_cases),
+    Table(
+        "readings",
+        "galloping.tables.parameters:readings",
+        belongs=lambda study: bool(shown.departures_from_paper(study)),
+        is_compared=False,
+    ),
+    Table(
+        "table1_conductor",
+        "galloping.tables.parameters:conductor",
+        lambda study: sources.region(),
+        _cases,
+    ),
+    Table(
+        "table3_as_printed",
+        "galloping.tables.coefficients:as_printed",
+        lambda study: {"table3": sources.table(study, "table3_coefficients")},
+        is_compared=False,
+    ),
     Table("table2_spacers", "galloping.tables.parameters:spacers", settings=_cases),
     Table(
         "table3_coefficients",
@@ -233,8 +266,15 @@ TABLES = (
     Table(
         "claims",
         "galloping.tables.claims:claims_table",
-        lambda study: _scores(study) | {"ahead": sources.table(study, "limit_cycle_ahead")},
+        _claims_reads,
         _claims,
+    ),
+    Table(
+        "paper",
+        "galloping.tables.claims:paper_table",
+        lambda study: _paper_draws(study) | {"claims": sources.table(study, "claims")},
+        lambda study: {"departures": shown.departures_from_paper(study)},
+        belongs=lambda study: bool(shown.departures_from_paper(study)),
     ),
     Table(
         "efficiency",
@@ -258,13 +298,20 @@ TABLES = (
     Table("reduction", "galloping.evaluation.reduction:reduction_table", settings=_reduction),
     Table("clearance", TOGETHER, _of_cases("clearance")),
     Table("measures", TOGETHER, _of_cases("measures")),
-    Table("reproduction", TOGETHER, _openness, is_compared=False),
+    Table(
+        "reproduction", TOGETHER, _openness,
+        belongs=lambda study: bool(shown.redrawn_cases(study)), is_compared=False,
+    ),
     Table(
         "scores",
         "galloping.tables.summary:all_scores",
         _scores_of_cells,
         is_compared=False,
         is_shown=False,
+    ),
+    Table(
+        "columns", "galloping.report.columns:columns", settings=_tables,
+        belongs=lambda study: True, is_compared=False,
     ),
     Table(
         "fits", TOGETHER, _fits(TRUST),
@@ -287,6 +334,61 @@ TABLES = (
         "galloping.tables.trials:model_error",
         _fits(MODEL_ERROR),
         belongs=shown.has_trials(MODEL_ERROR),
+    ),
+    Table(
+        "paths",
+        "galloping.tables.trials:paths",
+        _fits(TRUST, SYSTEMS, MODEL_ERROR),
+        lambda study: {"kinds": {name: of.kind for name, of in study.settings.trials.items()}},
+        belongs=shown.has_trials(TRUST, SYSTEMS, MODEL_ERROR),
+    ),
+    Table(
+        "published_terms",
+        "galloping.tables.published:published_terms",
+        _fits(EXACT_TERMS),
+        belongs=shown.has_trials(EXACT_TERMS),
+    ),
+    Table(
+        "published_intervals",
+        "galloping.tables.published:published_intervals",
+        _fits(INTERVALS),
+        belongs=shown.has_trials(INTERVALS),
+    ),
+    Table(
+        "paper_region",
+        "galloping.tables.inference:region_table",
+        lambda study: {
+            "samples": sources.table(study, "paper_samples"),
+            "readings": sources.table(study, "paper_readings"),
+        },
+        belongs=shown.has_trials(PAPER),
+    ),
+    Table(
+        "paper_readings",
+        "galloping.tables.inference:readings",
+        _fits(PAPER),
+        belongs=shown.has_trials(PAPER),
+    ),
+    Table(
+        "paper_left_out",
+        "galloping.tables.inference:left_out",
+        lambda study: {"samples": sources.table(study, "paper_samples")},
+        belongs=shown.has_trials(PAPER),
+    ),
+    Table(
+        "paper_exclusions",
+        "galloping.tables.inference:exclusions",
+        _fits(PAPER),
+        belongs=shown.has_trials(PAPER),
+    ),
+    Table(
+        "paper_samples",
+        "galloping.tables.inference:region_samples",
+        _fits(PAPER),
+        lambda study: {"seed": study.settings.measurement.seed},
+        belongs=shown.has_trials(PAPER),
+        is_compared=False,
+        is_shown=False,
     ),
 )  # fmt: skip
 BY_NAME = {table.name: table for table in TABLES}

@@ -1,0 +1,248 @@
+"""The paper's claims: what it prints, how draws are judged, and what is not."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from drawing import drawn
+
+from galloping.figures.printed import draw_printed
+from galloping.figures.reproduction import draw_reproduction
+from galloping.measurement.motion import Motion
+from galloping.paper.amounts import Amounts
+from galloping.paper.claims import HELD, judged, together
+from galloping.paper.draws import paper_draws
+from galloping.paper.printed import CLAIMS, Claim, needed
+from galloping.paper.variations import variation_rows
+from galloping.report import paper as report
+from galloping.tables.claims import claims_table, paper_table
+from galloping.tables.coefficients import as_printed
+from galloping.tables.parameters import conductor
+
+CASE, PAIR = "internal_resonance", ("derivative", "paper")
+INF = np.inf
+POINTS = (1000, 5000, 10000, 30000)
+LEVELS = (0.0, 0.01, 0.03, 0.05, 0.1, 0.15)
+
+
+def claim(kind, printed=10.0, column="error"):
+    return Claim("a claim", CASE, "", "a quantity", column, 0.05, None, "", None, kind, printed,
+                 0.0, "")  # fmt: skip
+
+
+def scores(draws=20, **columns):
+    """Draws that are like the paper's in every cell, or have other values in `columns`."""
+    cells = [("noise", level, 30001) for level in LEVELS]
+    cells += [("points", 0.05, points) for points in POINTS]
+    rows = []
+    for kind, level, points in cells:
+        for draw in range(draws if level else 1):
+            row = {
+                "kind": kind, "level": level, "points": points, "draw": draw, "motion": "ok",
+                "missing": 0, "spurious": round(100 * level), "true_positive_ratio": 1.0,
+                "e2": level, "mean_error_linear_percent": 200 * level + 0.01 * draw,
+                "mean_error_cubic_percent": 450 * level + 0.01 * draw,
+                "r2_q_v": 0.995, "r2_q_w": 0.997,
+            }  # fmt: skip
+            for k, state in enumerate(("q_v", "q_w")):
+                row[f"amplitude_error_{state}_percent"] = 1e4 / points * (0.5 + 0.1 * draw + k)
+            rows.append(row | columns)
+    return pd.DataFrame(rows)
+
+
+def judge(kind, values):
+    values = np.asarray(values, float)
+    cell = {"kind": "noise", "level": 0.05, "missing": 0, "spurious": 0, "motion": "ok"}
+    return judged(claim(kind), pd.DataFrame({"error": values}).assign(**cell))
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict"),
+    [
+        (np.linspace(5, 15, 21), "reproduced"),
+        (np.full(20, 10.0), "reproduced"),
+        (np.full(20, 9.99), "better"),
+        (np.full(20, 10.01), "worse"),
+        (np.full(20, INF), "undecided"),
+        ([*np.full(11, 12.0), *np.full(9, INF)], "worse"),
+        (np.full(20, np.nan), "undecided"),
+    ],
+)
+def test_a_printed_number_is_judged_on_both_sides(values, verdict):
+    found = judge("value", values)
+    assert found["verdict"] == verdict and found["reason"]
+    if verdict != "undecided":
+        assert found["ratio"] == pytest.approx(found["median"] / 10)
+
+
+@pytest.mark.parametrize(("kind", "sign"), [("at_least", 1), ("at_most", -1)])
+@pytest.mark.parametrize(
+    ("met", "verdict"),
+    [(20, "met"), (11, "met"), (10, "seldom met"), (1, "seldom met"), (0, "not met")],
+)
+@pytest.mark.parametrize("bad", [0.1, INF])
+def test_a_bound_is_judged_by_the_share_of_draws_that_keep_it(kind, sign, met, verdict, bad):
+    values = 10.0 + sign * np.where(np.arange(20) < met, 0.1, -bad)
+    found = judge(kind, values)
+    assert (found["verdict"], found["share_of_draws"]) == (verdict, met / 20)
+    assert judge(kind, np.full(20, np.nan))["verdict"] == "undecided"
+
+
+def test_a_wide_interval_is_said_to_say_little():
+    assert "nearly any" in judge("value", np.geomspace(0.1, 1000, 20))["reason"]
+    assert "nearly any" not in judge("value", np.linspace(8, 12, 20))["reason"]
+
+
+def test_why_a_bound_is_missed():
+    drawn_ = scores(r2_q_v=0.5)
+    drawn_.loc[drawn_["draw"] < 5, "missing"] = 1
+    bound = next(c for c in CLAIMS if c.name == "R2 of q_v at noise 0.05")
+    found = judged(bound, drawn_)
+    assert found["verdict"] == "not met" and "25 % lost a true term" in found["reason"]
+    assert "100 % have false terms" in found["reason"]
+
+
+def test_the_list_holds_the_papers_numbers():
+    printed = {claim.name: claim.paper_value for claim in CLAIMS}
+    assert len(printed) == len(CLAIMS)
+    assert printed["mean error of linear terms at noise 0.05"] == 9.56
+    assert printed["mean error of cubic terms at noise 0.05"] == 21.05
+    amplitudes = {
+        "q_v": {30000: 0.83, 10000: 5.25, 5000: 9.45, 1000: 13.21},
+        "q_w": {30000: 1.03, 10000: 5.12, 5000: 10.91, 1000: 15.97},
+    }
+    for state, values in amplitudes.items():
+        for points, value in values.items():
+            assert printed[f"amplitude error of {state} from {points} points"] == value
+        for level, bounds in ((0.05, (0.99, 0.97)), (0.1, (0.95, 0.93))):
+            names = [n for n in printed if n.startswith(f"R2 of {state} at noise {level:g}")]
+            assert sorted(printed[n] for n in names) == sorted(bounds)
+        assert printed[f"R2 of {state} with 10000 points"] == 0.95
+    assert sum(claim.is_number for claim in CLAIMS) == 10
+
+
+def settings(cases=(CASE,), pairs=(PAIR,)):
+    return {"cases": list(cases), "pairs": list(pairs), "steady_window": (200.0, 300.0)}
+
+
+def tables(drawn_, departures=None):
+    claims = claims_table(drawn_, settings(), {CASE: drawn_})
+    return paper_table(claims, {CASE: drawn_}, {"departures": departures or {CASE: ""}})
+
+
+def test_paper_csv_has_a_row_for_each_claim_and_the_joint_shares():
+    table = tables(scores())
+    about = [c.name for c in CLAIMS if c.case in ("", CASE) and not c.column.startswith("steady")]
+    assert table["claim"].to_list()[: len(about)] == about
+    joint = table.iloc[len(about) :]
+    assert joint["claim"].str.contains("in the same draw").all() and len(joint) == 2
+    assert set(joint["share_of_draws"]) <= {0.0, 1.0}
+    row = table.set_index("claim").loc["mean error of linear terms at noise 0.05"]
+    assert (row["printed"], row["noise_level"]) == (9.56, 0.05)
+    assert row["median"] == pytest.approx(10.095) and row["verdict"] == "worse"
+
+
+def test_bounds_hold_together_in_the_draws_that_keep_each():
+    drawn_ = scores()
+    drawn_.loc[drawn_["draw"] == 3, "r2_q_v"] = 0.5
+    drawn_.loc[drawn_["draw"] == 4, "missing"] = 1
+    bounds = [c for c in CLAIMS if not c.is_number and not c.column.startswith("steady")]
+    bounds = [c for c in bounds if c.name != "exact parameters without noise"]
+    assert together(bounds, drawn_) == (pytest.approx(18 / 20), 20)
+    assert together(bounds, drawn_[drawn_["level"] != 0.1]) is None
+
+
+def test_differences_are_taken_within_a_draw():
+    table = tables(scores()).set_index("claim")
+    grown = table.loc["linear error grows with noise"]
+    assert grown["median"] == pytest.approx(8.0) and grown["verdict"] == "met"
+    assert pd.isna(grown["noise_level"])
+    assert table.loc["false terms appear as noise grows", "median"] == 14
+
+
+def test_failures_keep_no_bound():
+    worst = {c: INF for c in scores() if c.startswith(("mean_error", "amplitude", "e2"))}
+    worst |= {"r2_q_v": -INF, "r2_q_w": -INF, "missing": 16, "true_positive_ratio": 0.0}
+    table = tables(scores(**worst, spurious=0, motion="diverged"))
+    assert set(table["verdict"]) == {"undecided", "not met"}
+
+
+def test_what_the_study_lacks_is_not_run_and_what_differs_is_not_judged():
+    few = scores()
+    table = tables(few[few["level"] != 0.1]).set_index("claim")
+    assert set(table.loc[table.index.str.contains("noise 0.1$"), "verdict"]) == {"not run"}
+    reason = "line.span is 320, where the paper has 300"
+    other = paper_table(claims_table(few, settings(cases=[])), {}, {"departures": {CASE: reason}})
+    assert set(other["verdict"]) == {"not judged"} and set(other["reason"]) == {reason}
+    assert other["printed"].notna().all() and reason in report.count(other)
+
+
+def test_a_growing_motion_is_not_steady():
+    time = np.linspace(0, 300, 30001)
+    grow = 1 + 0.001 * (time - 200)
+    motion = Motion(("q_v", "q_w", "dq_v", "dq_w"), time,
+                    np.column_stack([grow * np.sin(2.6 * time), np.sin(1.3 * time)] * 2),
+                    np.zeros((30001, 4)), "ok")  # fmt: skip
+    table = claims_table(scores(), settings(pairs=[]), {}, {CASE: [motion]})
+    found = table.set_index("claim")["verdict"].to_dict()
+    assert found == {"steady state of q_v": "not met", "steady state of q_w": "met"}
+
+
+def test_other_methods_have_their_replicates():
+    drawn_ = scores(draws=4).assign(case=CASE, protocol="state", method="stlsq")
+    table = claims_table(drawn_, settings(pairs=[("state", "stlsq"), ("state", "weak")]))
+    assert set(table["method"]) == {"stlsq"} and set(table["replicates"]) == {1, 4}
+
+
+def test_the_first_screen_counts_and_lists_them():
+    table = tables(scores())
+    single = table[~table["claim"].str.contains("in the same draw")]
+    held = single["verdict"].isin(HELD).sum()
+    assert f"{len(single)} printed numbers and bounds {held} hold" in report.count(table)
+    rows = {row.statement: row.cells for row in report.rows(table)}
+    assert [cell.printed for cell in rows["amplitude error from 30000 points"]] == ["0.83", "1.03"]
+    assert (
+        len(report.failures(table))
+        == (~table["verdict"].isin(["reproduced", "better", "met"])).sum()
+    )
+    drawn(lambda: draw_printed(table, {"case": CASE}))
+
+
+def test_other_settings_are_judged_one_at_a_time(cases):
+    case = cases[CASE]
+    plan = {"threshold": 0.002, "draws": 3, "seed": 5}
+    amounts = Amounts(levels=(0.0, 0.05), points=())
+    values = {"wind_speed": (12.0, 14.0), "threshold": (0.002, 1.0)}
+    drawn_ = paper_draws(case, name=(CASE,), amounts=amounts, **plan)
+    rows = variation_rows(case, plan, amounts, values, CASE, drawn_)
+    assert rows.groupby(["parameter", "value"]).size().nunique() == 1
+    assert set(rows.loc[rows["default"], "value"]) == {12.0, 0.002}
+    exact = rows[rows["claim"] == "exact structure without noise"].set_index("value")["held"]
+    assert exact.to_dict() == {12.0: True, 14.0: True, 0.002: True, 1.0: False}
+    assert set(rows.loc[rows["claim"] == "all terms found at noise 0.01", "verdict"]) == {"not run"}
+    assert "threshold 1" in report.by_settings(rows)
+    drawn(lambda: draw_reproduction(rows, {"labels": {"wind_speed": "wind", "threshold": "t"}}))
+    with pytest.raises(ValueError, match="tension: the paper does not leave it open"):
+        variation_rows(case, plan, amounts, {"tension": (1.0,)}, CASE, drawn_)
+
+
+def test_only_what_claims_need_is_drawn():
+    more = (*LEVELS, 0.2), (*POINTS, 20000)
+    assert needed(CASE, *more) == (list(LEVELS), list(POINTS))
+    assert needed("non_resonant", *more) == ([0], [])
+
+
+def test_an_inferred_value_says_so_and_another_does_not(cases):
+    best = {"key": "wind.speed", "best": 12.0, "low": 9.0, "high": 13.0}
+    region = pd.DataFrame([best, {**best, "key": "damping.vertical", "best": 0.004}])
+    table = conductor({"cases": cases}, region).set_index(["case", "key"])
+    wind = table.loc[(CASE, "wind.speed")]
+    assert wind["provenance"] == "inferred" and "9 to 13" in wind["note"]
+    assert table.loc[(CASE, "damping.vertical"), "provenance"] == "assumed"
+
+
+def test_table_3_in_the_papers_layout():
+    rows = [("gamma_1", 0.5, 0.6), ("kappa_1", -1.0, -1.1), ("gamma_8", 2.0, 2.0), ("dq_w^3", 0, 1)]
+    table3 = pd.DataFrame(rows, columns=["symbol", "true", "identified"]).assign(case="a")
+    table = as_printed(table3, {})
+    assert table["1"].to_list() == ["0.5 (-1)", "0.6 (-1.1)"]
+    assert table["8"].to_list() == ["2", "2"] and table["10"].to_list() == ["", ""]

@@ -1,0 +1,132 @@
+"""How the paper's claims are judged by draws of its study.
+
+A number that the paper prints stands beside the 5 to 95 % of many draws: `reproduced` if it lies
+inside, `better` if our errors are smaller (it lies above), `worse` if they are larger. Of a bound
+the share of draws that keep it counts: `met` by most, `seldom met` by one in twenty at least, else
+`not met`. `undecided`: fewer than half of the draws give a number. `not run`: the study lacks the
+draws. `not judged`: the study's line or method is not the paper's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from galloping.paper.printed import Claim
+from galloping.tables.summary import interval
+
+HELD = ("reproduced", "better", "met")  # verdicts of claims that hold
+VERDICTS = (*HELD, "seldom met", "worse", "not met", "undecided", "not run", "not judged")
+MOST, SELDOM = 1 / 2, 1 / 20  # shares of the draws
+WIDE = 10.0  # an interval whose ends differ by this factor holds nearly any printed error
+
+
+def judged(claim: Claim, scores: pd.DataFrame) -> dict:
+    """The verdict on a claim and what it rests on.
+
+    scores: of one case, protocol and method, one row a draw and cell. Of the draws: median, low
+    and high (5 and 95 %), ratio (median over the printed number), spread (high over low),
+    share_of_draws (that keep the bound, or whose error is no larger than the printed one), draws,
+    verdict, and the reason in a sentence.
+    """
+    values = claim.values(scores)
+    if not len(values):
+        nothing = dict.fromkeys(("median", "low", "high", "ratio", "spread", "share_of_draws"))
+        return {**nothing, "draws": 0, "verdict": "not run", "reason": "the study lacks the draws"}
+    median, low, high = interval(values)
+    share = float(np.mean(claim.met(values)))
+    number = claim.is_number
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = {
+            "median": median,
+            "low": low,
+            "high": high,
+            "ratio": median / claim.paper_value if number else None,
+            "spread": float(np.divide(high, low)) if number else None,
+            "share_of_draws": share,
+            "draws": len(values),
+        }
+    verdict = _of_number(claim, values, low, high) if number else _of_bound(values, share)
+    reason = _why_number if number else _why_bound
+    return {**found, "verdict": verdict, "reason": reason(claim, scores, values, found, verdict)}
+
+
+def _is_undecided(values: np.ndarray) -> bool:
+    return np.mean(np.isfinite(values)) < MOST
+
+
+def _of_number(claim: Claim, values: np.ndarray, low: float, high: float) -> str:
+    if _is_undecided(values):
+        return "undecided"
+    if claim.paper_value > high:
+        return "better"
+    return "reproduced" if claim.paper_value >= low else "worse"
+
+
+def verdict_of_share(share: float) -> str:
+    """The verdict on a bound, or several, that this share of the draws keeps."""
+    if share > MOST:
+        return "met"
+    return "seldom met" if share >= SELDOM else "not met"
+
+
+def _of_bound(values: np.ndarray, share: float) -> str:
+    return "undecided" if np.mean(np.isnan(values)) > MOST else verdict_of_share(share)
+
+
+def _why_number(
+    claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict, verdict: str
+) -> str:
+    if verdict == "undecided":
+        return f"only {_percent(np.mean(np.isfinite(values)))} of the draws give a number"
+    if verdict == "better":
+        return f"95 % of the draws err by less than {found['high']:.3g} %, where the paper errs by \
+{claim.paper_value:g} %"
+    if verdict == "worse":
+        return f"95 % of the draws err by more than {found['low']:.3g} %, where the paper errs by \
+{claim.paper_value:g} %"
+    text = f"{_percent(found['share_of_draws'])} of the draws err less than the paper"
+    if not found["spread"] < WIDE:
+        text += f", but the draws spread from {found['low']:.2g} to {found['high']:.3g} %: nearly \
+any printed error would lie inside"
+    return text
+
+
+def _why_bound(
+    claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict, verdict: str
+) -> str:
+    text = f"{_percent(found['share_of_draws'])} of the draws keep the bound"
+    missed = ~claim.met(values)
+    if not np.any(missed):
+        return text
+    others = claim.rows(scores)[missed]
+    faults = {
+        "lost a true term": others["missing"] > 0,
+        "have false terms": others["spurious"] > 0,
+        "run away": others["motion"] != "ok",
+    }
+    causes = [
+        f"{_percent(np.mean(which))} {fault}" for fault, which in faults.items() if any(which)
+    ]
+    if not causes:
+        return f"{text}; the others have exactly the true terms, with coefficients that are off"
+    return f"{text}; of the others {', '.join(causes)}"
+
+
+def together(claims: Sequence[Claim], scores: pd.DataFrame) -> tuple[float, int] | None:
+    """In which share of the draws all bounds hold at once, and the number of draws.
+
+    scores: as of `judged`; a cell without noise has one draw, which stands beside all others. None
+    where the study lacks a cell.
+    """
+    kept = [claim.met(values) for claim in claims if len(values := claim.values(scores))]
+    draws = max(map(len, kept), default=0)
+    if len(kept) < len(claims) or any(len(each) not in (1, draws) for each in kept):
+        return None
+    return float(np.mean(np.all([np.resize(each, draws) for each in kept], axis=0))), draws
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"

@@ -1,0 +1,37 @@
+"""The data dictionary: what each column of each table holds, with its unit.
+
+`columns.csv` has a row for a column of one table, or, where `table` is empty, of every table with
+such a column that has no row of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+
+import pandas as pd
+
+EVERY = ""  # table
+
+
+@cache
+def _dictionary() -> pd.DataFrame:
+    with files(__package__).joinpath("columns.csv").open(encoding="utf-8") as file:
+        return pd.read_csv(file, dtype=str, keep_default_na=False)
+
+
+def columns(settings: Mapping) -> pd.DataFrame:
+    """table, column, unit, meaning, for all who read the tables. settings: tables of the study."""
+    rows = _dictionary()
+    return rows[rows["table"].isin([EVERY, *settings["tables"]])].reset_index(drop=True)
+
+
+def meaning(table: str, column: str) -> str:
+    """In words, with the unit behind; '' for a column that the dictionary lacks."""
+    rows = _dictionary()
+    rows = rows[(rows["column"] == column) & rows["table"].isin([EVERY, table])]
+    if rows.empty:
+        return ""
+    own = rows.sort_values("table").iloc[-1]  # of this table, if there is one
+    return f"{own['meaning']} ({own['unit']})" if own["unit"] else own["meaning"]

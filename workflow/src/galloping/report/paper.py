@@ -1,0 +1,143 @@
+"""The first screen of the report: the paper's printed numbers beside ours, and what holds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from galloping.paper.claims import HELD
+from galloping.paper.printed import AT_LEAST, CLAIMS
+
+STATES = {"vertical": "q_v", "horizontal": "q_w"}
+SIGNS = {"value": "", AT_LEAST: "≥ ", "at_most": "≤ "}
+ABSTRACT = "(first abstract)"  # bounds that the text itself replaces by stricter ones
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One printed number or bound beside ours. verdict: as of `galloping.paper.claims`."""
+
+    printed: str
+    ours: str
+    verdict: str
+    reason: str
+
+    @property
+    def holds(self) -> bool:
+        return self.verdict in HELD
+
+
+@dataclass(frozen=True)
+class Section:
+    """What the page begins with.
+
+    count: the sentence on how many claims hold. rows: the table. failures: a sentence for each
+    claim that does not hold. by_settings: a sentence on settings that the paper does not print, or
+    "".
+    """
+
+    count: str
+    rows: list[Row]
+    failures: list[str]
+    by_settings: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """A statement with its cells: of both directions together, or vertical and horizontal."""
+
+    statement: str
+    cells: list[Cell]
+
+
+def section(paper: pd.DataFrame, varied: pd.DataFrame | None) -> Section:
+    """Of paper.csv and of reproduction.csv, where the study has it."""
+    others = "" if varied is None else by_settings(varied)
+    return Section(count(paper), rows(paper), failures(paper), others)
+
+
+def count(paper: pd.DataFrame) -> str:
+    """How many of the paper's claims hold, in one sentence; what is not judged, with the reason.
+
+    paper: paper.csv.
+    """
+    single = paper[~paper["claim"].str.endswith("in the same draw")]
+    judged = single[single["verdict"] != "not judged"]
+    held = judged["verdict"].isin(HELD)
+    numbers = Counter(judged["verdict"])
+    text = f"Of the paper's {len(single)} printed numbers and bounds {held.sum()} hold"
+    kinds = ", ".join(f"{n} {verdict}" for verdict, n in numbers.items())
+    text += f" ({kinds})." if kinds else "."
+    for (case, reason), rows in single[single["verdict"] == "not judged"].groupby(
+        ["case", "reason"], sort=False
+    ):
+        text += f" {len(rows)} about {case} are not judged: {reason}."
+    return text
+
+
+def rows(paper: pd.DataFrame) -> list[Row]:
+    """The table of the first screen, without the looser bounds of the first abstract."""
+    first = next(iter(paper["case"]), "")
+    kinds = {claim.name: SIGNS[claim.kind] for claim in CLAIMS}
+    found: dict[str, list[Cell]] = {}
+    for row in paper[~paper["claim"].str.endswith(ABSTRACT)].to_dict("records"):
+        state = STATES.get(row["direction"])
+        statement = row["claim"].replace(f" of {state}", "") if state else row["claim"]
+        if row["case"] != first:
+            statement += f" ({row['case'].replace('_', '-')})"
+        found.setdefault(statement, []).append(_cell(row, kinds.get(row["claim"], "")))
+    return [Row(statement, cells) for statement, cells in found.items()]
+
+
+def failures(paper: pd.DataFrame) -> list[str]:
+    """Each claim that was judged and does not hold, with the reason."""
+    failed = paper[~paper["verdict"].isin([*HELD, "not run", "not judged"])]
+    return [f"{row['claim']}: {row['verdict']}; {row['reason']}." for _, row in failed.iterrows()]
+
+
+def by_settings(varied: pd.DataFrame) -> str:
+    """What other values of settings that the paper leaves open would do to the claims.
+
+    varied: reproduction.csv. Of each setting the value at which the fewest claims hold is named.
+    """
+    if varied.empty:
+        return ""
+    held = varied.groupby(["parameter", "value", "unit", "default"], sort=False)["held"]
+    held = held.agg(["sum", "size"]).reset_index()
+    own = held[held["default"]]
+    others = held[~held["default"]]
+    if others.empty:
+        return ""
+    worst = others.loc[others.groupby("parameter", sort=False)["sum"].idxmin()]
+    examples = ", ".join(
+        f"{row['sum']} at {row['parameter'].replace('_', ' ')} {row['value']:g}"
+        + (f" {row['unit']}" if row["unit"] != "1" else "")
+        for row in worst.sort_values("sum").to_dict("records")
+    )
+    of = f", where the study's settings keep {own['sum'].iloc[0]}" if len(own) else ""
+    return (
+        f"What the paper does not print decides what holds: of {others['size'].iloc[0]} claims "
+        f"about the first line hold {examples}{of}."
+    )
+
+
+def _cell(row: dict, sign: str) -> Cell:
+    printed = "" if pd.isna(row["printed"]) else f"{sign}{row['printed']:g}"
+    if row["verdict"] in ("not judged", "not run"):
+        return Cell(printed, "", row["verdict"], row["reason"])
+    if sign or not printed:
+        share = f"{100 * row['share_of_draws']:.0f} % of draws"
+        ours = share if pd.isna(row["median"]) else f"{_number(row['median'])}, {share}"
+    else:
+        low, high = _number(row["low"]), _number(row["high"])
+        ours = f"{_number(row['median'])} ({low} to {high})"
+    return Cell(printed, ours, row["verdict"], row["reason"])
+
+
+def _number(value: float) -> str:
+    if not np.isfinite(value):
+        return "no model" if pd.isna(value) else ("∞" if value > 0 else "−∞")
+    return f"{value:.3g}" if abs(value) >= 1e-3 or value == 0 else f"{value:.0e}"

@@ -1,0 +1,201 @@
+"""What the paper leaves out, as its printed numbers tell: readings, region, what excludes what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+
+from galloping.intervals import QUANTILES_90
+from galloping.paper import region
+from galloping.paper.inference import STEADY
+from galloping.paper.likelihood import CELLS, NUMBERS, PRINTED, cell_name
+from galloping.paper.unknowns import BASE, BY_NAME, UNKNOWNS
+
+RULED_OUT, UNLIKELY = -2.0, -1.0  # powers of ten below the most probable reading
+DETERMINED = 1 / 4  # of the range of an unknown: an interval that is shorter tells its size
+NEAR = 1.5  # factor by which a draw may be off a printed number, to count as having it
+EXCLUDING = 1 / 4  # of the draws that chance would give: fewer exclude each other
+EXPECTED = 10.0  # draws by chance from which the share of those seen says anything
+POWERS = np.log10(np.e)
+PREDICTED, PREDICTING = 40, 16  # settings, and draws of each
+WITH, WITHOUT = (
+    "log_probability",
+    "without_amplitudes",
+)  # all numbers, all but the amplitudes' errors
+
+
+def readings(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+    """Each reading of the paper at its most probable setting.
+
+    parts: rows of `paper.inference.trial`. settings: none are read. power_of_ten: logarithm of its
+    probability beside that of the most probable steady reading. least: the cell by which it loses
+    most. verdict: `probable`, `less probable` (UNLIKELY), `ruled out` (RULED_OUT), `no motion`.
+    """
+    rows = pd.concat(parts.values(), ignore_index=True)
+    best = rows[rows["stage"] == "best"].sort_values("height", ascending=False, kind="stable")
+    best = best.groupby("variant", sort=False).head(1).set_index("variant")
+    steady = [name for name in best.index if BY_NAME[name].steady]
+    top = best.loc[best.loc[steady, WITH].idxmax()]
+    tried = rows[rows["stage"].isin(("screened", "searched"))].groupby("variant").size()
+    cells = [cell_name(cell) for cell in CELLS]
+    table = []
+    for name, variant in BY_NAME.items():
+        if name not in best.index:
+            continue
+        row = best.loc[name]
+        power = POWERS * (row[WITH] - top[WITH])
+        losses = (row[cells] - top[cells]).astype(float)
+        found = np.isfinite(power)
+        table.append(
+            {
+                "reading": name,
+                "changes": variant.kind,
+                "settings_tried": tried[name],
+                "power_of_ten": power,
+                "verdict": _verdict(power),
+                "least": losses.idxmin() if found and losses.min() < 0 else "",
+                "least_power_of_ten": POWERS * losses.min() if found else np.nan,
+                **{unknown.name: row[unknown.name] for unknown in UNKNOWNS},
+                "change_percent": 100 * row["change"],
+            }
+        )
+    return pd.DataFrame(table)
+
+
+def _verdict(power: float) -> str:
+    if not np.isfinite(power):
+        return "no motion"
+    if power < RULED_OUT:
+        return "ruled out"
+    return "less probable" if power < UNLIKELY else "probable"
+
+
+def region_samples(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+    """Settings as often as they are probable, by what is `known`: all numbers, or all but the
+    amplitudes' errors, with what a draw at each of some of them gives for each printed number.
+
+    parts: rows of `paper.inference.trial`. settings: seed.
+    """
+    rows = pd.concat(parts.values(), ignore_index=True)
+    rows = rows[rows["variant"] == BASE.name]
+    tables = []
+    for column in (WITH, WITHOUT):
+        drawn = region.samples(rows, column, settings["seed"])
+        some = drawn.head(PREDICTED)
+        predicted = region.predicted(BASE, some, PREDICTING, settings["seed"])
+        drawn = drawn.assign(known=column, kind="setting")
+        tables += [drawn, pd.DataFrame(predicted).assign(known=column, kind="draw")]
+    return pd.concat(tables, ignore_index=True)
+
+
+def region_table(samples: pd.DataFrame, readings: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+    """One row for each unknown: what the printed numbers tell of it.
+
+    samples: of `region_samples`; readings: of `readings`. settings: none are read. Numbers have
+    their most probable value, their 5 to 95 % interval and the range they were looked for in;
+    readings the one that is most probable, and how much less probable the next one is.
+    """
+    drawn = samples[(samples["known"] == WITH) & (samples["kind"] == "setting")]
+    best = readings.set_index("reading").loc[BASE.name]
+    table = []
+    for unknown in UNKNOWNS:
+        low, high = drawn[unknown.name].quantile(QUANTILES_90)
+        share = np.log(high / low) / np.log(unknown.high / unknown.low)
+        table.append(
+            {
+                "unknown": unknown.name,
+                "key": ".".join(unknown.path),
+                "unit": unknown.unit,
+                "best": best[unknown.name],
+                "low": low,
+                "high": high,
+                "least": unknown.low,
+                "most": unknown.high,
+                "verdict": "determined" if share < DETERMINED else "left open",
+                "why": f"the interval spans {100 * share:.0f} % of the range, in equal ratios",
+            }
+        )
+    others = readings[(readings["changes"] != "") & (readings["changes"] != "steadiness")]
+    for kind, of_kind in others.groupby("changes", sort=False):
+        nearest = of_kind.sort_values("power_of_ten", ascending=False).iloc[0]
+        power = nearest["power_of_ten"]
+        table.append(
+            {
+                "unknown": kind,
+                "reading": nearest["reading"] if power > 0 else BASE.name,
+                "verdict": "determined" if power < RULED_OUT else "left open",
+                "why": f"next: {nearest['reading']}, 10^{power:.1f} times as probable",
+            }
+        )
+    numbers = f"{len(UNKNOWNS)} numbers and {others['changes'].nunique()} readings"
+    printed = f"{len(NUMBERS)} numbers and {len(PRINTED) - len(NUMBERS)} bounds printed"
+    table.append({"unknown": "all", "why": f"{numbers} are unknown, {printed}"})
+    return pd.DataFrame(table)
+
+
+def left_out(samples: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+    """Each printed number beside what draws give in the region, inferred with and without the
+    amplitudes' errors: without them these are predictions.
+
+    samples: of `region_samples`. settings: none are read. quantile: where the printed number
+    stands among the draws.
+    """
+    drawn, table = samples[samples["kind"] == "draw"], []
+    for claim in NUMBERS:
+        row = {"claim": claim.name, "direction": claim.direction, "printed": claim.paper_value}
+        for column, name in ((WITH, "all"), (WITHOUT, "without_amplitudes")):
+            values = drawn.loc[drawn["known"] == column, claim.name].to_numpy(float)
+            low, high = np.quantile(values, QUANTILES_90, method="nearest")  # some are infinite
+            row |= {
+                f"{name}_median": np.median(values),
+                f"{name}_low": low,
+                f"{name}_high": high,
+                f"{name}_quantile": np.mean(values < claim.paper_value),
+            }
+        table.append(row)
+    return pd.DataFrame(table)
+
+
+def exclusions(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+    """Pair by pair, whether draws that have one of the printed numbers have the other.
+
+    parts: rows of `paper.inference.trial`, of which the draws of all readings count, each a study
+    of one draw. settings: none are read. A draw has a number within a factor NEAR; `steady` is the
+    motion. by_chance: how many would have both were they independent of each other.
+    """
+    rows = pd.concat(parts.values(), ignore_index=True)
+    drawn = rows[rows["stage"] == "draw"]
+    held = {"steady": (drawn["change"] < STEADY).to_numpy()}
+    for claim in PRINTED:
+        values = drawn[claim.name].to_numpy(float)
+        if claim.is_number:
+            with np.errstate(divide="ignore"):
+                held[claim.name] = np.abs(np.log(values / claim.paper_value)) < np.log(NEAR)
+        else:
+            held[claim.name] = claim.met(values)
+    table = []
+    for one, other in combinations(held, 2):
+        first, second = held[one], held[other]
+        both, chance = int(np.sum(first & second)), first.sum() * second.sum() / len(drawn)
+        if chance < EXPECTED:
+            verdict = "too few draws"
+        else:
+            verdict = "exclude each other" if both < EXCLUDING * chance else "go together"
+        table.append(
+            {
+                "claim": one,
+                "other": other,
+                "studies": len(drawn),
+                "first": int(first.sum()),
+                "second": int(second.sum()),
+                "both": both,
+                "by_chance": chance,
+                "ratio": both / chance if chance else np.nan,
+                "verdict": verdict,
+            }
+        )
+    found = pd.DataFrame(table)
+    return found.sort_values(["verdict", "ratio"], kind="stable", ignore_index=True)
