@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from lines import simulate
 
 from galloping.configuration.load import load, plain
+from galloping.identification import cell
 from galloping.identification.cell import identify
-from galloping.identification.model import BY_TERM, IdentifiedModel
+from galloping.identification.model import BY_TERM, IdentifiedModel, Unusable
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import evidence as sparse_evidence
 from galloping.identification.sparse import stlsq
@@ -508,3 +509,20 @@ def test_methods_of_a_family_share_their_evidence(resonant, monkeypatch):
     together = identify(settings, [[recording]] * 2, TERMS, NAME)
     assert len(made) == 2  # one for each replicate
     assert equal(together["lasso"][0], run("lasso", [recording])[0])
+
+
+def test_only_recordings_that_give_no_model_are_refused(monkeypatch):
+    """What is a mistake in the code ends the job."""
+    settings = {"mine": {"evidence": None, "function": "mine", "options": {}, "seed": None}}
+    still = [Recording(np.arange(3.0), ("x",), np.zeros((3, 1)))]
+
+    def raising(error):
+        def method(recordings):
+            raise error
+
+        monkeypatch.setattr(cell, "imported", lambda name: method)
+        return identify(settings, [still], library(1, 1), NAME)["mine"][0]
+
+    assert raising(Unusable("nothing moves")).reason == "mine: nothing moves"
+    with pytest.raises(ValueError, match="shapes differ"):
+        raising(ValueError("shapes differ"))

@@ -1,13 +1,11 @@
-"""A cell's replicates through a family of methods; a fit that fails is a row with its reason."""
+"""A cell's replicates through a family of methods; what gives no model is a row with the reason."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
 
-import numpy as np
-
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import NO_MODEL, IdentifiedModel
 from galloping.importing import imported
 from galloping.polynomial import Exponents
 from galloping.recording import Recording
@@ -24,7 +22,7 @@ def identify(
 
     methods: `Method.settings` by name. replicates: the recordings of each, which share one model.
     terms: of the candidate library. name: of the cell, for random numbers. Methods that work on
-    the same evidence share it.
+    the same evidence share it. A mistake in a call or in the code is raised, and is no row.
     """
     models: dict[str, list[IdentifiedModel]] = {method: [] for method in methods}
     for replicate, recordings in enumerate(replicates):
@@ -36,7 +34,7 @@ def identify(
                 options["rng"] = generator(settings["seed"], *named)
             try:
                 model = imported(settings["function"])(evidence(settings["evidence"]), **options)
-            except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+            except NO_MODEL as error:
                 reason = f"{method}: {str(error).splitlines()[0]}"
                 model = IdentifiedModel.refused(recordings[0].states, terms, reason)
             models[method].append(model)

@@ -20,6 +20,13 @@ from galloping.storage import read_json, write_json
 if TYPE_CHECKING:
     from galloping.simulation import Trajectory
 
+
+class Unusable(ValueError):
+    """Why recordings give no model: an answer, not a mistake in a call."""
+
+
+# What ends an identification without a model. Any other ValueError is a mistake in the code.
+NO_MODEL = (Unusable, FloatingPointError, np.linalg.LinAlgError)
 STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.identification.likelihood.constants import SMALLEST_RATE_NOISE
-from galloping.identification.likelihood.inputs import Unusable
 from galloping.identification.likelihood.problem import Problem, largest
 from galloping.identification.likelihood.result import by, judged
 from galloping.identification.likelihood.selection import select, solve_support
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording
+
+# Noise of a derivative relative to its size below which rounding is not weighed as noise.
+SMALLEST_RATE_NOISE = 1e-7
 
 
 def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:

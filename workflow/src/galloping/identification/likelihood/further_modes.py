@@ -10,18 +10,16 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.constants import (
-    FURTHER_FROM,
-    FURTHER_SHARE,
-    FURTHER_TO,
-    MOST_FURTHER,
-    MOST_GROWTH,
-    NEIGHBOURS,
-    RESIDUAL_RATE,
-    ROUNDING,
-)
+from galloping.identification.likelihood.residual_tests import NEIGHBOURS, RESIDUAL_RATE, ROUNDING
 from galloping.identification.model import FurtherMode
 from galloping.polynomial import velocity_pairs
+
+# Further modes, besides the model. Of a channel's main frequency, below one and a half times of
+# which errors of the model are; of one over the window, above which its mean tells little.
+FURTHER_FROM, FURTHER_TO = 1.5, 0.4
+MOST_FURTHER = 4  # of a channel
+FURTHER_SHARE = 0.1  # of what is left of a channel that a mode takes away, to be worth a word
+MOST_GROWTH = 20.0  # of its logarithm over a record: with more it is the end of it alone
 
 
 def further_modes(

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.constants import CLOSE, MOST_HALVINGS
+from galloping.identification.likelihood.constants import MOST_HALVINGS
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import Segments, chained, eliminate, linearise
 from galloping.passes import passing
+
+CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 
 DIVERGES = "no model found that follows the data: the iteration diverges"
 

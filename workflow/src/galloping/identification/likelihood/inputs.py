@@ -11,10 +11,6 @@ from galloping.recording import Recording
 FEWEST = 100  # samples: fewer hold no oscillation that could be told from noise
 
 
-class Unusable(ValueError):
-    """Why recordings give no model: an answer, not a mistake in a call."""
-
-
 WANTED = "must be a Recording, or a list of recordings of one system"
 
 

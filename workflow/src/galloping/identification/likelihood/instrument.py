@@ -14,13 +14,6 @@ import numpy as np
 from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import Condensed, of_rates
-from galloping.identification.likelihood.constants import (
-    CURIOUS,
-    DISTINCT,
-    EXACT,
-    FALSE_FAULT_RATE,
-    STRETCHES,
-)
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import (
@@ -31,6 +24,21 @@ from galloping.identification.likelihood.shooting import (
     residuals,
 )
 from galloping.polynomial import velocity_pairs
+
+# Faults of the instrument.
+# Probability that a recording without any fault is accused of one.
+FALSE_FAULT_RATE = 5e-3
+# Segments joined into one free stretch in the tests for unknown forces: a force that comes and
+# goes shows in short stretches, a phase that wanders in long ones.
+STRETCHES = (1, 2, 4)
+# Share of a parameter's information, of what it has alone, that the terms must leave it.
+DISTINCT = 1e-6
+# z from which terms are looked for that only imitate a fault; a sound recording has one a few
+# times in a hundred, which costs a pass of the fit and no more.
+CURIOUS = 2.5
+# Mean square, in units of the noise, below which residuals are rounding: exact data are given a
+# least noise, and the projections' own estimate is never this far below the true one.
+EXACT = 0.25
 
 FORCES = "forces besides the model act, such as gusts, or terms are missing"
 JITTER = "errors grow with the speed of the motion: sampling times jitter, or the model is wrong"

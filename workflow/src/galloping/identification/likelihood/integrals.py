@@ -12,16 +12,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial.legendre import legfit, legval
 
-from galloping.identification.likelihood.constants import (
-    ABOVE_NOISE,
-    CORNER,
-    CORNER_STEEPNESS,
-    DRIFT_DEGREE,
-    LEAST_SAMPLES,
-    SLOWEST_SHARE,
-)
+from galloping.identification.likelihood.constants import ABOVE_NOISE, DRIFT_DEGREE, LEAST_SAMPLES
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
+
+# Displacements by integration. Below a share of the slowest frequency that matters they are taken
+# out, steeply: white noise of accelerations grows as the square of the period in them.
+SLOWEST_SHARE = 0.01
+CORNER, CORNER_STEEPNESS = 0.6, 12
 
 
 def undisplaced(recording: Recording) -> dict[int, int]:

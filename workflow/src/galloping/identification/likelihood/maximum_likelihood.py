@@ -14,11 +14,6 @@ from functools import partial
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.constants import (
-    MOST_COLOUR,
-    STRETCH_PERIODS,
-    TIME_SCALES,
-)
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.following import (
     follow,
@@ -34,15 +29,23 @@ from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.prior import Prior
 from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
-from galloping.identification.likelihood.residual_tests import Residue, residue
+from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.rest import from_rest
-from galloping.identification.likelihood.result import NO_MODEL, by, judged, refused
+from galloping.identification.likelihood.result import by, judged, refused
 from galloping.identification.likelihood.shooting import Segments, residuals
+from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import Start, begin, largest_terms, rough_fit
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import NO_MODEL, IdentifiedModel
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 from galloping.threads import one_thread
+
+# Time scales that are tried, each half of the one before, which gave no model: the spectrum shows
+# that of most of the power, and a transient or a relaxation is quicker. Measured on systems of
+# `galloping.trials.systems`: a cubic oscillator that slows down as it decays needs a half or a
+# quarter of it, one that relaxes a half; of two that a quarter did not answer, neither did an
+# eighth or a sixteenth.
+TIME_SCALES = 3
 
 PRIOR = Prior()
 

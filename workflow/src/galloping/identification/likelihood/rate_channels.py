@@ -13,19 +13,18 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import legvander
 
-from galloping.identification.likelihood.constants import (
-    DRIFT_DEGREE,
-    FEWEST_INTEGRALS,
-    INTEGRAL_MARGIN,
-    RATE_MARGIN,
-    RATE_OUTLIER,
-)
-from galloping.identification.likelihood.inputs import Unusable
+from galloping.identification.likelihood.constants import DRIFT_DEGREE
 from galloping.identification.likelihood.integrals import undisplaced
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.weak_gls import Start
+from galloping.identification.model import Unusable
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
+
+INTEGRAL_MARGIN = 3.0  # periods at the ends of stretches, where it errs (measured: 1 is too few)
+FEWEST_INTEGRALS = 20  # that tell a scale to a few percent
+RATE_OUTLIER = 8.0  # robust deviations about the slope of a curve, which is rougher than the curve
+RATE_MARGIN = 1.0  # periods at the ends of stretches of samples, where that slope is rough
 
 TEST = Polynomial([1.0, 0.0, -1.0]) ** 5  # zero at -1 and 1, with four derivatives
 

@@ -7,14 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.constants import (
-    COLOURED,
-    MOST_COLOUR,
-    NEIGHBOURS,
-    RESIDUAL_RATE,
-    ROUNDING,
-    SPREADS,
-)
+
+# Residuals. Rate at which white noise raises an objection by the highest of all its spectral
+# lines, and the number of standard deviations for the tests by a sum: the same rate, rounded up.
+RESIDUAL_RATE = 1e-6
+SPREADS = 5.0
+# Bins on each side of a spectral line that its height is measured against: their mean has a
+# relative spread of a fifth.
+NEIGHBOURS = 15
+# chi^2 per degree of freedom from which noise is said to be correlated over a few samples: a model
+# error that large is refused by its own spectrum.
+COLOURED = 2.0
+# How many times the power of the noise between the motion's frequencies may rise at them; intervals
+# widen by its root. Noise correlated over a period, which cannot be told from the motion, has more.
+MOST_COLOUR = 2.0
+# Residuals relative to a channel below which they are truncation (1e-7) and rounding.
+ROUNDING = 1e-5
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,10 @@ from galloping.identification.likelihood.ambiguity import (
     unconditional_errors,
     with_prior,
 )
-from galloping.identification.likelihood.inputs import Unusable
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import added_deviation, solve_support, whiten
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
-
-# What ends an identification without a model. Any other ValueError is a mistake in the code.
-NO_MODEL = (Unusable, FloatingPointError, np.linalg.LinAlgError)
 
 
 def judged(

@@ -9,19 +9,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.likelihood.constants import (
-    CURVE_ACCURACY,
-    GRID_PER_PERIOD,
-    LEAST_SATURATED,
-    LOCAL_NOISE,
-    MOST_OUTLIERS,
-    OUTLIER,
-    OUTLIER_ROUNDS,
-    SATURATED_SHARE,
-)
-from galloping.identification.likelihood.inputs import Unusable
+from galloping.identification.likelihood.constants import GRID_PER_PERIOD
 from galloping.identification.likelihood.smoothing import Smooth, smooth
+from galloping.identification.model import Unusable
 from galloping.recording import Recording
+
+# What is no measurement. Gaussian noise exceeds 5.5 deviations once in 30 million samples.
+OUTLIER = 5.5
+CURVE_ACCURACY = 1e-3  # of a curve that outliers still pull, relative to its largest value
+MOST_OUTLIERS = 0.1  # share of a channel: with more it is not outliers that are wrong
+OUTLIER_ROUNDS = 6
+LOCAL_NOISE = 4.0  # periods in which the noise of a channel has a deviation of its own
+# Equal extremes of a channel from which it is saturated: a digital one repeats its largest value
+# a few times by chance.
+LEAST_SATURATED, SATURATED_SHARE = 5, 5e-4
 
 
 def without_faults(recording: Recording, period: float) -> Recording:

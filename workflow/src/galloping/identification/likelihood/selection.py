@@ -7,7 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from galloping.identification.likelihood.constants import DEPENDENT, IMITATED, RIDGE
+# Selection.
+# Added to the diagonal of an information matrix with unit diagonal so that it can be factored:
+# a few roundings. It moves a chi^2 by 1e-15 |c|^2, by 0.1 for c of 1e7 in its unit.
+RIDGE = 1e-15
+# Share of a term's length that a support does not imitate, below which rounding makes it up:
+# the length squared of what is left of it after terms of length one with relative errors of a
+# few 1e-6 from the integration (TRUNCATION and the sums of it) were taken away.
+IMITATED = 1e-9
+# The same for the second of two terms that are added together, in share of the determinant.
+DEPENDENT = 1e-6
 
 
 def solve_support(

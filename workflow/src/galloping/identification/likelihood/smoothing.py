@@ -30,7 +30,7 @@ from galloping.identification.likelihood.constants import (
     SPLINE_ACCURACY,
     SPLINE_DEGREE,
 )
-from galloping.identification.likelihood.inputs import Unusable
+from galloping.identification.model import Unusable
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 

@@ -13,15 +13,15 @@ from galloping.identification.likelihood.constants import (
     START_PERIODS,
     WEAK_ITERATIONS,
 )
-from galloping.identification.likelihood.inputs import Unusable, check_question, checked_recordings
+from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.problem import Problem, largest, posed
-from galloping.identification.likelihood.result import NO_MODEL, judged, refused
+from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.smoothing import Smooth, shortest_period
 from galloping.identification.likelihood.weak_form import whitened_weak_form
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording

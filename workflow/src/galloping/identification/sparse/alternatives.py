@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from galloping.identification.model import Unusable
 from galloping.identification.sparse import frols, stlsq
 from galloping.identification.sparse.cross_validation import Path
 from galloping.identification.sparse.evidence import Regressions
@@ -24,7 +25,7 @@ def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
         p = len(products) - len(problem.states)
         lengths = np.sqrt(np.diagonal(products))
         if not np.all(lengths > 0):
-            raise ValueError("a state or a derivative is zero throughout the recording")
+            raise Unusable("a state or a derivative is zero throughout the recording")
         unit = products / np.outer(lengths, lengths)
         (models,) = path(unit[np.newaxis, :p, :p], unit[np.newaxis, p:, :p])
         for i, each in enumerate(models):

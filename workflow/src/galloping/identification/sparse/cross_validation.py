@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.identification.model import Unusable
 from galloping.identification.sparse.regression import Regression
 
 FOLDS = 5  # every fifth stretch of a recording is left out at a time
@@ -57,7 +58,7 @@ def judge(problem: Regression, path: Path) -> Judged:
     whole = blocks.sum(axis=0)
     lengths = np.sqrt(np.diagonal(whole))
     if not np.all(lengths > 0):
-        raise ValueError("a state or a derivative is zero throughout the recording")
+        raise Unusable("a state or a derivative is zero throughout the recording")
     trained = [whole - blocks[fold == f].sum(axis=0) for f in range(FOLDS)]
     unit = np.stack([*trained, whole]) / np.outer(lengths, lengths)
     *models, model = path(unit[:, :p, :p], unit[:, p:, :p])

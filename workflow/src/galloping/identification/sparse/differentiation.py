@@ -9,6 +9,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
+from galloping.identification.model import Unusable
 from galloping.recording import Recording
 
 DEGREE = 7  # its truncation error stays below rounding noise in 100 Hz records without noise
@@ -74,7 +75,7 @@ def _splines(time: np.ndarray, values: np.ndarray) -> tuple[list[BSpline], np.nd
         if np.all(gcv > ENOUGH * score):
             break
     if not np.all(effective):
-        raise ValueError(f"recording: {n} samples are too few to differentiate")
+        raise Unusable(f"recording: {n} samples are too few to differentiate")
     return [chosen[channel] for channel in range(channels)], effective
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.identification.model import Unusable
 from galloping.identification.sparse.differentiation import differentiate, with_missing_samples
 from galloping.identification.sparse.regression import Regression, regression, stretches
 from galloping.identification.sparse.tuning import Setting, best_setting, smoothings
@@ -57,7 +58,7 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
 def _complete(recording: Recording) -> Recording:
     """The recording. Raises ValueError where a state is missing."""
     if not np.all(np.isfinite(recording.values)):
-        raise ValueError("recording: sparse regression needs every state at every sample")
+        raise Unusable("recording: sparse regression needs every state at every sample")
     return recording
 
 
@@ -66,6 +67,6 @@ def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.nd
     if recording.derivatives is None:
         return differentiate(recording.time, recording.values)
     if not np.all(np.isfinite(recording.derivatives)):
-        raise ValueError("recording: sparse regression needs every derivative at every sample")
+        raise Unusable("recording: sparse regression needs every derivative at every sample")
     n, states = _complete(recording).values.shape
     return recording.values, recording.derivatives, np.full(states, n)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from galloping.identification.model import Unusable
 from galloping.identification.sparse.regression import Regression
 
 # A term that moves its state derivative by less than this share is beyond any sensor.
@@ -33,7 +34,7 @@ def compact(problem: Regression) -> tuple[np.ndarray, np.ndarray]:
     p = problem.library.shape[1]
     triangle = np.linalg.qr(np.hstack([problem.library, problem.targets]), mode="r")
     if not np.all(np.linalg.norm(triangle, axis=0) > 0):
-        raise ValueError("a state or a derivative is zero throughout the recording")
+        raise Unusable("a state or a derivative is zero throughout the recording")
     return triangle[:, :p], triangle[:, p:]
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from galloping.identification.model import Unusable
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.tuning import best_setting, test_functions
 from galloping.polynomial import Exponents
@@ -19,11 +20,11 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
     """
     for recording in recordings:
         if not recording.is_uniform:
-            raise ValueError("needs a regularly sampled recording")
+            raise Unusable("needs a regularly sampled recording")
         if not np.all(np.isfinite(recording.values)):
-            raise ValueError("needs every state at every sample")
+            raise Unusable("needs every state at every sample")
     settings = test_functions(recordings, terms)
     if not settings:
-        raise ValueError("the recording is too short for its test functions")
+        raise Unusable("the recording is too short for its test functions")
     chosen = best_setting(settings).reduced
     return Regressions(chosen, chosen, tuple(settings))
