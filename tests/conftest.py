@@ -77,11 +77,13 @@ def hold_to_reference():
             assert verdicts[verdicts != "agrees"].to_dict() == {}
             assert differences.empty
             assert summary["largest_difference_in_tolerances"].max() < 0.1
-        # Other processors round otherwise, which decides where the data cannot: not on this line.
+        # Another processor rounds otherwise, which decides where the data cannot tell models apart,
+        # and the whole of motion that never repeats: the resonant line's from 12 m/s on.
         assert not differences["verdict"].str.startswith("only").any()
-        decided = differences["row"].str.contains(r"\bcase=internal_resonance(?:,|$)")
-        found = differences[decided]["table"].value_counts()
-        most = 0.01 * summary["values_compared"]
-        assert found[found > most.reindex(found.index)].to_dict() == {}
+        chaotic = differences["row"].str.contains(r"\bcase=internal_resonance(?:,|$)")
+        chaotic &= differences["table"].isin(("resonance_map", "clearance", "measures"))
+        tables = differences.loc[~chaotic & (differences["table"] != "processor"), "table"]
+        share = tables.value_counts() / summary["values_compared"]
+        assert share[share > 0.05].to_dict() == {}
 
     return hold
