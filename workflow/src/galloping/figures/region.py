@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -28,15 +29,15 @@ def draw_region(samples: pd.DataFrame, readings: pd.DataFrame, settings: Mapping
     bars = 0.17 * len(readings)
     heights = [*([1.35] * rows), bars + 0.4]
     figure = Figure(figsize=(DOUBLE, sum(heights) + 0.5), layout="constrained")
-    grid = figure.add_gridspec(rows + 1, COLUMNS, height_ratios=heights)
+    upper, lower = figure.subfigures(2, 1, height_ratios=[sum(heights[:-1]) + 0.5, heights[-1]])
     drawn = samples[samples["kind"] == "setting"]
     best = readings.set_index("reading").loc[BASE.name]
     for k, unknown in enumerate(UNKNOWNS):
-        axes = figure.add_subplot(grid[divmod(k, COLUMNS)])
+        axes = upper.add_subplot(rows, COLUMNS, k + 1)
         panels.letter(axes, k, unknown.label)
         _histograms(axes, unknown, drawn, best[unknown.name])
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    axes = figure.add_subplot(grid[rows, :])
+    upper.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    axes = lower.subplots()
     panels.letter(axes, len(UNKNOWNS), "readings of the paper, beside the first")
     _bars(axes, readings)
     return figure
@@ -62,6 +63,11 @@ def _histograms(axes: Axes, unknown: Unknown, drawn: pd.DataFrame, best: float) 
                     "ratio" if unknown.unit == "1" else unknown.unit)  # fmt: skip
 
 
+def _symbols(reading: str) -> str:
+    """The name of a reading with its coefficients as symbols: `beta2 minus 0.1` as beta_2 -0.1."""
+    return re.sub(r"\b(beta|eta)(\d)", r"$\\\1_\2$", reading.replace("minus ", "\N{MINUS SIGN}"))
+
+
 def _bars(axes: Axes, readings: pd.DataFrame) -> None:
     places = np.arange(len(readings))
     powers = readings["power_of_ten"].to_numpy(float)
@@ -71,7 +77,7 @@ def _bars(axes: Axes, readings: pd.DataFrame) -> None:
         number = f"{power:.1f}, " if np.isfinite(power) else ""
         axes.text(max(power, LEAST) + 0.15 if np.isfinite(power) else LEAST + 0.15, place,
                   f"{number}{verdict}", va="center", size="small")  # fmt: skip
-    axes.set_yticks(places, readings["reading"])
+    axes.set_yticks(places, [_symbols(reading) for reading in readings["reading"]])
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(readings) - 0.4, -0.6)
     axes.set_xlim(LEAST, max(2.0, np.nanmax(powers) + 2.0))

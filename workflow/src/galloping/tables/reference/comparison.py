@@ -20,7 +20,7 @@ ABSOLUTE_TOLERANCE = 1e-6  # in the column's own unit
 KEYS = frozenset(
     (
         *("case", "claim", "quantity", "key", "symbol", "equation", "term", "release"),
-        *("line", "truth", "sensors", "path", "table", "column"),
+        *("line", "truth", "sensors", "path", "table", "column", "reading"),
         *("recordings", "protocol", "cell", "level", "points", "method", "setting"),
         *(
             "group",
