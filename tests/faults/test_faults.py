@@ -1,4 +1,4 @@
-"""What the README's table of faults says: a finished study is harmed, told, and whole again.
+"""What the table of faults in docs/running.md says: a study is harmed, told, and whole again.
 
 Each fault has a copy of one finished smoke study, of which some results are taken away so that a
 few jobs run.

@@ -44,9 +44,9 @@ def test_the_examples_of_the_library_run(tmp_path, monkeypatch):
     assert failed == 0
 
 
-def test_the_examples_of_the_readme_run(tmp_path, monkeypatch, capsys):
+def test_the_examples_of_the_page_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    text = (ROOT / "README.md").read_text().partition("## As a library")[2].partition("\n## ")[0]
+    text = (ROOT / "docs" / "python.md").read_text()
     names = {}
     for block in text.split("```python\n")[1:]:
         exec(block.partition("```")[0], names)
