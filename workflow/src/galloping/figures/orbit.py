@@ -22,6 +22,7 @@ LOOKS = {
     "Toye": ("#2fa86a", (0, (1, 1))),
     "CIGRE 322": ("#e69f00", "-."),
 }
+SHOWN = 4000  # places at the end of an orbit, some twenty rounds: more would lie over each other
 
 
 def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapping) -> Figure:
@@ -64,7 +65,9 @@ def _panel(axes: Axes, case: Mapping, orbits: Mapping[float, np.ndarray], reach:
         axes.plot([], [], color=color, ls=line, lw=1.1, label=what)
     shades = np.linspace(0.55, 1.0, len(orbits))
     for (wind, places), shade in zip(sorted(orbits.items()), shades, strict=True):
-        axes.plot(*places.T, color=MODEL, alpha=shade, lw=0.6 + shade, label=f"{wind:g} m/s")
+        axes.plot(
+            *places[-SHOWN:].T, color=MODEL, alpha=shade, lw=0.6 + shade, label=f"{wind:g} m/s"
+        )
         axes.annotate(
             f"{wind:g}", places[np.argmax(places[:, 1])], xytext=(0, 2),
             textcoords="offset points", ha="center", color=MODEL, size="x-small",

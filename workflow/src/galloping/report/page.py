@@ -7,6 +7,7 @@ from base64 import b64encode
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from urllib.parse import quote
 
 import pandas as pd
 from docutils.core import publish_parts
@@ -16,6 +17,9 @@ from markupsafe import Markup
 from galloping.report.columns import meaning
 from galloping.report.paper import Section
 
+PLAIN = " !'()*,/:;=@[]{}|^+"  # may stand in a data URI between double quotes
+# of an SVG: what stands before it, its comments and its metadata
+UNSEEN = re.compile(r"\A.*?(?=<svg)|<!--.*?-->\s*|<metadata>.*?</metadata>\s*", re.DOTALL)
 ENLARGED = 2.0  # px of the page for a pt of the print
 MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".csv": "text/csv"}
 
@@ -37,10 +41,17 @@ class Item:
         return as_html(self.caption)
 
     @property
-    def uri(self) -> str:
-        """The whole file as a data URI."""
-        content = b64encode(self.path.read_bytes()).decode()
-        return f"data:{MEDIA[self.path.suffix]};base64,{content}"
+    def uri(self) -> Markup:
+        """The whole file as a data URI, which may stand between double quotes as it is."""
+        if self.path.suffix not in (".svg", ".csv"):
+            content = f"base64,{b64encode(self.path.read_bytes()).decode()}"
+        else:  # text is shorter as it is
+            text = self.path.read_text(encoding="utf-8")
+            if self.path.suffix == ".svg":
+                text = UNSEEN.sub("", text).replace("; ", ";")
+                text = text.replace('"', "'").replace("\n", " ") if "'" not in text else text
+            content = f"charset=utf-8,{quote(text, safe=PLAIN)}"
+        return Markup(f"data:{MEDIA[self.path.suffix]};{content}")
 
     @property
     def width(self) -> str:
