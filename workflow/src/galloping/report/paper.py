@@ -81,14 +81,14 @@ def count(paper: pd.DataFrame) -> str:
 def rows(paper: pd.DataFrame) -> list[Row]:
     """The table of the first screen, without the looser bounds of the first abstract."""
     first = next(iter(paper["case"]), "")
-    kinds = {claim.name: SIGNS[claim.kind] for claim in CLAIMS}
+    printed = {claim.name: (SIGNS[claim.kind], claim.tolerance) for claim in CLAIMS}
     found: dict[str, list[Cell]] = {}
     for row in paper[~paper["claim"].str.endswith(ABSTRACT)].to_dict("records"):
         state = STATES.get(row["direction"])
         statement = row["claim"].replace(f" of {state}", "") if state else row["claim"]
         if row["case"] != first:
             statement += f" ({row['case'].replace('_', '-')})"
-        found.setdefault(statement, []).append(_cell(row, kinds.get(row["claim"], "")))
+        found.setdefault(statement, []).append(_cell(row, *printed.get(row["claim"], ("", 0.0))))
     return [Row(statement, cells) for statement, cells in found.items()]
 
 
@@ -124,8 +124,9 @@ def by_settings(varied: pd.DataFrame) -> str:
     )
 
 
-def _cell(row: dict, sign: str) -> Cell:
+def _cell(row: dict, sign: str, tolerance: float) -> Cell:
     printed = "" if pd.isna(row["printed"]) else f"{sign}{row['printed']:g}"
+    printed += f", within {tolerance:g}" if tolerance else ""
     if row["verdict"] in ("not judged", "not run"):
         return Cell(printed, "", row["verdict"], row["reason"])
     if sign or not printed:
