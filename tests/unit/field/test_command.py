@@ -14,8 +14,6 @@ from click.testing import CliRunner
 from galloping import IdentifiedModel, derive
 from galloping.cli import main
 from galloping.field import OUTPUTS
-from galloping.field.equations import known_model
-from galloping.polynomial import library
 from galloping.storage import write_text
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -110,19 +108,6 @@ def test_errors_are_one_line(arguments, code, said):
     printed = run(*arguments, code=code)
     assert said in printed
     assert code == 2 or len(printed.splitlines()) == 1
-
-
-def test_known_equations_are_read_as_they_are_printed():
-    states, terms = ("q", "dq"), library(2, 3)
-    for text in ("dq=-3.5 q - 2e-2*dq + q^2 dq", "d(dq)/dt = -3.5*q - 0.02*dq + q**2*dq"):
-        model, named = known_model([text], states, terms)
-        assert named == ("dq",)
-        row = dict(zip(model.term_names, model.coefficients[1], strict=True))
-        assert {n: c for n, c in row.items() if c} == {"q": -3.5, "dq": -0.02, "q^2 dq": 1.0}
-    for wrong in ("dq", "x=q", "dq=2 y", "dq=q q q q", "dq=q dq 3", "dq=q^-1", "dq=sin(q)",
-                  "dq=1e999 q", "dq=(-3.5 ± 0.1) q", "dq=q/2", "dq=-3,5 q"):  # fmt: skip
-        with pytest.raises(ValueError, match=r"known equation .*(must|finite|library)"):
-            known_model([wrong], states, terms)
 
 
 def test_help_imports_nothing_heavy():

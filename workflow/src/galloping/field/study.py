@@ -10,7 +10,6 @@ import numpy as np
 
 from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
-from galloping.field.equations import known_model
 from galloping.field.excerpt import excerpts
 from galloping.field.forecast import Sensed
 from galloping.field.mapping import ColumnMapping
@@ -32,6 +31,7 @@ from galloping.passes import part, passing
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.storage import write_json, write_rows, write_text
+from galloping.terms import known_model
 
 DPI, FONT_SIZE = 150, 8
 

@@ -1,0 +1,135 @@
+"""The grammar of libraries and of what is known."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from galloping import derive
+from galloping.polynomial import library, term_name
+from galloping.terms import known_model, parse, parse_known
+
+LINE = ("q_v", "q_w", "dq_v", "dq_w")
+
+
+def names(texts, states=("y", "dy"), inputs=("u",)):
+    terms, mask = parse(texts, states, inputs)
+    assert mask is None
+    return {term_name(term, (*states, *inputs)) for term in terms}
+
+
+def test_poly_is_the_library_of_that_degree():
+    for n, degree in product((1, 2, 4), (0, 1, 3)):
+        states = LINE[:n]
+        assert parse(f"poly({', '.join(states)}; {degree})", states) == (library(n, degree), None)
+
+
+@pytest.mark.parametrize(
+    ("text", "terms"),
+    [
+        ("1 + y*dy", {(0, 0, 0), (1, 1, 0)}),
+        ("y dy^2 + y**2*dy", {(1, 2, 0), (2, 1, 0)}),
+        ("(y + dy)^2", {(2, 0, 0), (1, 1, 0), (0, 2, 0)}),
+        ("u*poly(y; 1)", {(0, 0, 1), (1, 0, 1)}),
+        ("poly(y, u; 1)", {(0, 0, 0), (1, 0, 0), (0, 0, 1)}),
+        ("dy^3/u + y u^-2", {(0, 3, -1), (1, 0, -2)}),
+        ("y + y + 1 y", {(1, 0, 0)}),
+    ],
+)
+def test_sums_multiply_out(text, terms):
+    assert set(parse(text, ("y", "dy"), ("u",))[0]) == terms
+
+
+@given(some.lists(some.integers(0, 4), min_size=2, max_size=2), some.integers(0, 3))
+def test_a_term_is_read_as_it_is_printed(powers, of_input):
+    term = (*powers, of_input)
+    assert parse(term_name(term, ("y", "dy", "u")), ("y", "dy"), ("u",))[0] == (term,)
+
+
+def test_libraries_add_up_and_may_differ_between_equations():
+    terms, mask = parse(["y, dy: dy", "dy: y + u/1", "dy: y"], ("y", "dy"), ("u",))
+    assert terms == ((0, 1, 0), (1, 0, 0), (0, 0, 1))
+    assert mask.tolist() == [[True, False, False], [True, True, True]]
+
+
+def test_wind_is_the_quasi_static_law():
+    """At a wind speed U the model of a line in U is one of the terms, with powers 2 - p of U."""
+    terms, mask = parse("wind(U)", LINE, ("T", "U"))
+    assert parse("wind", LINE, ("U",))[0] == tuple((*term[:4], term[5]) for term in terms)
+    for term in np.array(terms)[mask[2] & mask[3]]:
+        factors = term[2:4].sum()
+        assert term[4] == 0 and (term[5] == 0 or term[5] == 2 - factors)
+    lines = {wind: derive(wind={"speed": wind}) for wind in (8.0, 12.0)}
+    for line in lines.values():
+        for equation, row in enumerate(line.coefficients):
+            for j in np.flatnonzero(row):
+                own = [term[:4] == line.terms[j] for term in terms]
+                assert np.any(mask[equation, own])
+    cubic = lines[8.0].terms.index((0, 0, 3, 0))
+    fall = [line.coefficients[2, cubic] * wind for wind, line in lines.items()]
+    assert fall[0] == pytest.approx(fall[1])  # as dq_v^3/U of the library does
+
+
+@pytest.mark.parametrize(
+    ("text", "character", "said"),
+    [
+        ("", 1, "more is needed here"),
+        ("y +", 4, "more is needed here; must be a name or a number"),
+        ("y $ dy", 3, "'$' is not understood here"),
+        ("(y", 3, "must be )"),
+        ("poly(y dy; 3)", 8, "'dy' is not understood here"),
+        ("poly(y; 1.5)", 9, "must be a whole number up to 12"),
+        ("y^99", 3, "must be a whole number up to 12"),
+        ("y + U*dy", 5, "'U' is neither a state (y, dy) nor an input (u)"),
+        ("2*y", 1, "a library has terms, not coefficients"),
+        ("y 3", 3, "a number is not understood here"),
+        ("y - dy", 3, "must be +"),
+        ("u/y", 2, "y cannot be divided by"),
+        ("dy^-1", 4, "dy cannot be divided by"),
+        ("u/(u + 1)", 2, "a sum cannot be divided by"),
+        ("wind(v)", 6, "'v' is no input (u)"),
+        ("x: y", 1, "'x' is no state; must be one of y, dy"),
+        ("sin(y)", 1, "'sin' is neither"),
+    ],
+)
+def test_an_error_points_at_the_character(text, character, said):
+    with pytest.raises(ValueError, match=r"^library ") as error:
+        parse(text, ("y", "dy"), ("u",))
+    message = str(error.value)
+    assert message.startswith(f"library {text!r}, character {character}: ")
+    assert said in message and "\n" not in message
+
+
+def test_wind_needs_one_speed_and_velocities():
+    for inputs in ((), ("u", "v")):
+        with pytest.raises(ValueError, match="wind needs the input that is the wind speed"):
+            parse("wind", ("y", "dy"), inputs)
+    with pytest.raises(ValueError, match="'z' has no dz"):
+        parse("wind", ("y", "dy", "z"), ("u",))
+    assert names("wind*dy", inputs=("wind",)) == {"dy wind"}  # the input of that name
+
+
+def test_known_equations_are_read_as_they_are_printed():
+    states, terms = ("q", "dq"), library(2, 3)
+    for text in ("dq=-3.5 q - 2e-2*dq + q^2 dq", "d(dq)/dt = -3.5*q - 0.02*dq + q**2*dq"):
+        model, named = known_model([text], states, terms)
+        assert named == ("dq",)
+        row = dict(zip(model.term_names, model.coefficients[1], strict=True))
+        assert {n: c for n, c in row.items() if c} == {"q": -3.5, "dq": -0.02, "q^2 dq": 1.0}
+    for wrong in ("dq", "x=q", "dq=2 y", "dq=q q q q", "dq=q dq 3", "dq=q^-1", "dq=sin(q)",
+                  "dq=1e999 q", "dq=(-3.5 ± 0.1) q", "dq=q/0", "dq=-3,5 q"):  # fmt: skip
+        with pytest.raises(ValueError, match=r"known .*(must|finite|library|neither|div|underst)"):
+            known_model([wrong], states, terms)
+    with pytest.raises(ValueError, match="already"):
+        known_model(["q=dq", "q=dq"], states, terms)
+
+
+def test_a_coefficient_is_known_or_has_a_prior():
+    for text, deviation in (("+- 0.005", 0.005), ("± 5e-3", 0.005), ("", 0.0)):
+        known = parse_known(f"dy: u*dy = -0.02 {text}", ("y", "dy"), ("u",))
+        assert (known.state, known.terms, known.deviation) == ("dy", {(0, 1, 1): -0.02}, deviation)
+    for wrong in ("dy: 2 dy = 3", "dy: y + dy = 3", "dy: y = 3 +- 0", "dy: y = 1e999", "dy: y"):
+        with pytest.raises(ValueError, match=r"known .* character \d+: .*(must|needed)"):
+            parse_known(wrong, ("y", "dy"), ("u",))

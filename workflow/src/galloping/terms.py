@@ -1,0 +1,329 @@
+"""The grammar of libraries and of what is known: one in command, mapping and Python.
+
+A library is a sum of terms of states and measured inputs, without coefficients:
+
+    poly(q_v, q_w, dq_v, dq_w; 3) + U*dq_v + dq_v^3/U      in every equation
+    dq_v, dq_w: U^2 + U*(dq_v + dq_w)                      in these equations alone
+    wind(U)                                                what the quasi-static law allows
+
+`poly` is all monomials of its names up to a degree, sums in brackets multiply out, and inputs, not
+states, can be divided by. Several libraries are added. What is known is written in the same terms:
+a whole equation, `dq_w = -9.2 q_w - 0.03 dq_w`, or one coefficient, `dq_v: U*dq_v = 0.02 +- 0.005`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations_with_replacement
+from math import isfinite
+
+import numpy as np
+from lark import Lark, Token, Tree
+from lark.exceptions import UnexpectedInput
+from numpy.typing import NDArray
+
+from galloping.polynomial import Exponents, PolynomialModel, term_name, velocity_pairs
+
+GRAMMAR = r"""
+library: [scope] sum
+scope: NAME ("," NAME)* ":"
+
+?known: equation | coefficient
+equation: (NAME | _RATE NAME _BY_TIME) "=" sum
+coefficient: NAME ":" sum "=" number [("+-" | "±") number]
+number: [SIGN] NUMBER
+
+sum: [SIGN] product (SIGN product)*
+product: _power ([TIMES | BY] _power)*
+_power: atom | raised
+raised: atom _POWER number
+?atom: NAME -> name
+    | NUMBER -> constant
+    | "(" sum ")"
+    | _POLY NAME ("," NAME)* ";" NUMBER ")" -> poly
+    | _WIND NAME ")" -> wind
+
+_POLY.2: /poly\s*\(/
+_WIND.2: /wind\s*\(/
+_RATE.2: /d\s*\(/
+_BY_TIME: /\)\s*\/\s*dt\b/
+_POWER.2: "**" | "^"
+SIGN: "+" | "-"
+TIMES: "*"
+BY: "/"
+NUMBER: /(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?/
+NAME: /[^\W\d]\w*/
+%ignore /\s+/
+"""
+EXPECTED = {  # by terminal; others are not worth a word
+    "NAME": "a name", "NUMBER": "a number", "RPAR": ")", "SEMICOLON": "; and a degree",
+    "EQUAL": "=", "COLON": ":", "COMMA": "a comma",
+}  # fmt: skip
+HIGHEST = 12  # power of a factor, and degree of `poly`
+STRUCTURE = 3  # degree of the elastic forces of `wind`
+
+Sum = dict[Exponents, float]  # coefficients by term
+
+
+def parse(
+    texts: str | Sequence[str], states: Sequence[str], inputs: Sequence[str] = ()
+) -> tuple[tuple[Exponents, ...], NDArray[np.bool_] | None]:
+    """Terms of a library, exponents of states and inputs in this order, and where they may be.
+
+    The latter is (n_states, n_terms) boolean, None where every term may be in every equation.
+    Raises ValueError, in one line that names the character, for what is no library.
+    """
+    texts = [texts] if isinstance(texts, str) else list(texts)
+    allowed: list[dict[Exponents, None]] = [{} for _ in states]
+    for text in texts:
+        sentence = _Sentence("library", text, tuple(states), tuple(inputs))
+        for equation, terms in sentence.of_equations():
+            allowed[equation] |= dict.fromkeys(terms)
+    terms = tuple(dict.fromkeys(term for own in allowed for term in own))
+    mask = np.array([[term in own for term in terms] for own in allowed])
+    return terms, None if mask.all() else mask
+
+
+@dataclass(frozen=True)
+class Known:
+    """One thing that is known of a model.
+
+    state: of whose equation. terms: coefficients by term: all that it has, or where `deviation` is
+    not None a single one, the prior mean, with its standard deviation, zero where it is fixed.
+    """
+
+    state: str
+    terms: Sum
+    deviation: float | None = None
+
+
+def known_model(
+    texts: Sequence[str],
+    states: tuple[str, ...],
+    terms: tuple[Exponents, ...],
+    inputs: tuple[str, ...] = (),
+) -> tuple[PolynomialModel, tuple[str, ...]]:
+    """Known equations on a library, and the states that they are of.
+
+    Raises ValueError, in one line, where one cannot be read or has a term outside the library.
+    """
+    coefficients = np.zeros((len(states), len(terms)))
+    named: list[str] = []
+    for text in texts:
+        known = parse_known(text, states, inputs)
+        if known.state in named:
+            raise ValueError(f"known {text!r}: there is an equation of {known.state} already")
+        named.append(known.state)
+        for term, value in known.terms.items():
+            coefficients[states.index(known.state), place(term, terms, states + inputs)] = value
+    return PolynomialModel(states, terms, coefficients), tuple(named)
+
+
+def place(term: Exponents, terms: Sequence[Exponents], names: Sequence[str]) -> int:
+    """Index of a term in a library. Raises ValueError where it is not there."""
+    if term not in terms:
+        raise ValueError(f"known term {term_name(term, names)} is not in the library")
+    return terms.index(term)
+
+
+def parse_known(text: str, states: Sequence[str], inputs: Sequence[str] = ()) -> Known:
+    """A known equation, `STATE = SUM`, or coefficient, `STATE: TERM = VALUE +- DEVIATION`.
+
+    Raises ValueError as `parse` does.
+    """
+    return _Sentence("known", text, tuple(states), tuple(inputs)).known()
+
+
+@cache
+def _grammar() -> Lark:
+    return Lark(GRAMMAR, parser="lalr", start=["library", "known"], maybe_placeholders=True)
+
+
+@dataclass(frozen=True)
+class _Sentence:
+    """kind: a start of the grammar. text: in it, of these states and inputs."""
+
+    kind: str
+    text: str
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+
+    def tree(self) -> Tree:
+        try:
+            return _grammar().parse(self.text, start=self.kind)
+        except UnexpectedInput as error:
+            expected = getattr(error, "accepts", None) or getattr(error, "allowed", None) or ()
+            words = [word for name, word in EXPECTED.items() if name in expected]
+            token = getattr(error, "token", None)
+            if token is not None and token.type == "$END":
+                place, said = len(self.text.rstrip()), "more is needed here"
+            else:
+                place = error.pos_in_stream
+                said = f"{str(token or self.text[place])!r} is not understood here"
+            hint = f"; must be {' or '.join(words)}" if 0 < len(words) < 4 else ""
+            raise self.fault(place, f"{said}{hint}") from None
+
+    def fault(self, place: int | Token, said: str) -> ValueError:
+        if isinstance(place, Token):
+            place = place.start_pos
+        return ValueError(f"{self.kind} {self.text!r}, character {place + 1}: {said}")
+
+    def of_equations(self) -> Iterator[tuple[int, Sum]]:
+        """The terms that a library has in each equation that it is about."""
+        scope, right = self.tree().children
+        scoped = range(len(self.states))
+        if scope is not None:
+            scoped = [self.state(name) for name in scope.children]
+        for equation in scoped:
+            yield equation, self.sum(right, equation)
+
+    def known(self) -> Known:
+        name, right, *numbers = self.tree().children
+        equation = self.state(name)
+        terms = self.sum(right, equation)
+        if not numbers:
+            if not all(map(isfinite, terms.values())):
+                raise self.fault(name, "a coefficient is not finite")
+            return Known(name.value, terms)
+        mean, deviation = (None if number is None else self.number(number) for number in numbers)
+        if list(terms.values()) != [1.0]:
+            raise self.fault(name, "must be one term, without a number, before the =")
+        if not isfinite(mean):
+            raise self.fault(numbers[0].children[1], "must be finite")
+        if deviation is not None and not 0.0 < deviation < np.inf:
+            raise self.fault(numbers[1].children[1], "the deviation must be above 0")
+        return Known(name.value, dict.fromkeys(terms, mean), deviation or 0.0)
+
+    def state(self, name: Token) -> int:
+        if name not in self.states:
+            said = f"{name.value!r} is no state; must be one of {', '.join(self.states)}"
+            raise self.fault(name, said)
+        return self.states.index(name)
+
+    def number(self, tree: Tree) -> float:
+        sign, number = tree.children
+        return float(f"{sign or ''}{number}")
+
+    def sum(self, tree: Tree, equation: int) -> Sum:
+        """Coefficients by term; in a library all are one."""
+        total: Sum = {}
+        for sign, product in zip(tree.children[::2], tree.children[1::2], strict=True):
+            if sign == "-" and self.kind == "library":
+                raise self.fault(sign, "a library is a sum, and signs are found; must be +")
+            for term, value in self.product(product, equation).items():
+                total[term] = total.get(term, 0.0) + (-value if sign == "-" else value)
+        return dict.fromkeys(total, 1.0) if self.kind == "library" else total
+
+    def product(self, tree: Tree, equation: int) -> Sum:
+        first, *others = tree.children
+        result = self.factor(first, equation)
+        for sign, factor in zip(others[::2], others[1::2], strict=True):
+            if sign is None and factor.data == "constant":
+                said = "a number is not understood here; it stands first, or behind * or /"
+                raise self.fault(factor.children[0], said)
+            by = self.factor(factor, equation)
+            result = _times(result, self.inverse(by, sign) if sign == "/" else by)
+        return result
+
+    def factor(self, tree: Tree, equation: int) -> Sum:
+        if tree.data == "sum":
+            return self.sum(tree, equation)
+        if tree.data == "raised":
+            return self.raised(*tree.children, equation)
+        name = tree.children[0]
+        if tree.data == "constant":
+            if self.kind == "library" and float(name) != 1.0:
+                raise self.fault(name, "a library has terms, not coefficients; must be 1")
+            return {(0,) * len(self.states + self.inputs): float(name)}
+        if tree.data == "poly":
+            *names, degree = tree.children
+            places, most = [self.name(each) for each in names], self.power(degree)
+            return {self.monomial(own): 1.0 for own in _chosen(places, most)}
+        if tree.data == "wind" or (name == "wind" and "wind" not in self.states + self.inputs):
+            return self.wind(name, equation, tree.data == "wind")
+        return {self.monomial([self.name(name)]): 1.0}
+
+    def raised(self, base: Tree, number: Tree, equation: int) -> Sum:
+        sign, digits = number.children
+        power, own = self.power(digits), self.factor(base, equation)
+        if sign == "-":
+            own = self.inverse(own, sign)
+        result = {(0,) * len(self.states + self.inputs): 1.0}
+        for _ in range(power):
+            result = _times(result, own)
+        return result
+
+    def power(self, digits: Token) -> int:
+        if not digits.isdigit() or int(digits) > HIGHEST:
+            said = f"{digits.value} is not allowed; must be a whole number up to {HIGHEST}"
+            raise self.fault(digits, said)
+        return int(digits)
+
+    def inverse(self, of: Sum, place: Token) -> Sum:
+        (term, value), *others = of.items()
+        if others:
+            raise self.fault(place, "a sum cannot be divided by")
+        if any(term[: len(self.states)]):
+            said = f"{term_name(term, self.states + self.inputs)} cannot be divided by: a state "
+            raise self.fault(place, said + "crosses zero; only inputs can")
+        if not value:
+            raise self.fault(place, "zero cannot be divided by")
+        return {tuple(-e for e in term): 1.0 / value}
+
+    def name(self, name: Token) -> int:
+        names = self.states + self.inputs
+        if name not in names:
+            inputs = ", ".join(self.inputs) or "there are none"
+            said = f"{name.value!r} is neither a state ({', '.join(self.states)}) nor an input"
+            raise self.fault(name, f"{said} ({inputs})")
+        return names.index(name)
+
+    def monomial(self, places: Sequence[int]) -> Exponents:
+        return tuple(places.count(k) for k in range(len(self.states + self.inputs)))
+
+    def wind(self, name: Token, equation: int, named: bool) -> Sum:
+        """What a quasi-static load allows in an equation: p velocities come with U^(2 - p).
+
+        Of a displacement that is its velocity; of a velocity a structure without wind, elastic
+        forces to the third degree and linear damping, and aerodynamics to the third degree.
+        """
+        pairs = velocity_pairs(self.states)
+        if named and name not in self.inputs:
+            inputs = ", ".join(self.inputs) or "there are none"
+            raise self.fault(name, f"{name.value!r} is no input ({inputs})")
+        if not named and len(self.inputs) != 1:
+            inputs = ", ".join(self.inputs) or "none yet"
+            said = f"wind needs the input that is the wind speed ({inputs}), such as wind(U)"
+            raise self.fault(name, said)
+        if equation in pairs:
+            return {self.monomial([pairs[equation]]): 1.0}
+        if equation not in pairs.values():
+            state = self.states[equation]
+            said = f"wind is of displacements and velocities, and {state!r} has no d{state}"
+            raise self.fault(name, said)
+        speed = self.name(name) if named else len(self.states)
+        displacements, velocities = list(pairs), list(pairs.values())
+        terms = [self.monomial(own) for own in _chosen(displacements, STRUCTURE)]
+        terms += [self.monomial([velocity]) for velocity in velocities]
+        for own in _chosen(velocities, 3):
+            term = list(self.monomial(own))
+            term[speed] = 2 - len(own)
+            terms.append(tuple(term))
+        return dict.fromkeys(terms, 1.0)
+
+
+def _chosen(places: Sequence[int], degree: int) -> Iterator[tuple[int, ...]]:
+    """The factors of every monomial up to a degree, in the order of `polynomial.library`."""
+    for power in range(degree + 1):
+        yield from combinations_with_replacement(places, power)
+
+
+def _times(left: Sum, right: Sum) -> Sum:
+    result: Sum = {}
+    for one, a in left.items():
+        for other, b in right.items():
+            term = tuple(m + n for m, n in zip(one, other, strict=True))
+            result[term] = result.get(term, 0.0) + a * b
+    return result
