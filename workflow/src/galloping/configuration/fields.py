@@ -1,7 +1,5 @@
 """Building blocks of the settings: strict types, and the facts that every key carries."""
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Annotated, Any, Literal
@@ -12,8 +10,6 @@ from pydantic_core import PydanticCustomError
 Provenance = Literal["seed", "derived", "inferred", "assumed"]
 
 DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
-
-
 DIGITS = re.compile(r"[-+]?[0-9]{1,300}")  # written out: a float would round them
 
 
@@ -99,9 +95,9 @@ def listing(item: Any) -> Any:
     return Annotated[tuple[item, ...], Field(strict=False)]
 
 
-def triple(item: Any) -> Any:
-    """The type of a list of three."""
-    return Annotated[tuple[item, item, item], Field(strict=False)]
+def several(item: Any, count: int) -> Any:
+    """The type of a list of `count`."""
+    return Annotated[tuple[(item,) * count], Field(strict=False)]
 
 
 def distinct(item: Any) -> Any:
@@ -123,37 +119,4 @@ def setting(default: Any, description: str, unit: str = "", rule: str = "") -> A
     return Field(default, description=description, json_schema_extra=extra)
 
 
-def parameter(
-    default: Any,
-    description: str,
-    unit: str,
-    symbol: str,
-    provenance: Provenance,
-    note: str = "",
-    rule: str = "",
-    why: str = "",
-) -> Any:
-    """A physical parameter: a key that also has a symbol and a source.
-
-    provenance: `seed` is printed in the paper, `derived` follows from it, `inferred` comes from its
-    printed numbers (only in tables of results), `assumed` is ours.
-    symbol: with `{}` for the number of the item where the value is a list. why: the reason for
-    the range, which is that of lines that are built.
-    """
-    extra = {"unit": unit, "symbol": symbol, "provenance": provenance}
-    extra |= {key: text for key, text in {"note": note, "rule": rule, "why": why}.items() if text}
-    return Field(default, description=description, json_schema_extra=extra)
-
-
-def section(model: type[Section]) -> Any:
-    """A section that may be left out."""
-    return Field(default_factory=model)
-
-
-Positive = real(gt=0)
-NonNegative = real(ge=0)
-MotionAmount = real(ge=-100, le=100)  # m, m/s: a tenth of where a motion counts as diverged
-DampingRatio = real(ge=0, lt=1)
-NoiseLevel = real(ge=0, lt=10)
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
-NAME_RULE = "at most 40 lower-case letters, digits and '_', a letter first"

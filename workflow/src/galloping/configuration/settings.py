@@ -1,34 +1,21 @@
-"""The settings of a study: every key with its default, range, unit, source and meaning."""
-
-from __future__ import annotations
+"""The settings of a study; what each key is, `keys/keys.csv` says."""
 
 from math import inf
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Self
 
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
 from galloping.configuration.assessment import AssessmentSection, SweepSection
-from galloping.configuration.fields import (
-    NAME_RULE,
-    Name,
-    NoiseLevel,
-    NonNegative,
-    Section,
-    invalid,
-    listing,
-    real,
-    section,
-    selection,
-    setting,
-    show,
-    whole,
-)
+from galloping.configuration.fields import Name, invalid, one_of, selection, setting, show
+from galloping.configuration.keys import keys
 from galloping.configuration.lines import CaseSection, paper_cases
-from galloping.configuration.trials import MethodName, ProtocolName, TrialSection
 from galloping.identification.registry import METHODS
 from galloping.measurement.protocols import PROTOCOLS
+from galloping.trials.registry import KINDS, LONGEST
 
+ProtocolName = one_of(tuple(protocol.name for protocol in PROTOCOLS))
+MethodName = one_of(tuple(method.name for method in METHODS))
 FolderName = Annotated[
     str,
     Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*$", max_length=100),
@@ -43,22 +30,8 @@ WINDOW_SAMPLES = 10  # fewer show no amplitude
 MAX_INTERVALS = 10_000_000  # a slip in a power of ten should not fill the memory
 
 
-class SimulationSection(Section):
+class SimulationSection(keys("simulation")):
     """The record that is simulated for each case."""
-
-    duration: real(ge=1e-3, le=1e7) = setting(300, "length of the record", "s")
-    sampling_rate: real(ge=1e-4, le=1e6) = setting(
-        100,
-        "samples per second",
-        "Hz",
-        rule=f"duration times rate a whole number, 100..{MAX_INTERVALS}",
-    )
-    steady_window: Annotated[tuple[NonNegative, NonNegative], Field(strict=False)] = setting(
-        (200, 300),
-        "start and end of the steady state, where amplitudes are read",
-        "s",
-        rule=f"increasing, inside the record, {WINDOW_SAMPLES} sampling intervals or more",
-    )
 
     @property
     def samples(self) -> int:
@@ -95,51 +68,23 @@ class SimulationSection(Section):
         return window
 
 
-class SubsetsSection(Section):
+class SubsetsSection(keys("subsets")):
     """Random subsets of the record, to see how much data is needed."""
 
-    level: NoiseLevel = setting(0.05, "noise level of the subsets", "1")
-    points: selection(whole(ge=100)) = setting(
-        (1000, 5000, 10000, 30000),
-        "sizes of the subsets",
-        "samples",
-        rule="at most the samples of the record",
-    )
 
-
-class MeasurementSection(Section):
+class MeasurementSection(keys("measurement", subsets=SubsetsSection)):
     """What a recording keeps of the trajectory."""
 
-    seed: whole(ge=0) = setting(20260130, "seed from which all noise is drawn", "1")
-    replicates: whole(ge=1, le=10000) = setting(
-        20, "independent realisations of the noise in a cell", "1"
-    )
-    paper_draws: whole(ge=1, le=100000) = setting(
-        200, "independent draws of the paper's study by its own method, for its claims", "1"
-    )
     protocols: selection(ProtocolName) = setting(
         tuple(protocol.name for protocol in PROTOCOLS if protocol.by_default),
         "what is measured: "
         + ", ".join(f"{protocol.meaning} ({protocol.name})" for protocol in PROTOCOLS),
     )
-    levels: selection(NoiseLevel) = setting(
-        (0, 0.01, 0.03, 0.05, 0.1, 0.15), "noise levels of the whole record", "1"
-    )
-    subsets: SubsetsSection = section(SubsetsSection)
-    joint_levels: selection(NoiseLevel) = setting(
-        (0.05,), "noise levels of all recordings of a case together, where it has releases", "1"
-    )
-    state_noise: Literal["relative", "absolute"] = setting(
-        "relative",
-        "protocols of sensors: the level is a fraction of the standard deviation of what each "
-        "measures (relative), or the noise in SI units itself (absolute)",
-    )
 
 
-class LibrarySection(Section):
+class LibrarySection(keys("library")):
     """What models are found of, and how."""
 
-    degree: whole(ge=1, le=5) = setting(3, "highest degree of the candidate library", "1")
     methods: selection(MethodName) = setting(
         tuple(m.name for m in METHODS if m.by_default), "identification methods"
     )
@@ -150,31 +95,24 @@ Identification = create_model(
     "Identification",
     __base__=LibrarySection,
     __doc__="How models are found.",
-    **{m.name: (m.options, section(m.options)) for m in METHODS if m.options.model_fields},
+    **{
+        m.name: (m.options, Field(default_factory=m.options))
+        for m in METHODS
+        if m.options.model_fields
+    },
 )
 
 
-class RecordingsSection(Section):
+class RecordingsSection(
+    keys(
+        "recordings",
+        files=FolderPath,
+        mapping=FolderPath,
+        known=str,
+        case=Name,
+    )
+):
     """Recordings of one system, in files of its instruments."""
-
-    files: selection(FolderPath) = setting((), "files, all read by one mapping", rule="each a path")
-    mapping: FolderPath = setting(
-        "mapping.yaml",
-        "file that says what the columns measure, as examples/span.yaml does",
-        rule="a path of letters, digits, '_', '-' and '.', from the root or the working folder",
-    )
-    degree: whole(ge=1, le=5) = setting(3, "largest degree of the polynomial library", "1")
-    method: Literal["maximum_likelihood", "weak_gls"] = setting(
-        "maximum_likelihood", "how the model is found"
-    )
-    known: listing(str) = setting(
-        (), "known equations, SI units", rule="such as [dq_w=-9.2 q_w - 0.03 dq_w]"
-    )
-    seed: whole(ge=0) = setting(0, "seed of the draws behind intervals and forecasts", "1")
-    case: Name | None = setting(
-        None, "case whose frequencies, damping and limit cycle are shown beside", rule=NAME_RULE
-    )
-    publish: bool = setting(False, "whether the files go into a publication of the study")
 
     @field_validator("publish")
     @classmethod
@@ -185,57 +123,66 @@ class RecordingsSection(Section):
         return publish
 
 
-class FiguresSection(Section):
+class TrialSection(
+    keys(
+        "trial",
+        kind=one_of(tuple(KINDS)),
+        cases=str,
+        methods=MethodName,
+        protocols=ProtocolName,
+    )
+):
+    """Fits to many recordings whose truth is known."""
+
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> Self:
+        kind = KINDS[self.kind]
+        for key in ("protocols", "levels", "samples", "durations"):
+            if getattr(self, key) is not None and key not in kind.options:
+                taken = ", ".join(kind.options) or "none"
+                raise invalid(f"is no key of {self.kind}; its own keys: {taken}", key)
+        for case in self.cases or ():
+            if case not in kind.cases:
+                raise invalid(
+                    f"unknown case {show(case)} of {self.kind}; allowed: {', '.join(kind.cases)}",
+                    "cases",
+                )
+        for duration in self.durations or ():
+            for case in self.cases or kind.cases:
+                if duration > LONGEST[case]:
+                    raise invalid(
+                        f"{duration:g} is not allowed; of {case} at most {LONGEST[case]:g}",
+                        "durations",
+                    )
+        return self
+
+
+class FiguresSection(keys("figures")):
     """How figures are drawn."""
 
-    dpi: whole(ge=50, le=1200) = setting(200, "resolution of the PNG files", "px/inch")
-    font_size: real(ge=4, le=24) = setting(8, "font size", "pt")
+
+def _sweeps() -> dict[str, SweepSection]:
+    second = {"second": "tension", "second_values": (15000, 45000, 3000)}
+    return {"wind": SweepSection(), "resonance": SweepSection(values=(4, 24, 2), **second)}
 
 
-class Settings(Section):
+class Settings(
+    keys(
+        "study",
+        results=FolderName,
+        reference=FolderPath,
+        cases=(dict[Name, CaseSection], paper_cases),
+        simulation=SimulationSection,
+        measurement=MeasurementSection,
+        identification=Identification,
+        recordings=dict[Name, RecordingsSection],
+        sweeps=(dict[Name, SweepSection], _sweeps),
+        assessment=AssessmentSection,
+        trials=dict[Name, TrialSection],
+        figures=FiguresSection,
+    )
+):
     """A study."""
-
-    results: FolderName = setting(
-        "results",
-        "folder that a run writes",
-        rule="a relative path of at most 100 letters, digits, '_', '-' and '.', no part starting "
-        "with '.', outside the project's own folders and `reference`",
-    )
-    reference: FolderPath = setting(
-        "results/reference",
-        "folder of the numbers that the tables are compared with, if it is there",
-        rule="a path of letters, digits, '_', '-' and '.', from the root or the working folder",
-    )
-    cases: dict[Name, CaseSection] = Field(
-        default_factory=paper_cases,
-        description="the lines under study, by name",
-        json_schema_extra={"rule": NAME_RULE},
-    )
-    simulation: SimulationSection = section(SimulationSection)
-    measurement: MeasurementSection = section(MeasurementSection)
-    identification: Identification = section(Identification)
-    recordings: dict[Name, RecordingsSection] = Field(
-        default_factory=dict,
-        description="recordings from the field, by name",
-        json_schema_extra={"rule": NAME_RULE},
-    )
-    sweeps: dict[Name, SweepSection] = Field(
-        default_factory=lambda: {
-            "wind": SweepSection(),
-            "resonance": SweepSection(
-                values=(4, 24, 2), second="tension", second_values=(15000, 45000, 3000)
-            ),
-        },
-        description="parameters of the lines that are varied, by name",
-        json_schema_extra={"rule": NAME_RULE},
-    )
-    assessment: AssessmentSection = section(AssessmentSection)
-    trials: dict[Name, TrialSection] = Field(
-        default_factory=dict,
-        description="trials of what the identification claims, by name",
-        json_schema_extra={"rule": NAME_RULE},
-    )
-    figures: FiguresSection = section(FiguresSection)
 
     @field_validator("results")
     @classmethod
@@ -280,13 +227,13 @@ class Settings(Section):
         return identification
 
     @model_validator(mode="after")
-    def _something_to_study(self) -> Settings:
+    def _something_to_study(self) -> Self:
         if not (self.cases or self.trials):
             raise invalid("there is none; must hold at least one, or there must be trials", "cases")
         return self
 
     @model_validator(mode="after")
-    def _recordings_beside_cases(self) -> Settings:
+    def _recordings_beside_cases(self) -> Self:
         for name, recordings in self.recordings.items():
             if recordings.case is not None and recordings.case not in self.cases:
                 raise invalid(
@@ -298,7 +245,7 @@ class Settings(Section):
         return self
 
     @model_validator(mode="after")
-    def _measures_inside_the_spans(self) -> Settings:
+    def _measures_inside_the_spans(self) -> Self:
         for name, case in self.cases.items():
             for label, measure in self.assessment.measures.items():
                 for place in measure.places:
@@ -313,7 +260,7 @@ class Settings(Section):
         return self
 
     @model_validator(mode="after")
-    def _results_apart_from_the_reference(self) -> Settings:
+    def _results_apart_from_the_reference(self) -> Self:
         if Path(self.results).resolve().is_relative_to(Path(self.reference).resolve()):
             raise invalid(
                 f"{show(self.results)} is in the folder of the reference, {show(self.reference)}; "

@@ -16,7 +16,6 @@ from galloping.measurement.protocols import (
     Protocol,
 )
 
-PROTOCOL_NAMES = tuple(protocol.name for protocol in protocols.PROTOCOLS)
 REGRESSION = "galloping.identification.sparse.evidence:reduce"
 WEAK_FORM = "galloping.identification.sparse.weak:reduce"
 START = "galloping.identification.likelihood.methods:start"

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from galloping.configuration import trials
+from galloping.configuration.settings import TrialSection
 from galloping.trials.registry import KINDS, Kind
 
 
@@ -44,7 +44,7 @@ class Trial:
         )
 
 
-def trial(name: str, configured: trials.TrialSection) -> Trial:
+def trial(name: str, configured: TrialSection) -> Trial:
     """A trial as configured, keys left out at the defaults of its kind."""
     kind = KINDS[configured.kind]
     options = {key: getattr(configured, key) or default for key, default in kind.options.items()}

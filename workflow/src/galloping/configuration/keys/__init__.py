@@ -1,0 +1,80 @@
+"""The keys of a study: `keys.csv` has each with its default, range, unit, source and meaning.
+
+Columns. list: empty for a single value, `any` number of values, `2` or `3` of them, `distinct` ones
+or `some`, one at least and distinct. type: `real`, `whole`, `bool`, names separated by ` | `, or
+what the section's class says (`text`, `name`, `mapping`, `section`). default: empty where that of
+the type is meant. symbol: with `{}` for the number of the item where the value is a list.
+provenance: `seed` is printed in the paper, `derived` follows from it, `inferred` comes from its
+printed numbers (only in tables of results), `assumed` is ours. note: on the source. rule: what is
+checked beyond type and range. why: the reason for the range, which is that of lines that are built.
+"""
+
+import csv
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import Field, create_model
+
+from galloping.configuration import fields
+
+SIGNS = {">": "gt", ">=": "ge", "<": "lt", "<=": "le"}
+FACTS = ("symbol", "provenance", "note", "rule", "why")
+LISTS = {
+    "": lambda item: item,
+    "any": fields.listing,
+    "2": lambda item: fields.several(item, 2),
+    "3": lambda item: fields.several(item, 3),
+    "distinct": fields.distinct,
+    "some": fields.selection,
+}
+
+
+@cache
+def _rows() -> list[dict[str, str]]:
+    with Path(__file__).with_name("keys.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def keys(section: str, **types: Any) -> type[fields.Section]:
+    """A section of the settings with the keys that the table has for it.
+
+    types: of the keys whose type is not in the table; a pair of type and the function that makes
+    the default, where that is neither in the table nor what the type makes of nothing.
+    """
+    rows = [row for row in _rows() if row["section"] == section]
+    return create_model(
+        section, __base__=fields.Section, **{row["key"]: _field(row, types) for row in rows}
+    )
+
+
+def _field(row: dict[str, str], types: dict[str, Any]) -> tuple[Any, Any]:
+    item = types[row["key"]] if row["key"] in types else _item(row["type"], row["range"])
+    item, factory = item if isinstance(item, tuple) else (item, item)
+    if row["type"] == "section":
+        return item, Field(default_factory=factory)
+    kind = LISTS[row["list"]](item)
+    facts = {"unit": row["unit"]} | {name: row[name] for name in FACTS if row[name]}
+    default = {"default": yaml.safe_load(row["default"])} if row["default"] else {}
+    return kind | None if row["null"] else kind, Field(
+        **default or {"default_factory": factory},
+        description=row["description"],
+        json_schema_extra=facts,
+    )
+
+
+def _item(kind: str, limits: str) -> Any:
+    if kind == "bool":
+        return bool
+    if kind not in ("real", "whole"):
+        return fields.one_of(tuple(kind.split(" | ")))
+    if ".." in limits:
+        low, high = limits.split("..")
+        bounds = {"ge": low, "le": high}
+    else:
+        words = limits.split()
+        bounds = {SIGNS[sign]: value for sign, value in zip(words[::2], words[1::2], strict=True)}
+    make = fields.real if kind == "real" else fields.whole
+    return make(**{sign: json.loads(value) for sign, value in bounds.items()})
