@@ -18,13 +18,15 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import combinations_with_replacement
 from math import isfinite
+from typing import TYPE_CHECKING
 
 import numpy as np
-from lark import Lark, Token, Tree
-from lark.exceptions import UnexpectedInput
 from numpy.typing import NDArray
 
 from galloping.polynomial import Exponents, PolynomialModel, term_name, velocity_pairs
+
+if TYPE_CHECKING:
+    from lark import Lark, Token, Tree
 
 GRAMMAR = r"""
 library: [scope] sum
@@ -138,6 +140,8 @@ def parse_known(text: str, states: Sequence[str], inputs: Sequence[str] = ()) ->
 
 @cache
 def _grammar() -> Lark:
+    from lark import Lark  # few models have a grammar to read
+
     return Lark(GRAMMAR, parser="lalr", start=["library", "known"], maybe_placeholders=True)
 
 
@@ -151,6 +155,8 @@ class _Sentence:
     inputs: tuple[str, ...]
 
     def tree(self) -> Tree:
+        from lark.exceptions import UnexpectedInput
+
         try:
             return _grammar().parse(self.text, start=self.kind)
         except UnexpectedInput as error:
@@ -166,8 +172,7 @@ class _Sentence:
             raise self.fault(place, f"{said}{hint}") from None
 
     def fault(self, place: int | Token, said: str) -> ValueError:
-        if isinstance(place, Token):
-            place = place.start_pos
+        place = getattr(place, "start_pos", place)
         return ValueError(f"{self.kind} {self.text!r}, character {place + 1}: {said}")
 
     def of_equations(self) -> Iterator[tuple[int, Sum]]:
