@@ -78,6 +78,7 @@ _PUBLIC = {
     "Dynamics": ("galloping.field.dynamics", "Dynamics"),
     "Forecast": ("galloping.field.forecast", "Forecast"),
     "IdentifiedModel": ("galloping.identification.model", "IdentifiedModel"),
+    "Input": ("galloping.inputs", "Input"),
     "PolynomialModel": ("galloping.polynomial", "PolynomialModel"),
     "Prior": ("galloping.identification.likelihood.prior", "Prior"),
     "Recording": ("galloping.recording", "Recording"),

@@ -1,7 +1,11 @@
-"""Polynomial first-order systems dx/dt = C theta(x): the form every model in this project has."""
+"""Polynomial first-order systems dx/dt = C theta(x, u): the form of every model in this project.
+
+States x; inputs u, known functions of time, where a model has any.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import chain, combinations_with_replacement
 from math import floor, isfinite, log10
@@ -41,17 +45,24 @@ def velocity_pairs(states: tuple[str, ...]) -> dict[int, int]:
     return {i: index[f"d{name}"] for i, name in enumerate(states) if f"d{name}" in index}
 
 
-def term_name(exponents: Exponents, states: tuple[str, ...]) -> str:
-    """Name of a monomial as pysindy prints it: `1`, `q_v`, `q_v q_w^2`."""
-    factors = [f"{s}^{e}" if e > 1 else s for s, e in zip(states, exponents, strict=True) if e]
-    return " ".join(factors) or "1"
+def term_name(exponents: Exponents, names: tuple[str, ...]) -> str:
+    """Name of a monomial as pysindy prints it: `1`, `q_v`, `q_v q_w^2`; or `dq_v^3/U`.
+
+    names: of the states and, where exponents are of inputs too, of those.
+    """
+    factors = [f"{s}^{e}" if e > 1 else s for s, e in zip(names, exponents, strict=True) if e > 0]
+    below = [
+        f"/{s}^{-e}" if e < -1 else f"/{s}" for s, e in zip(names, exponents, strict=True) if e < 0
+    ]
+    return (" ".join(factors) or "1") + "".join(below)
 
 
 def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
     """Monomials `terms` at the states `x`.
 
-    x: (n, n_states). Returns (n, n_terms). Each monomial costs one product, of a state with
-    a monomial of one degree less where that one is in the library.
+    x: (n, n_states), or of states and inputs, whose exponents may be negative. Returns (n,
+    n_terms). Each monomial costs one product, of a state with a monomial of one degree less where
+    that one is in the library.
     """
     theta = np.empty((len(x), len(terms)), order="F")
     column = {term: j for j, term in enumerate(terms)}
@@ -61,7 +72,9 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
             theta[:, j] = 1.0
             continue
         lower = tuple(e - (k == last) for k, e in enumerate(term))
-        if not any(lower):
+        if min(term) < 0:
+            theta[:, j] = np.prod(x ** np.array(term, float), axis=1)
+        elif not any(lower):
             theta[:, j] = x[:, last]
         elif column.get(lower, j) < j:
             np.multiply(theta[:, column[lower]], x[:, last], out=theta[:, j])
@@ -72,18 +85,21 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PolynomialModel(Immutable):
-    """dx/dt = coefficients @ theta(x).
+    """dx/dt = coefficients @ theta(x, u).
 
-    states: names of the n_states states. terms: exponents of the n_terms monomials.
-    coefficients: (n_states, n_terms), SI units. Raises ValueError where they have another shape.
+    states: names of the n_states states. terms: exponents of the n_terms monomials, in the states
+    and then in the inputs. coefficients: (n_states, n_terms), SI units. inputs: names of the
+    n_inputs inputs. Raises ValueError where they have another shape.
     """
 
     states: tuple[str, ...]
     terms: tuple[Exponents, ...]
     coefficients: NDArray[np.float64]
+    inputs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "states", tuple(self.states))
+        object.__setattr__(self, "inputs", tuple(self.inputs))
         object.__setattr__(self, "terms", tuple(map(tuple, self.terms)))
         object.__setattr__(self, "coefficients", np.asarray(self.coefficients, float))
         super().__post_init__()
@@ -92,9 +108,15 @@ class PolynomialModel(Immutable):
                 f"coefficients: shape {self.coefficients.shape}, expected "
                 f"({len(self.states)}, {len(self.terms)})"
             )
+        if any(len(term) != len(self.names) for term in self.terms):
+            raise ValueError(f"terms: must have {len(self.names)} exponents, of states and inputs")
 
     def __repr__(self) -> str:
-        about = f"PolynomialModel of {', '.join(self.states)}, {len(self.terms)} candidate terms"
+        driven = f" driven by {', '.join(self.inputs)}" if self.inputs else ""
+        about = (
+            f"PolynomialModel of {', '.join(self.states)}{driven}, {len(self.terms)} candidate "
+            "terms"
+        )
         return "\n".join([about, *self.equations()])
 
     def equations(self, standard_errors: ArrayLike | None = None) -> tuple[str, ...]:
@@ -119,22 +141,45 @@ class PolynomialModel(Immutable):
         return self.coefficients != 0
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Of the states and then of the inputs, in the order of a term's exponents."""
+        return self.states + self.inputs
+
+    @property
     def term_names(self) -> tuple[str, ...]:
-        return tuple(term_name(term, self.states) for term in self.terms)
+        return tuple(term_name(term, self.names) for term in self.terms)
 
-    def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """State derivatives at `x`: (n, n_states) -> (n, n_states)."""
-        return design_matrix(x, self.terms) @ self.coefficients.T
+    def __call__(
+        self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """State derivatives at `x`: (n, n_states) -> (n, n_states).
 
-    def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        u: (n, n_inputs) of a model with inputs.
+        """
+        return design_matrix(_beside(x, u), self.terms) @ self.coefficients.T
+
+    def jacobian(
+        self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
         """How they depend on the states: (n, n_states) -> (n, n_states, n_states)."""
         exponents = np.array(self.terms)
-        lower = [np.maximum(exponents - one, 0) for one in np.eye(len(self.states), dtype=int)]
-        slopes = [
-            design_matrix(x, tuple(map(tuple, terms.tolist()))) @ (self.coefficients * e).T
-            for terms, e in zip(lower, exponents.T, strict=True)
-        ]
+        slopes = []
+        for k in range(len(self.states)):
+            lower = exponents.copy()
+            lower[:, k] = np.maximum(lower[:, k] - 1, 0)
+            theta = design_matrix(_beside(x, u), tuple(map(tuple, lower.tolist())))
+            slopes.append(theta @ (self.coefficients * exponents[:, k]).T)
         return np.stack(slopes, axis=2)
+
+    def at(self, values: Mapping[str, float]) -> PolynomialModel:
+        """The model at constant values of inputs, its terms merged; the other inputs stay.
+
+        Raises ValueError for an input that it does not have, and for a value at which a term is
+        not finite.
+        """
+        terms, merge = merged(self, values)
+        inputs = tuple(name for name in self.inputs if name not in values)
+        return PolynomialModel(self.states, terms, self.coefficients @ merge, inputs)
 
     def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
         """The same model written in another library.
@@ -147,8 +192,42 @@ class PolynomialModel(Immutable):
             if term in index:
                 coefficients[:, index[term]] = self.coefficients[:, j]
             elif np.any(self.coefficients[:, j]):
-                raise ValueError(f"term {term_name(term, self.states)} is not in the library")
-        return PolynomialModel(self.states, terms, coefficients)
+                raise ValueError(f"term {term_name(term, self.names)} is not in the library")
+        return PolynomialModel(self.states, terms, coefficients, self.inputs)
+
+
+def merged(
+    model: PolynomialModel, values: Mapping[str, float]
+) -> tuple[tuple[Exponents, ...], NDArray[np.float64]]:
+    """Terms of a model at constant values of inputs, and what each old one brings to each new one.
+
+    Returns the terms, without the exponents of those inputs, and (n_terms, n_merged). Raises
+    ValueError for an input that it does not have, and for a value at which a term is not finite.
+    """
+    for name, value in values.items():
+        if name not in model.inputs:
+            has = f"has the inputs {', '.join(model.inputs)}" if model.inputs else "has no inputs"
+            raise ValueError(f"{name}: no input; the model {has}")
+        if not isfinite(value):
+            raise ValueError(f"{name}: {value!r:.60}; must be a finite number")
+    held = [len(model.states) + k for k, name in enumerate(model.inputs) if name in values]
+    own = [values[name] for name in model.inputs if name in values]
+    rest = [tuple(e for k, e in enumerate(term) if k not in held) for term in model.terms]
+    terms = tuple(dict.fromkeys(rest))
+    merge = np.zeros((len(rest), len(terms)))
+    for j, (term, left) in enumerate(zip(model.terms, rest, strict=True)):
+        for value, k in zip(own, held, strict=True):
+            if value == 0.0 and term[k] < 0:
+                name = model.names[k]
+                raise ValueError(f"{name}: 0; {term_name(term, model.names)} is not finite there")
+        merge[j, terms.index(left)] = np.prod(
+            [value ** term[k] for value, k in zip(own, held, strict=True)]
+        )
+    return terms, merge
+
+
+def _beside(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:
+    return x if u is None else np.concatenate([x, u], axis=1)
 
 
 def with_error(value: float, error: float = np.nan) -> str:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import floats, increasing, seconds
 from galloping.immutable import Immutable
+from galloping.inputs import Input
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -26,7 +27,8 @@ class Recording(Immutable):
     whether a rate has an unknown constant offset that drifts slowly. unknown_scales: (n_states,)
     whether a value is known up to a factor only. Both None where there is none. known_noise:
     (2, n_states) standard deviation of a sample of each value and of each rate where it is known,
-    else NaN; None where none is.
+    else NaN; None where none is. inputs: by name, what was measured beside the motion and drives
+    it, on the same clock, each at its own times.
     Raises ValueError for anything else, in one line.
     """
 
@@ -38,6 +40,7 @@ class Recording(Immutable):
     unknown_offsets: NDArray[np.bool_] | None = None
     unknown_scales: NDArray[np.bool_] | None = None
     known_noise: NDArray[np.float64] | None = None
+    inputs: Mapping[str, Input] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         states = self.states
@@ -68,6 +71,13 @@ class Recording(Immutable):
         if self.known_noise is not None:
             noise = floats("recording: known_noise", self.known_noise, (2, len(states)))
             checked["known_noise"] = noise
+        for name, one in self.inputs.items():
+            if not isinstance(name, str) or name in states:
+                raise ValueError(f"recording: inputs: {name!r:.60}; must be a name of no state")
+            if not isinstance(one, Input):
+                raise ValueError(
+                    f"recording: inputs: {name}: a {type(one).__name__}; must be an Input"
+                )
         for name, array in checked.items():
             object.__setattr__(self, name, array)
         super().__post_init__()
@@ -87,6 +97,7 @@ class Recording(Immutable):
             f"{len(self.time)} samples from {first:.6g} to {last:.6g} s, "
             f"{'every' if self.is_uniform else 'mostly every'} {step:.4g} s\n"
             f"measured: {', '.join(channels) or 'nothing'}"
+            + (f"; inputs: {', '.join(self.inputs)}" if self.inputs else "")
         )
 
     @property
@@ -96,12 +107,20 @@ class Recording(Immutable):
         return sum(int(np.isfinite(part).sum()) for part in parts)
 
     @classmethod
-    def from_frame(cls, frame: Mapping[str, ArrayLike], time: str | None = None) -> Recording:
+    def from_frame(
+        cls,
+        frame: Mapping[str, ArrayLike],
+        time: str | None = None,
+        inputs: Sequence[str] = (),
+        between: str = "cubic",
+    ) -> Recording:
         """A recording from a pandas DataFrame, or a mapping of columns.
 
-        time: name of the column of times, s or dates; every other column is a state. By default it
-        is `t`, or the index of the frame where there is no such column and the index holds dates.
-        Raises ValueError where that column is missing or a column does not hold numbers.
+        time: name of the column of times, s or dates; every column beside it and the `inputs` is a
+        state. By default it is `t`, or the index of the frame where there is no such column and the
+        index holds dates. inputs: names of the columns that are inputs. between: as of `Input`, of
+        all of them.
+        Raises ValueError where such a column is missing or a column does not hold numbers.
         """
         names = list(frame)
         column = "t" if time is None else time
@@ -112,11 +131,26 @@ class Recording(Immutable):
             times = index
         else:
             raise ValueError(f"recording: no column {column!r}; must be one of {names!r:.60}")
-        states = [name for name in names if name != column]
-        columns = [floats(f"recording: column {name!r}", frame[name], (None,)) for name in states]
-        if len({len(times), *map(len, columns)}) > 1:
+        if isinstance(inputs, str):
+            raise ValueError(f"recording: inputs: {inputs!r:.60}; must be a list of names")
+        for name in inputs:
+            if name not in names or name == column:
+                raise ValueError(f"recording: inputs: no column {name!r}; there is {names!r:.60}")
+        states = [name for name in names if name != column and name not in inputs]
+        columns = {
+            name: floats(f"recording: column {name!r}", frame[name], (None,))
+            for name in (*states, *inputs)
+        }
+        if len({len(times), *map(len, columns.values())}) > 1:
             raise ValueError("recording: columns differ in length")
-        return cls(times, states, np.array(columns).T.reshape(-1, len(states)))
+        values = np.array([columns[name] for name in states]).T.reshape(-1, len(states))
+        own = {}
+        for name in inputs:
+            try:
+                own[name] = Input(times, columns[name], between)
+            except ValueError as error:
+                raise ValueError(f"recording: column {name!r}: {error}") from None
+        return cls(times, states, values, inputs=own)
 
     def __getitem__(self, rows: slice) -> Recording:
         """The samples of a slice, such as `recording[:100]`, two or more."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from galloping.arrays import increasing
 from galloping.arrays import initial_state as checked_state
 from galloping.immutable import Immutable
-from galloping.polynomial import Exponents, PolynomialModel, with_error
+from galloping.polynomial import Exponents, PolynomialModel, merged, with_error
 from galloping.storage import read_json, write_json
 
 if TYPE_CHECKING:
@@ -112,11 +112,15 @@ class IdentifiedModel(Immutable):
 
     @classmethod
     def refused(
-        cls, states: tuple[str, ...], terms: tuple[Exponents, ...], reason: str
+        cls,
+        states: tuple[str, ...],
+        terms: tuple[Exponents, ...],
+        reason: str,
+        inputs: tuple[str, ...] = (),
     ) -> IdentifiedModel:
         """No model, for `reason`."""
         nothing = np.full((len(states), len(terms)), np.nan)
-        return cls(PolynomialModel(states, terms, nothing), "refused", reason)
+        return cls(PolynomialModel(states, terms, nothing, inputs), "refused", reason)
 
     @property
     def support(self) -> NDArray[np.bool_]:
@@ -129,6 +133,38 @@ class IdentifiedModel(Immutable):
     def verdict(self) -> str:
         """Status and reason in one line."""
         return f"{self.status}: {self.reason}" if self.reason else self.status
+
+    def at(self, values: Mapping[str, float]) -> IdentifiedModel:
+        """What it is at constant values of inputs, its terms merged; the other inputs stay.
+
+        Covariance and errors follow the merged coefficients. Raises ValueError as
+        `PolynomialModel.at` does.
+        """
+        model = self.model.at(values)
+        _, merge = merged(self.model, values)
+        old, kept = np.argwhere(self.support), {"model": model}
+        new = np.nan_to_num(model.coefficients) != 0
+        new[list(self.known)] = False
+        places = np.argwhere(new)
+        same = places[:, :1] == old[:, 0]
+        slope = np.where(same, merge[old[:, 1]][:, places[:, 1]].T, 0.0)
+        if len(self.covariance):
+            kept["covariance"] = slope @ self.covariance @ slope.T
+        shape = model.coefficients.shape
+        kept |= {name: np.full(shape, np.nan) for name in BY_TERM}
+        at = tuple(places.T)
+        if len(self.covariance):
+            kept["standard_errors"][at] = np.sqrt(np.diag(kept["covariance"]))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            wider = np.fmax(self.unconditional_errors / self.standard_errors, 1.0)
+        for k, (i, j) in enumerate(places):
+            ratio = np.max(wider[tuple(old[slope[k] != 0].T)], initial=1.0)
+            kept["unconditional_errors"][i, j] = ratio * kept["standard_errors"][i, j]
+        for name in ("unconditional_errors", "detection_limits"):
+            absent = np.sqrt(np.nan_to_num(getattr(self, name)) ** 2 @ merge**2)
+            stated = ~new & (absent > 0.0)
+            kept[name][stated] = absent[stated]
+        return replace(self, **kept)
 
     def equations(self) -> tuple[str, ...]:
         """The equation of each state, coefficients with their standard errors where stated."""
@@ -165,16 +201,16 @@ class IdentifiedModel(Immutable):
 
     def latex(self) -> str:
         """The equations as LaTeX, for amsmath; a velocity dX is written as X with a dot."""
-        states, lines = self.model.states, []
-        names = [_latex(state, states) for state in states]
+        lines, states = [], [_latex(state, self.model.states) for state in self.model.states]
+        names = [*states, *(_latex(name, ()) for name in self.model.inputs)]
         for name, row, errors in zip(
-            names, self.model.coefficients, self.standard_errors, strict=True
+            states, self.model.coefficients, self.standard_errors, strict=True
         ):
             parts = []
             for j in np.flatnonzero(row):
                 number = with_error(row[j], errors[j]).replace("±", r"\pm")
                 factors = [
-                    f"{factor}^{{{power}}}" if power > 1 else factor
+                    factor if power == 1 else f"{factor}^{{{power}}}"
                     for factor, power in zip(names, self.model.terms[j], strict=True)
                     if power
                 ]
@@ -192,6 +228,7 @@ class IdentifiedModel(Immutable):
         arrays = (*BY_TERM, "covariance", "initial_states", "sigma", "thresholds", "chi2")
         content = {
             "states": self.model.states,
+            "inputs": self.model.inputs,
             "terms": self.model.terms,
             "coefficients": _plain(self.model.coefficients),
             "status": self.status,
@@ -216,7 +253,8 @@ class IdentifiedModel(Immutable):
                 raise TypeError("must be a mapping of keys")
             states = tuple(content.pop("states"))
             terms = tuple(map(tuple, content.pop("terms")))
-            model = PolynomialModel(states, terms, _array(content.pop("coefficients")))
+            inputs = tuple(content.pop("inputs", ()))
+            model = PolynomialModel(states, terms, _array(content.pop("coefficients")), inputs)
             shape = model.coefficients.shape
             arrays = {name: _array(content.pop(name)).reshape(shape) for name in BY_TERM}
             arrays["thresholds"] = _array(content.pop("thresholds")).reshape(len(states))
