@@ -10,6 +10,7 @@ from galloping.identification.likelihood.maximum_likelihood import (
 from galloping.identification.likelihood.prior import Prior
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
+from galloping.inputs import Input
 from galloping.passes import progress
 from galloping.polynomial import PolynomialModel
 from galloping.polynomial import library as polynomial_library
@@ -23,6 +24,7 @@ __all__ = [
     "Dynamics",
     "Forecast",
     "IdentifiedModel",
+    "Input",
     "PolynomialModel",
     "Prior",
     "Recording",
