@@ -16,14 +16,12 @@ from galloping.report.headline import verdicts
 from galloping.seeds import generator
 from galloping.tables.published import published_intervals, published_terms
 from galloping.tables.trials import paths, trust
-from galloping.trials import faults, long_and_steady, published, systems
+from galloping.trials import faults, published, recorded_lines, systems
+from galloping.trials.attempts import claims
 from galloping.trials.faults import FAULTS
-from galloping.trials.long_and_steady import LONG
 from galloping.trials.published_numbers import EXACT
-from galloping.trials.random_lines import draw, trial
+from galloping.trials.recorded_lines import LONG, draw
 from galloping.trials.registry import KINDS
-from galloping.trials.scores import claims
-from galloping.trials.systems import SYSTEMS
 
 TERMS = library(4, 3)
 METHODS = {
@@ -92,14 +90,15 @@ def test_a_refusal_claims_nothing(result):
 
 def test_kinds_name_the_cases_that_there_are():
     assert KINDS["sensor_faults"].cases == tuple(FAULTS)
-    assert KINDS["systems"].cases == tuple(SYSTEMS)
     assert KINDS["published_terms"].cases == tuple(published.SETTINGS)
     assert set(LONG) < set(KINDS["long_and_steady"].cases)
 
 
 def test_random_lines_and_their_table():
     levels = {"protocols": ["state"], "levels": [0.05]}
-    fits = pd.DataFrame(trial(5, "all", [0], METHODS, **levels, duration=60.0))
+    fits = pd.DataFrame(
+        recorded_lines.of_random_lines(5, "all", [0], METHODS, **levels, duration=60.0)
+    )
     assert list(fits["release"]) == [0, 1]
     table = trust(fits, {})
     line = table[table["case"] == "all"].to_dict("records")[0]
@@ -125,16 +124,26 @@ def test_a_chaotic_system_is_followed_in_short_segments_where_long_ones_lead_ast
 
 @pytest.mark.slow
 def test_terms_that_do_not_settle_at_once_settle_with_patience():
-    fits = list(trial(14959787, "all", [295], METHODS, protocols=["state"], levels=[0.05]))
+    fits = list(
+        recorded_lines.of_random_lines(
+            14959787, "all", [295], METHODS, protocols=["state"], levels=[0.05]
+        )
+    )
     assert fits[1]["status"] == "ok" and fits[1]["exact"]
 
 
 @pytest.mark.slow
 def test_terms_that_make_up_others_are_followed_from_few_on_but_not_on_a_limit_cycle():
     """Both recordings leave mixtures of terms unseen: the first fewer than its model has terms."""
-    fit = next(iter(trial(3316624, "all", [314], METHODS, protocols=["state"], levels=[0.05])))
+    fit = next(
+        iter(
+            recorded_lines.of_random_lines(
+                3316624, "all", [314], METHODS, protocols=["state"], levels=[0.05]
+            )
+        )
+    )
     assert fit["status"] in ("ok", "not identifiable") and not fit["ok_and_wrong"]
-    settled = long_and_steady.trial(
+    settled = recorded_lines.of_long_and_steady_motions(
         3162278, "limit cycle, random lines", [9], METHODS, levels=[0.05]
     )
     assert next(iter(settled))["status"] == "not identifiable"

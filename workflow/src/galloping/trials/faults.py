@@ -4,9 +4,7 @@ Every recording has one fault, of a size drawn evenly from its range, besides wh
 identified must not be `ok` and wrong, and the reason should name the fault.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +24,8 @@ from galloping.physics.gusts import wind_speed
 from galloping.polynomial import PolynomialModel, design_matrix
 from galloping.recording import Recording
 from galloping.seeds import generator
-from galloping.trials.attempts import Attempt, fits
-from galloping.trials.default_line import DURATION, MARGIN, RATE, MovingLine, default_line
+from galloping.trials.attempts import Attempt, trial_of
+from galloping.trials.recorded_lines import DURATION, MARGIN, RATE, MovingLine, default_line
 
 GROUP = "sensor faults"
 FORCE_RATE = 10.0  # Hz, of the values between which a random force is linear
@@ -158,23 +156,6 @@ FAULTS = {
 }
 
 
-def trial(
-    seed: int,
-    case: str,
-    replicates: Sequence[int],
-    methods: Mapping[str, Mapping],
-    *,
-    levels: Sequence[float],
-) -> Iterator[dict[str, object]]:
-    """A row for each fit to a recording with the fault `case`: see `attempts.fits`.
-
-    levels: of the noise, in standard deviations of each state.
-    """
-    for level in levels:
-        attempts = (_attempt(seed, case, replicate, level) for replicate in replicates)
-        yield from fits(attempts, methods)
-
-
 def _attempt(seed: int, case: str, replicate: int, level: float) -> Attempt:
     line, fault = default_line(), FAULTS[case]
     rng = generator(seed, GROUP, case, replicate)
@@ -186,3 +167,6 @@ def _attempt(seed: int, case: str, replicate: int, level: float) -> Attempt:
         "seed": seed, "replicate": replicate, "size": size,
     }  # fmt: skip
     return Attempt(columns, line.model, Recording(time, STATES, values), cause=fault.named)
+
+
+trial = trial_of(_attempt)

@@ -3,22 +3,16 @@
 A kind is a function and an entry here; what it feeds is a table of `galloping.tables.registry`.
 """
 
-from __future__ import annotations
-
+import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from galloping.paper.unknowns import BY_NAME
 from galloping.study.kinds import PAPER_METHOD
 
-PUBLISHED = (
-    "van_der_pol", "relaxation", "rayleigh", "duffing", "cubic_damped", "stuart_landau", "wake",
-    "linear", "sel_kov", "brusselator", "lotka_volterra", "three_competitors", "four_species",
-    "fitzhugh_nagumo", "hindmarsh_rose", "lorenz", "rossler", "chen", "halvorsen", "rucklidge",
-    "nose_hoover", "genesio_tesi", "arneodo", "shimizu_morioka", "circulation",
-    "rabinovich_fabrikant", "rikitake", "moore_spiegel", "hyperchaos", "sprott_a", "sprott_b",
-    "sprott_c", "sprott_d", "sprott_g", "sprott_m", "sprott_s",
-)  # fmt: skip
+with Path(__file__).with_name("systems").joinpath("systems.csv").open(encoding="utf-8") as file:
+    PUBLISHED = tuple(row["name"] for row in csv.DictReader(file))
 # tables: of lines, of other systems, of lines that are not their own model, of what the paper
 # leaves out, beside what others published of exact terms and of intervals
 TRUST, SYSTEMS, MODEL_ERROR, PAPER = "trust", "systems", "model_error", "paper"
@@ -49,13 +43,13 @@ class Kind:
 
 KINDS = {
     "default_line": Kind(
-        "galloping.trials.default_line:trial",
+        "galloping.trials.recorded_lines:of_the_default_line",
         TRUST,
         cases=("internal_resonance",),
         options={"protocols": ("state", "displacement"), "levels": (0.05, 0.1, 0.15)},
     ),
     "random_lines": Kind(
-        "galloping.trials.random_lines:trial",
+        "galloping.trials.recorded_lines:of_random_lines",
         TRUST,
         cases=("all",),
         options={"protocols": ("state",), "levels": (0.05,)},
@@ -70,7 +64,7 @@ KINDS = {
         options={"levels": (0.05,)},
     ),
     "long_and_steady": Kind(
-        "galloping.trials.long_and_steady:trial",
+        "galloping.trials.recorded_lines:of_long_and_steady_motions",
         TRUST,
         cases=(
             "2000 s", "10000 s", "100000 s", "limit cycle", "limit cycle, random lines",

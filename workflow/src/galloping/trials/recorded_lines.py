@@ -1,0 +1,203 @@
+"""Fits to recordings of galloping lines: the default one, lines drawn at random, long and steady.
+
+Every random line is a bundle of the default conductor with three spacers at the quarter points.
+Drawn evenly: the span between 150 and 500 m and both damping ratios between 0.002 and 0.02 on a
+logarithmic scale; the tension between 15 and 45 kN; the wind between 6 and 20 m/s; the
+aerodynamic coefficients beta_1 in 0.2..1.2, beta_2 in -3..3, beta_3 in -8..-2, eta_1 in -4..4,
+and, each absent in half of the lines, eta_2 in -3..3 and eta_3 in -6..6. Lines that do not gallop,
+or diverge, are drawn again. Each is recorded twice: released as the default line is, and from q_v
+in -2..2 m and q_w in -3..3 m at rest.
+
+Long: the default line from its release on. Steady: 300 s of the limit cycle of the default line,
+or of a random line that has one. Sensitive: 300 s of a random line where neighbouring motions part
+more than SENSITIVE times.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from galloping.configuration.load import load, plain
+from galloping.cycles.motion import settle
+from galloping.physics.equations import STATES, model
+from galloping.physics.galerkin import coefficients
+from galloping.polynomial import PolynomialModel, library
+from galloping.seeds import generator
+from galloping.simulation import Simulator, time_grid
+from galloping.trials.attempts import Attempt, at_the_bound, fits, measured, trial_of
+
+DEFAULT, RANDOM, LONG_AND_STEADY = "default line", "random lines", "long and steady"  # groups
+TERMS = library(len(STATES), 3)
+CASE = "internal_resonance"
+DURATION, RATE = 300.0, 100.0  # s, Hz
+MARGIN = 1.0  # s of motion after the recording, for sensors that are late or early
+LONG = {"2000 s": (2e3, 100.0), "10000 s": (1e4, 100.0), "100000 s": (1e5, 20.0)}  # s, Hz
+APART, SENSITIVE = 1e-6, 1e3  # m, times within a recording
+
+
+@dataclass(frozen=True)
+class MovingLine:
+    """Its case, its model, when it was recorded, and how it moved then."""
+
+    case: dict
+    model: PolynomialModel
+    start: np.ndarray
+    time: np.ndarray
+    motion: CubicSpline
+
+    @property
+    def states(self) -> np.ndarray:
+        return self.motion(self.time)
+
+
+@cache
+def default_line() -> MovingLine:
+    case = plain(load({}))["cases"][CASE]
+    line = model(coefficients(case))
+    start = np.array([case["initial_state"][state] for state in STATES])
+    long = time_grid(DURATION + MARGIN, RATE)
+    states = Simulator(line.states, line.terms)(line, start, long).states
+    return MovingLine(case, line, start, time_grid(DURATION, RATE), CubicSpline(long, states))
+
+
+def of_the_default_line(
+    seed: int,
+    case: str,
+    replicates: Sequence[int],
+    methods: Mapping[str, Mapping],
+    *,
+    protocols: Sequence[str],
+    levels: Sequence[float],
+) -> Iterator[dict[str, object]]:
+    """A row for each fit to a recording of the line: see `attempts.fits`."""
+    line = default_line()
+    states = line.states
+    for protocol in protocols:
+        for level in levels:
+            columns = {"group": DEFAULT, "case": case, "protocol": protocol, "level": level}
+            made = [
+                measured(columns | {"seed": seed, "replicate": r}, line.model, line.time, states)
+                for r in replicates
+            ]
+            deviations = at_the_bound(made[0], states)
+            yield from fits([replace(each, deviations=deviations) for each in made], methods)
+
+
+def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
+    """The `cases` section of a line that gallops, and its two initial states (2, n_states)."""
+    while True:
+        span = _log_uniform(rng, 150.0, 500.0)
+        vertical = [rng.uniform(0.2, 1.2), rng.uniform(-3.0, 3.0), rng.uniform(-8.0, -2.0)]
+        horizontal = [rng.uniform(-4.0, 4.0), *_or_absent(rng, 3.0), *_or_absent(rng, 6.0)]
+        case = {
+            "line": {"span": span, "tension": rng.uniform(15e3, 45e3)},
+            "spacers": {"positions": [0.25 * span, 0.5 * span, 0.75 * span]},
+            "ice": {"reading": "custom", "vertical": vertical, "horizontal": horizontal},
+            "wind": {"speed": rng.uniform(6.0, 20.0)},
+            "damping": {
+                "vertical": _log_uniform(rng, 0.002, 0.02),
+                "horizontal": _log_uniform(rng, 0.002, 0.02),
+            },
+        }
+        case = plain(load({"cases": {"drawn": case}}))["cases"]["drawn"]
+        first = [case["initial_state"][state] for state in STATES]
+        second = [rng.uniform(-2.0, 2.0), rng.uniform(-3.0, 3.0), 0.0, 0.0]
+        if coefficients(case)["gamma_1"] < 0.0:
+            return case, np.array([first, second])
+
+
+def lines(
+    rng: np.random.Generator, simulator: Simulator, time: np.ndarray
+) -> Iterator[tuple[PolynomialModel, list[np.ndarray]]]:
+    """Lines without end, each with its motions (n, n_states) from both releases, none diverging."""
+    while True:
+        case, starts = draw(rng)
+        true = model(coefficients(case)).on_library(TERMS)
+        motions = [simulator(true, start, time) for start in starts]
+        if all(motion.status == "ok" for motion in motions):
+            yield true, [motion.states for motion in motions]
+
+
+def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _or_absent(rng: np.random.Generator, size: float) -> list[float]:
+    return [rng.uniform(-size, size) * float(rng.random() < 0.5)]
+
+
+def of_random_lines(
+    seed: int,
+    case: str,
+    replicates: Sequence[int],
+    methods: Mapping[str, Mapping],
+    *,
+    protocols: Sequence[str],
+    levels: Sequence[float],
+    duration: float = 300.0,
+    sampling_rate: float = 100.0,
+) -> Iterator[dict[str, object]]:
+    """A row for each fit to a recording of the lines `replicates`: see `attempts.fits`."""
+    time = time_grid(duration, sampling_rate)
+    simulator = Simulator(STATES, TERMS)
+    for number in replicates:
+        true, motions = next(lines(generator(seed, "random line", number), simulator, time))
+        for protocol in protocols:
+            for level in levels:
+                for release, states in enumerate(motions):
+                    columns = {
+                        "group": RANDOM, "case": case, "protocol": protocol, "level": level,
+                        "seed": seed, "replicate": number, "release": release,
+                    }  # fmt: skip
+                    attempt = measured(columns, true, time, states)
+                    deviations = at_the_bound(attempt, states)
+                    yield from fits([replace(attempt, deviations=deviations)], methods)
+
+
+def _long_or_steady(seed: int, case: str, replicate: int, level: float) -> Attempt:
+    rng = generator(seed, LONG_AND_STEADY, case, replicate)
+    time = time_grid(*LONG.get(case, (DURATION, RATE)))
+    simulator = Simulator(STATES, TERMS)
+    if case == "limit cycle, random lines":
+        true, states = _settled_line(rng, simulator, time)
+    elif case == "sensitive lines":
+        true, states = _sensitive_line(rng, simulator, time)
+    else:
+        line = default_line()
+        true, start = line.model.on_library(TERMS), line.start
+        if case == "limit cycle":
+            start = settle(simulator, true, start).states[-1]
+        states = simulator(true, start, time).states
+    columns = {
+        "group": LONG_AND_STEADY, "case": case, "protocol": "state", "level": level,
+        "seed": seed, "replicate": replicate,
+    }  # fmt: skip
+    return measured(columns, true, time, states)
+
+
+def _settled_line(
+    rng: np.random.Generator, simulator: Simulator, time: np.ndarray
+) -> tuple[PolynomialModel, np.ndarray]:
+    """The first line drawn that has a limit cycle, and its motion there."""
+    for true, motions in lines(rng, simulator, time):
+        settled = settle(simulator, true, motions[0][-1])
+        if settled.kind == "cycle":
+            return true, simulator(true, settled.states[-1], time).states
+    raise AssertionError("lines are drawn without end")
+
+
+def _sensitive_line(
+    rng: np.random.Generator, simulator: Simulator, time: np.ndarray
+) -> tuple[PolynomialModel, np.ndarray]:
+    """The first line drawn that forgets its start, and its motion."""
+    for true, motions in lines(rng, simulator, time):
+        beside = simulator(true, motions[0][0] + [APART, 0.0, 0.0, 0.0], time).states
+        if np.max(np.abs(beside - motions[0])) > SENSITIVE * APART:
+            return true, motions[0]
+    raise AssertionError("lines are drawn without end")
+
+
+of_long_and_steady_motions = trial_of(_long_or_steady)
