@@ -24,6 +24,7 @@ from galloping.evaluation.score import Truth, score
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
+from galloping.intervals import interval
 from galloping.measurement.measuring import measure
 from galloping.measurement.motion import Motion
 from galloping.physics.derived import Derived
@@ -32,10 +33,8 @@ from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, extended, library
 from galloping.simulation import Simulator, Trajectory
 from galloping.tables.coefficients import identified_terms, table3
-from galloping.tables.data_amount import data_amount
-from galloping.tables.noise import noise_coefficients, noise_r2
 from galloping.tables.parameters import conductor, spacers
-from galloping.tables.summary import all_scores, interval
+from galloping.tables.scores import all_scores, data_amount, noise_coefficients, noise_r2
 
 INF = float("inf")
 

@@ -19,7 +19,7 @@ from galloping.measurement.measuring import measure
 from galloping.measurement.motion import Motion
 from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import PolynomialModel, library
-from galloping.tables.peers import CHOSEN, ORACLE, peers
+from galloping.tables.scores import CHOSEN, ORACLE, peers
 
 STEP = 0.02
 TERMS = library(4, 3)

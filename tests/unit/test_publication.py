@@ -28,7 +28,7 @@ from galloping.reproducibility import recovery
 from galloping.reproducibility.audit import Audit
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.receipts import Receipt, digest, read_receipt, write_receipt
-from galloping.tables.reference.folders import table_differences
+from galloping.tables.comparison import table_differences
 
 RESULTS = "results/mine"
 TABLE, MODEL, RECORDING = (f"{RESULTS}/{name}" for name in ("tables/t.csv", "m.json", "r.npz"))

@@ -14,8 +14,7 @@ from galloping.physics.galerkin import coefficients
 from galloping.polynomial import library
 from galloping.report.headline import verdicts
 from galloping.seeds import generator
-from galloping.tables.published import published_intervals, published_terms
-from galloping.tables.trials import paths, trust
+from galloping.tables.trials import paths, published_intervals, published_terms, trust
 from galloping.trials import faults, published, recorded_lines, systems
 from galloping.trials.attempts import claims
 from galloping.trials.faults import FAULTS

@@ -1,10 +1,9 @@
 """The study's tables beside the reference."""
 
 from galloping.reproducibility.job import run
-from galloping.storage import write_rows
+from galloping.study.files import tables
 from galloping.study.loading import load
-from galloping.tables.reference.processor import processor
-from galloping.tables.reference.study import DIFFERENCE_COLUMNS, Origin, compare_study
+from galloping.tables.reference import Origin, compare_study, processor
 
 
 def main() -> None:
@@ -14,8 +13,8 @@ def main() -> None:
     summary, differences = compare_study(
         read["reference"], read.get("origin"), read["tables"], present
     )
-    write_rows(output.summary, summary)
-    write_rows(output.differences, differences, DIFFERENCE_COLUMNS)
+    tables.write(output.summary, summary)
+    tables.write(output.differences, differences)
 
 
 run(main, snakemake)

@@ -13,8 +13,7 @@ from pathlib import Path
 from galloping.reproducibility.audit import audit
 from galloping.reproducibility.plan import planning
 from galloping.storage import replacing, write_json
-from galloping.tables.reference.processor import processor
-from galloping.tables.reference.study import Origin
+from galloping.tables.reference import Origin, processor
 
 
 def main() -> None:

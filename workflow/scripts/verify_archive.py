@@ -19,7 +19,7 @@ from galloping.publication.restoration import (
     faults,
     settings,
 )
-from galloping.tables.reference.folders import table_differences, tables
+from galloping.tables.comparison import table_differences, tables
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ import io
 import pandas as pd
 import pytest
 
-from galloping.tables.reference.comparison import COLUMNS, compare_tables, describe
+from galloping.tables.comparison import COLUMNS, compare_tables, describe
 
 TABLE = """case,method,level,r2,failures,verdict
 a,stlsq,0.05,0.9,0,ok

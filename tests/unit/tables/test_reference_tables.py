@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from galloping.tables.reference.study import (
+from galloping.tables.reference import (
     AGREES,
     DIFFERENCE_COLUMNS,
     DIFFERS,
@@ -26,10 +26,10 @@ def compare(found, settings=SETTINGS, processor="one"):
     """(summary by table, differences) of tables beside a reference with the table `noise`."""
     made, present = Origin(SETTINGS, "one"), Origin(settings, processor)
     summary, differences = compare_study({"noise": table(0.5, 0.9)}, made, found, present)
-    assert all(tuple(row) == SUMMARY_COLUMNS for row in summary)
-    assert all(tuple(row) == DIFFERENCE_COLUMNS for row in differences)
-    assert [row["table"] for row in summary] == ["settings", "processor", *found]
-    return {row["table"]: row for row in summary}, differences
+    assert tuple(summary) == SUMMARY_COLUMNS and tuple(differences) == DIFFERENCE_COLUMNS
+    assert list(summary["table"]) == ["settings", "processor", *found]
+    rows = summary.to_dict("records")
+    return {row["table"]: row for row in rows}, differences.to_dict("records")
 
 
 def test_the_same_numbers_agree():
@@ -102,7 +102,7 @@ def test_what_the_reference_lacks_is_no_difference():
     summary, differences = compare({"noise": table(0.5, 0.9), "new": table(1)})
     assert differences == [] and summary["new"]["verdict"] == NO_REFERENCE
     summary, differences = compare_study({}, None, {"noise": table(1)}, Origin(SETTINGS, "one"))
-    assert differences == [] and {row["verdict"] for row in summary} == {NO_REFERENCE}
+    assert differences.empty and set(summary["verdict"]) == {NO_REFERENCE}
 
 
 def test_tables_of_another_make_do_not_stop_the_study():

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from galloping.figures import panels, paper
 from galloping.figures.quantities import QUANTITIES, Quantity
 from galloping.figures.style import DOUBLE, MODEL, method_style, spoken
+from galloping.intervals import interval
 from galloping.study.kinds import SUBSET
-from galloping.tables.summary import interval
 
 CELL = ["kind", "level", "points"]
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from galloping.figures import panels
 from galloping.figures.quantities import QUANTITIES
-from galloping.tables.summary import interval
+from galloping.tables.scores import spread
 
 SPREAD = 0.1  # decades, within which methods are moved apart
 
@@ -50,6 +50,4 @@ def draw_methods(table: pd.DataFrame, settings: Mapping) -> Figure:
 
 def _summarised(table: pd.DataFrame, x: str) -> pd.DataFrame:
     """protocol, method, x, median, low, high of `value` over replicates."""
-    keys = ["protocol", "method", x]
-    rows = [(*names, *interval(cell["value"])) for names, cell in table.groupby(keys)]
-    return pd.DataFrame(rows, columns=[*keys, "median", "low", "high"])
+    return table.groupby(["protocol", "method", x], as_index=False).agg(**spread("value"))

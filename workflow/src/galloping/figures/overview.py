@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from galloping.figures import panels, paper
 from galloping.figures.style import PAPER, SINGLE, method_style, spoken
 from galloping.study.kinds import BOUND, NOISE, OURS, PAPER_METHOD
-from galloping.tables.peers import ORACLE, mean_error
-from galloping.tables.summary import interval, of_kind
+from galloping.tables.scores import ORACLE, mean_error, of_kind, spread
 
 PYSINDY = (PAPER_METHOD, "stlsq", "lasso", "frols", "ensemble", "weak")
 ORACLES = "oracle"  # how the best settings of pysindy are drawn
@@ -99,13 +98,8 @@ def _errors(scores: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
     """method, level, median, low, high over replicates, at the levels above zero."""
     cells = of_kind(scores, NOISE)
     cells = cells[(cells["case"] == case) & (cells["protocol"] == protocol) & (cells["level"] > 0)]
-    return pd.DataFrame(
-        [
-            (*names, *interval(mean_error(cell)))
-            for names, cell in cells.groupby(["method", "level"], sort=True)
-        ],
-        columns=["method", "level", "median", "low", "high"],
-    )
+    groups = cells.assign(error=mean_error(cells)).groupby(["method", "level"], as_index=False)
+    return groups.agg(**spread("error"))
 
 
 def _shown(table: pd.DataFrame) -> dict[str, str]:

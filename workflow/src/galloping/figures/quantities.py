@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from galloping.figures.panels import R2_LIMITS, prepare_r2, r2_place
-from galloping.tables.peers import mean_error
+from galloping.tables.scores import mean_error
 
 DECADES = (1e-2, 1e2)  # percent: the axis of errors where there are none
 

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from galloping.intervals import interval
 from galloping.paper.printed import Claim
-from galloping.tables.summary import interval
 
 HELD = ("reproduced", "better", "met")  # verdicts of claims that hold
 VERDICTS = (*HELD, "seldom met", "worse", "not met", "undecided", "not run", "not judged")

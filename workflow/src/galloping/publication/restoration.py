@@ -29,8 +29,7 @@ from galloping.reproducibility.receipts import (
 )
 from galloping.reproducibility.recovery import adopt, set_aside
 from galloping.storage import partial_prefix
-from galloping.tables.reference.folders import table_differences
-from galloping.tables.reference.study import flat
+from galloping.tables.comparison import flat, table_differences
 
 PLACES = ("results", "reference")  # settings on which no number depends
 RECEIPT_LIST = TypeAdapter(list[Receipt])

@@ -288,7 +288,7 @@ def compare_reference(study: Study) -> Job:
         "reference": {n: sources.as_written(str(p)) for n, p in kept.items() if p.exists()},
     }
     if (origin := folder / "origin.json").exists():
-        reads["origin"] = Source(str(origin), "galloping.tables.reference.study:read_origin")
+        reads["origin"] = Source(str(origin), "galloping.tables.reference:read_origin")
     others = ("results", "reference", "recordings", "figures")  # on which no number depends
     settings = {"study": {k: v for k, v in study.plain.items() if v and k not in others}}
     return _reading(reads, settings)

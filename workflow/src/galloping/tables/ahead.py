@@ -1,7 +1,5 @@
 """The limit cycles that identified models lead to, beside the true one and what was recorded."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
@@ -49,31 +47,32 @@ def limit_cycles_ahead(
         models, cycles = identified[name][settings["method"]][:MOST_REPLICATES], []
         for replicate, found in enumerate(models):
             rng = generator(settings["seed"], "limit cycle ahead", name, replicate)
-            try:
+            with suppress(ValueError, np.linalg.LinAlgError):
                 cycles.append(limit_cycle_ahead(found, first.states[0], rng))
-            except (ValueError, np.linalg.LinAlgError):
-                continue
-        for k in range(len(first.names) // 2):
-            low, high, predicted = (
-                np.array([getattr(cycle, which)[k] for cycle in cycles])
-                for which in ("low", "high", "amplitude")
-            )
-            stated = np.isfinite(low)
-            held = (low <= true[k]) & (true[k] <= high)
-            row = {
-                **{key: columns[key] for key in ("case", "protocol", "level")},
-                "method": settings["method"],
-                "state": first.names[k],
-                "recorded_m": recorded[k],
-                "true_m": true[k],
-                "answered": len(cycles),
-                "replicates": len(models),
-                "predicted_m": np.median(predicted) if cycles else np.nan,
-                "low_m": np.median(low[stated]) if stated.any() else np.nan,
-                "high_m": np.median(high[stated]) if stated.any() else np.nan,
-                "coverage_95_percent": 100.0 * np.mean(held[stated])
-                if stated.any() and np.isfinite(true[k])
-                else np.nan,
+        known = {key: columns[key] for key in ("case", "protocol", "level")}
+        known |= {"method": settings["method"], "replicates": len(models)}
+        rows += [
+            {
+                **known, "state": state, "recorded_m": recorded[k], "true_m": true[k],
+                "answered": len(cycles), **_summary(cycles, k, true[k]),
             }
-            rows.append(row)
+            for k, state in enumerate(first.names[: len(first.names) // 2])
+        ]  # fmt: skip
     return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _summary(cycles: Sequence, k: int, true: float) -> dict[str, float]:
+    """Medians of what one cell's models predict of a displacement, and how often they hold it."""
+    predicted, low, high = (
+        np.array([getattr(cycle, which)[k] for cycle in cycles])
+        for which in ("amplitude", "low", "high")
+    )
+    stated = np.isfinite(low)
+    median = {"predicted_m": predicted, "low_m": low[stated], "high_m": high[stated]}
+    held = (low <= true) & (true <= high)
+    return {
+        **{name: np.median(of) if len(of) else np.nan for name, of in median.items()},
+        "coverage_95_percent": 100.0 * np.mean(held[stated])
+        if stated.any() and np.isfinite(true)
+        else np.nan,
+    }

@@ -1,7 +1,5 @@
 """What the data can tell, and how close each method comes to it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
@@ -10,15 +8,11 @@ import pandas as pd
 from galloping.bounds.identifiable import IDENTIFIABLE
 from galloping.physics.derived import Derived
 from galloping.physics.equations import EQUATIONS
-from galloping.polynomial import PolynomialModel, extended, library
-from galloping.tables.summary import failures
+from galloping.polynomial import extended, library
+from galloping.tables.scores import exact, failures
 
 CELL = ["case", "recordings", "protocol", "level", "points"]  # what names a cell
 KEYS = [*CELL, "method"]
-EFFICIENCY = [
-    "replicates", "exact_support", "efficiency", "r2_q_v", "r2_q_w", "amplitude_error_percent",
-    "coverage_95_percent", "weakest_t", "failures",
-]  # fmt: skip
 COLUMNS = [*CELL, "equation", "term", "true", "bound", "t", "verdict"]
 
 
@@ -31,45 +25,28 @@ def identifiability(
     square is taken, NaN where undefined. settings: degree of the library; cells, each with its case
     and the columns that name it.
     """
-    rows = []
+    parts = [pd.DataFrame(columns=COLUMNS)]
     for cell, columns in settings["cells"].items():
         model = models[columns["case"]].model
         terms = library(len(model.states), settings["degree"])
         model = model.on_library(extended(terms, model))
-        names = {key: columns[key] for key in CELL}
-        rows += _terms(model, np.sqrt(np.mean(bounds[cell] ** 2, axis=0)), names)
-    return pd.DataFrame(rows, columns=COLUMNS)
-
-
-def _terms(model: PolynomialModel, typical: np.ndarray, names: Mapping[str, object]) -> list[dict]:
-    rows = []
-    for equation, j in np.argwhere(model.support):
-        if equation in EQUATIONS:
-            true, bound = model.coefficients[equation, j], typical[equation, j]
-            t = abs(true) / bound
-            rows.append(
-                {
-                    **names,
-                    "equation": EQUATIONS[equation],
-                    "term": model.term_names[j],
-                    "true": -true,
-                    "bound": bound,
-                    "t": t,
-                    "verdict": _verdict(t),
-                }
+        typical = np.sqrt(np.mean(bounds[cell] ** 2, axis=0))
+        dynamic = np.isin(np.arange(len(model.states)), list(EQUATIONS))
+        i, j = np.nonzero(model.support & dynamic[:, np.newaxis])
+        table = pd.DataFrame({key: columns[key] for key in CELL}, index=range(len(i)))
+        parts.append(
+            table.assign(
+                equation=[EQUATIONS[row] for row in i],
+                term=[model.term_names[column] for column in j],
+                true=-model.coefficients[i, j],
+                bound=typical[i, j],
             )
-    return rows
-
-
-def _verdict(t: float) -> str:
-    if np.isnan(t):  # the library lacks the term, or the line itself diverges
-        return "undefined"
-    return "identifiable" if t > IDENTIFIABLE else "not identifiable"
-
-
-def further_recordings(rankings: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
-    """The rankings of all cases."""
-    return pd.concat(rankings.values()) if rankings else pd.DataFrame(columns=["case"])
+        )
+    table = pd.concat([part for part in parts if len(part)] or parts)
+    t = (table["true"].abs() / table["bound"]).astype(float)
+    # undefined: the library lacks the term, or the line itself diverges
+    known = np.where(t > IDENTIFIABLE, "identifiable", "not identifiable")
+    return table.assign(t=t, verdict=np.where(t.isna(), "undefined", known))
 
 
 def efficiency(
@@ -80,29 +57,23 @@ def efficiency(
     identifiability: that table, for the weakest t of each cell. Cells without noise have no bound
     and are left out.
     """
-    weakest = identifiability.groupby(CELL)["t"].min()  # of those that are defined
-    rows = []
-    noisy = scores[scores["level"] > 0]
-    for names, cell in noisy.groupby(KEYS, sort=True):
-        exact = (cell["missing"] == 0) & (cell["spurious"] == 0)
-        amplitude = cell[["amplitude_error_q_v_percent", "amplitude_error_q_w_percent"]]
-        rows.append(
-            {
-                **dict(zip(KEYS, names, strict=True)),
-                "replicates": len(cell),
-                "exact_support": int(exact.sum()) if cell["missing"].notna().any() else np.nan,
-                "efficiency": float(np.sqrt(np.mean(cell["efficiency"].to_numpy() ** 2))),
-                "r2_q_v": float(cell["r2_q_v"].median()),
-                "r2_q_w": float(cell["r2_q_w"].median()),
-                "amplitude_error_percent": float(amplitude.max(axis=1).median()),
-                "coverage_95_percent": _coverage(cell),
-                "weakest_t": weakest[names[:-1]],
-                "failures": failures(cell),
-            }
-        )
-    return pd.DataFrame(rows, columns=[*KEYS, *EFFICIENCY])
-
-
-def _coverage(cell: pd.DataFrame) -> float:
-    stated = cell["intervals"].sum()
-    return float(100 * cell["intervals_holding"].sum() / stated) if stated else np.nan
+    amplitudes = scores[["amplitude_error_q_v_percent", "amplitude_error_q_w_percent"]]
+    scores = scores.assign(
+        exact=exact(scores).where(scores["missing"].notna()), amplitude=amplitudes.max(axis=1)
+    )
+    groups = scores[scores["level"] > 0].groupby(KEYS)
+    table = groups.agg(
+        replicates=("motion", "size"),
+        exact_support=("exact", lambda found: found.sum(min_count=1)),
+        efficiency=("efficiency", lambda ratio: np.sqrt(np.mean(ratio.to_numpy() ** 2))),
+        r2_q_v=("r2_q_v", "median"),
+        r2_q_w=("r2_q_w", "median"),
+        amplitude_error_percent=("amplitude", "median"),
+        failures=("motion", failures),
+    )
+    stated, holding = groups["intervals"].sum(), groups["intervals_holding"].sum()
+    coverage = 100 * holding / stated.where(stated > 0)
+    weakest = identifiability.groupby(CELL)["t"].min().rename("weakest_t")
+    failed = table.pop("failures")
+    table = table.assign(coverage_95_percent=coverage).join(weakest).assign(failures=failed)
+    return table.reset_index()

@@ -1,7 +1,5 @@
 """The paper's claims beside the study's draws, by every protocol and method, and by the paper's."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -23,6 +21,7 @@ PAPER_COLUMNS = {  # of paper.csv: from where in claims.csv
     "high": "high", "ratio": "ratio", "spread": "spread", "share_of_draws": "met_by",
     "verdict": "verdict", "reason": "reason",
 }  # fmt: skip
+NAMES = {"median": "study_value", "share_of_draws": "met_by", "draws": "replicates"}  # of `judged`
 PAPER = (PAPER_PROTOCOL, PAPER_METHOD)
 STEADY = "steady_change"  # columns of the line's own motion
 LINE = ("exact", "two-mode model")  # instead of protocol and method: claims about the line itself
@@ -137,23 +136,9 @@ def _steadiness(motion: Motion, window: tuple[float, float]) -> pd.DataFrame:
 
 
 def _row(claim: Claim, case: str, pair: tuple[str, str], scores: pd.DataFrame) -> dict:
-    found = judged(claim, scores)
+    about = {name: getattr(claim, name) for name in ("source", "direction", "quantity")}
+    found = {NAMES.get(name, name): value for name, value in judged(claim, scores).items()}
     return {
-        "claim": claim.name,
-        "source": claim.source,
-        "case": case,
-        "direction": claim.direction,
-        "quantity": claim.quantity,
-        "paper_value": claim.paper_value,
-        "study_value": found["median"],
-        "low": found["low"],
-        "high": found["high"],
-        "ratio": found["ratio"],
-        "spread": found["spread"],
-        "met_by": found["share_of_draws"],
-        "replicates": found["draws"],
-        "protocol": pair[0],
-        "method": pair[1],
-        "verdict": found["verdict"],
-        "reason": found["reason"],
-    }
+        "claim": claim.name, **about, "case": case, "paper_value": claim.paper_value, **found,
+        "protocol": pair[0], "method": pair[1],
+    }  # fmt: skip

@@ -1,17 +1,17 @@
 """Table 3 and figure 5: true and identified coefficients, term by term."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import interval
 from galloping.physics.derived import Derived
 from galloping.physics.equations import EQUATIONS, STATES, symbol_of
 from galloping.polynomial import Exponents, PolynomialModel, extended, library, term_name
-from galloping.tables.summary import interval
+
+TERMS = ["equation", "symbol", "term", "true", "identified", "low", "high", "found"]
 
 
 def identified_terms(
@@ -21,37 +21,33 @@ def identified_terms(
 
     model: of the line; results: replicates on the library `terms`, in which the line's terms that
     it lacks are absent.
-    Values are those of the left-hand side, as the paper prints them. Columns equation, symbol,
-    term, true, identified, low, high, found (share of replicates).
+    Values are those of the left-hand side, as the paper prints them. Columns TERMS: identified is
+    the median over the replicates, found the share of those with the term.
     """
     lacking = extended(terms, model)[len(terms) :]
     terms = terms + lacking
     true = model.on_library(terms)
     found = np.stack([np.nan_to_num(result.model.coefficients) for result in results])
     found = np.pad(found, ((0, 0), (0, 0), (0, len(lacking))))
-    rows = []
+    parts = []
     for row, equation in EQUATIONS.items():
-        present = true.support[row] | np.any(found[:, row] != 0, axis=0)
-        for j in np.flatnonzero(present):
-            median, low, high = interval(-found[:, row, j])
-            rows.append(
-                {
-                    "equation": equation,
-                    "symbol": symbol_of(row, terms[j]),
-                    "term": term_name(terms[j], STATES),
-                    "true": 0.0 - true.coefficients[row, j],
-                    "identified": median,
-                    "low": low,
-                    "high": high,
-                    "found": float(np.mean(found[:, row, j] != 0)),
-                }
-            )
-    table = pd.DataFrame(rows)
-    number = table["symbol"].str.extract(r"_(\d+)$")[0].astype(float)
-    order = table.assign(number=number).sort_values(
-        ["equation", "number"], ascending=[False, True], kind="stable"
-    )
-    return order.drop(columns="number").reset_index(drop=True)
+        present = np.flatnonzero(true.support[row] | np.any(found[:, row] != 0, axis=0))
+        values = -found[:, row, present]
+        intervals = np.reshape([interval(each) for each in values.T], (-1, 3))
+        part = pd.DataFrame(intervals, columns=["identified", "low", "high"]).assign(
+            equation=equation,
+            symbol=[symbol_of(row, terms[j]) for j in present],
+            term=[term_name(terms[j], STATES) for j in present],
+            true=0.0 - true.coefficients[row, present],
+            found=np.mean(values != 0, axis=0),
+        )
+        parts.append(part.sort_values("symbol", key=_number, kind="stable"))
+    return pd.concat(parts, ignore_index=True)[TERMS]
+
+
+def _number(symbols: pd.Series) -> pd.Series:
+    """Of gamma_10 10; NaN, which is sorted to the end, of a term without a symbol."""
+    return symbols.str.extract(r"_(\d+)$")[0].astype(float)
 
 
 def table3(

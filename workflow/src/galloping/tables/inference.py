@@ -1,7 +1,5 @@
 """What the paper leaves out, as its printed numbers tell: readings, region, what excludes what."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import combinations
 
@@ -21,10 +19,8 @@ EXCLUDING = 1 / 4  # of the draws that chance would give: fewer exclude each oth
 EXPECTED = 10.0  # draws by chance from which the share of those seen says anything
 POWERS = np.log10(np.e)
 PREDICTED, PREDICTING = 40, 16  # settings, and draws of each
-WITH, WITHOUT = (
-    "log_probability",
-    "without_amplitudes",
-)  # all numbers, all but the amplitudes' errors
+# columns: by all numbers, by all but the errors of the amplitude
+WITH, WITHOUT = "log_probability", "without_amplitudes"
 
 
 def readings(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
@@ -37,32 +33,24 @@ def readings(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFra
     rows = pd.concat(parts.values(), ignore_index=True)
     best = rows[rows["stage"] == "best"].sort_values("height", ascending=False, kind="stable")
     best = best.groupby("variant", sort=False).head(1).set_index("variant")
+    best = best.loc[[name for name in BY_NAME if name in best.index]]
     steady = [name for name in best.index if BY_NAME[name].steady]
     top = best.loc[best.loc[steady, WITH].idxmax()]
     tried = rows[rows["stage"].isin(("screened", "searched"))].groupby("variant").size()
     cells = [cell_name(cell) for cell in CELLS]
-    table = []
-    for name, variant in BY_NAME.items():
-        if name not in best.index:
-            continue
-        row = best.loc[name]
-        power = POWERS * (row[WITH] - top[WITH])
-        losses = (row[cells] - top[cells]).astype(float)
-        found = np.isfinite(power)
-        table.append(
-            {
-                "reading": name,
-                "changes": variant.kind,
-                "settings_tried": tried[name],
-                "power_of_ten": power,
-                "verdict": _verdict(power),
-                "least": losses.idxmin() if found and losses.min() < 0 else "",
-                "least_power_of_ten": POWERS * losses.min() if found else np.nan,
-                **{unknown.name: row[unknown.name] for unknown in UNKNOWNS},
-                "change_percent": 100 * row["change"],
-            }
-        )
-    return pd.DataFrame(table)
+    power = POWERS * (best[WITH] - top[WITH])
+    losses = POWERS * (best[cells] - top[cells]).astype(float)
+    losses = losses.where(np.isfinite(power), np.inf)  # without a motion no cell tells
+    least = losses.min(axis=1)
+    table = pd.DataFrame({
+        "changes": [BY_NAME[name].kind for name in best.index], "settings_tried": tried,
+        "power_of_ten": power, "verdict": power.map(_verdict),
+        "least": losses.idxmin(axis=1).where(least < 0, ""),
+        "least_power_of_ten": least.replace(np.inf, np.nan),
+        **{unknown.name: best[unknown.name] for unknown in UNKNOWNS},
+        "change_percent": 100 * best["change"],
+    }, index=best.index.rename("reading"))  # fmt: skip
+    return table.reset_index()
 
 
 def _verdict(power: float) -> str:
@@ -176,26 +164,18 @@ def exclusions(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataF
                 held[claim.name] = np.abs(np.log(values / claim.paper_value)) < np.log(NEAR)
         else:
             held[claim.name] = claim.met(values)
-    table = []
-    for one, other in combinations(held, 2):
-        first, second = held[one], held[other]
-        both, chance = int(np.sum(first & second)), first.sum() * second.sum() / len(drawn)
-        if chance < EXPECTED:
-            verdict = "too few draws"
-        else:
-            verdict = "exclude each other" if both < EXCLUDING * chance else "go together"
-        table.append(
-            {
-                "claim": one,
-                "other": other,
-                "studies": len(drawn),
-                "first": int(first.sum()),
-                "second": int(second.sum()),
-                "both": both,
-                "by_chance": chance,
-                "ratio": both / chance if chance else np.nan,
-                "verdict": verdict,
-            }
-        )
-    found = pd.DataFrame(table)
-    return found.sort_values(["verdict", "ratio"], kind="stable", ignore_index=True)
+    pairs = pd.DataFrame(list(combinations(held, 2)), columns=["claim", "other"])
+    kept = pd.DataFrame(held).astype(int)
+    counts, both = kept.sum(), kept.T @ kept
+    table = pairs.assign(
+        studies=len(drawn),
+        first=counts[pairs["claim"]].to_numpy(),
+        second=counts[pairs["other"]].to_numpy(),
+        both=[both.loc[pair] for pair in pairs.itertuples(index=False, name=None)],
+    )
+    chance = table["first"] * table["second"] / len(drawn)
+    ratio = table["both"] / chance.where(chance > 0)
+    verdict = np.where(table["both"] < EXCLUDING * chance, "exclude each other", "go together")
+    verdict = np.where(chance < EXPECTED, "too few draws", verdict)
+    table = table.assign(by_chance=chance, ratio=ratio, verdict=verdict)
+    return table.sort_values(["verdict", "ratio"], kind="stable", ignore_index=True)

@@ -1,7 +1,5 @@
 """Tables 1 and 2: the parameters of each case with unit and provenance."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, fields, replace
 from importlib.resources import files
 

@@ -121,7 +121,7 @@ def _identifiability(study: Study) -> dict:
 
 def _rankings(study: Study) -> Sources:
     cases = [case.name for case in study.cases if not case.is_continuous]
-    return {"rankings": {case: sources.ranking(study, case) for case in cases}}
+    return {"parts": {case: sources.ranking(study, case) for case in cases}}
 
 
 def _along(study: Study) -> list:
@@ -233,7 +233,7 @@ def _fits(*tables: str) -> Callable[[Study], Sources]:
 
 
 COMPARISONS = ("reference_summary", "reference_differences")  # of compare_reference
-TOGETHER = "galloping.tables.assessment:together"
+TOGETHER = "galloping.tables.scores:together"
 TABLES = (
     Table(
         "readings",
@@ -260,9 +260,9 @@ TABLES = (
         _coefficient_reads,
         _coefficients,
     ),
-    Table("noise_coefficients", "galloping.tables.noise:noise_coefficients", _scores),
-    Table("noise_r2", "galloping.tables.noise:noise_r2", _scores),
-    Table("data_amount", "galloping.tables.data_amount:data_amount", _scores),
+    Table("noise_coefficients", "galloping.tables.scores:noise_coefficients", _scores),
+    Table("noise_r2", "galloping.tables.scores:noise_r2", _scores),
+    Table("data_amount", "galloping.tables.scores:data_amount", _scores),
     Table(
         "claims",
         "galloping.tables.claims:claims_table",
@@ -281,9 +281,9 @@ TABLES = (
         "galloping.tables.bounds:efficiency",
         lambda study: _scores(study) | {"identifiability": sources.table(study, "identifiability")},
     ),
-    Table("peers", "galloping.tables.peers:peers", _peers),
+    Table("peers", "galloping.tables.scores:peers", _peers),
     Table("identifiability", "galloping.tables.bounds:identifiability", _bounds, _identifiability),
-    Table("further_recordings", "galloping.tables.bounds:further_recordings", _rankings),
+    Table("further_recordings", TOGETHER, _rankings),
     # where a branch has its points is decided by rounding
     Table("limit_cycles", TOGETHER, _limit_cycles, is_compared=False),
     Table("bifurcations", TOGETHER, _bifurcations, is_compared=False),
@@ -304,7 +304,7 @@ TABLES = (
     ),
     Table(
         "scores",
-        "galloping.tables.summary:all_scores",
+        "galloping.tables.scores:all_scores",
         _scores_of_cells,
         is_compared=False,
         is_shown=False,
@@ -344,13 +344,13 @@ TABLES = (
     ),
     Table(
         "published_terms",
-        "galloping.tables.published:published_terms",
+        "galloping.tables.trials:published_terms",
         _fits(EXACT_TERMS),
         belongs=shown.has_trials(EXACT_TERMS),
     ),
     Table(
         "published_intervals",
-        "galloping.tables.published:published_intervals",
+        "galloping.tables.trials:published_intervals",
         _fits(INTERVALS),
         belongs=shown.has_trials(INTERVALS),
     ),

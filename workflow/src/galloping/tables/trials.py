@@ -1,13 +1,16 @@
-"""Trials summed up: how often a verdict is right, and what it costs."""
+"""Trials summed up: how often a verdict is right, what it costs, and what others published of the
+same.
+"""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas as pd
+from scipy.stats import binomtest
 
-MODEL_ERROR_KEYS = ["truth", "sensors", "method"]
+from galloping.tables.scores import together
+from galloping.trials import published_numbers as published
+
 EVERY_TERM = 9.0  # least t at the bound of lines whose terms a recording tells without doubt
 
 
@@ -33,17 +36,17 @@ def systems(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFram
     the right terms. settings: none are read.
     """
     keys = ["system", "states", "samples", "level", "method"]
-    return _summed(pd.concat(parts.values(), ignore_index=True), keys, _systems)
+    return _summed(together(parts, settings), keys, _systems)
 
 
 def model_error(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
-    """One row for each truth and method on lines that are not their own model.
+    """One row for each truth, sensors and method, of lines that are not their own model.
 
     parts: fits of `galloping.trials.model_error`. Errors are medians over the answered replicates,
     and the worst of them; coverage_95_percent: of the intervals of the quantities that are judged.
     settings: none are read.
     """
-    return _summed(pd.concat(parts.values(), ignore_index=True), MODEL_ERROR_KEYS, _model_error)
+    return _summed(together(parts, settings), ["truth", "sensors", "method"], _model_error)
 
 
 def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
@@ -52,10 +55,8 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     parts: fits, by trial and batch. path: '' of methods that have but one. exact, ok_and_wrong:
     NaN where a trial does not say. settings: `kinds`, by trial.
     """
-    groups = {name: settings["kinds"][name.split("/")[0]].replace("_", " ") for name in parts}
-    fits = pd.concat(
-        [part.assign(group=groups[name]) for name, part in parts.items()], ignore_index=True
-    )
+    kinds = {name: settings["kinds"][name.split("/")[0]].replace("_", " ") for name in parts}
+    fits = together({name: part.assign(group=kinds[name]) for name, part in parts.items()}, {})
     asked = fits.reindex(columns=["exact", "ok_and_wrong"]).astype(float)
     fits = fits.assign(**asked).fillna({"path": ""})
     table = _summed(fits, ["group", "method", "path"], _paths)
@@ -63,26 +64,34 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     return table.sort_values(order, ascending=[True, True, False], kind="stable")
 
 
-def _paths(fits: pd.DataFrame) -> dict[str, object]:
-    return {"fits": len(fits), **_counts(fits), "seconds_median": fits["seconds"].median()}
+def published_terms(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+    """One row for each system, length, noise level and method.
+
+    parts: fits of `galloping.trials.published.exact_terms`. exact: share of fits with exactly the
+    right terms, with an interval of 95 % (E. B. Wilson 1927), and beside it the share that each of
+    `published_numbers.METHODS` had, NaN where none is known. ok_and_inexact: `ok` with any other
+    terms, even such as are below the stated limits. weakest_t: of the true terms, at the bound.
+    settings: none are read.
+    """
+    keys = ["system", "duration", "level", "method"]
+    return _summed(together(parts, settings), keys, _exact)
 
 
-def _model_error(fits: pd.DataFrame) -> dict[str, object]:
-    answered = fits[fits["status"] != "refused"]
-    errors = answered[[name for name in fits if name.endswith("_error_percent")]].abs()
-    return {
-        "replicates": len(fits),
-        "answered": len(answered),
-        "terms": answered["terms"].median(),
-        **errors.median(skipna=False).to_dict(),
-        **errors.max(skipna=False).rename(lambda name: name.replace("error", "worst")).to_dict(),
-        "coverage_95_percent": 100.0 * answered["intervals_held"].mean(),
-        "forecast_r2": answered["forecast_r2"].median(),
-        "seconds_median": fits["seconds"].median(),
-    }
+def published_intervals(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+    """One row for each quadratic coefficient, number of samples and method.
+
+    parts: fits of `galloping.trials.published.intervals`. found: share of models with the term,
+    with an interval as in `published_terms`; holds: of the intervals of 95 % with its true
+    coefficient; width: their median. The published numbers beside them are those of
+    `published_numbers`, NaN where none is known; of naive tests the range over the lengths.
+    settings: none are read.
+    """
+    return _summed(together(parts, settings), ["case", "samples", "method"], _intervals)
 
 
-def _summed(fits: pd.DataFrame, keys: list[str], summary) -> pd.DataFrame:
+def _summed(
+    fits: pd.DataFrame, keys: list[str], summary: Callable[[pd.DataFrame], Mapping]
+) -> pd.DataFrame:
     return pd.DataFrame(
         dict(zip(keys, names, strict=True)) | summary(group)
         for names, group in fits.groupby(keys, sort=True)
@@ -103,26 +112,89 @@ def _counts(fits: pd.DataFrame) -> dict[str, float]:
 
 def _trust(fits: pd.DataFrame) -> dict[str, object]:
     stating = fits[fits["status"].isin(["ok", "not identifiable"])]
-    found, terms = fits["terms_found"].sum(), stating["terms"].sum()
     return {
         "fits": len(fits),
         **_counts(fits),
-        "coverage_given_terms": fits["holding_given_terms"].sum() / found if found else np.nan,
-        "coverage_unconditional": stating["holding_unconditional"].sum() / terms
-        if terms
-        else np.nan,
+        "coverage_given_terms": _share(fits["holding_given_terms"], fits["terms_found"]),
+        "coverage_unconditional": _share(stating["holding_unconditional"], stating["terms"]),
         "width_ratio": fits["width_ratio"].median(),
         "cause_named": fits["cause_named"].sum(min_count=1),
         "seconds_median": fits["seconds"].median(),
     }
 
 
+def _share(part: pd.Series, whole: pd.Series) -> float:
+    return part.sum() / whole.sum() if whole.sum() else np.nan
+
+
 def _systems(fits: pd.DataFrame) -> dict[str, object]:
     counts = _counts(fits)
-    chosen = ("exact", "ok", "ok_and_wrong", "refused")
     return {
         "replicates": len(fits),
-        **{name: counts[name] for name in chosen},
+        **{name: counts[name] for name in ("exact", "ok", "ok_and_wrong", "refused")},
         "error_over_bound": fits["error_over_bound"].median(),
         "seconds_median": fits["seconds"].median(),
     }
+
+
+def _model_error(fits: pd.DataFrame) -> dict[str, object]:
+    answered = fits[fits["status"] != "refused"]
+    errors = answered[[name for name in fits if name.endswith("_error_percent")]].abs()
+    return {
+        "replicates": len(fits),
+        "answered": len(answered),
+        "terms": answered["terms"].median(),
+        **errors.median(skipna=False).to_dict(),
+        **errors.max(skipna=False).rename(lambda name: name.replace("error", "worst")).to_dict(),
+        "coverage_95_percent": 100.0 * answered["intervals_held"].mean(),
+        "forecast_r2": answered["forecast_r2"].median(),
+        "seconds_median": fits["seconds"].median(),
+    }
+
+
+def _paths(fits: pd.DataFrame) -> dict[str, object]:
+    return {"fits": len(fits), **_counts(fits), "seconds_median": fits["seconds"].median()}
+
+
+def _exact(fits: pd.DataFrame) -> dict[str, object]:
+    system, duration, level = fits.iloc[0][["system", "duration", "level"]]
+    shares, cell = published.EXACT.get(system, {}), (duration, round(level, 6))
+    ok = fits["status"] == "ok"
+    return {
+        "fits": len(fits),
+        **_with_interval(fits["exact"]),
+        **{name: shares.get(name, {}).get(cell, np.nan) for name in published.METHODS},
+        "ok": int(ok.sum()),
+        "ok_and_inexact": int(np.sum(ok & ~fits["exact"])),
+        "ok_and_wrong": int(fits["ok_and_wrong"].sum()),
+        "weakest_t": fits["weakest_t"].median(),
+        "seconds_median": fits["seconds"].median(),
+    }
+
+
+def _intervals(fits: pd.DataFrame) -> dict[str, object]:
+    case, samples = fits.iloc[0][["case", "samples"]]
+    naive, holding, widths = published.NAIVE_REJECTIONS, published.HOLDING, published.WIDTHS
+    if case != "gamma 0":  # what was published of an absent term
+        naive, holding, widths = (np.nan, np.nan), (np.nan, np.nan), {}
+    return {
+        "fits": len(fits),
+        **_with_interval(fits["found"]),
+        "found_published": published.POWER.get((case, samples), np.nan),
+        "found_naive_low": naive[0],
+        "found_naive_high": naive[1],
+        "holds": fits["holds"].mean(),
+        "holds_published_low": holding[0],
+        "holds_published_high": holding[1],
+        "width": fits["width"].median(),
+        "width_published": widths.get(samples, np.nan),
+        "ok": int(np.sum(fits["status"] == "ok")),
+        "exact": int(fits["exact"].sum()),
+    }
+
+
+def _with_interval(successes: pd.Series) -> dict[str, float]:
+    """A share, and its interval of 95 %."""
+    found = binomtest(int(successes.sum()), len(successes)).proportion_ci(method="wilson")
+    name = successes.name
+    return {name: successes.mean(), f"{name}_low": found.low, f"{name}_high": found.high}

@@ -1,1 +1,0 @@
-"""Tables of two runs, compared: with the reference, or with those of an archive."""

@@ -1,0 +1,133 @@
+"""Scores of all cells, and their medians and intervals over replicates, against noise and amount of
+data; methods as their own rules set them, beside the best that any setting could do.
+"""
+
+from collections.abc import Callable, Mapping
+
+import pandas as pd
+
+from galloping.intervals import interval
+from galloping.study.kinds import NOISE, SUBSET
+
+CELL = ["case", "protocol", "level"]
+ORDERS = ("linear", "quadratic", "cubic")
+STATES = ("q_v", "q_w")
+CHOSEN, ORACLE = "as chosen", "oracle"
+PEERS = (
+    "case", "protocol", "level", "method", "setting", "mean_error_percent", "exact",
+    "r2_q_v", "r2_q_w", "replicates",
+)  # fmt: skip
+
+
+def together(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+    """Rows of all parts in their order; a column that a part does not have is empty there."""
+    filled = [part for part in parts.values() if len(part)]
+    return pd.concat(filled, ignore_index=True) if filled else pd.DataFrame(columns=["case"])
+
+
+def all_scores(cells: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+    """All replicates of all cells, in one order however they are given."""
+    keys = ["case", "protocol", "method", "cell", "replicate"]
+    return together(cells, settings).sort_values(keys, kind="stable", ignore_index=True)
+
+
+def of_kind(scores: pd.DataFrame, kind: str) -> pd.DataFrame:
+    """Scores of the cells of a kind: a whole record, a subset, or several recordings together."""
+    return scores[scores["kind"] == kind]
+
+
+def failures(motions: pd.Series) -> int:
+    """Replicates without a model, or whose model's motion ended early, by their `motion`."""
+    return int((motions != "ok").sum())
+
+
+def exact(scores: pd.DataFrame) -> pd.Series:
+    """Whether a model has exactly the true terms."""
+    return (scores["missing"] == 0) & (scores["spurious"] == 0)
+
+
+def mean_error(scores: pd.DataFrame) -> pd.Series:
+    """Mean over the orders of the mean error of the coefficients of each row, percent."""
+    columns = [f"mean_error_{order}_percent" for order in ORDERS]
+    return scores[scores.columns.intersection(columns)].mean(axis=1)
+
+
+def spread(column: str, stem: str = "") -> dict[str, tuple[str, Callable]]:
+    """What `DataFrameGroupBy.agg` takes for the median and the interval of a column.
+
+    They are named `stem`, `{stem}_low` and `{stem}_high`; without a stem median, low and high.
+    """
+    names = (stem, f"{stem}_low", f"{stem}_high") if stem else ("median", "low", "high")
+    return {name: (column, lambda values, k=k: interval(values)[k]) for k, name in enumerate(names)}
+
+
+def summarise(
+    scores: pd.DataFrame, keys: list[str], columns: Mapping[str, str], axis: str, value: str
+) -> pd.DataFrame:
+    """One row for each group and column: median, interval, replicates and failures.
+
+    columns: from the name in `axis` to the score's column. value: stem of the result's columns.
+    """
+    own = scores[[*keys, "motion", *columns.values()]]
+    own = own.rename(columns={column: name for name, column in columns.items()})
+    long = own.melt([*keys, "motion"], var_name=axis, value_name=value)
+    long[axis] = pd.Categorical(long[axis], list(columns))  # in this order
+    groups = long.groupby([*keys, axis], observed=True)
+    table = groups.agg(
+        **spread(value, value), replicates=(value, "size"), failures=("motion", failures)
+    )
+    return table.reset_index().astype({axis: str})
+
+
+def noise_coefficients(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+    """case, protocol, method, level, order, mean_error_percent with its interval."""
+    columns = {order: f"mean_error_{order}_percent" for order in ORDERS}
+    columns = {order: name for order, name in columns.items() if name in scores}
+    keys = ["case", "protocol", "method", "level"]
+    return summarise(of_kind(scores, NOISE), keys, columns, "order", "mean_error_percent")
+
+
+def noise_r2(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+    """case, protocol, method, level, state, r2_median, r2_low, r2_high, replicates, failures."""
+    columns, keys = {state: f"r2_{state}" for state in STATES}, [*CELL[:2], "method", "level"]
+    table = summarise(of_kind(scores, NOISE), keys, columns, "state", "r2")
+    return table.rename(columns={"r2": "r2_median"})
+
+
+def data_amount(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+    """case, protocol, method, points, state, amplitude_error_percent and r2 with intervals."""
+    subsets, keys = of_kind(scores, SUBSET), ["case", "protocol", "method", "points"]
+    columns = {state: f"amplitude_error_{state}_percent" for state in STATES}
+    amplitude = summarise(subsets, keys, columns, "state", "amplitude_error_percent")
+    r2 = summarise(subsets, keys, {state: f"r2_{state}" for state in STATES}, "state", "r2")
+    return amplitude.merge(r2, on=[*keys, "state", "replicates", "failures"], validate="1:1")
+
+
+def peers(
+    scores: pd.DataFrame, oracles: Mapping[str, pd.DataFrame], settings: Mapping
+) -> pd.DataFrame:
+    """Medians over replicates of error and R2 of whole records, and the share of exact supports.
+
+    scores: of all cells, of which those with an oracle are shown. oracles: by cell, rows of the
+    same columns for the oracle's models of some replicates, `choice` of which is `least error` or
+    `right terms`. Each number of a replicate's oracle is the best of the two and of the model as
+    chosen. settings: none are read. Columns: PEERS.
+    """
+    if not oracles:
+        return pd.DataFrame(columns=PEERS)
+    one = [*CELL, "method", "replicate"]
+    oracle, chosen = (
+        rows.assign(mean_error_percent=mean_error(rows), exact=exact(rows).astype(float))
+        for rows in (pd.concat(oracles.values()), of_kind(scores, NOISE))
+    )
+    chosen = chosen.merge(oracle[CELL].drop_duplicates())
+    both = pd.concat([oracle, chosen.merge(oracle[one].drop_duplicates())])
+    best = {"mean_error_percent": "min", "exact": "max", "r2_q_v": "max", "r2_q_w": "max"}
+    best = both.groupby(one, as_index=False).agg(best)
+    table = pd.concat([chosen.assign(setting=CHOSEN), best.assign(setting=ORACLE)])
+    table = table.groupby([*CELL, "method", "setting"], as_index=False).agg(
+        mean_error_percent=("mean_error_percent", "median"), exact=("exact", "mean"),
+        r2_q_v=("r2_q_v", "median"), r2_q_w=("r2_q_w", "median"),
+        replicates=("replicate", "nunique"),
+    )  # fmt: skip
+    return table[list(PEERS)]
