@@ -16,6 +16,7 @@
 # make lint       style checks alone
 # make bench      measured speed, in results/benchmarks.csv; OLDER=folder of results to compare with
 # make reference  take the numbers of the study and of its small version as results/reference
+# make pages      the pages of docs/ as a site to read, in results/pages; its examples are run
 # make docs       write the key table and schema again from the settings
 # make lock       pin the environment again
 #
@@ -36,7 +37,7 @@ WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores
 RICH = $(shell [ -t 1 ] && echo --logger rich)
 DIGEST := $(if $(SHA256),--sha256 '$(SHA256)')
 
-.PHONY: all study smoke trust reality published paper test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs lock help
+.PHONY: all study smoke trust reality published paper test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs pages lock help
 all: study
 
 study: $(VENV)/made
@@ -100,6 +101,10 @@ endif
 docs: $(VENV)/made
 	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.reference \
 	  --write config/README.md workflow/schemas/config.schema.json
+
+pages: $(VENV)/made
+	@PYTHONPATH='$(CURDIR)/workflow/src' $(BIN)/python -m sphinx -q -W --keep-going docs results/pages
+	@echo 'The pages begin with results/pages/index.html'
 
 # The environment, byte-compiled once; only when the lock changes.
 $(VENV)/made: requirements.lock
