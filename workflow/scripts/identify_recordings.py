@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from galloping.field.mapping import read_mapping
-from galloping.field.study import Question, analyse
+from galloping.field.study import Question, analyse, read_field
 from galloping.reproducibility.job import run
 from galloping.study.loading import load
 
@@ -16,7 +16,8 @@ def main() -> None:
     folder = Path(snakemake.output[0]).parent
     read = load(settings["reads"], dict(snakemake.input.items()))
     beside = (settings["case"], read["model"].model) if "model" in read else None
-    analyse(settings["files"], read_mapping(settings["mapping"]), question, folder, beside=beside)
+    field = read_field(settings["files"], read_mapping(settings["mapping"]))
+    analyse(field, question, folder, beside=beside)
 
 
 run(main, snakemake)

@@ -71,7 +71,7 @@ def test_a_recording_of_the_study_gives_the_same_numbers_through_a_file(tmp_path
     )  # fmt: skip
     frame = pd.DataFrame({"t": cell.time, **dict(zip(STATES[:2], cell.values.T, strict=False))})
     frame.to_csv(tmp_path / "a.csv", index=False)
-    ours = analyse([tmp_path / "a.csv"], mapping(), Question(), tmp_path / "out")
+    ours = analyse(read_field([tmp_path / "a.csv"], mapping()), Question(), tmp_path / "out")
     studys = maximum_likelihood(cell, TERMS)
     for name in ("standard_errors", "unconditional_errors", "sigma", "initial_states"):
         np.testing.assert_allclose(getattr(ours, name), getattr(studys, name), rtol=1e-9)

@@ -75,6 +75,14 @@ def _mapping_options(command):
                 "--noise", "noises", multiple=True, metavar="COLUMN=VALUE[UNIT]",
                 help="Known standard deviation, for maximum_likelihood; else estimated.",
             ),
+            click.option(
+                "--input", "inputs", multiple=True, metavar="NAME=COLUMN[UNIT] +- ERROR %",
+                help="A column that drives the motion, such as U or 'U=wind[m/s] +- 2 %'.",
+            ),
+            click.option(
+                "--between", type=click.Choice(["zero", "linear", "cubic"]),
+                help="What inputs are between samples: held, linear, or smooth; cubic.",
+            ),
             click.option("--span", type=float, help="m, where columns have positions."),
             click.option("--decimal", help="Decimal mark of text files; a point."),
             click.option(
@@ -87,11 +95,19 @@ def _mapping_options(command):
     return command
 
 
-def _mapping(time_column, states, measures, units, noises, span, decimal, map_file):
-    from galloping.field.mapping import MappingError, channel_of, read_mapping, validated
+def _mapping(
+    time_column, states, measures, units, noises, inputs, between, span, decimal, map_file
+):
+    from galloping.field.mapping import (
+        MappingError,
+        channel_of,
+        input_of,
+        read_mapping,
+        validated,
+    )
 
     if map_file:
-        others = (states, measures, units, noises, span, time_column, decimal)
+        others = (states, measures, units, noises, inputs, between, span, time_column, decimal)
         if any(other not in (None, ()) for other in others):
             raise MappingError("--map stands alone: leave out all other options of columns")
         return read_mapping(map_file)
@@ -113,33 +129,42 @@ def _mapping(time_column, states, measures, units, noises, span, decimal, map_fi
             channel["unit"] = unit
         if channel["column"] in noise_of:
             channel["noise"] = noise_of.pop(channel["column"])
+    driving = [input_of(text, between or "cubic") for text in inputs]
+    for one in driving:
+        if unit := by_column.pop(one["column"], None):
+            one["unit"] = unit
     time = {"column": time_column, "unit": by_column.pop(time_column, None)}
     if by_column:
         raise MappingError(f"--unit: no column {next(iter(by_column))!r} is measured")
     if noise_of:
         raise MappingError(f"--noise: no column {next(iter(noise_of))!r} is measured")
     content = {"time": time, "states": named, "channels": channels, "decimal": decimal}
+    content["inputs"] = driving
     return validated({**content, **({} if span is None else {"span": span})})
 
 
 @main.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path())
 @_mapping_options
-@click.option("--degree", type=click.IntRange(1, 5), default=3, show_default=True,
-              help="Of the highest terms.")  # fmt: skip
+@click.option("--degree", type=click.IntRange(1, 5), help="Of the highest terms; 3.")
+@click.option(
+    "--library", multiple=True, metavar="TERMS",
+    help="Candidate terms, such as 'poly(q_v, dq_v; 3) + U*dq_v', or wind: the quasi-static law.",
+)  # fmt: skip
 @click.option(
     "--method", type=click.Choice(["maximum_likelihood", "weak_gls"]),
     default="maximum_likelihood", show_default=True,
 )  # fmt: skip
 @click.option(
-    "--known", multiple=True, metavar="STATE=EXPRESSION",
-    help="A known equation, such as 'dq_w=-9.2 q_w - 0.03 dq_w', SI units.",
+    "--known", multiple=True, metavar="EQUATION",
+    help="What is known, in SI units: an equation, such as 'dq_w = -9.2 q_w - 0.03 dq_w', or a "
+    "coefficient, 'dq_v: U*dq_v = 0.02', with its deviation where it is not sure: '+- 0.005'.",
 )  # fmt: skip
 @click.option("--output", type=click.Path(file_okay=False), required=True, help="Folder to write.")
 @click.option("--replace", is_flag=True, help="Write over an earlier model in that folder.")
 @click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws of intervals.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result for machines.")
-def identify(files, degree, method, known, output, replace, seed, as_json, **mapping):
+def identify(files, degree, library, method, known, output, replace, seed, as_json, **mapping):
     """Identify one model from FILES, recordings of one system.
 
     A state is a quantity whose rate an equation of the model gives. Those of a span are q_v and
@@ -151,10 +176,14 @@ def identify(files, degree, method, known, output, replace, seed, as_json, **map
     Everything is written to the folder of --output, or nothing; begin with its summary.md.
     """
     from galloping.field import OUTPUTS
-    from galloping.field.study import Question, analyse
+    from galloping.field.study import Question, analyse, read_field
     from galloping.storage import replacing_folder
 
-    question, columns = Question(degree, method, known, seed), _mapping(**mapping)
+    question = Question(degree or 3, method, known, seed, library)
+    columns = _mapping(**mapping)
+    if degree and (library or columns.library):
+        raise ValueError("--degree: leave it out where a library says the terms")
+    question.terms(columns)  # which must make sense before anything is read
     if not output:
         raise ValueError("--output: names no folder")
     earlier = [name for name in OUTPUTS if (Path(output) / name).exists()]
@@ -163,7 +192,10 @@ def identify(files, degree, method, known, output, replace, seed, as_json, **map
             f"{output}: holds an earlier {earlier[0]}; name another folder, or say --replace"
         )
     with replacing_folder(output) as folder, shown():
-        identified = analyse(files, columns, question, folder)
+        field = read_field(files, columns)
+        identified = analyse(field, question, folder)
+    for line in field.unused:
+        click.echo(line, err=True)
     if as_json:
         result = {"status": identified.status, "reason": identified.reason, "output": output}
         click.echo(_json(result))
@@ -275,12 +307,13 @@ def show(model, latex, as_json):
     """Print the equations of a MODEL, with errors and verdict."""
     from galloping.field.outputs import model_rows
     from galloping.identification.model import IdentifiedModel
+    from galloping.storage import read_json
 
     if latex and as_json:
         raise click.UsageError("--latex and --json exclude each other")
     loaded = IdentifiedModel.load(model)
     if as_json:
-        click.echo(_json(model_rows(loaded)))
+        click.echo(_json(model_rows(loaded, read_json(model).get("units", {}))))
     else:
         click.echo(loaded.latex() if latex else str(loaded))
 

@@ -106,21 +106,27 @@ def known_model(
     states: tuple[str, ...],
     terms: tuple[Exponents, ...],
     inputs: tuple[str, ...] = (),
-) -> tuple[PolynomialModel, tuple[str, ...]]:
-    """Known equations on a library, and the states that they are of.
+) -> tuple[PolynomialModel, tuple[str, ...], tuple[Known, ...]]:
+    """Known equations on a library, the states that they are of, and known coefficients.
 
-    Raises ValueError, in one line, where one cannot be read or has a term outside the library.
+    Raises ValueError, in one line, where one cannot be read, has a term outside the library or is
+    said twice.
     """
     coefficients = np.zeros((len(states), len(terms)))
-    named: list[str] = []
+    equations: list[str] = []
+    single: list[Known] = []
     for text in texts:
         known = parse_known(text, states, inputs)
-        if known.state in named:
-            raise ValueError(f"known {text!r}: there is an equation of {known.state} already")
-        named.append(known.state)
-        for term, value in known.terms.items():
-            coefficients[states.index(known.state), place(term, terms, states + inputs)] = value
-    return PolynomialModel(states, terms, coefficients), tuple(named)
+        places = [place(term, terms, states + inputs) for term in known.terms]
+        again = [(one.state, *one.terms) for one in single]
+        if known.state in equations or (known.state, *known.terms) in again:
+            raise ValueError(f"known {text!r}: is said twice")
+        if known.deviation is not None:
+            single.append(known)
+            continue
+        equations.append(known.state)
+        coefficients[states.index(known.state), places] = list(known.terms.values())
+    return PolynomialModel(states, terms, coefficients, inputs), tuple(equations), tuple(single)
 
 
 def place(term: Exponents, terms: Sequence[Exponents], names: Sequence[str]) -> int:

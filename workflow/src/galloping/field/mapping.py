@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from galloping.field.units import named
+from galloping.terms import parse, parse_known
 
 FAULTS = {  # where pydantic speaks of Python's types
     "extra_forbidden": "there is no such key",
@@ -21,6 +29,7 @@ FAULTS = {  # where pydantic speaks of Python's types
 }
 MOST_LINES = 3  # of problems
 NAME = re.compile(r"[^\W\d]\w*")
+PERCENT = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*%\s*")
 NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
@@ -30,6 +39,11 @@ class MappingError(ValueError):
 
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+Texts = Annotated[  # one or several
+    tuple[str, ...], BeforeValidator(lambda given: (given,) if isinstance(given, str) else given)
+]
 
 
 class TimeColumn(_Section):
@@ -60,16 +74,48 @@ class Channel(_Section):
     noise: str | float | None = None
 
 
+class InputColumn(_Section):
+    """One column of what was measured beside the motion and drives it, such as the wind.
+
+    name: in the library, by default that of the column. between, error: as of `inputs.Input`; error
+    may be text such as `2 %`. delay: s by which the column lags behind the time.
+    """
+
+    column: str
+    name: str = ""
+    unit: str | None = None
+    between: Literal["zero", "linear", "cubic"] = "cubic"
+    error: float = Field(default=0.0, ge=0.0, lt=1.0)
+    delay: float = Field(default=0.0, ge=-3600, le=3600)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_full(cls, given: object) -> object:
+        """A text is the name of a column, and an error in percent a number."""
+        keys = {"column": given} if isinstance(given, str) else given
+        if not isinstance(keys, dict):
+            return keys
+        column, unit = named(str(keys.get("column", "")))
+        keys = {"name": column, **({"unit": unit} if unit else {}), **keys}
+        if match := PERCENT.fullmatch(str(keys.get("error", ""))):
+            keys["error"] = float(match[1]) / 100
+        return keys
+
+
 class ColumnMapping(_Section):
     """How to read recordings of one system from files.
 
-    states: of the system; a state named dX is the rate of X. span: m, where channels have
-    positions. decimal: the decimal mark of text files.
+    states: of the system; a state named dX is the rate of X. inputs: what else drives it. span: m,
+    where channels have positions. decimal: the decimal mark of text files. library, known: as the
+    command's options of these names.
     """
 
     time: TimeColumn
     states: tuple[str, ...] = Field(min_length=1, max_length=12)
     channels: tuple[Channel, ...] = Field(min_length=1)
+    inputs: tuple[InputColumn, ...] = ()
+    library: Texts = ()
+    known: Texts = ()
     span: float | None = Field(default=None, gt=0)
     decimal: Literal[".", ","] = "."
 
@@ -100,7 +146,29 @@ class ColumnMapping(_Section):
                     f"channels: position {channel.position:g} m of {channel.column!r} is not "
                     f"inside the span of {self.span:g} m"
                 )
+        for one in self.inputs:
+            if not NAME.fullmatch(one.name):
+                raise ValueError(
+                    f"inputs: {one.name!r} is not a name; name the input, such as U={one.column}"
+                )
+            if one.name in self.names[: len(self.states)]:
+                raise ValueError(f"inputs: {one.name} is a state; name the input otherwise")
+            if self.names.count(one.name) > 1:
+                raise ValueError(f"inputs: {one.name} is named twice")
+            if one.column in seen or one.column == self.time.column:
+                raise ValueError(f"inputs: column {one.column!r} is named twice")
+            seen.add(one.column)
+        inputs = self.names[len(self.states) :]
+        if self.library:
+            parse(self.library, self.states, inputs)
+        for text in self.known:
+            parse_known(text, self.states, inputs)
         return self
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the states and then of the inputs."""
+        return self.states + tuple(one.name for one in self.inputs)
 
     def target(self, channel: Channel) -> tuple[int, bool]:
         """Index of the state that a channel is about, and whether it measures its rate."""
@@ -166,3 +234,22 @@ def channel_of(text: str) -> dict:
         raise MappingError(f"--measure {text!r}: position {position!r} is not a number of metres")
     channel = {"measures": measures.strip(), "column": column, "unit": unit, "position": position}
     return {key: value.strip() for key, value in channel.items() if value}
+
+
+def input_of(text: str, between: str = "cubic") -> dict:
+    """An input from `NAME=COLUMN[UNIT] +- ERROR %`, all but NAME optional, as plain values.
+
+    Raises MappingError where the text has another form.
+    """
+    body, given, error = text.partition("+-")
+    name, equals, header = body.partition("=")
+    column, unit = named(header if equals else name)
+    percent = PERCENT.fullmatch(error)
+    if not name.strip() or not column or bool(given) != bool(percent):
+        raise MappingError(
+            f"--input {text!r}: expected NAME=COLUMN[UNIT] +- ERROR %, such as U or "
+            "'U=wind[m/s] +- 2 %'"
+        )
+    keys = {"name": name.strip() if equals else column, "column": column, "unit": unit}
+    keys["error"] = error.strip()
+    return {key: value for key, value in keys.items() if value} | {"between": between}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,8 @@ from galloping.field.dynamics import Dynamics
 from galloping.field.dynamics import sentences as moved
 from galloping.field.excerpt import excerpts
 from galloping.field.forecast import Forecast, HeldOut
-from galloping.field.units import coefficient_unit
+from galloping.field.inputs import input_lines
+from galloping.field.units import NONE, coefficient_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95
 from galloping.polynomial import term_name
@@ -38,12 +39,14 @@ MEANING = {
 }
 
 
-def model_rows(identified: IdentifiedModel) -> list[dict]:
+def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> list[dict]:
     """Rows of model.csv: one for each present term, and each absent one with a limit.
 
-    An equation is named by the state whose derivative it gives, a term as pysindy names it.
+    An equation is named by the state whose derivative it gives, a term as pysindy names it. units:
+    of inputs, by name.
     """
     model, rows = identified.model, []
+    inputs = {name: units.get(name, "") for name in model.inputs}
     for i, state in enumerate(model.states):
         for j, term in enumerate(model.terms):
             value, error = model.coefficients[i, j], identified.standard_errors[i, j]
@@ -56,9 +59,9 @@ def model_rows(identified: IdentifiedModel) -> list[dict]:
             rows.append(
                 {
                     "equation": state,
-                    "term": term_name(term, model.states),
+                    "term": term_name(term, model.names),
                     "coefficient": float(value),
-                    "unit": coefficient_unit(state, term, model.states),
+                    "unit": coefficient_unit(state, term, model.names, inputs),
                     "standard_error": float(error) if present else np.nan,
                     "low": float(value - half),
                     "high": float(value + half),
@@ -206,7 +209,7 @@ def report_lines(report: dict) -> list[str]:
             f"{channel['standard_deviation']:.3g}, noise {channel['noise']:.2g}, "
             f"{channel['missing_percent']:.1f} % missing, mostly at {frequencies or 'no'} Hz"
         )
-    lines += [f"  {note}" for note in report["notes"]]
+    lines += [f"  {said}" for said in (*input_lines(report["inputs"]), *report["notes"])]
     return lines + [f"  {p['column']}, row {p['row']}: {p['what']}" for p in report["problems"]]
 
 
@@ -215,10 +218,11 @@ def _untold(identified: IdentifiedModel) -> list[str]:
     model = identified.model
     limits = np.where(np.isfinite(identified.detection_limits), identified.detection_limits, -1.0)
     flat = np.argsort(-limits, axis=None)[:3]
+    inputs = dict.fromkeys(model.inputs, "")
     room = [
-        f"- {term_name(model.terms[j], model.states)} in d({model.states[i]})/dt: absent, or as "
+        f"- {term_name(model.terms[j], model.names)} in d({model.states[i]})/dt: absent, or as "
         f"large as {limits[i, j]:.3g} "
-        f"{coefficient_unit(model.states[i], model.terms[j], model.states)}"
+        f"{coefficient_unit(model.states[i], model.terms[j], model.names, inputs)}"
         for i, j in zip(*np.unravel_index(flat, limits.shape), strict=True)
         if limits[i, j] > 0
     ]

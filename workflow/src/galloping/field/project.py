@@ -6,7 +6,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.field.mapping import Channel, ColumnMapping
-from galloping.field.quality import pieces
 from galloping.field.read import FEWEST, Series
 from galloping.recording import Recording
 
@@ -46,26 +45,47 @@ def recording(series: Series, mapping: ColumnMapping) -> Recording:
         rates=rates if np.isfinite(rates).any() else None,
         unknown_offsets=offsets, unknown_scales=scales,
         known_noise=noise if np.isfinite(noise).any() else None,
+        inputs=series.inputs,
     )  # fmt: skip
 
 
 def parted(recording: Recording, period: float) -> list[Recording]:
     """The recording between gaps longer than a period of the motion, s, each part by itself.
 
-    Over such a gap nothing tells how the motion went on, nor whether the clock did. Parts of fewer
-    than FEWEST samples or PERIODS are left out, but where no part is longer.
+    Over such a gap nothing tells how the motion went on, nor whether the clock did. A part ends as
+    well where an input is not known. Parts of fewer than FEWEST samples or PERIODS are left out,
+    but where no part is longer and the inputs are known throughout. Raises ValueError where no part
+    is left.
     """
     measured = np.isfinite(recording.values).any(axis=1)
     if recording.rates is not None:
         measured |= np.isfinite(recording.rates).any(axis=1)
-    rows = np.flatnonzero(measured)
-    parts = [rows[part] for part in pieces(recording.time[rows], period)]
+    driven = known_inputs(recording)
+    rows = np.flatnonzero(measured & driven)
+    apart = np.diff(recording.time[rows]) > period
+    apart |= np.diff(np.cumsum(~driven)[rows]) > 0
+    parts = np.split(rows, np.flatnonzero(apart) + 1)
     long = [
         slice(int(part[0]), int(part[-1]) + 1)
         for part in parts
         if len(part) >= FEWEST and np.ptp(recording.time[part]) >= PERIODS * period
     ]
-    return [recording] if len(parts) == 1 or not long else [recording[part] for part in long]
+    if driven.all():
+        return [recording] if len(parts) == 1 or not long else [recording[own] for own in long]
+    if not long:
+        raise ValueError(
+            f"inputs: {', '.join(recording.inputs)}: nowhere are all known for {PERIODS} periods "
+            f"of {period:.3g} s in which the motion is measured"
+        )
+    return [recording[own] for own in long]
+
+
+def known_inputs(recording: Recording) -> np.ndarray:
+    """(n,) whether all inputs are known at the samples."""
+    known = np.ones(len(recording.time), bool)
+    for one in recording.inputs.values():
+        known &= one.covered(recording.time)
+    return known
 
 
 def _weights(channels: list[Channel], span: float | None) -> np.ndarray:
@@ -111,4 +131,4 @@ def _aligned(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray, list[n
         column = np.full(len(time), np.nan)
         column[np.searchsorted(time, own)] = values
         columns.append(column)
-    return time - time[0], columns
+    return time, columns

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import combinations, pairwise
 from pathlib import Path
 
@@ -11,10 +11,12 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
+from galloping.field.inputs import input_unit, inputs_of
 from galloping.field.mapping import Channel, ColumnMapping
 from galloping.field.tables import FileError, FileTable, read_table
-from galloping.field.units import UnitError, amount, factor, state_unit
+from galloping.field.units import UnitError, amount, factor, named, state_unit
 from galloping.identification.likelihood.inputs import FEWEST
+from galloping.inputs import Input
 from galloping.passes import passing
 
 CODES = (  # that loggers write for a missing sample, of either sign
@@ -32,7 +34,8 @@ class Series:
     path: the file. time: (n,) s since `start`, strictly increasing. start: ISO 8601 or ''.
     noise: (n_channels,) known deviation of a sample, NaN where unknown.
     values: (n, n_channels), NaN where missing, in the order of the mapping's channels. rows: (n,)
-    row of each sample in the file. notes: one line for each thing that was mended.
+    row of each sample in the file. notes: one line for each thing that was mended. inputs: by name,
+    on the same time axis; units: of them. unused: columns that were left aside.
     """
 
     path: Path
@@ -42,6 +45,9 @@ class Series:
     rows: np.ndarray
     notes: tuple[str, ...]
     noise: np.ndarray
+    inputs: Mapping[str, Input] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
 
 
 def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
@@ -53,16 +59,20 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     table = read_table(path, mapping.decimal, mapping.time.column)
     time, start = _seconds(table, mapping)
     notes = list(table.notes)
-    columns = []
-    for channel in mapping.channels:
+    columns, units = [], {}
+    for channel in (*mapping.channels, *mapping.inputs):
         column, codes = _without_codes(_numbers(table, channel.column, mapping))
         notes += [
             f"column {channel.column!r}: {count} samples of {code:g}, a code for missing ones, "
             "were left out"
             for code, count in codes.items()
         ]
-        columns.append(column * _to_si(table, channel))
-    for channel, column in zip(mapping.channels, columns, strict=True):
+        if isinstance(channel, Channel):
+            columns.append(column * _to_si(table, channel))
+        else:
+            scale, units[channel.name] = input_unit(table, channel)
+            columns.append(column * scale)
+    for channel, column in zip((*mapping.channels, *mapping.inputs), columns, strict=True):
         if len(column) != len(time):
             raise FileError(
                 f"{table.path}: column {channel.column!r} has {len(column)} rows, the times "
@@ -103,6 +113,9 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
         keep = np.ones(len(time), bool)
         keep[again] = False
         time, values, rows = time[keep], values[keep], rows[keep]
+    measured = len(mapping.channels)
+    inputs = inputs_of(table.path, mapping.inputs, time, values[:, measured:])
+    values = values[:, :measured]
     for channel, column in zip(mapping.channels, values.T, strict=True):
         known = column[np.isfinite(column)]
         if not len(known):
@@ -118,10 +131,12 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                 "did not work"
             )
     _check_distinct(table, mapping, values)
-    if len(time) < FEWEST:
+    if len(time) < FEWEST and measured:
         raise FileError(f"{table.path}: {len(time)} rows are fewer than the {FEWEST} needed")
     noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
-    return Series(table.path, time, start, values, rows, tuple(notes), noise)
+    used = {named(c.column)[0] for c in (mapping.time, *mapping.channels, *mapping.inputs)}
+    unused = tuple(name for name in table.columns if name not in used)
+    return Series(table.path, time, start, values, rows, tuple(notes), noise, inputs, units, unused)
 
 
 def _restarted(time: np.ndarray) -> np.ndarray | None:

@@ -12,6 +12,7 @@ from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
 from galloping.field.excerpt import excerpts
 from galloping.field.forecast import Sensed
+from galloping.field.inputs import check_inputs, described, input_notes
 from galloping.field.mapping import ColumnMapping
 from galloping.field.outputs import (
     MODEL_COLUMNS,
@@ -28,10 +29,10 @@ from galloping.field.units import state_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.importing import imported
 from galloping.passes import part, passing
-from galloping.polynomial import PolynomialModel, library
+from galloping.polynomial import Exponents, PolynomialModel, library
 from galloping.recording import Recording
 from galloping.storage import write_json, write_rows, write_text
-from galloping.terms import known_model
+from galloping.terms import known_model, parse
 
 DPI, FONT_SIZE = 150, 8
 
@@ -51,6 +52,20 @@ class Field:
     reports: tuple[dict, ...]
 
     @property
+    def units(self) -> dict[str, str]:
+        """Of the inputs, by name."""
+        return dict(self.series[0].units)
+
+    @property
+    def unused(self) -> list[str]:
+        """Columns that were measured and are not used, a line for each file."""
+        return [
+            f"{one.path.name}: columns that are not used: {', '.join(one.unused)}"
+            for one in self.series
+            if one.unused
+        ]
+
+    @property
     def clipped(self) -> list[str]:
         """Channels whose largest samples are cut off, as reasons."""
         return [
@@ -64,7 +79,8 @@ class Field:
 
 def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
     """Files of one system. Raises FileError in one line."""
-    series = tuple(read_series(path, mapping) for path in paths)
+    with part("read", until=0.05):
+        series = tuple(read_series(path, mapping) for path in paths)
     check_apart(series)
     reports = tuple(quality(one, mapping) for one in series)
     whole = [recording(one, mapping) for one in series]
@@ -73,6 +89,10 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
     names: list[str] = []
     for one, of_file, report in zip(series, whole, reports, strict=True):
         parts = parted(of_file, period)
+        report["inputs"] = described(one, mapping.inputs)
+        report["notes"] += input_notes(of_file)
+        if one.unused:
+            report["notes"].append(f"columns that are not used: {', '.join(one.unused)}")
         if len(parts) > 1 or len(parts[0].time) < len(of_file.time):
             kept = sum(np.ptp(each.time) for each in parts)
             report["notes"].append(
@@ -91,32 +111,50 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
 class Question:
     """What is asked of recordings.
 
-    degree: of the polynomial library. method: a name of METHODS. known: equations as text, as
-    in `equations.known_model`. seed: of the draws of intervals and forecasts.
+    degree: of the polynomial library of states and inputs, where neither `library` nor the mapping
+    says another. method: a name of METHODS. library, known: texts, as in `terms`; those of the
+    mapping are known besides. seed: of the draws of intervals and forecasts.
     """
 
     degree: int = 3
     method: str = "maximum_likelihood"
     known: tuple[str, ...] = ()
     seed: int = 0
+    library: tuple[str, ...] = ()
+
+    def terms(self, mapping: ColumnMapping) -> tuple[tuple[Exponents, ...], np.ndarray | None]:
+        """The library, and in which equations its terms may be, as of `terms.parse`.
+
+        Raises ValueError for what is no library, and where it leaves an input out.
+        """
+        inputs = mapping.names[len(mapping.states) :]
+        texts = self.library or mapping.library
+        if not texts:
+            return library(len(mapping.names), self.degree), None
+        terms, allowed = parse(texts, mapping.states, inputs)
+        for k, name in enumerate(inputs, start=len(mapping.states)):
+            if not any(term[k] for term in terms):
+                raise ValueError(f"input {name} is in no term of the library {' + '.join(texts)}")
+        return terms, allowed
 
 
 def analyse(
-    paths: Sequence[str | Path],
-    mapping: ColumnMapping,
+    field: Field,
     question: Question,
     folder: Path,
     beside: tuple[str, PolynomialModel] | None = None,
 ) -> IdentifiedModel:
-    """From files of one system to everything in `folder`, written when all of it is made.
+    """From recordings of one system to everything in `folder`, written when all of it is made.
 
     beside: a name and a model of the line that the summary compares with. Raises ValueError, in one
     line, for files or a question that make no sense; a recording without a model is no error.
     """
-    with part("read", until=0.05):
-        field = read_field(paths, mapping)
-    terms = library(len(mapping.states), question.degree)
-    known, known_states = known_model(question.known, mapping.states, terms)
+    mapping = field.mapping
+    terms, _ = question.terms(mapping)
+    check_inputs(field.series, terms, len(mapping.states))
+    inputs = mapping.names[len(mapping.states) :]
+    texts = (*mapping.known, *question.known)
+    known, known_states, _ = known_model(texts, mapping.states, terms, inputs)
     method, given = imported(METHODS[question.method]), field.recordings
 
     def identify(recordings: Sequence[Recording]) -> IdentifiedModel:
@@ -148,10 +186,10 @@ def write_outputs(
     write_json(folder / "quality.json", list(field.reports))
     identified.save(
         folder / "model.json",
-        units={state: state_unit(state) for state in states},
+        units={state: state_unit(state) for state in states} | field.units,
         versions={"galloping": __version__},
     )
-    write_rows(folder / "model.csv", model_rows(identified), list(MODEL_COLUMNS))
+    write_rows(folder / "model.csv", model_rows(identified, field.units), list(MODEL_COLUMNS))
     tables = {"model.csv": MODEL_COLUMNS}
     rows = [row for part in of.forecasts for row in forecast_rows(part)]
     channels = Sensed.by(field.recordings[-1]).names

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from functools import cache
+from types import MappingProxyType
 
 AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
 WITH_UNIT = re.compile(r"(?P<bare>.*\S)\s*(\[(?P<unit>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
+NONE = MappingProxyType({})
 LENGTH_OF_ORDER = {0: "m", 1: "m/s", 2: "m/s^2"}
 
 
@@ -80,15 +83,48 @@ def state_unit(name: str) -> str:
     return "1"
 
 
-def coefficient_unit(state: str, exponents: Sequence[int], states: Sequence[str]) -> str:
-    """SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2, or `1`."""
+def input_si(unit: str) -> tuple[float, str]:
+    """What values of an input are multiplied by, and the unit that they are in then, one of SI.
+
+    A unit of SI by itself stays, and one that does not begin at zero, such as degC. Raises
+    UnitError.
+    """
+    try:
+        own = _registry().Quantity(1.0, "" if unit in ("1", "-") else unit)
+        if not own._is_multiplicative:
+            return 1.0, unit
+        base = own.to_base_units()
+    except Exception as error:  # pint's parser raises many kinds
+        raise UnitError(f"unit {unit!r} is not known; must be such as m/s, N or 1") from error
+    if base.magnitude == 1.0:
+        return 1.0, unit
+    return float(base.magnitude), f"{base.units:~C}".replace("**", "^") or "1"
+
+
+def coefficient_unit(
+    state: str, exponents: Sequence[int], names: Sequence[str], inputs: Mapping[str, str] = NONE
+) -> str:
+    """SI unit of a term's coefficient in the equation of a state, such as m^-1 s^-2, or `1`.
+
+    names: of states and inputs, as many as exponents. inputs: the unit of each, '' where it is not
+    known: it then stands as [U].
+    """
     metres, seconds = _dimension(state)
-    seconds -= 1
-    for name, power in zip(states, exponents, strict=True):
-        m, s = _dimension(name)
-        metres, seconds = metres - power * m, seconds - power * s
-    parts = [f"{symbol}^{power}" for symbol, power in (("m", metres), ("s", seconds)) if power]
+    powers = Counter(m=metres, s=seconds - 1)
+    for name, power in zip(names, exponents, strict=True):
+        if power and name in inputs:
+            own = _symbols(inputs[name]) if inputs[name] else {f"[{name}]": 1}
+        else:
+            own = dict(zip("ms", _dimension(name), strict=True))
+        powers.subtract({symbol: power * each for symbol, each in own.items()})
+    parts = [f"{symbol}^{power}" for symbol, power in powers.items() if power]
     return " ".join(parts).replace("^1 ", " ").removesuffix("^1") or "1"
+
+
+def _symbols(unit: str) -> dict[str, int]:
+    """Powers of the symbols in a unit."""
+    parsed = _registry().parse_units("" if unit == "1" else unit)
+    return {_registry().get_symbol(name): power for name, power in parsed._units.items()}
 
 
 def _dimension(name: str) -> tuple[int, int]:

@@ -1,0 +1,150 @@
+"""Inputs of files: what is read, what is left out and named, what is refused in one line."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from galloping.cli import main
+from galloping.field.mapping import input_of, validated
+from galloping.field.read import read_series
+from galloping.field.study import read_field
+from galloping.field.units import coefficient_unit
+
+TIME = np.arange(1000) / 25.0
+WIND = 12.0 + np.sin(0.5 * TIME) + 0.3 * np.cos(1.7 * TIME)
+
+
+def run(*arguments, code=0):
+    result = CliRunner().invoke(main, [str(each) for each in arguments])
+    assert result.exit_code == code, result.output
+    return result.output
+
+
+def written(path, **columns):
+    motion = {"t [s]": TIME, "y [1]": np.sin(2.6 * TIME)}
+    pd.DataFrame(motion | columns).to_csv(path, index=False)
+    return path
+
+
+def mapping(*inputs, **more):
+    return validated(
+        {
+            "time": {"column": "t"},
+            "states": ["y", "dy"],
+            "channels": [{"column": "y", "measures": "y"}],
+            "inputs": list(inputs),
+            **more,
+        }
+    )
+
+
+def refused(tmp_path, *options, said, **columns):
+    path = written(tmp_path / "a.csv", **columns)
+    output = tmp_path / "out"
+    printed = run("identify", path, "--states", "y,dy", "--measure", "y=y", *options,
+                  "--output", output, code=1)  # fmt: skip
+    assert said in printed and printed.count("\n") == 1
+    assert not output.exists()
+
+
+def test_units_and_names_of_inputs_are_read(tmp_path):
+    path = written(tmp_path / "a.csv", **{"wind [km/h]": 3.6 * WIND, "T [degC]": WIND})
+    of = mapping({"name": "U", "column": "wind", "between": "linear", "error": "2 %"}, "T")
+    series = read_series(path, of)
+    assert dict(series.units) == {"U": "m/s", "T": "degC"} and not series.unused
+    wind = series.inputs["U"]
+    np.testing.assert_allclose(wind(TIME), WIND)
+    assert (wind.between, wind.error) == ("linear", 0.02)
+    assert input_of("U=wind[m/s] +- 2%", "zero") == {
+        "name": "U", "column": "wind", "unit": "m/s", "error": "2%", "between": "zero"
+    }  # fmt: skip
+
+
+def test_a_column_that_is_not_used_is_named(tmp_path):
+    path = written(tmp_path / "a.csv", wind=WIND, note=["fine"] * len(TIME))
+    printed = run("inspect", path, "--states", "y,dy", "--measure", "y=y")
+    assert "columns that are not used: wind, note" in printed
+    printed = run("inspect", path, "--states", "y,dy", "--measure", "y=y", "--input", "wind",
+                  "--unit", "wind=m/s")  # fmt: skip
+    assert "columns that are not used: note" in printed and "wind is an input" in printed
+
+
+@pytest.mark.parametrize("between", ["zero", "linear", "cubic"])
+def test_where_an_input_is_not_known_the_motion_is_left_out(tmp_path, between):
+    wind = WIND.copy()
+    wind[300:400] = np.nan
+    path = written(tmp_path / "a.csv", **{"U [m/s]": wind})
+    field = read_field([path], mapping({"column": "U", "between": between}))
+    assert [len(each.time) for each in field.recordings] == [300, 600]
+    assert "input U is not known for 4.0 s, 10 % of the samples: left out" in str(field.reports)
+
+
+@pytest.mark.parametrize("repeated", [True, False])
+def test_rows_between_the_samples_of_a_slower_instrument_are_no_gaps(tmp_path, repeated):
+    slow = np.where(np.arange(len(TIME)) % 5 == 0, WIND, np.nan)
+    slow = pd.Series(slow).ffill() if repeated else slow
+    path = written(tmp_path / "a.csv", **{"U [m/s]": slow})
+    field = read_field([path], mapping("U"))
+    (recording,) = field.recordings
+    inside = slice(0, 990)
+    assert np.max(np.abs(recording.inputs["U"](TIME) - WIND)[inside]) < 1e-3
+    held = read_field([path], mapping({"column": "U", "between": "zero"})).recordings[0]
+    assert held.inputs["U"](TIME[7]) == pytest.approx(WIND[5])
+
+
+def test_an_anemometer_that_lags_is_put_right(tmp_path):
+    path = written(tmp_path / "a.csv", **{"U [m/s]": WIND})
+    (recording,) = read_field([path], mapping({"column": "U", "delay": 2.0})).recordings
+    assert recording.inputs["U"](3.0) == pytest.approx(WIND[125])
+    assert recording.time[-1] == pytest.approx(TIME[-1] - 2.0)
+
+
+def test_inputs_that_cannot_be_used_get_one_line(tmp_path):
+    of = {"U [m/s]": WIND}
+    refused(tmp_path, "--input", "V", said="no column 'V'", **of)
+    refused(tmp_path, "--input", "U", said="'U' has no unit; add --unit U=m/s", U=WIND)
+    refused(tmp_path, "--input", "U[parsec/beer]", said="unit 'parsec/beer' is not known", U=WIND)
+    refused(tmp_path, "--input", "dy=U", said="inputs: dy is a state", **of)
+    refused(tmp_path, "--input", "U", "--input", "U", said="inputs: U is named twice", **of)
+    refused(tmp_path, "--input", "U +- two", said="expected NAME=COLUMN[UNIT] +- ERROR %", **of)
+    refused(tmp_path, "--input", "U", said="row 7, column 'U': 'calm' is not a number",
+            **{"U [m/s]": [*WIND[:5], "calm", *WIND[6:]]})  # fmt: skip
+    refused(
+        tmp_path, "--input", "U", said="input U is 12 throughout", **{"U [m/s]": 12.0 + 0 * TIME}
+    )
+    refused(tmp_path, "--input", "U", said="column 'U' has 0 samples", **{"U [m/s]": np.nan * TIME})
+    divides = ("--input", "U", "--library", "poly(y, dy; 3) + dy^3/U")
+    refused(tmp_path, *divides, said="input U crosses zero, from -1.29669 to 1.27022, and",
+            **{"U [m/s]": WIND - 12.0})  # fmt: skip
+    refused(tmp_path, "--library", "y + U*dy", said="character 5: 'U' is neither a state", **of)
+    refused(tmp_path, "--library", "y + ", said="character 4: more is needed here", **of)
+    unused = ("--input", "U", "--library", "y + dy")
+    refused(tmp_path, *unused, said="input U is in no term of the library", **of)
+    refused(tmp_path, "--library", "y", "--degree", "2", said="--degree: leave it out", **of)
+    refused(tmp_path, "--known", "dy: U*dy = 3", said="'U' is neither a state", **of)
+    refused(tmp_path, "--known", "dy: y^2 = 3", "--library", "y + dy",
+            said="known term y^2 is not in the library", **of)  # fmt: skip
+
+
+def test_an_input_that_ends_before_the_motion_is_said(tmp_path):
+    path = written(tmp_path / "a.csv", **{"U [m/s]": np.where(TIME < 30.0, WIND, np.nan)})
+    with_map = {"time": {"column": "t"}, "states": ["y", "dy"], "inputs": ["U"],
+                "channels": [{"column": "y", "measures": "y"}]}  # fmt: skip
+    (tmp_path / "map.yaml").write_text(json.dumps(with_map), encoding="utf-8")
+    printed = run("inspect", path, "--map", tmp_path / "map.yaml")
+    assert "input U is not known for 10.0 s" in printed
+    nowhere = written(tmp_path / "b.csv", **{"U [m/s]": np.where(TIME < 3.0, WIND, np.nan)})
+    printed = run("inspect", nowhere, "--map", tmp_path / "map.yaml", code=1)
+    assert "inputs: U: nowhere are all known for 3 periods" in printed and printed.count("\n") == 1
+
+
+def test_units_of_coefficients_have_those_of_inputs():
+    states = ("q_v", "dq_v")
+    assert coefficient_unit("dq_v", (0, 1), states) == "s^-1"
+    for unit, expected in (("m/s", "m^-1"), ("", "s^-1 [U]^-1"), ("V", "s^-1 V^-1"),
+                           ("1", "s^-1"), ("N", "s^-1 N^-1")):  # fmt: skip
+        assert coefficient_unit("dq_v", (0, 1, 1), (*states, "U"), {"U": unit}) == expected
+    assert coefficient_unit("dq_v", (0, 3, -1), (*states, "U"), {"U": "m/s"}) == "m^-1"

@@ -1,0 +1,144 @@
+"""Inputs of files: from a column to a function of time, its unit, and where it is not known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from galloping.field.units import UnitError, input_si
+from galloping.inputs import GAP, Input
+
+if TYPE_CHECKING:
+    from galloping.field.mapping import InputColumn
+    from galloping.field.read import Series
+    from galloping.field.tables import FileTable
+    from galloping.polynomial import Exponents
+    from galloping.recording import Recording
+
+BETWEEN = {
+    "zero": "held between samples", "linear": "linear between samples",
+    "cubic": "smooth between samples",
+}  # fmt: skip
+HELD = 2  # rows, that a logger repeats a slower sample for at least
+
+
+def input_unit(table: FileTable, column: InputColumn) -> tuple[float, str]:
+    """What the values of an input are multiplied by, and the SI unit that they are in then."""
+    own, said = table.unit(column.column), column.unit
+    if not (own or said):
+        raise ValueError(
+            f"{table.path}: column {column.column!r} has no unit; add --unit {column.column}=m/s, "
+            "or whatever it is in, or write it behind the name of the column, in brackets"
+        )
+    try:
+        if own and said and input_si(own) != input_si(said):
+            raise UnitError(f"is in {own} by the file and in {said} by the mapping; must be one")
+        return input_si(said or own)
+    except UnitError as error:
+        raise ValueError(f"{table.path}: column {column.column!r}: {error}") from None
+
+
+def inputs_of(
+    path: Path, columns: Sequence[InputColumn], time: np.ndarray, values: np.ndarray
+) -> dict[str, Input]:
+    """Inputs by name, from values (n, n_inputs) at the rows of a file.
+
+    Rows between the samples of a slower instrument, empty or repeated, are no gaps and no samples.
+    Raises ValueError where a column holds fewer than two samples.
+    """
+    found = {}
+    for column, own in zip(columns, values.T, strict=True):
+        known = np.flatnonzero(np.isfinite(own))
+        if len(known) < 2:
+            raise ValueError(f"{path}: column {column.column!r} has {len(known)} samples")
+        if column.between != "zero":
+            known = known[_fresh(own[known])]
+        steps = np.diff(time[known])
+        kept = np.zeros(len(own), bool)
+        kept[known] = True
+        for k in np.flatnonzero(steps > GAP * np.median(steps)):
+            kept[known[k] : known[k + 1]] = True
+        found[column.name] = Input(
+            time[kept] - column.delay, own[kept], column.between, column.error
+        )
+    return found
+
+
+def _fresh(values: np.ndarray) -> np.ndarray:
+    """(n,) boolean: the samples of a slower instrument that a logger did not merely repeat.
+
+    All where values do not stay for a fixed number of rows.
+    """
+    fresh = np.append(True, np.diff(values) != 0)
+    runs = np.diff(np.flatnonzero(fresh))
+    if len(runs) < HELD or np.median(runs) < HELD:
+        return np.ones(len(values), bool)
+    regular = runs % np.median(runs) == 0
+    return fresh if regular.mean() > 0.9 else np.ones(len(values), bool)
+
+
+def input_notes(recording: Recording) -> list[str]:
+    """A line for each input that is not known all through the motion."""
+    time = recording.time
+    steps = np.diff(time, append=time[-1])
+    steps = np.where(steps > GAP * np.median(steps), 0.0, steps)  # of the time with samples
+    return [
+        f"input {name} is not known for {steps[gone].sum():.1f} s, "
+        f"{100 * gone.mean():.2g} % of the samples: left out"
+        for name, one in recording.inputs.items()
+        if (gone := ~one.covered(time)).any()
+    ]
+
+
+def described(series: Series, columns: Sequence[InputColumn]) -> dict[str, dict]:
+    """What inputs are like, by column, as plain values."""
+    found = {}
+    for column in columns:
+        one = series.inputs[column.name]
+        known = one.values[np.isfinite(one.values)]
+        found[column.column] = {
+            "name": column.name,
+            "unit": series.units[column.name],
+            "mean": float(known.mean()),
+            "standard_deviation": float(known.std()),
+            "lowest": float(known.min()),
+            "highest": float(known.max()),
+            "step_s": float(np.median(np.diff(one.time))),
+            "between": column.between,
+            "error": column.error,
+        }
+    return found
+
+
+def input_lines(inputs: Mapping[str, dict]) -> list[str]:
+    """The same in words."""
+    return [
+        f"{column} is an input, {of['name']}: mean {of['mean']:.4g} {of['unit']}, deviation "
+        f"{of['standard_deviation']:.3g}, from {of['lowest']:.4g} to {of['highest']:.4g}, every "
+        f"{of['step_s']:.3g} s, {BETWEEN[of['between']]}"
+        for column, of in inputs.items()
+    ]
+
+
+def check_inputs(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:
+    """Refuse inputs that tell nothing, or that a library divides by where they cross zero.
+
+    series: of all files. terms: exponents of states and inputs. Raises ValueError.
+    """
+    for k, name in enumerate(series[0].inputs, start=n_states):
+        own = [one.inputs[name].values for one in series]
+        least, most = (f([f(v[np.isfinite(v)]) for v in own]) for f in (min, max))
+        if least == most:
+            raise ValueError(
+                f"{series[0].path}: input {name} is {least:g} throughout: what never changes "
+                "drives nothing that could be told; leave it out"
+            )
+        divides = any(term[k] < 0 for term in terms)
+        if divides and least <= 0.0 <= most:
+            raise ValueError(
+                f"{series[0].path}: input {name} crosses zero, from {least:g} to {most:g}, and "
+                f"the library divides by it; leave out the terms with /{name}"
+            )
