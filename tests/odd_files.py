@@ -58,6 +58,13 @@ def excel() -> bytes:
     return buffer.getvalue()
 
 
+def sheet(path: Path, columns: dict) -> None:
+    """The second sheet of an Excel file, below a title."""
+    with pd.ExcelWriter(path) as writer:
+        pd.DataFrame([["Logger"], ["A17"]]).to_excel(writer, sheet_name="about", header=False)
+        pd.DataFrame(columns).to_excel(writer, sheet_name="data", startrow=3, index=False)
+
+
 def parquet(path: Path, **columns: np.ndarray) -> None:
     pd.DataFrame(columns).to_parquet(path)
 
@@ -74,6 +81,7 @@ def cut(path: Path, make: Callable) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
+GERMAN = [stamp.strftime("%d.%m.%Y %H:%M:%S.%f") for stamp in STAMPS]
 Content = str | bytes | Callable[[Path], None]
 PREAMBLE = "Logger DL-2000\nSerial no. 12345\nStart; 31.01.2026\n\n"
 
@@ -145,30 +153,74 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
     "dates.h5": (lambda path: hdf5(path, t=STAMPS.astype("S").to_numpy(), v=V, w=W),
                  (*BY_NAME, "--unit", "m")),
     "rows_and_columns.h5": (lambda path: hdf5(path, t=TIME[None], v=V[:, None], w=W), PLAIN),
+    "german_dates.csv": (lines(columns=(GERMAN, V, W)), (*BY_NAME, "--unit", "m")),
+    "american_dates.csv": (
+        lines('"#","Date Time, GMT+01:00","vertical, m","horizontal, m"', columns=(
+            map(str, range(1000)), [f"{s:%m/%d/%y %I:%M:%S.%f %p}" for s in STAMPS], V, W)), ()),
+    "over_midnight.csv": (
+        lines("Date,Time,vertical [m],horizontal [m]", columns=(
+            ["31.01.2026"] * 1000,
+            [f"{s:%H:%M:%S.%f}" for s in STAMPS + pd.Timedelta("11:59:50")], V, W)), ()),
+    "decimal_commas_told.csv": (lines("t;v;w", ";", ","), PLAIN),
+    "decimal_commas_and_blanks_told.txt": (lines("t v w", " ", ","), PLAIN),
+    "sixteen.csv": (lines().encode("utf-16"), PLAIN),
+    "windows_1252.csv": (lines("Zeit [s];Vertikalweg [µm];Querweg w [m]", ";", ",",
+                               (TIME, 1e6 * V, W)).encode("cp1252"), ()),
+    "plain_words.csv": (lines("time,vertical [m],horizontal [m]",
+                              columns=([s.isoformat() for s in STAMPS], V, W)), ()),
+    "sentences.csv": (
+        lines('"Time, s";"Vertical displacement, mm";"Lateral displacement (cm)";Temp [°C]', ";",
+              columns=(TIME, 1e3 * V, 1e2 * W, TIME)), ()),
+    "with_slashes.csv": (lines("t / s,v / mm,w/cm", columns=(TIME, 1e3 * V, 1e2 * W)), ()),
+    "with_underscores.csv": (lines("time_ms,vertical_mm,horizontal_m",
+                                   columns=(1e3 * TIME, 1e3 * V, W)), ()),
+    "below_a_preamble.csv": (
+        PREAMBLE + "Channel 1;top;left\n" + lines("Zeit;vert;horiz\ns;m;m", ";", ","), ()),
+    "separator_said.csv": ("sep=;\n" + lines("t [s];vertical [m];horizontal [m]", ";"), ()),
+    "column_twice.csv": (lines("t [s],vertical [m],vertical [m],horizontal [m]",
+                               columns=(TIME, V, V, W)), ()),
+    "sheet.xlsx": (lambda path: sheet(path, {"t [s]": TIME, "vertical [mm]": 1e3 * V,
+                                             "horizontal [m]": W}), ()),
+    "dates.xlsx": (lambda path: sheet(path, {"Time": STAMPS, "q_v (m)": V, "q_w (m)": W}), ()),
+    "units_of_velocity.csv": (lines("t [s],v [m],w [m]"), ("--states", "q_v,q_w,dq_v,dq_w")),
     "matrix_beside.mat": (
         lambda path: savemat(path, {"t": TIME, "v": V, "w": W, "picture": np.zeros((9, 9))}),
         PLAIN,
     ),
 }  # fmt: skip
 
-GERMAN = [stamp.strftime("%d.%m.%Y %H:%M:%S.%f") for stamp in STAMPS]
 # name of the file: content, options, what the refusal says
 REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
-    "german_dates.csv": (lines(columns=(GERMAN, V, W)), (*BY_NAME, "--unit", "m"),
-        ("row 2, column 't': '31.01.2026 12:00:00.000000'", "ISO 8601")),
-    "clock_times.csv": (lines(columns=([text[11:] for text in GERMAN], V, W)),
-        (*BY_NAME, "--unit", "m"), ("row 2, column 't': '12:00:00.000000'", "ISO 8601")),
-    "decimal_commas.csv": (lines("t;v;w", ";", ","), PLAIN, ("row 2", "say --decimal ,")),
-    "decimal_commas_in_times.csv": (lines("t;v [m];w [m]", ";", ","), BY_NAME,
-        ("row 2, column 't': '0,000000'", "say --decimal ,")),
+    "commas_of_thousands.csv": (
+        lines("t [s];v [m];w [m]", ";", columns=(TIME, [f"{1.5 + v:.3f}".replace(".", ",")
+                                                        for v in V], W)), BY_NAME,
+        ("row 2, column 'v': '1,500'", "say --decimal ,")),
+    "day_or_month.csv": (
+        lines("time,v,w", columns=([f"0{1 + k // 500}/05/2026 12:00:{k / 100 % 10:09.6f}"
+                                    for k in range(1000)], V, W)), (*BY_NAME, "--unit", "m"),
+        ("row 2, column 'time'", "may be day or month first")),
+    "dates_in_words.csv": (lines(columns=(["noon"] * 1000, V, W)), (*BY_NAME, "--unit", "m"),
+        ("row 2, column 't': 'noon' is neither a number nor a time",)),
+    "states_only.csv": (lines("t,q_v,q_w"), ("--states", "q_v,q_w,x", *UNITS),
+        ("no column 'x'", "--measure STATE=COLUMN")),
+    "other_time.csv": (lines("when,v,w"), (*BY_NAME, "--unit", "m"), ("say --time 'when'",)),
+    "no_time.csv": (lines("v [m],w [m]", columns=(V, W)), (), ("no column of times", "--time")),
+    "channels.csv": (lines("t [s],ch1 [m],ch2 [m]"), (),
+        ("column 'ch1' is not plain", "--write-map", "--measure 'q_v=ch1'")),
+    "two_places.csv": (lines("t [s],left vertical [m],right vertical [m]", columns=(TIME, V, W)),
+        (), ("'left vertical' and 'right vertical' are each the vertical displacement",)),
+    "winds.csv": (lines("t [s],vertical wind [m/s],horizontal wind [m/s]"), (),
+        ("no column is plainly a vertical or horizontal",)),
+    "units_in_cells.csv": (
+        lines("t [s],vertical [m],horizontal [m]", columns=(TIME, [f"{v:.4f} m" for v in V], W)),
+        (), ("row 2, column 'vertical': '0.0000 m' is not a number",)),
+    "damaged.xlsx": (excel(), PLAIN, ("cannot be read: damaged, cut off, or no xlsx file",)),
+    "sheet.csv": (excel(), PLAIN, ("an Excel sheet", "name the sheet .xlsx")),
+    "old.xls": (b"\xd0\xcf\x11\xe0", PLAIN, ("files .xls are not read", "CSV", ".xlsx")),
     "nothing_but_commas.csv": (lines("t,v,w", ",", ","), PLAIN,
         ("header, has 3 cells, row 2 has 6", "say --decimal ,")),
-    "commas_and_blanks.txt": (lines("t v w", " ", ","), PLAIN, ("row 2", "say --decimal ,")),
     "points_read_as_commas.csv": (lines(), (*PLAIN, "--decimal", ","),
         ("parted by commas (without decimal commas)",)),
-    "states_only.csv": (lines("t,q_v,q_w"), ("--states", "q_v,q_w,dq_v,dq_w", *UNITS),
-        ("no column 'dq_v'", "--measure STATE=COLUMN")),
-    "other_time.csv": (lines("time,v,w"), PLAIN, ("no column 't'", "--time")),
     "other_column.csv": (lines("t,u,w"), PLAIN, ("no column 'v'", "it has 't', 'u', 'w'")),
     "headers_as_states.csv": (lines("t [s],q_v [m],q_w [m]"), ("--states", "q_v [m],q_w [m]"),
         ("'q_v [m]' is not a name", "--measure")),
@@ -178,19 +230,14 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "no_unit.csv": (lines("t [s],v,w"), BY_NAME, ("column 'v' has no unit", "--unit v=m")),
     "more_cells.csv": (edited(57, "2.2,1,2,3,4"), PLAIN, ("row 57 has 5 cells, the header 3",)),
     "unclosed.csv": (edited(57, '2.2,"1,2'), PLAIN, ("row 57: a quotation mark is not closed",)),
-    "word.csv": (edited(57, "2.2,OVERFLOW,2"), PLAIN,
-        ("row 57, column 'v': 'OVERFLOW' is not a number",)),
     "footer.csv": (lines() + "END OF FILE\n", PLAIN, ("row 1002, column 't': 'END OF FILE'",)),
     "thousands.csv": (edited(57, '2.2,"1,234.5",2'), PLAIN, ("row 57", "'1,234.5' is not")),
     "headless.csv": (lines().partition("\n")[2], PLAIN, ("first row must name the columns",)),
     "one_column.csv": ("v\n" + "\n".join(f"{v:.6f}" for v in V), PLAIN, ("one column",)),
-    "sheet.xlsx": (excel(), PLAIN, ("files .xlsx are not read", "CSV")),
-    "sheet.csv": (excel(), PLAIN, ("an Excel sheet", "save the sheet as CSV")),
     "packed.csv.gz": (gzip.compress(lines().encode()), PLAIN, ("files .gz are not read",)),
     "packed.csv": (gzip.compress(lines().encode()), PLAIN, ("gzip archive; unpack it",)),
     "named_wrongly.csv": (lambda path: parquet(path, t=TIME, v=V, w=W), PLAIN,
         ("a Parquet file; name it .parquet",)),
-    "sixteen.csv": (lines().encode("utf-16"), PLAIN, ("UTF-16; save it as UTF-8",)),
     "page.csv": ("<!DOCTYPE html><html>Please log in</html>", PLAIN, ("a web page",)),
     "matrix.mat": (lambda path: savemat(path, {"data": np.column_stack([TIME, V, W])}), PLAIN,
         ("each must be a vector of its own", "data (1000 x 3)")),
@@ -198,12 +245,9 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("each must be a vector of its own",)),
     "two_names.csv": (lines("t,v,v"), PLAIN, ("two columns are named 'v'",)),
     "infinite.csv": (edited(57, "2.2,inf,2"), PLAIN, ("row 57, column 'v': inf is no measure",)),
-    "gravity.csv": (lines("t [s],v [g],w [m]"),
-        ("--states", "q_v,q_w,dq_v,dq_w", "--measure", "ddq_v=v", "--measure", "q_w=w"),
-        ("column 'v': unit 'g' does not measure m/s^2", "g_n")),
     "matrix.h5": (lambda path: hdf5(path, data=np.column_stack([TIME, V, W])), PLAIN,
         ("each must be a vector of its own", "data (1000 x 3)")),
-    "text.parquet": (lines(), PLAIN, ("cannot be read", "arquet")),
+    "text.parquet": (lines(), PLAIN, ("cannot be read", "no parquet file")),
     "cut.h5": (lambda path: cut(path, hdf5), PLAIN, ("cannot be read",)),
     "cut.parquet": (lambda path: cut(path, parquet), PLAIN, ("cannot be read",)),
     "constant.csv": (lines(columns=(TIME, 0 * V, W)), PLAIN, ("'v' is 0 throughout",)),
@@ -227,6 +271,14 @@ QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("column 'v': 5 samples of -9999, a code for missing ones, were left out",)),
     "preamble.csv": (PREAMBLE + lines(), PLAIN,
         ("3 rows before the data were left out, row 1",)),
+    "word.csv": (edited(57, "2.2,OVERFLOW,0"), PLAIN,
+        ("column 'v': 1 cells of 'OVERFLOW' were left out, as missing samples",)),
+    "twice.csv": (lines("t [s],v [m],v [m],w [m]", columns=(TIME, V, V, W)), (),
+        ("column 'v' is there twice, with the same samples",)),
+    "gravity.csv": (lines("t [s],acc_v [g],w [m]"), (),
+        ("'acc_v' is read as the vertical acceleration ddq_v", "deviation 6.9")),
+    "not_used.csv": (lines("t [s],vertical [m],w [m],Temp [°C]", columns=(TIME, V, W, W)), (),
+        ("columns that are not used: Temp",)),
     "clipped.csv": (lines(columns=(TIME, np.clip(V, -0.3, 2), W)), PLAIN, ("clipped at -0.3",)),
 }  # fmt: skip
 

@@ -110,7 +110,6 @@ def bad_files(folder):
         "empty": ("", "empty"),
         "header": (header, "no rows"),
         "text": (header + "0,a,1\n" + rows, "row 2, column 'v': 'a' is not a number"),
-        "comma": ("t;v;w\n" + rows.replace(",", ";").replace(".", ","), "decimal comma"),
         "huge": (header + "0,1e308,1\n" + rows, "1e+308 is no measurement"),
         "zero": (header + "".join(f"{t},0,1\n" for t in TIME), "throughout"),
         "twice": ("t,v,v\n" + rows, "two columns are named 'v'"),
@@ -128,12 +127,10 @@ def bad_files(folder):
         (folder / f"{name}.csv").write_text(text)
         yield f"{name}.csv", message
     notes = "".join(f"{line},ok\n" for line in rows.splitlines() * 20)
-    (folder / "deep.csv").write_bytes(("t,v,w,note\n" + notes + "0,1,2,é\n").encode("latin-1"))
-    yield "deep.csv", "not UTF-8; save"
+    (folder / "deep.csv").write_bytes(("t,v,w,note\n" + notes).encode() + b"0,1,2,\x8d\x81\n")
+    yield "deep.csv", "byte 0x8d is no text in UTF-8 or Windows-1252"
     savemat(folder / "short.mat", {"t": TIME, "v": V[:9], "w": W})
     yield "short.mat", "column 'v' has 9 rows, the times 't' have 500"
-    (folder / "latin.csv").write_bytes(header.encode() + "é".encode("latin-1"))
-    yield "latin.csv", "not UTF-8"
     (folder / "pickle.csv").write_bytes(pickle.dumps({"t": TIME}))
     yield "pickle.csv", "pickle, which is never loaded"
     with zipfile.ZipFile(folder / "zip.csv", "w") as archive:
@@ -145,8 +142,9 @@ def bad_files(folder):
     (folder / "folder.csv").mkdir()
     yield "folder.csv", "not a file"
     yield "absent.csv", "no such file"
-    (folder / "a.xlsx").write_bytes(b"PK")
-    yield "a.xlsx", "files .xlsx are not read; save or export it as CSV"
+
+    (folder / "a.xls").write_bytes(b"PK")
+    yield "a.xls", "files .xls are not read; save or export it as CSV"
     (folder / "broken.parquet").write_bytes(b"PAR1")
     yield "broken.parquet", "cannot be read"
     (folder / "broken.h5").write_bytes(b"\x89HDF\r\n\x1a\n")

@@ -59,13 +59,15 @@ def main() -> None:
 def _mapping_options(command):
     for option in reversed(
         (
-            click.option("--time", "time_column", help="Column of the times; t."),
+            click.option("--time", "time_column", help="Column of the times; else by its name."),
             click.option(
-                "--states", help="States, such as x,y,z; columns of their names, or say --measure."
+                "--states", help="Of another system than a span, such as x,y,z; columns have these "
+                "names, or say --measure.",
             ),
             click.option(
                 "--measure", "measures", multiple=True, metavar="STATE=COLUMN[UNIT]@POSITION",
-                help="What a column measures: a state, or d and a state for its rate.",
+                help="What a column measures: q_v=mid [mm] a vertical displacement, ddq_w=acc[g] a "
+                "horizontal acceleration; at 150 m along the span with @150.",
             ),
             click.option(
                 "--unit", "units", multiple=True, metavar="COLUMN=UNIT",
@@ -84,7 +86,7 @@ def _mapping_options(command):
                 help="What inputs are between samples: held, linear, or smooth; cubic.",
             ),
             click.option("--span", type=float, help="m, where columns have positions."),
-            click.option("--decimal", help="Decimal mark of text files; a point."),
+            click.option("--decimal", help="Decimal mark of text files; else told from them."),
             click.option(
                 "--map", "map_file", type=click.Path(dir_okay=False),
                 help="A YAML file with all of this.",
@@ -96,8 +98,10 @@ def _mapping_options(command):
 
 
 def _mapping(
-    time_column, states, measures, units, noises, inputs, between, span, decimal, map_file
+    files, time_column, states, measures, units, noises, inputs, between, span, decimal, map_file
 ):
+    """The mapping that options, or else the names of the first file's columns, tell."""
+    from galloping.field.columns import NO_UNIT, states_of
     from galloping.field.mapping import (
         MappingError,
         channel_of,
@@ -111,29 +115,38 @@ def _mapping(
         if any(other not in (None, ()) for other in others):
             raise MappingError("--map stands alone: leave out all other options of columns")
         return read_mapping(map_file)
-    time_column, decimal = time_column or "t", decimal or "."
     named = [name.strip() for name in states.split(",")] if states else []
     channels = [channel_of(text) for text in measures]
-    if not channels:
+    by_column, for_all = _units(units)
+    driving = [input_of(text, between or "cubic") for text in inputs]
+    taken = [one["column"] for one in driving]
+    found = _proposal(files[0], by_column, for_all, time_column, decimal, taken)
+    own = [name for name in named if name in found.columns]
+    clock = found.time["column"]
+    if found.doubts.get(clock, NO_UNIT) != NO_UNIT:
+        raise MappingError(f"{files[0]}: no column is plainly the time, say --time {clock!r} or so")
+    if channels:
+        named = named or states_of(channel["measures"] for channel in channels)
+    elif own and all(name in own or name[1:] in own for name in named):
+        channels = [{"column": name, "measures": name} for name in own]
+    elif set(named) <= set(states_of(("q_v", "q_w"))):
+        channels, named = found.sure(str(files[0])), named or found.states
+        click.echo(f"{files[0]}: {found}", err=True)
+    else:
         channels = [{"column": name, "measures": name} for name in named]
     if not named:
-        raise MappingError("--states: name the states of the system, such as q_v,q_w,dq_v,dq_w")
-    by_column = dict(text.partition("=")[::2] for text in units if "=" in text)
+        raise MappingError("--states: name the states of the system, such as x,y,z")
     noise_of = dict(text.partition("=")[::2] for text in noises)
-    for_all, *more = [text for text in units if "=" not in text] or [None]
-    if more:
-        raise MappingError(f"--unit: {for_all} and {more[0]}; must be one for all, or COLUMN=UNIT")
     for channel in channels:
         unit = by_column.pop(channel["column"], None) or channel.get("unit") or for_all
         if unit:
             channel["unit"] = unit
         if channel["column"] in noise_of:
             channel["noise"] = noise_of.pop(channel["column"])
-    driving = [input_of(text, between or "cubic") for text in inputs]
     for one in driving:
         if unit := by_column.pop(one["column"], None):
             one["unit"] = unit
-    time = {"column": time_column, "unit": by_column.pop(time_column, None)}
+    time = {**found.time, **({"unit": by_column.pop(clock)} if clock in by_column else {})}
     if by_column:
         raise MappingError(f"--unit: no column {next(iter(by_column))!r} is measured")
     if noise_of:
@@ -141,6 +154,24 @@ def _mapping(
     content = {"time": time, "states": named, "channels": channels, "decimal": decimal}
     content["inputs"] = driving
     return validated({**content, **({} if span is None else {"span": span})})
+
+
+def _units(units):
+    """The units of columns, and that of all others but the time, or None."""
+    from galloping.field.mapping import MappingError
+
+    for_all, *more = [text for text in units if "=" not in text] or [None]
+    if more:
+        raise MappingError(f"--unit: {for_all} and {more[0]}; must be one for all, or COLUMN=UNIT")
+    return dict(text.partition("=")[::2] for text in units if "=" in text), for_all
+
+
+def _proposal(file, by_column, for_all, time_column, decimal, taken=()):
+    from galloping.field.columns import ROWS, proposal
+    from galloping.field.tables import read_table
+
+    table = read_table(file, decimal, time_column, ROWS)
+    return proposal(table, by_column, for_all, time_column, taken)
 
 
 @main.command()
@@ -167,11 +198,16 @@ def _mapping(
 def identify(files, degree, library, method, known, output, replace, seed, as_json, **mapping):
     """Identify one model from FILES, recordings of one system.
 
+    Columns named in plain words, such as "time [s]", "vertical [mm]" and "horizontal [mm]", need no
+    further option; "galloping inspect FILE" shows how they are read, and with --write-map writes
+    that down, to be edited and given as --map. The unit of a column stands behind its name or in
+    --unit; times may be dates.
+
     A state is a quantity whose rate an equation of the model gives. Those of a span are q_v and
     q_w, the vertical and the horizontal displacement of its first mode in m, and their rates dq_v
     and dq_w, the velocities in m/s. A channel is a column of FILES that measures a state or, named
     by d and the state, its rate: an accelerometer measures ddq_v, the rate of dq_v. Not every state
-    needs a channel. The unit of a column stands behind its name, v [mm], or in --unit.
+    needs a channel.
 
     Everything is written to the folder of --output, or nothing; begin with its summary.md.
     """
@@ -180,7 +216,7 @@ def identify(files, degree, library, method, known, output, replace, seed, as_js
     from galloping.storage import replacing_folder
 
     question = Question(degree or 3, method, known, seed, library)
-    columns = _mapping(**mapping)
+    columns = _mapping(files, **mapping)
     if degree and (library or columns.library):
         raise ValueError("--degree: leave it out where a library says the terms")
     question.terms(columns)  # which must make sense before anything is read
@@ -208,15 +244,42 @@ def identify(files, degree, library, method, known, output, replace, seed, as_js
 @main.command()
 @click.argument("file", type=click.Path())
 @_mapping_options
+@click.option("--write-map", type=click.Path(dir_okay=False),
+              help="Write how the columns are read to a new YAML file, for --map.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print the report for machines.")
-def inspect(file, as_json, **mapping):
+def inspect(file, write_map, as_json, **mapping):
     """What a recording is worth: sampling, gaps, noise, spectrum, problems."""
     from galloping.field.outputs import report_lines
     from galloping.field.study import read_field
 
+    if write_map and not _written_map(file, write_map, mapping):
+        return
+    mapping |= {"map_file": write_map} if write_map else {}
     with shown():
-        report = read_field([file], _mapping(**mapping)).reports[0]
+        report = read_field([file], _mapping([file], **mapping)).reports[0]
     click.echo(_json(report, indent=2) if as_json else "\n".join(report_lines(report)))
+
+
+def _written_map(file, path, mapping) -> bool:
+    """Write a mapping of a file's columns, and say what it leaves open: False where it does."""
+    from galloping.field.mapping import MappingError
+    from galloping.storage import write_text
+
+    given = [key for key, value in mapping.items() if value not in (None, ())]
+    if more := set(given) - {"time_column", "decimal", "units"}:
+        raise MappingError(f"--write-map goes with --time, --unit and --decimal; not {min(more)}")
+    if Path(path).exists():
+        raise MappingError(f"{path}: exists; name another file, or remove it")
+    time, decimal = mapping["time_column"], mapping["decimal"]
+    found = _proposal(file, *_units(mapping["units"]), time, decimal)
+    if not found.channels:
+        found.sure(file)  # which says why there is nothing to write
+    write_text(Path(path), found.yaml(Path(file).name, decimal))
+    click.echo(f"Written {path}: {found}", err=True)
+    for column, doubt in found.doubts.items():
+        click.echo(f"Check {column!r} in {path}: {doubt}", err=True)
+    mapping |= dict.fromkeys(("time_column", "decimal")) | {"units": ()}
+    return not found.doubts
 
 
 @main.command()
@@ -231,8 +294,8 @@ def inspect(file, as_json, **mapping):
 def forecast(model, file, duration, window, seed, as_json, **mapping):
     """Forecast with a MODEL where the recording of FILE goes on: CSV with 90 % bands.
 
-    FILE may be newer than the recordings of the model; only its end is used. Without --states the
-    columns are those of the model's states.
+    FILE may be newer than the recordings of the model; only its end is used. Its columns are read
+    as those of "galloping identify".
     """
     import numpy as np
 
@@ -242,13 +305,9 @@ def forecast(model, file, duration, window, seed, as_json, **mapping):
 
     loaded = _answered(model)
     states = loaded.model.states
-    if not (mapping["states"] or mapping["map_file"]):
-        measured = zip(states, np.isfinite(loaded.sigma[-1]), strict=True)
-        columns = {part.partition("=")[0] for part in mapping["measures"]}
-        if not columns:
-            mapping["measures"] = tuple(f"{name}={name}" for name, seen in measured if seen)
-        mapping["states"] = ",".join(states)
-    field = read_field([file], _mapping(**mapping))
+    if not mapping["map_file"]:
+        mapping["states"] = mapping["states"] or ",".join(states)
+    field = read_field([file], _mapping([file], **mapping))
     if field.mapping.states != states:
         raise ValueError(f"{model}: has the states {', '.join(states)}; --states must be the same")
     recording = field.recordings[-1]

@@ -106,8 +106,8 @@ class ColumnMapping(_Section):
     """How to read recordings of one system from files.
 
     states: of the system; a state named dX is the rate of X. inputs: what else drives it. span: m,
-    where channels have positions. decimal: the decimal mark of text files. library, known: as the
-    command's options of these names.
+    where channels have positions. decimal: the decimal mark of text files, by default what their
+    rows tell. library, known: as the command's options of these names.
     """
 
     time: TimeColumn
@@ -117,7 +117,7 @@ class ColumnMapping(_Section):
     library: Texts = ()
     known: Texts = ()
     span: float | None = Field(default=None, gt=0)
-    decimal: Literal[".", ","] = "."
+    decimal: Literal[".", ","] | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> ColumnMapping:

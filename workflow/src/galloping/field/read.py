@@ -23,6 +23,13 @@ CODES = (  # that loggers write for a missing sample, of either sign
     99, 999, 9999, 99999, 999999, 9999999, 99.9, 99.99, 999.9, 999.99, 999.25, 9999.9, 9999.99,
     6999, 7999, 32767, 32768,
 )  # fmt: skip
+DAYS = (
+    "%d.%m.%Y", "%d.%m.%y", "%Y/%m/%d", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%m/%d/%y",
+    "%d/%m/%y",
+)  # fmt: skip
+HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
+HOURS += [hours.replace(".%f", other) for hours in HOURS for other in ("", ":%f", ",%f")]
+FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
 SAME = 1e-9  # less than full correlation, of two channels that are one
 ALIKE, VARIED = 20, 5  # rows of a block, and values in it, that no two recordings share by chance
 
@@ -213,16 +220,36 @@ def _seconds(table: FileTable, mapping: ColumnMapping) -> tuple[np.ndarray, str]
 
 
 def _stamps(table: FileTable, name: str) -> pd.DatetimeIndex | None:
-    """Times in ISO 8601; None where most of a column of text is numbers."""
-    text = pd.Series(table.column(name))
-    stamps = pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")
-    if stamps.notna().sum() < pd.to_numeric(text, errors="coerce").notna().sum():
+    """Times as dates or times of a day; None where most of a column of text is numbers.
+
+    Raises FileError where a day cannot be told from a month, and for what is no time.
+    """
+    text = pd.Series(table.column(name)).astype("string").str.strip()
+    if pd.to_numeric(text, errors="coerce").notna().sum() > text.notna().sum() / 2:
         return None
-    strange = np.flatnonzero(stamps.isna() & text.notna())
+    first = text.dropna()[:1]
+    found = [pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")]
+    if found[0].isna().all():
+        forms = [form for form in FORMS
+                 if pd.to_datetime(first, format=form, errors="coerce").notna().all()]  # fmt: skip
+        found += [pd.to_datetime(text, format=form, errors="coerce") for form in forms]
+    most = max(stamps.notna().sum() for stamps in found)
+    found = [stamps for stamps in found if stamps.notna().sum() == most]
+    strange = np.flatnonzero(text.notna() & found[0].isna())
     if len(strange):
-        what = "is neither a number nor a time in ISO 8601, such as 2026-01-31T12:00:00.04"
+        what = "is neither a number nor a time, such as 2026-01-31T12:00:00.04"
         raise table.fault(strange[0], name, what)
-    return pd.DatetimeIndex(stamps)
+    if any(not (stamps - stamps.min()).equals(found[0] - found[0].min()) for stamps in found):
+        raise table.fault(0, name, "may be day or month first; write dates as 2026-01-31")
+    return _over_midnight(pd.DatetimeIndex(found[0]), first.iloc[0])
+
+
+def _over_midnight(stamps: pd.DatetimeIndex, first: str) -> pd.DatetimeIndex:
+    """Times of a day, without a date, that go on after midnight."""
+    if ":" not in first[:3]:
+        return stamps
+    days = np.cumsum(np.diff(stamps, prepend=stamps[:1]) < -pd.Timedelta(hours=12))
+    return stamps + pd.to_timedelta(days, "D")
 
 
 def _column(table: FileTable, name: str, mapping: ColumnMapping) -> np.ndarray:
@@ -309,7 +336,7 @@ def _factor(table: FileTable, column: str, unit: str, wanted: str) -> float:
     if not unit:
         raise FileError(
             f"{table.path}: column {column!r} has no unit; add --unit {column}={wanted}, or "
-            "whatever it is in, or write it behind the name of the column, in brackets"
+            "whatever it is in (unit: in a mapping), or write it behind the column's name, in []"
         )
     try:
         return factor(unit, wanted)

@@ -1,17 +1,19 @@
-"""Columns of numbers from the files of instruments: text, Parquet, HDF5, NetCDF, MATLAB."""
+"""Columns of numbers from the files of instruments: text, Excel, Parquet, HDF5, NetCDF, MATLAB."""
 
 from __future__ import annotations
 
+import io
 import json
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from numbers import Number
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from galloping.field.columns import DATED
 from galloping.field.text import DECIMAL_COMMA, SAY_DECIMAL, TextError, read_text
 from galloping.field.units import named
 
@@ -36,6 +38,7 @@ class FileTable:
     units: dict[str, str]
     first_row: int
     notes: tuple[str, ...] = ()
+    unclear: frozenset[str] = frozenset()
 
     def column(self, name: str) -> np.ndarray:
         """A column by its name, with or without the unit behind it. Raises FileError."""
@@ -44,11 +47,27 @@ class FileTable:
             raise FileError(
                 f"{self.path}: no column {bare!r}; it has {', '.join(map(repr, self.columns))}"
             )
+        if bare in self.unclear:
+            raise FileError(f"{self.path}: two columns are named {bare!r}, with other samples")
         return self.columns[bare]
 
     def unit(self, name: str) -> str:
         """The unit that the file states for a column, or ''."""
         return self.units.get(named(name)[0], "")
+
+    def is_numeric(self, name: str) -> bool:
+        """Whether a column is one of numbers."""
+        values = self.column(name)
+        if values.dtype.kind in "OUT":
+            return bool(pd.to_numeric(pd.Series(values[:1]), errors="coerce").notna().all())
+        return values.dtype.kind in "fiu"
+
+    def dated(self, name: str) -> bool:
+        """Whether a column is one of dates, or of times of a day."""
+        values = self.column(name)
+        if values.dtype.kind in "OUT":
+            return DATED.match(str(next(iter(values), ""))) is not None
+        return values.dtype.kind in "mM"
 
     def numbers(self, name: str) -> np.ndarray:
         """A column as floats, NaN where it is empty. Raises FileError at the first text."""
@@ -75,12 +94,15 @@ class FileTable:
         )
 
 
-def read_table(path: str | Path, decimal: str = ".", time: str = "t") -> FileTable:
-    """The columns of a file, by its suffix: .csv .txt .tsv .dat .parquet .h5 .hdf5 .nc .mat.
+def read_table(
+    path: str | Path, decimal: str | None = None, time: str | None = None, rows: int | None = None
+) -> FileTable:
+    """The columns of a file, by its suffix: .csv .txt .tsv .dat .xlsx .parquet .h5 .hdf5 .nc .mat.
 
     decimal: the decimal mark of text tables. time: the column of times, which tells their header
-    from lines above it. The `unit` of fields in a `datapackage.json` beside a file (Frictionless
-    Data) counts as the file's own. Raises FileError.
+    from lines above it. Where these are None, the rows tell. rows: of text, so many at most. The
+    `unit` of fields in a `datapackage.json` beside a file (Frictionless Data) counts as the file's
+    own. Raises FileError.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -88,10 +110,10 @@ def read_table(path: str | Path, decimal: str = ".", time: str = "t") -> FileTab
         raise FileError(f"{path}: no such file")
     if not path.is_file():
         raise FileError(f"{path}: not a file")
-    if suffix not in (*TEXT, *READERS):
+    if suffix not in (*TEXT, SHEET, *READERS):
         raise FileError(
             f"{path}: files {suffix or 'without a suffix'} are not read; save or export it as CSV, "
-            f"or as one of {', '.join((*TEXT[1:], *READERS))}"
+            f"or as one of {', '.join((*TEXT[1:], SHEET, *READERS))}"
         )
     size = path.stat().st_size
     if size == 0:
@@ -102,7 +124,11 @@ def read_table(path: str | Path, decimal: str = ".", time: str = "t") -> FileTab
         )
     try:
         if suffix in TEXT:
-            table = _table(path, *read_text(path, decimal, time))
+            table = _table(path, *read_text(partial(path.open, "rb"), decimal, time, rows))
+        elif suffix == SHEET:
+            text, notes = _sheet(path)
+            content, first, more = read_text(lambda: io.BytesIO(text), ".", time, rows)
+            table = _table(path, content, first, (*notes, *more))
         else:
             table = _read_arrays(path, READERS[suffix])
     except FileError:
@@ -110,8 +136,8 @@ def read_table(path: str | Path, decimal: str = ".", time: str = "t") -> FileTab
     except TextError as error:
         raise FileError(f"{path}: {error}") from error
     except Exception as error:  # libraries raise many kinds where a file is damaged
-        reason = next(iter(str(error).splitlines()), type(error).__name__)
-        raise FileError(f"{path}: cannot be read: {reason}") from error
+        kind = "text table" if suffix in TEXT else f"{suffix[1:]} file"
+        raise FileError(f"{path}: cannot be read: damaged, cut off, or no {kind}") from error
     if max(map(len, table.columns.values())) == 0:
         raise FileError(f"{path}: no rows of data")
     described = _described_units(path)
@@ -127,17 +153,38 @@ def read_table(path: str | Path, decimal: str = ".", time: str = "t") -> FileTab
 
 def _table(path: Path, content: list, first_row: int, notes: tuple[str, ...] = ()) -> FileTable:
     """content: header, values and unit, or None, of each column."""
-    names = [named(header)[0] for header, _, _ in content]
-    repeated = [name for name, count in Counter(names).items() if count > 1]
-    if repeated:
-        raise FileError(f"{path}: two columns are named {repeated[0]!r}")
-    units = {
-        name: stated
-        for name, (header, _, unit) in zip(names, content, strict=True)
-        if (stated := unit or named(header)[1])
-    }
-    columns = {name: values for name, (_, values, _) in zip(names, content, strict=True)}
-    return FileTable(path, columns, units, first_row, notes)
+    columns, units, unclear = {}, {}, set()
+    for header, values, unit in content:
+        name, own = named(header)
+        if name in columns:
+            same = pd.Series(values).equals(pd.Series(columns[name]))
+            unclear |= set() if same else {name}
+            notes += (f"column {name!r} is there twice, with the same samples",) if same else ()
+            continue
+        columns[name] = values
+        if unit or own:
+            units[name] = unit or own
+    return FileTable(path, columns, units, first_row, notes, frozenset(unclear))
+
+
+def _sheet(path: Path) -> tuple[bytes, tuple[str, ...]]:
+    """The first sheet of an Excel file that holds a table, as CSV, and what was passed over."""
+    try:
+        import openpyxl
+    except ImportError:
+        raise FileError(
+            f"{path}: Excel files are read with openpyxl: pip install openpyxl, or save it as CSV"
+        ) from None
+    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    sheets = {sheet.title: list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
+    name = max(sheets, key=lambda title: len(sheets[title]), default="")
+    if not sheets or len(sheets[name]) < 2:
+        raise FileError(f"{path}: no sheet holds a table")
+    frame = pd.DataFrame(sheets[name], dtype=object).map(
+        lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell
+    )
+    notes = (f"of {len(sheets)} sheets the longest, {name!r}, was read",)
+    return frame.to_csv(index=False, header=False).encode(), notes if len(sheets) > 1 else ()
 
 
 def _read_arrays(path: Path, reader: Callable[[Path], Iterator[tuple]]) -> FileTable:
@@ -208,7 +255,7 @@ def _matlab_items(path: Path) -> Iterator[tuple]:
             yield name, np.asarray(value), None
 
 
-TEXT = (".csv", ".txt", ".tsv", ".dat")
+TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc"), ".xlsx"
 READERS = {
     ".parquet": _parquet_items,
     ".h5": _hdf5_items,

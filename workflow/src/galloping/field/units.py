@@ -11,6 +11,20 @@ from types import MappingProxyType
 AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
 WITH_UNIT = re.compile(r"(?P<bare>.*\S)\s*(\[(?P<unit>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
 NONE = MappingProxyType({})
+BEHIND = re.compile(r"(?P<bare>.*[^\s,/])\s*[,/]\s*(?P<unit>[^\s,]+)")  # `v, mm` and `v / mm`
+# Of those a file may say without brackets: other words behind a comma are part of a name.
+PLAIN = {
+    *(f"{prefix}m" for prefix in ("", "c", "d", "m", "µ", "μ", "u")), "s", "ms", "min", "sec",
+    *(f"{of}m/s{power}" for of in ("", "c", "m") for power in ("", "2", "^2", "²")), "ft", "inch",
+    "metres", "meters", "metre", "meter", "seconds", "millimetres", "millimeters", "g_n",
+}  # fmt: skip
+SPELLINGS = (  # as loggers write units, and as pint reads them
+    (r"\bsek(unden?)?\b", "s"),
+    (r"(?<=[a-zµμ])-(?=\d)", "^-"),
+    (r"(?<=[a-zµμ])(?=\d)", "^"),
+    (r"(?<=[a-z0-9])[.·](?=[a-z])", "*"),
+    (r"\b([cmµμu]?m)s\^-([12])", r"\1/s^\2"),  # ms^-2 is m s^-2: nothing is measured per ms^2
+)
 LENGTH_OF_ORDER = {0: "m", 1: "m/s", 2: "m/s^2"}
 
 
@@ -22,46 +36,82 @@ class UnitError(ValueError):
 def _registry():
     from pint import UnitRegistry
 
-    registry = UnitRegistry(autoconvert_offset_to_baseunit=True)
-    return registry
+    return UnitRegistry(autoconvert_offset_to_baseunit=True)
+
+
+@cache
+def _parsed(text: str):
+    """A unit of pint, from the spellings of loggers. Raises what pint raises."""
+    import pint
+
+    text = "" if text.strip() in ("1", "-", "") else text.strip()
+    try:
+        return _registry().parse_units(text)
+    except (pint.UndefinedUnitError, TypeError, ValueError):
+        other = text.lower() if len(text) > 2 else text
+        for pattern, spelling in SPELLINGS:
+            other = re.sub(pattern, spelling, other)
+        return _registry().parse_units(other)
 
 
 def factor(unit: str, wanted: str) -> float:
     """What values in `unit` are multiplied by to be in `wanted`, an SI unit.
 
-    `1` is a pure number. `g` is gram in SI; for accelerations write `g_n`. Raises UnitError.
+    `1` is a pure number. `g` and `mg`, of an acceleration, are of that of gravity, `g_n`: no mass
+    is one. Raises UnitError.
     """
     import pint
 
     try:
-        source = _registry().parse_units("" if unit in ("1", "-", "") else unit)
-        target = _registry().parse_units("" if wanted in ("1", "") else wanted)
-        return float(_registry().Quantity(1.0, source).to(target).magnitude)
+        if wanted == "m/s^2" and unit in ("g", "mg"):
+            unit += "_n"
+        source = _parsed(re.sub(r"ms\^?-2", "m/s^2", unit) if wanted == "m/s^2" else unit)
+        return float(_registry().Quantity(1.0, source).to(_parsed(wanted)).magnitude)
     except pint.UndefinedUnitError as error:
         raise UnitError(f"unit {unit!r} is not known; must be such as mm, m/s^2 or g_n") from error
     except pint.DimensionalityError as error:
-        hint = "; an acceleration of gravity is written g_n" if unit == "g" else ""
-        if wanted == "1":
-            hint = "; the displacements of a line are the states q_v and q_w"
+        hint = "; the displacements of a line are the states q_v and q_w" if wanted == "1" else ""
         raise UnitError(f"unit {unit!r} does not measure {wanted}{hint}") from error
     except Exception as error:  # pint's parser raises many kinds
         raise UnitError(f"unit {unit!r} cannot be read") from error
 
 
+def measures(unit: str, wanted: str) -> bool:
+    """Whether a unit is one of what `wanted`, an SI unit, measures."""
+    try:
+        return bool(unit) and factor(unit, wanted) > 0
+    except UnitError:
+        return False
+
+
 def is_unit(text: str) -> bool:
     """Whether a text is a unit of something, such as `mm`; a number alone is none."""
     try:
-        return text[:1].isalpha() and bool(_registry().parse_units(text).dimensionality)
+        return text[:1].isalpha() and bool(_parsed(text).dimensionality)
     except Exception:  # pint's parser raises many kinds
         return False
 
 
+@cache
 def named(header: str) -> tuple[str, str]:
-    """Name and unit of a column from its header: `v [mm]`, or `v (mm)` where that is a unit."""
-    match = WITH_UNIT.fullmatch(header.strip())
+    """Name and unit of a column from its header: `v [mm]`, or `v (mm)` where that is a unit.
+
+    As well `v, mm` and `v / mm`, of the units that displacements, accelerations and times have.
+    """
+    header = header.strip()
+    match = WITH_UNIT.fullmatch(header)
     if match and (match["unit"] is not None or is_unit(match["round"])):
         return match["bare"], (match["unit"] or match["round"] or "").strip()
-    return header.strip(), ""
+    match = BEHIND.fullmatch(header)
+    if match and match["unit"] in PLAIN:
+        return match["bare"], match["unit"]
+    return header, ""
+
+
+def behind(name: str) -> str:
+    """The unit at the end of a name such as `vertical_mm`, or ''."""
+    unit = re.split(r"[_\s]", name)[-1]
+    return unit if unit != name and unit in PLAIN else ""
 
 
 def amount(text: str | float, unit: str, wanted: str) -> float:
