@@ -9,14 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from galloping.arrays import floats, increasing, seconds
 from galloping.immutable import Immutable
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 BETWEEN = ("zero", "linear", "cubic")
 # Times the median spacing of samples from which the time between two of them is a gap.
@@ -100,6 +103,8 @@ class Input(Immutable):
 
     @cached_property
     def _splines(self) -> list[CubicSpline]:
+        from scipy.interpolate import CubicSpline  # slow to import
+
         return [CubicSpline(*piece) for piece in self._pieces]
 
     def __call__(self, time: ArrayLike) -> NDArray[np.float64]:

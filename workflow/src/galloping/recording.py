@@ -158,6 +158,26 @@ class Recording(Immutable):
         cut = {name: array[rows] for name in own if (array := getattr(self, name)) is not None}
         return replace(self, time=self.time[rows], **cut)
 
+    def driven(self, names: Sequence[str], least: int = 2) -> list[Recording]:
+        """The recording with the named inputs alone, in that order, where all of them are there.
+
+        One recording a stretch of samples without a gap in an input, of `least` samples or more;
+        itself where those are its inputs and no sample is left out.
+        """
+        inputs = {name: self.inputs[name] for name in names}
+        there = np.ones(len(self.time), bool)
+        edges = [one.time[:1] for one in inputs.values()]
+        for one in inputs.values():
+            there &= one.covered(self.time)
+            edges += [np.array([last]) for _, last in one.stretches]
+        piece = np.searchsorted(np.sort(np.concatenate(edges)), self.time) if edges else 0 * there
+        if there.all() and len(np.unique(piece)) == 1 and list(self.inputs) == list(names):
+            return [self]
+        rows = (np.flatnonzero(there & (piece == k)) for k in np.unique(piece))
+        return [
+            replace(self, inputs=inputs)[own[0] : own[-1] + 1] for own in rows if len(own) >= least
+        ]
+
     @property
     def is_uniform(self) -> bool:
         """Whether the samples are equally spaced (to a thousandth of the spacing)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,7 @@ from galloping.arrays import finite, increasing
 from galloping.arrays import initial_state as checked_state
 from galloping.bounds.information import Experiment, state_bound
 from galloping.configuration.load import ConfigurationError, load, plain
+from galloping.inputs import Input, at_times
 from galloping.measurement.measuring import measure as recordings_of
 from galloping.measurement.motion import Motion
 from galloping.measurement.protocols import BY_NAME
@@ -18,7 +20,7 @@ from galloping.physics.equations import model as equations_of
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
-from galloping.simulation import Simulator, Trajectory
+from galloping.simulation import Simulator, Trajectory, check_inputs
 from galloping.threads import one_thread
 
 
@@ -35,15 +37,22 @@ def derive(**sections: Mapping | float) -> PolynomialModel:
     return equations_of(coefficients(plain(settings.cases["line"])))
 
 
-def simulate(model: PolynomialModel, initial_state: ArrayLike, time: ArrayLike) -> Trajectory:
+def simulate(
+    model: PolynomialModel,
+    initial_state: ArrayLike,
+    time: ArrayLike,
+    inputs: Mapping[str, Input | float] | None = None,
+) -> Trajectory:
     """Motion of a model.
 
-    initial_state: (n_states,) at time[0]. time: (n,) s, increasing. To simulate many models on
-    one library compile it once, with `Simulator`. Raises ValueError for other input.
+    initial_state: (n_states,) at time[0]. time: (n,) s, increasing. inputs: each of the model's,
+    measured or constant. To simulate many models on one library compile it once, with `Simulator`.
+    Raises ValueError for other input.
     """
     _check_model(model)
     start = checked_state(initial_state, model.states)
-    return Simulator(model.states, model.terms)(model, start, increasing("time", time))
+    simulator = Simulator(model.states, model.terms, inputs=model.inputs)
+    return simulator(model, start, increasing("time", time), inputs)
 
 
 def measure(
@@ -54,14 +63,16 @@ def measure(
     level: float = 0.0,
     relative: bool = True,
     seed: int = 0,
+    inputs: Mapping[str, Input] | None = None,
 ) -> Recording:
     """What an instrument records of a motion of `model`.
 
     protocol: `state` (all states noisy), `displacement` (velocities not measured), `acceleration`
     (of the velocities, nothing else) or `derivative` (exact states with noisy derivatives). level:
     of the white noise; except for `derivative` times the standard deviation of what is measured if
-    `relative`, else absolute: 0.05 is 5 %. The same seed draws the same noise. Raises ValueError
-    for other input, such as a relative level above one, and for a motion that ended early.
+    `relative`, else absolute: 0.05 is 5 %. The same seed draws the same noise. inputs: those of a
+    model that has any, which the recording then carries. Raises ValueError for other input, such as
+    a relative level above one, and for a motion that ended early.
     """
     _check_model(model)
     if not isinstance(motion, Trajectory):
@@ -82,12 +93,15 @@ def measure(
             f"level: {level!r} is noise of {100 * amount:.4g} % of the motion; {amount:g} % is "
             f"{amount / 100:g}, and an absolute level goes with relative=False"
         )
-    measured = Motion(model.states, motion.time, motion.states, model(motion.states))
+    given = check_inputs(model, inputs or {}, motion.time)
+    driving = at_times(list(given.values()), motion.time)
+    rates = model(motion.states, driving)
+    measured = Motion(model.states, motion.time, motion.states, rates)
     replicates = recordings_of(
         [measured], protocol=protocol, level=amount, relative=relative, samples=len(motion.time),
         recordings=1, replicates=1, seed=seed, name=(),
     )  # fmt: skip
-    return replicates[0][0]
+    return replace(replicates[0][0], inputs=given)
 
 
 @one_thread

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from galloping.arrays import increasing
 from galloping.arrays import initial_state as checked_state
 from galloping.immutable import Immutable
+from galloping.inputs import Input
 from galloping.polynomial import Exponents, PolynomialModel, merged, with_error
 from galloping.storage import read_json, write_json
 
@@ -178,18 +179,24 @@ class IdentifiedModel(Immutable):
             return self.verdict
         return "\n".join([*self.equations(), self.verdict])
 
-    def simulate(self, initial_state: ArrayLike, time: ArrayLike) -> Trajectory:
+    def simulate(
+        self,
+        initial_state: ArrayLike,
+        time: ArrayLike,
+        inputs: Mapping[str, Input | float] | None = None,
+    ) -> Trajectory:
         """Motion of the model from `initial_state` (n_states,) at time[0], on `time` (n,), s.
 
-        Raises ValueError where there is no model, and for other input.
+        inputs: each of the model's, measured or constant. Raises ValueError where there is no
+        model, and for other input.
         """
         from galloping.simulation import Simulator  # compiles; few callers need it
 
         if self.status == "refused":
             raise ValueError(f"there is no model to simulate: {self.reason}")
         start = checked_state(initial_state, self.model.states)
-        simulator = Simulator(self.model.states, self.model.terms)
-        return simulator(self.model, start, increasing("time", time))
+        simulator = Simulator(self.model.states, self.model.terms, inputs=self.model.inputs)
+        return simulator(self.model, start, increasing("time", time), inputs)
 
     def further_motion(self, time: NDArray[np.float64], recording: int = 0) -> NDArray[np.float64]:
         """(n, n_states) of a recording's further modes at `time` (n,), s from its first sample."""

@@ -271,7 +271,7 @@ def told_by_prior(problem: Problem, plausible: Plausible) -> str:
 
 def _names(problem: Problem) -> list[str]:
     return [
-        f"{term_name(problem.terms[j], problem.states)} in d({problem.states[i]})/dt"
+        f"{term_name(problem.terms[j], problem.names)} in d({problem.states[i]})/dt"
         for i, j in problem.candidates
     ]
 

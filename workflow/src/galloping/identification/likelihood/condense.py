@@ -33,6 +33,8 @@ class Condensed:
     counts: (n_recordings, n_observed) samples; rows: the same, non-zero rows.
     remainder: (n_recordings, n_observed) sum of squares of the samples outside the projections.
     known_noise: (n_recordings, n_observed) deviation of a sample where known, NaN else; or None.
+    inputs: (n_windows, n_powers, n_factors) factors of the inputs over each window (see
+    `Problem.driven`), or None without inputs.
     """
 
     step: float
@@ -45,6 +47,12 @@ class Condensed:
     rows: np.ndarray
     remainder: np.ndarray
     known_noise: np.ndarray | None = None
+    inputs: np.ndarray | None = None
+
+    def driven(self, windows: slice) -> np.ndarray:
+        """(n, n_powers, n_factors) factors of the inputs over some of the windows."""
+        count = len(self.functionals[windows])
+        return np.zeros((count, 1, 0)) if self.inputs is None else self.inputs[windows]
 
     def names(self, states: Sequence[str]) -> list[str]:
         """What each channel measures: a state, or d and the name of one."""

@@ -8,6 +8,7 @@ from galloping.identification.likelihood.problem import Problem, largest
 from galloping.identification.likelihood.result import by, judged
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.inputs import at_times
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording
 
@@ -25,7 +26,10 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     n, n_terms = len(problem.candidates), len(problem.terms)
     information, right, support = np.zeros((n, n)), np.zeros(n), np.zeros(n, bool)
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
-    thetas = [design_matrix(recording.values, problem.terms) for recording in recordings]
+    values = [
+        np.hstack([one.values, at_times(list(one.inputs.values()), one.time)]) for one in recordings
+    ]
+    thetas = [design_matrix(one, problem.terms) for one in values]
     squares, count = 0.0, 0
     for k, i in enumerate(problem.unknown):
         block = slice(k * n_terms, (k + 1) * n_terms)
@@ -54,7 +58,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         problem, information, right, support, penalty,
         largest=largest(
             problem,
-            np.concatenate([recording.values for recording in recordings]),
+            np.concatenate(values),
             np.concatenate([recording.derivatives for recording in recordings]),
         ),
         initial_states=np.array([recording.values[0] for recording in recordings]),

@@ -110,9 +110,10 @@ def _excess(record: Record, misfit: np.ndarray) -> float:
 
 def _rate_terms(problem: Problem) -> np.ndarray:
     """Indices of the candidates that are linear in a state whose own equation is unknown."""
-    exponents = np.array(problem.terms)[problem.candidates[:, 1]]
-    unknown = exponents[:, np.unique(problem.candidates[:, 0])]
-    return np.flatnonzero((exponents.sum(axis=1) == 1) & (unknown.sum(axis=1) == 1))
+    terms = np.array(problem.terms)[problem.candidates[:, 1]]
+    unknown = terms[:, np.unique(problem.candidates[:, 0])]
+    linear = np.abs(terms).sum(axis=1) == 1
+    return np.flatnonzero(linear & (unknown.sum(axis=1) == 1))
 
 
 def _parts(record: Record) -> tuple[Record, np.ndarray]:

@@ -201,6 +201,9 @@ def prepare(
             is_rate,
             known,
         )
+        if problem.inputs:
+            inputs = problem.driven(recordings, condensed.first, condensed.step)
+            condensed = replace(condensed, inputs=inputs)
         states, valid = window_states(condensed, recordings, smoothed)
         segments = cut(condensed, length, valid, chained=False)
         starts = states[segments.first[:-1]]

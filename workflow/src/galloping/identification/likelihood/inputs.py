@@ -5,6 +5,7 @@ from __future__ import annotations
 from numbers import Integral
 
 from galloping.identification.likelihood.prior import Prior
+from galloping.identification.model import Unusable
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
@@ -34,6 +35,10 @@ def checked_recordings(recordings: object) -> list[Recording]:
                 f"recordings: item {i} has the states {', '.join(recording.states)}; "
                 f"must have those of the first, {', '.join(recordings[0].states)}"
             )
+        if lacking := set(recordings[0].inputs) - set(recording.inputs):
+            raise ValueError(
+                f"recordings: item {i} lacks the input {', '.join(sorted(lacking))} of the first"
+            )
     if (samples := sum(len(recording.time) for recording in recordings)) < FEWEST:
         raise ValueError(f"recordings: {samples} samples are fewer than the {FEWEST} needed")
     return list(recordings)
@@ -45,17 +50,22 @@ def check_question(
     known: PolynomialModel | None,
     known_states: tuple[str, ...],
     prior: Prior | None = None,
+    inputs: tuple[str, ...] = (),
 ) -> None:
-    """Raise ValueError where the library or the known equations are not about `states`, or the
-    prior is none.
+    """Raise ValueError where the library or the known equations are not about `states` and
+    `inputs`, or the prior is none.
     """
     n = len(states)
     hint = f"must be tuples of {n} exponents, such as polynomial_library({n}, degree)"
+    if inputs:
+        hint += f"; or of {n + len(inputs)}, of the states and of {', '.join(inputs)}"
     if not isinstance(terms, list | tuple) or not terms:
         raise ValueError(f"terms: {terms!r:.60}; {hint}")
     for term in terms:
-        sound = isinstance(term, tuple) and len(term) == n
-        if not sound or not all(isinstance(e, Integral) and e >= 0 for e in term):
+        sound = isinstance(term, tuple) and len(term) == len(terms[0])
+        sound = sound and len(term) in (n, n + len(inputs))
+        sound = sound and all(isinstance(e, Integral) for e in term)
+        if not sound or not all(e >= 0 for e in term[:n]):
             raise ValueError(f"terms: {term!r:.60}; {hint}")
     if known is not None and not isinstance(known, PolynomialModel):
         raise ValueError(f"known: a {type(known).__name__}; must be a PolynomialModel or None")
@@ -68,3 +78,14 @@ def check_question(
             raise ValueError(f"known_states: {name!r}; must be among {', '.join(states)}")
     if known_states and known is None:
         raise ValueError(f"known_states: {', '.join(known_states)}; needs `known`, their equations")
+
+
+def driven(recordings: list[Recording], inputs: tuple[str, ...]) -> list[Recording]:
+    """The recordings in stretches during which the inputs are there (`Recording.driven`).
+
+    Raises Unusable where they are there during fewer than FEWEST samples in a row.
+    """
+    found = [piece for one in recordings for piece in one.driven(inputs, FEWEST)]
+    if not found:
+        raise Unusable(f"no {FEWEST} samples in a row with {', '.join(inputs)} beside them")
+    return found

@@ -123,9 +123,7 @@ def _parameters(
         i: v for i, v in velocity_pairs(problem.states).items() if i in channel or v in channel
     }
     kinematic = [(i, v) for i, v in pairs.items() if i in channel and v in channel]
-    term = {exponents: j for j, exponents in enumerate(problem.terms)}
-    units = np.eye(len(problem.states), dtype=int)
-    entries = [(i, term[tuple(int(e) for e in units[v])]) for i, v in kinematic]
+    entries = [(i, problem.linear(v)) for i, v in kinematic]
     time = condensed.step * np.arange(len(rates))[:, None, None]
     trend = time * samplings[..., 0] + condensed.step * samplings[..., 1]
     count = len(names)

@@ -22,7 +22,7 @@ from galloping.identification.likelihood.following import (
     window_states,
 )
 from galloping.identification.likelihood.gauss_newton import Fit, is_close
-from galloping.identification.likelihood.inputs import check_question, checked_recordings
+from galloping.identification.likelihood.inputs import check_question, checked_recordings, driven
 from galloping.identification.likelihood.instrument import FORCES, Fault, faults
 from galloping.identification.likelihood.matching import match, unseen_mixtures
 from galloping.identification.likelihood.model_error import approximation
@@ -65,9 +65,12 @@ def maximum_likelihood(
     the noise of each channel of each recording is white and Gaussian, and unknown but where they
     say it: then it is the least that is assumed, and what the misfit is held against. Where they
     carry derivatives, the states are exact and the equations are fitted directly.
-    terms: the library. known: model whose equations of `known_states` hold; the equation of a
-    state X is known to be dX/dt = dX where a state has that name. start: makes the start, as
-    `weak_gls.begin`, the default; with a shorter time scale where the first gives no model.
+    terms: the library, in the states or in the states and the inputs of the first recording, which
+    all must have; a recording counts in the stretches in which they are there, and `initial_states`
+    and `sigma` of the result are those of the stretches. known: model whose equations of
+    `known_states` hold; the equation of a state X is known to be dX/dt = dX where a state has that
+    name. start: makes the start, as `weak_gls.begin`, the default; with a shorter time scale where
+    the first gives no model.
     prior: of the terms (see `prior`); None: the data alone choose them and speak in the verdict.
     The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
     model of the library follows the data to the noise; see `model_error`), or `refused`.
@@ -75,9 +78,11 @@ def maximum_likelihood(
     """
     recordings = checked_recordings(recordings)
     states = recordings[0].states
-    check_question(states, terms, known, known_states, prior)
-    problem = posed(states, terms, known, known_states, prior)
+    inputs = tuple(recordings[0].inputs)
+    check_question(states, terms, known, known_states, prior, inputs)
+    problem = posed(states, terms, known, known_states, prior, inputs)
     try:
+        recordings = driven(recordings, problem.inputs)
         if all(recording.derivatives is not None for recording in recordings):
             return derivative_fit(problem, recordings)
     except NO_MODEL as error:

@@ -43,7 +43,6 @@ from galloping.identification.likelihood.weak_constraint import (
 from galloping.identification.model import FurtherMode, IdentifiedModel
 from galloping.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
-from galloping.polynomial import PolynomialModel
 
 # Times that of exact models: a wrong model needs stronger evidence. Measured: on each truth of the
 # table of model errors one of about 7 chooses nearly the same terms of every recording; with 3 to 5
@@ -139,7 +138,7 @@ def approximation(
     errors = added_deviation(made.information, made.support)
     errors[made.support] = np.sqrt(np.diag(made.covariance))
     found = IdentifiedModel(
-        model=PolynomialModel(problem.states, problem.terms, problem.coefficients(made.free)),
+        model=problem.model(made.free),
         standard_errors=problem.on_library(np.where(made.support, errors, np.nan)),
         detection_limits=problem.on_library(detection_limits(errors, made.support, penalty)),
         covariance=made.covariance,

@@ -1,7 +1,8 @@
-"""What is asked of an identification: the library, the known equations, the free coefficients."""
+"""What is asked of an identification: the library, what is known, the free coefficients."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,17 +10,19 @@ import numpy as np
 
 from galloping.identification.likelihood.prior import Prior
 from galloping.identification.likelihood.taylor import Tables, tables
+from galloping.inputs import windowed
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix, velocity_pairs
+from galloping.recording import Recording
 
 
 @dataclass(frozen=True)
 class Problem:
-    """dx/dt = C theta(x), with some rows of C known and the others to be identified.
+    """dx/dt = C theta(x, u), with some rows of C known and the others to be identified.
 
-    states: names of the n_states states. terms: exponents of the n_terms candidate monomials.
-    known: (n_states, n_terms), the coefficients of the known equations, zero elsewhere.
-    unknown: indices of the equations to identify, increasing. prior: of the supports; None: all
-    are as probable.
+    states: names of the n_states states. terms: exponents of the n_terms candidate monomials, in
+    the states and then in the inputs. known: (n_states, n_terms), the coefficients of the known
+    equations, zero elsewhere. unknown: indices of the equations to identify, increasing. prior: of
+    the supports; None: all are as probable. inputs: names of the n_inputs inputs.
     """
 
     states: tuple[str, ...]
@@ -27,6 +30,7 @@ class Problem:
     known: np.ndarray
     unknown: tuple[int, ...]
     prior: Prior | None = None
+    inputs: tuple[str, ...] = ()
 
     @cached_property
     def candidates(self) -> np.ndarray:
@@ -35,17 +39,51 @@ class Problem:
         return np.array([(i, j) for i in self.unknown for j in range(n_terms)], int).reshape(-1, 2)
 
     @cached_property
+    def of_states(self) -> np.ndarray:
+        """(n_terms, n_states) exponents of the states in each term."""
+        return np.array(self.terms)[:, : len(self.states)]
+
+    @cached_property
     def degrees(self) -> np.ndarray:
-        """(n_candidates,) degree of each candidate's term."""
-        return np.array([sum(self.terms[j]) for _, j in self.candidates])
+        """(n_candidates,) degree of each candidate's term, in the states."""
+        return self.of_states.sum(axis=1)[self.candidates[:, 1]]
 
     @cached_property
     def tables(self) -> Tables:
-        return tables(self.terms)
+        return tables(self.terms, len(self.states))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the states and then of the inputs, in the order of a term's exponents."""
+        return self.states + self.inputs
 
     @property
     def known_equations(self) -> tuple[int, ...]:
         return tuple(i for i in range(len(self.states)) if i not in self.unknown)
+
+    def linear(self, state: int) -> int:
+        """Index of the term that is this state alone."""
+        return self.terms.index(tuple(int(k == state) for k in range(len(self.names))))
+
+    def signals(self, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+        """(n, n_states + n_factors) what the integrator multiplies; inputs: (n, n_inputs)."""
+        if not self.inputs:
+            return states
+        return np.hstack([states, design_matrix(inputs, self.tables.factors)])
+
+    def driven(self, recordings: Sequence[Recording], first: np.ndarray, step: float) -> np.ndarray:
+        """Factors of the recordings' inputs over windows of `step` s, of which each has as many as
+        `first` (n_recordings + 1,) says; as `inputs.windowed`, one recording after the other.
+        """
+        return np.concatenate(
+            [
+                windowed(
+                    [recording.inputs[name] for name in self.inputs],
+                    self.tables.factors, recording.time[0], step, count,
+                )
+                for recording, count in zip(recordings, np.diff(first), strict=True)
+            ]
+        )  # fmt: skip
 
     def on_library(self, values: np.ndarray) -> np.ndarray:
         """Values (n_candidates,) as (n_states, n_terms), NaN in the known equations."""
@@ -59,6 +97,10 @@ class Problem:
         full[self.candidates[:, 0], self.candidates[:, 1]] = free
         return full
 
+    def model(self, free: np.ndarray) -> PolynomialModel:
+        """The model with the candidates' coefficients `free`."""
+        return PolynomialModel(self.states, self.terms, self.coefficients(free), self.inputs)
+
 
 def posed(
     states: tuple[str, ...],
@@ -66,18 +108,22 @@ def posed(
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
     prior: Prior | None = None,
+    inputs: Sequence[str] = (),
 ) -> Problem:
     """The identification problem of a library.
 
     The equation of a state X is known, dX/dt = dX, where `dX` is a state too. Further equations
     are known through `known`, a model whose rows named in `known_states` are taken as they are.
-    Raises ValueError where a known equation needs a term outside the library, or all are known.
+    inputs: names of those of the recordings, which a library of terms in the states alone leaves
+    aside. Raises ValueError where a known equation needs a term outside the library, or all are
+    known.
     """
     rows = np.zeros((len(states), len(terms)))
     given = set()
+    inputs = tuple(inputs)[: len(terms[0]) - len(states)]
     index = {term: j for j, term in enumerate(terms)}
     for i, velocity in velocity_pairs(states).items():
-        unit = tuple(int(k == velocity) for k in range(len(states)))
+        unit = tuple(int(k == velocity) for k in range(len(states) + len(inputs)))
         if unit not in index:
             raise ValueError(f"the library lacks {states[velocity]}, the derivative of {states[i]}")
         rows[i, index[unit]] = 1.0
@@ -92,13 +138,14 @@ def posed(
         raise ValueError(
             f"the equations of {', '.join(states)} are all known; none is left to find"
         )
-    return Problem(tuple(states), tuple(terms), rows, unknown, prior)
+    return Problem(tuple(states), tuple(terms), rows, unknown, prior, inputs)
 
 
-def largest(problem: Problem, states: np.ndarray, rates: np.ndarray) -> np.ndarray:
+def largest(problem: Problem, values: np.ndarray, rates: np.ndarray) -> np.ndarray:
     """(n_candidates,) coefficients at which each term alone would make up its equation.
 
-    states, rates: (n, n_states), NaN where missing, by the root mean squares of terms and rates.
+    values: (n, n_states + n_inputs), rates: (n, n_states), NaN where missing, by the root mean
+    squares of terms and rates.
     """
 
     def size(values: np.ndarray) -> np.ndarray:
@@ -106,5 +153,5 @@ def largest(problem: Problem, states: np.ndarray, rates: np.ndarray) -> np.ndarr
         squares = np.sum(np.where(there, values, 0.0) ** 2, axis=0)
         return np.sqrt(squares / np.maximum(there.sum(axis=0), 1))
 
-    of_terms = size(design_matrix(states, problem.terms)) + np.finfo(float).tiny
+    of_terms = size(design_matrix(values, problem.terms)) + np.finfo(float).tiny
     return size(rates)[problem.candidates[:, 0]] / of_terms[problem.candidates[:, 1]]

@@ -83,9 +83,8 @@ def _on_library(
         whole[:, own] = values
         return whole
 
-    model = PolynomialModel(
-        identified.model.states, terms, spread(identified.model.coefficients, 0.0)
-    )
+    coefficients = spread(identified.model.coefficients, 0.0)
+    model = PolynomialModel(identified.model.states, terms, coefficients, identified.model.inputs)
     errors = {name: spread(getattr(identified, name), np.nan) for name in BY_TERM}
     return replace(identified, model=model, **errors)
 

@@ -19,7 +19,6 @@ from galloping.identification.likelihood.ambiguity import (
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import added_deviation, solve_support, whiten
 from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import PolynomialModel
 
 
 def judged(
@@ -71,7 +70,7 @@ def judged(
     conditional = np.full(len(support), np.nan)
     conditional[support] = np.sqrt(np.diag(covariance))
     return IdentifiedModel(
-        model=PolynomialModel(problem.states, problem.terms, problem.coefficients(free)),
+        model=problem.model(free),
         status=status,
         reason=reason,
         standard_errors=problem.on_library(conditional),
@@ -95,4 +94,4 @@ def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
 
 def refused(problem: Problem, reason: str) -> IdentifiedModel:
     """No model, for `reason`."""
-    return IdentifiedModel.refused(problem.states, problem.terms, reason)
+    return IdentifiedModel.refused(problem.states, problem.terms, reason, problem.inputs)

@@ -130,7 +130,8 @@ def linearise(
         span = slice(first[0], first[-1])
         predicted, derivatives, ends[group], moved, _ = integrate(
             compiled, condensed.step, first - first[0], starts[group],
-            condensed.functionals[span], condensed.observed, sensitive=True,
+            condensed.functionals[span], condensed.observed, condensed.driven(span),
+            sensitive=True,
         )  # fmt: skip
         end_derivatives[group][..., by_dynamics] = moved
         if columns is not None:
@@ -267,7 +268,7 @@ def residuals(
     compiled = system(problem.tables, problem.coefficients(free), problem.candidates[:0])
     predicted, _, ends, _, truncation = integrate(
         compiled, condensed.step, segments.first, starts, condensed.functionals,
-        condensed.observed, sensitive=False,
+        condensed.observed, condensed.driven(slice(None)), sensitive=False,
     )  # fmt: skip
     if not np.all(np.abs(ends) < HUGE):
         raise FloatingPointError("the model diverges over the recording")

@@ -31,6 +31,7 @@ from galloping.identification.likelihood.constants import (
     SPLINE_DEGREE,
 )
 from galloping.identification.model import Unusable
+from galloping.inputs import at_times
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 
@@ -58,6 +59,7 @@ class Smooth:
     noise: (n_states,) standard deviation of a sample about the curve, NaN where not measured.
     residual: (n, n_states) samples less the curve, NaN where missing.
     valid: (n_grid,) whether samples of every curve are near, rather than in a gap.
+    inputs: (n_grid, n_inputs) those of the recording.
     """
 
     time: np.ndarray
@@ -67,6 +69,12 @@ class Smooth:
     noise: np.ndarray
     residual: np.ndarray
     valid: np.ndarray
+    inputs: np.ndarray
+
+    @property
+    def values(self) -> np.ndarray:
+        """(n_grid, n_states + n_inputs) states, and inputs beside them."""
+        return np.hstack([self.states, self.inputs]) if self.inputs.size else self.states
 
 
 def shortest_period(recordings: list[Recording]) -> float:
@@ -134,7 +142,8 @@ def smooth(recording: Recording, period: float) -> Smooth:
         valid &= _away(recording, curve, time, period)
         noise[curve] = deviation
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
-    return Smooth(time, states, sigma, derived, noise, residual, valid)
+    inputs = at_times(list(recording.inputs.values()), time)
+    return Smooth(time, states, sigma, derived, noise, residual, valid, inputs)
 
 
 def _curves(

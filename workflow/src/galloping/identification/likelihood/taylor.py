@@ -16,18 +16,22 @@ import numpy as np
 from numba import njit
 
 from galloping.identification.likelihood.constants import ORDER
+from galloping.inputs import Factor
 from galloping.polynomial import Exponents
 
 
 @dataclass(frozen=True)
 class Tables:
-    """Index tables of one library: every monomial is an earlier monomial times a state.
+    """Index tables of one library: every monomial is an earlier monomial times a signal.
 
+    Signals are the states and then known functions of time, the factors that inputs bring to terms,
+    of which a monomial has one at most.
     monomials: the library's terms and all their divisors, by degree, the constant first.
     position: (n_terms,) where each library term stands among the monomials.
-    parent, factor: (n_monomials,); monomial m = monomial parent[m] times state factor[m].
-    exponents: (n_monomials, n_states). divisor: (n_monomials, n_states), the monomial divided by
-    a state once, -1 where it does not contain that state.
+    parent, factor: (n_monomials,); monomial m = monomial parent[m] times signal factor[m].
+    exponents: (n_monomials, n_signals). divisor: (n_monomials, n_states), the monomial divided by
+    a state once, -1 where it does not contain that state. factors: exponents of the inputs, of each
+    signal that is none of the states.
     """
 
     monomials: tuple[Exponents, ...]
@@ -36,14 +40,23 @@ class Tables:
     factor: np.ndarray
     exponents: np.ndarray
     divisor: np.ndarray
+    factors: tuple[Factor, ...]
 
 
-def tables(terms: tuple[Exponents, ...]) -> Tables:
-    """Index tables of the library `terms` (n_terms exponents of n_states states)."""
-    n_states = len(terms[0])
-    zero = (0,) * n_states
+def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
+    """Index tables of the library `terms` (n_terms exponents of states, and of inputs if any)."""
+    of_inputs = [term[n_states:] for term in terms]
+    factors = tuple(dict.fromkeys(factor for factor in of_inputs if any(factor)))
+    units = dict(zip(factors, np.eye(len(factors), dtype=int).tolist(), strict=True))
+    none = [0] * len(factors)
+    terms = tuple(
+        (*term[:n_states], *units.get(factor, none))
+        for term, factor in zip(terms, of_inputs, strict=True)
+    )
+    n_signals = n_states + len(factors)
+    zero = (0,) * n_signals
     closed, queue = {zero}, list(terms)
-    queue += [tuple(int(k == j) for k in range(n_states)) for j in range(n_states)]
+    queue += [tuple(int(k == j) for k in range(n_signals)) for j in range(n_states)]
     while queue:
         term = queue.pop()
         if term not in closed:
@@ -55,12 +68,13 @@ def tables(terms: tuple[Exponents, ...]) -> Tables:
     factor = np.zeros(len(monomials), np.int64)
     divisor = np.full((len(monomials), n_states), -1)
     for m, term in enumerate(monomials[1:], start=1):
+        factor[m] = np.flatnonzero(term)[-1]  # of the constant, unless a state is in it
         for k in range(n_states):
             if term[k]:
                 divisor[m, k] = index[_divided(term, k)]
                 parent[m], factor[m] = divisor[m, k], k
     position = np.array([index[term] for term in terms])
-    return Tables(monomials, position, parent, factor, np.array(monomials), divisor)
+    return Tables(monomials, position, parent, factor, np.array(monomials), divisor, factors)
 
 
 def _divided(term: Exponents, state: int) -> Exponents:
@@ -113,15 +127,19 @@ def system(table: Tables, coefficients: np.ndarray, free: np.ndarray) -> System:
 
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
-def _jets(x, theta, order, h, parent, factor, rates, rate_values):
+def _jets(x, inputs, theta, order, h, parent, factor, rates, rate_values):
     """Taylor coefficients (scaled by h^k) of the states `x` and the monomials `theta`.
 
     x: (order+1, n_states), row 0 given; theta: (order+1, n_monomials); both filled in place.
+    inputs: (n_powers, n_factors) those of the factors of the inputs.
     """
     n_states, n_monomials = x.shape[1], len(parent)
     for k in range(order + 1):
         theta[k, 0] = 1.0 if k == 0 else 0.0
         for m in range(1, n_monomials):
+            if factor[m] >= n_states:
+                theta[k, m] = inputs[k, factor[m] - n_states] if k < len(inputs) else 0.0
+                continue
             if parent[m] == 0:
                 theta[k, m] = x[k, factor[m]]
                 continue
@@ -161,7 +179,7 @@ def _sensitivity_jets(s, jac, kind, theta, order, h, columns):
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
 def propagate(
-    h, order, first, starts, functionals, observed, sensitive,
+    h, order, first, starts, functionals, observed, inputs, sensitive,
     parent, factor, rates, rate_values, jacobian, jacobian_values, columns,
 ):  # fmt: skip
     """Integrate segments of equal steps and apply linear functionals to every step.
@@ -169,7 +187,9 @@ def propagate(
     h: step (s); order: Taylor order. first: (n_segments + 1,) first step of each segment.
     starts: (n_segments, n_states). functionals: (n_steps, n_observed, n_rows, order + 1), applied
     to the Taylor coefficients in the scaled time tau = (t - t_step)/h. observed: (n_observed,)
-    state of each channel. sensitive: whether the sensitivities are wanted. The rest: `System`.
+    state of each channel. inputs: (n_steps, n_powers, n_factors) the factors of the inputs over
+    each step, by powers of the same time. sensitive: whether the sensitivities are wanted. The
+    rest: `System`.
 
     Returns predictions (n_steps, n_observed, n_rows), their sensitivities (..., n_columns) with
     respect to the free coefficients and then the segment's initial states, the end states
@@ -201,7 +221,7 @@ def propagate(
             for i in range(n_states):
                 s[0, i, n_free + i] = 1.0
         for w in range(first[g], first[g + 1]):
-            _jets(x, theta, order, h, parent, factor, rates, rate_values)
+            _jets(x, inputs[w], theta, order, h, parent, factor, rates, rate_values)
             for i in range(n_states):
                 size[i] = max(size[i], abs(x[0, i]))
                 truncation[i] = max(truncation[i], abs(x[order, i]))
@@ -247,12 +267,14 @@ def integrate(
     starts: np.ndarray,
     functionals: np.ndarray,
     observed: np.ndarray,
+    inputs: np.ndarray,
     sensitive: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
     """`propagate` of a `System`; see there for shapes."""
     return propagate(
         float(step), ORDER, np.ascontiguousarray(first, np.int64),
         np.ascontiguousarray(starts, float), functionals, np.ascontiguousarray(observed, np.int64),
-        sensitive, compiled.parent, compiled.factor, compiled.rates, compiled.rate_values,
-        compiled.jacobian, compiled.jacobian_values, compiled.columns,
+        np.ascontiguousarray(inputs), sensitive, compiled.parent, compiled.factor,
+        compiled.rates, compiled.rate_values, compiled.jacobian, compiled.jacobian_values,
+        compiled.columns,
     )  # fmt: skip

@@ -83,7 +83,11 @@ class Record:
         first = self.segments.first[segments[0] : segments[-1] + 2] - own.start
         return own, replace(
             self,
-            condensed=replace(self.condensed, functionals=self.condensed.functionals[own]),
+            condensed=replace(
+                self.condensed,
+                functionals=self.condensed.functionals[own],
+                inputs=self.condensed.driven(own),
+            ),
             segments=replace(self.segments, first=first),
         )
 
@@ -156,7 +160,7 @@ def predictions(record: Record, free: np.ndarray, starts: np.ndarray) -> np.ndar
     with np.errstate(all="ignore"):
         predicted = integrate(
             compiled, condensed.step, record.segments.first, starts, condensed.functionals,
-            condensed.observed, sensitive=False,
+            condensed.observed, condensed.driven(slice(None)), sensitive=False,
         )[0]  # fmt: skip
     return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
 
@@ -173,7 +177,7 @@ def linearised(record: Record, fit: StretchFit) -> Linear:
         own = slice(segments.first[g], segments.first[g + 1])
         predicted, rows, ends[g], slopes[g], _ = integrate(
             compiled, condensed.step, segments.first[g : g + 2] - own.start, fit.starts[g : g + 1],
-            condensed.functionals[own], condensed.observed, sensitive=True,
+            condensed.functionals[own], condensed.observed, condensed.driven(own), sensitive=True,
         )  # fmt: skip
         if not (np.all(np.abs(ends[g]) < HUGE) and np.all(np.abs(slopes[g]) < HUGE)):
             raise FloatingPointError("the model diverges within a segment")

@@ -19,7 +19,6 @@ from galloping.identification.likelihood.constants import (
 )
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.smoothing import Smooth
-from galloping.identification.likelihood.taylor import Tables
 from galloping.polynomial import design_matrix
 
 
@@ -39,7 +38,7 @@ def whitened_weak_form(
     keep = [i for i in range(n_states) if smooth.derived[i] < 0 or i in problem.unknown]
     keep = [i for i in keep if not np.any(smooth.derived == i) or i in problem.unknown]
     moments = _tested(smooth.states, slope)
-    tested = _tested(design_matrix(smooth.states, problem.terms), phi)
+    tested = _tested(design_matrix(smooth.values, problem.terms), phi)
     # columns first, as LAPACK wants them: of a long recording a copy would be the largest array
     rows = np.zeros((len(problem.candidates) + 1, len(tested), len(keep)))
     for block, equation in enumerate(problem.unknown):
@@ -50,7 +49,7 @@ def whitened_weak_form(
         rows /= np.sqrt(np.mean(moments[:, keep] ** 2, axis=0)) + np.finfo(float).tiny
         white = rows.reshape(len(rows), -1).T.copy()
     else:
-        bands = _covariance(problem.tables, smooth, coefficients, phi, slope, usable, keep)
+        bands = _covariance(problem, smooth, coefficients, phi, slope, usable, keep)
         white = _whiten(bands, rows.reshape(len(rows), -1).T)
     return white[:, :-1], white[:, -1]
 
@@ -76,7 +75,7 @@ def _tested(series: np.ndarray, phi: np.ndarray) -> np.ndarray:
 
 
 def _covariance(
-    table: Tables,
+    problem: Problem,
     smooth: Smooth,
     coefficients: np.ndarray,
     phi: np.ndarray,
@@ -96,7 +95,7 @@ def _covariance(
         end = min(begin + BATCH_OF_TESTS, n_tests)
         last = min(end + reach, n_tests)
         points = slice(begin * TEST_STRIDE, (last - 1) * TEST_STRIDE + len(phi))
-        influence = _noise_influence(table, smooth, points, coefficients, phi, slope)[:, keep]
+        influence = _noise_influence(problem, smooth, points, coefficients, phi, slope)[:, keep]
         influence[~usable[begin:last]] = 0.0
         for lag in range(min(reach, n_tests - 1) + 1):
             shift, count = lag * TEST_STRIDE, min(end, n_tests - lag) - begin
@@ -114,7 +113,7 @@ def _covariance(
 
 
 def _noise_influence(
-    table: Tables,
+    problem: Problem,
     smooth: Smooth,
     points: slice,
     coefficients: np.ndarray,
@@ -125,8 +124,9 @@ def _noise_influence(
 
     points: those of the grid that the tests reach.
     """
-    n_states = smooth.states.shape[1]
-    theta = design_matrix(smooth.states[points], table.monomials)
+    n_states, table = smooth.states.shape[1], problem.tables
+    signals = problem.signals(smooth.states[points], smooth.inputs[points])
+    theta = design_matrix(signals, table.monomials)
     jacobian = np.empty((len(theta), n_states, n_states))
     for state in range(n_states):
         lowered = np.zeros((n_states, len(table.monomials)))

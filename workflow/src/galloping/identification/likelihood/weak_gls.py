@@ -13,7 +13,7 @@ from galloping.identification.likelihood.constants import (
     START_PERIODS,
     WEAK_ITERATIONS,
 )
-from galloping.identification.likelihood.inputs import check_question, checked_recordings
+from galloping.identification.likelihood.inputs import check_question, checked_recordings, driven
 from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.problem import Problem, largest, posed
 from galloping.identification.likelihood.result import judged, refused
@@ -112,8 +112,8 @@ def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> 
 def largest_terms(problem: Problem, smoothed: list[Smooth]) -> np.ndarray:
     """(n_candidates,) as in `problem.largest`, of smooth curves."""
     rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in smoothed]
-    states = [one.states[one.valid] for one in smoothed]
-    return largest(problem, np.concatenate(states), np.concatenate(rates))
+    values = [one.values[one.valid] for one in smoothed]
+    return largest(problem, np.concatenate(values), np.concatenate(rates))
 
 
 def rough_fit(problem: Problem, start: Start) -> WeakFit:
@@ -139,13 +139,14 @@ def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
         return smooth
     edges = np.linspace(0, len(smooth.time), count + 1).astype(int)
     told, scale = [], np.std(smooth.states, axis=0) + np.finfo(float).tiny
+    scale = np.append(scale, np.ones(smooth.inputs.shape[1]))
     for a, b in pairwise(edges):
-        theta = design_matrix(smooth.states[a:b][smooth.valid[a:b]] / scale, problem.terms)
+        theta = design_matrix(smooth.values[a:b][smooth.valid[a:b]] / scale, problem.terms)
         told.append(np.linalg.slogdet(theta.T @ theta)[1])
     best = int(np.argmax(told))
     own = slice(edges[best], edges[best + 1])
-    time, states, valid = smooth.time[own], smooth.states[own], smooth.valid[own]
-    return replace(smooth, time=time, states=states, valid=valid)
+    cut = {name: getattr(smooth, name)[own] for name in ("time", "states", "valid", "inputs")}
+    return replace(smooth, **cut)
 
 
 @one_thread
@@ -165,9 +166,11 @@ def weak_gls(
     one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
     """
     recordings = checked_recordings(recordings)
-    check_question(recordings[0].states, terms, known, known_states)
-    problem = posed(recordings[0].states, terms, known, known_states)
+    states, inputs = recordings[0].states, tuple(recordings[0].inputs)
+    check_question(states, terms, known, known_states, inputs=inputs)
+    problem = posed(states, terms, known, known_states, inputs=inputs)
     try:
+        recordings = driven(recordings, problem.inputs)
         return _fitted(problem, (start or begin)(problem, recordings))
     except NO_MODEL as error:
         return refused(problem, str(error))
