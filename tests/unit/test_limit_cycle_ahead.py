@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from galloping.cycles.ahead import limit_cycle_ahead
+from galloping.cycles.prediction import limit_cycle_ahead
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement.motion import Motion
 from galloping.physics.derived import Derived

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
-from galloping.polynomial import Exponents, PolynomialModel, design_matrix
+from galloping.polynomial import PolynomialModel, design_matrix
 
 DIFFERENCE = 1e-5  # of the parameter's scale: central differences are good to about 1e-10
 
@@ -38,7 +37,6 @@ class VectorField:
         self.states, self.terms = first.states, first.terms
         self.n_states = len(self.states)
         self.shape = (self.n_states, len(self.terms))
-        self._monomials, self._place, self._derivatives = _derivative_tables(self.terms)
 
     def coefficients(self, value: float) -> np.ndarray:
         """(n_states, n_terms) at a value of the parameter."""
@@ -62,41 +60,5 @@ class VectorField:
 
         x: (n, n_states). coefficients, slope: (n_states, n_terms).
         """
-        theta = design_matrix(x, self._monomials)
-        own = theta[:, self._place]
-        jacobian = theta @ np.tensordot(coefficients, self._derivatives, 1).reshape(
-            -1, len(self._monomials)
-        ).T  # fmt: skip
-        return (
-            own @ coefficients.T,
-            jacobian.reshape(len(x), self.n_states, self.n_states),
-            own @ slope.T,
-        )
-
-
-@cache
-def _derivative_tables(
-    terms: tuple[Exponents, ...],
-) -> tuple[tuple[Exponents, ...], np.ndarray, np.ndarray]:
-    """Monomials closed under differentiation, the terms' places, and d term_j / d x_k.
-
-    The last is (n_terms, n_states, n_monomials): the factor of each monomial in the derivative.
-    """
-    closed, queue = set(), list(terms)
-    while queue:
-        term = queue.pop()
-        if term not in closed:
-            closed.add(term)
-            queue += [_lower(term, k) for k, e in enumerate(term) if e]
-    monomials = tuple(sorted(closed, key=lambda term: (sum(term), term)))
-    index = {term: m for m, term in enumerate(monomials)}
-    derivatives = np.zeros((len(terms), len(terms[0]), len(monomials)))
-    for j, term in enumerate(terms):
-        for k, e in enumerate(term):
-            if e:
-                derivatives[j, k, index[_lower(term, k)]] = e
-    return monomials, np.array([index[term] for term in terms]), derivatives
-
-
-def _lower(term: Exponents, state: int) -> Exponents:
-    return tuple(e - (k == state) for k, e in enumerate(term))
+        model = PolynomialModel(self.states, self.terms, coefficients)
+        return model(x), model.jacobian(x), design_matrix(x, self.terms) @ slope.T

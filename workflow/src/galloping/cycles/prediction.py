@@ -9,36 +9,26 @@ at two wind speeds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from galloping.cycles.collocation import Orbit
 from galloping.cycles.continuation import Range, length
 from galloping.cycles.family import Family, VectorField
-from galloping.cycles.limit_cycles import CycleProblem, at_value, from_motion
+from galloping.cycles.limit_cycles import CycleProblem, at_value, from_motion, settled
 from galloping.cycles.motion import settle
-from galloping.intervals import QUANTILES_95
+from galloping.identification.model import IdentifiedModel
+from galloping.intervals import Identified, drawn, normal, of_draws
 from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.simulation import Simulator
 
 SAMPLES = 39  # of which the least and the greatest are then the ends of the band, without bias
+SETTLING, WINDOW = 1500.0, 50.0  # s: close enough for the correction, and a stretch to begin from
 SETTLED = 0.01  # steps: the second correction of a sampled cycle that is near the predicted one
 
 
-class Identified(Protocol):
-    """What is needed of an identified model."""
-
-    model: PolynomialModel
-    covariance: np.ndarray  # (n_support, n_support), in the order of np.argwhere(support)
-
-    @property
-    def support(self) -> np.ndarray: ...
-
-
-@dataclass(frozen=True)
 class Split:
     """A model told apart into structure and wind: what it is at any wind speed.
 
@@ -78,7 +68,7 @@ class Split:
         """(samples, n) values drawn from their distribution; (0, n) where it is not known."""
         if not np.all(np.isfinite(self.covariance)):
             return np.zeros((0, len(self.values)))
-        return rng.multivariate_normal(self.values, self.covariance, samples, method="eigh")
+        return normal(self.values, self.covariance, samples, rng)
 
 
 def split(
@@ -226,24 +216,71 @@ def predict(
             missing.append(f"{wind:g}")
             continue
         amplitude[k] = stable[0].half_range()
-        orbits = [near(parts.family(values), stable[0]) for values in draws]
-        ranges = np.array([orbit.half_range() for orbit in orbits if orbit is not None])
+        orbits = near(map(parts.family, draws), stable[0])
+        ranges = [orbit.half_range() for orbit in orbits]
         unresolved[k] = 1 - len(ranges) / max(1, len(draws))
         if len(ranges) > len(draws) / 2:
-            low[k], high[k] = np.quantile(ranges, QUANTILES_95, axis=0, method="weibull")
+            low[k], high[k] = of_draws(ranges)
     reason = f"no stable limit cycle at {', '.join(missing)} m/s" if missing else ""
     return Prediction(winds, amplitude, low, high, unresolved, reason)
 
 
-def near(family: Family, orbit: Orbit) -> Orbit | None:
-    """The limit cycle of another family near an orbit, or None.
+def near(families: Iterable[Family], orbit: Orbit) -> list[Orbit]:
+    """The limit cycles of other families near an orbit, of those that have one.
 
     Two corrections leave an error of the fourth power of the distance, far below the band.
     """
-    field = VectorField(family, orbit.value)
-    problem = CycleProblem(field, orbit, 1.0, np.zeros(field.shape), np.inf, orbit.spread)
-    along, moved = problem.along_parameter(), orbit
-    for _ in range(2):
-        change = problem.linearise(moved).solve(along, 0.0, True)
-        moved = change.applied(moved)
-    return moved if length(problem, change) < SETTLED else None
+    found = []
+    for family in families:
+        field = VectorField(family, orbit.value)
+        problem = CycleProblem(field, orbit, 1.0, np.zeros(field.shape), np.inf, orbit.spread)
+        along, moved = problem.along_parameter(), orbit
+        for _ in range(2):
+            change = problem.linearise(moved).solve(along, 0.0, True)
+            moved = change.applied(moved)
+        if length(problem, change) < SETTLED:
+            found.append(moved)
+    return found
+
+
+@dataclass(frozen=True)
+class LimitCycle:
+    """amplitude, low, high: (n_states,) half range and its 95 % interval, NaN without a covariance
+    and where most of the models drawn with it have no limit cycle near by.
+    """
+
+    amplitude: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def limit_cycle_ahead(
+    identified: IdentifiedModel, start: np.ndarray, rng: np.random.Generator
+) -> LimitCycle:
+    """The limit cycle to which an identified model leads from `start` (n_states,).
+
+    The interval is that of models drawn with the covariance of the coefficients. Raises ValueError
+    where there is no model, and where it does not lead to a limit cycle.
+    """
+    if identified.status == "refused":
+        raise ValueError(f"there is no model to simulate: {identified.reason}")
+    present = np.any(identified.model.coefficients != 0, axis=0)
+    terms = tuple(t for t, kept in zip(identified.model.terms, present, strict=True) if kept)
+
+    def lean(model: PolynomialModel) -> PolynomialModel:
+        return PolynomialModel(model.states, terms, model.coefficients[:, present])
+
+    found = lean(identified.model)
+    simulator = Simulator(found.states, terms, found.support)
+    motion = settle(simulator, found, start, SETTLING, WINDOW)
+    if not np.all(np.isfinite(motion.states)):
+        raise ValueError(f"the model does not settle: {motion.kind}")
+    _, point = settled(Family(lambda _: found), 0.0, motion.time, motion.states, resolution=1.0)
+    low = high = np.full(len(found.states), np.nan)
+    if len(identified.covariance) == identified.support.sum() > 0:
+        models = map(lean, drawn(identified, SAMPLES, rng))
+        families = (Family(lambda _, model=model: model) for model in models)
+        ranges = [orbit.half_range() for orbit in near(families, point.solution)]
+        if len(ranges) > SAMPLES / 2:
+            low, high = of_draws(ranges)
+    return LimitCycle(point.solution.half_range(), low, high)

@@ -11,7 +11,7 @@ import numpy as np
 from galloping.cycles.limit_cycles import settled
 from galloping.cycles.motion import settle
 from galloping.cycles.prediction import Split, near, split
-from galloping.intervals import QUANTILES_95
+from galloping.intervals import of_draws
 from galloping.physics.clearance import clearance
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
@@ -158,8 +158,8 @@ def evaluate(
         with suppress(ValueError):  # of none near enough the motion itself is shown
             _, point = settled(family, design.wind, motion.time, motion.states, resolution=1.0)
     if point is not None:
-        orbits = [near(line.family(values), point.solution) for values in scaled]
-        places = [_places(orbit.sampled()[1]) for orbit in orbits if orbit is not None]
+        orbits = near(map(line.family, scaled), point.solution)
+        places = [_places(orbit.sampled()[1]) for orbit in orbits]
         centre = _places(point.solution.sampled()[1])
     elif np.all(np.isfinite(motion.states)):
         places, centre = [], _places(motion.states[:: max(1, len(motion.states) // 2000)])
@@ -188,7 +188,7 @@ def _interval(value: float, samples: np.ndarray) -> tuple[float, float, float]:
         return value, np.nan, np.nan
     if np.all(samples == samples[0]):  # such as infinite, which quantiles cannot interpolate
         return value, float(samples[0]), float(samples[0])
-    low, high = np.quantile(samples, QUANTILES_95, method="weibull")
+    low, high = of_draws(samples)
     return value, float(low), float(high)
 
 

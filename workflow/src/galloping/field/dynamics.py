@@ -15,10 +15,10 @@ from galloping.cycles.family import Family
 from galloping.cycles.limit_cycles import settled
 from galloping.cycles.motion import settle
 from galloping.cycles.prediction import near
-from galloping.field.forecast import drawn, simulator_of
+from galloping.field.forecast import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.immutable import Immutable
-from galloping.intervals import QUANTILES_95
+from galloping.intervals import drawn, of_draws
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
@@ -157,8 +157,8 @@ def _orbit(model: PolynomialModel, orbit: Orbit, simulator: Simulator) -> Orbit 
     """The limit cycle of another model, near one or where a motion from there ends."""
     passing("draw limit cycles")
     family = Family(lambda _: model)
-    if (close := near(family, orbit)) is not None:
-        return close
+    if close := near([family], orbit):
+        return close[0]
     start = orbit.mesh_states[0]
     motion = settle(simulator, model, start, duration=FROM_NEARBY, window=WINDOW)
     if motion.kind != "cycle":
@@ -170,7 +170,7 @@ def _orbit(model: PolynomialModel, orbit: Orbit, simulator: Simulator) -> Orbit 
 
 
 def _value(value: float, samples: np.ndarray) -> Value:
-    low, high = np.quantile(samples, QUANTILES_95, method="weibull")
+    low, high = of_draws(samples)
     return Value(float(value), float(low), float(high))
 
 

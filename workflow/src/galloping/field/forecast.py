@@ -16,7 +16,7 @@ from galloping.identification.likelihood.integrals import (
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
 from galloping.immutable import Immutable
-from galloping.intervals import QUANTILES_90
+from galloping.intervals import QUANTILES_90, drawn
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
@@ -348,22 +348,6 @@ def _missed(
     most = np.maximum(np.sqrt(2.0) * deviations(values), missed[-1])
     later = np.maximum(ahead / centres[-1], 1.0)[:, np.newaxis]
     return np.where(later > 1.0, np.minimum(inside * later, most), inside)
-
-
-def drawn(
-    identified: IdentifiedModel, count: int, rng: np.random.Generator
-) -> list[PolynomialModel]:
-    """Models with coefficients drawn from their covariance."""
-    model, support = identified.model, tuple(np.argwhere(identified.support).T)
-    values, vectors = np.linalg.eigh(identified.covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    models = []
-    for _ in range(count):
-        coefficients = model.coefficients.copy()
-        if len(root):
-            coefficients[support] += root @ rng.standard_normal(len(root))
-        models.append(PolynomialModel(model.states, model.terms, coefficients))
-    return models
 
 
 def simulator_of(model: PolynomialModel) -> Simulator:

@@ -6,7 +6,7 @@ from contextlib import suppress
 import numpy as np
 import pandas as pd
 
-from galloping.cycles.ahead import limit_cycle_ahead
+from galloping.cycles.prediction import limit_cycle_ahead
 from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement.motion import Motion

@@ -17,7 +17,7 @@ from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import NORMAL_95
+from galloping.intervals import NORMAL_95, drawn
 from galloping.physics import galerkin
 from galloping.physics.continuous import Span, continuous_line, eigenvalues, release, simulate, span
 from galloping.physics.equations import STATES
@@ -134,14 +134,10 @@ def linear_modes(model: PolynomialModel) -> np.ndarray:
     Rest is the equilibrium near the origin, by Newton's method. NaN where there are no two
     oscillations.
     """
-    rest = np.zeros(len(model.states))
-    step = 1e-6
+    rest = np.zeros((1, len(model.states)))
     for _ in range(10):
-        around = rest + step * np.vstack([np.eye(len(rest)), -np.eye(len(rest))])
-        rates = model(around)
-        jacobian = (rates[: len(rest)] - rates[len(rest) :]).T / (2.0 * step)
-        rest = rest - np.linalg.lstsq(jacobian, model(rest[np.newaxis])[0], rcond=None)[0]
-    values = np.linalg.eigvals(jacobian)
+        rest = rest - np.linalg.lstsq(model.jacobian(rest)[0], model(rest)[0], rcond=None)[0]
+    values = np.linalg.eigvals(model.jacobian(rest)[0])
     values = values[values.imag > 0]
     if len(values) != 2:
         return np.full(4, np.nan)
@@ -162,23 +158,16 @@ def answer(
     An amplitude is of the motion, not of the model alone: the further modes that an approximate
     model names are added to its motion, what it says that it leaves to the interval.
     """
-    model = identified.model
     besides = identified.further_motion(time)
 
-    def quantities(coefficients: np.ndarray) -> np.ndarray:
-        drawn = PolynomialModel(model.states, model.terms, coefficients)
-        states = simulator(drawn, start, time).states + besides
-        return np.concatenate([steady_amplitude(states[time >= STEADY])[:2], linear_modes(drawn)])
+    def quantities(model: PolynomialModel) -> np.ndarray:
+        states = simulator(model, start, time).states + besides
+        return np.concatenate([steady_amplitude(states[time >= STEADY])[:2], linear_modes(model)])
 
-    values = quantities(model.coefficients)
+    values = quantities(identified.model)
     widths = np.full(len(QUANTITIES), np.nan)
-    support = identified.support
-    if len(identified.covariance) == support.sum() > 0:
-        drawn = np.repeat(model.coefficients[np.newaxis], DRAWS, axis=0)
-        drawn[:, support] = rng.multivariate_normal(
-            model.coefficients[support], identified.covariance, DRAWS, method="eigh"
-        )
-        sampled = np.array([quantities(coefficients) for coefficients in drawn])
+    if len(identified.covariance) == identified.support.sum() > 0:
+        sampled = np.array([quantities(each) for each in drawn(identified, DRAWS, rng)])
         # half of the middle 68 %: a few draws that diverge do not count
         low, high = np.nanquantile(sampled, [0.16, 0.84], axis=0)
         widths = NORMAL_95 * (high - low) / 2.0
