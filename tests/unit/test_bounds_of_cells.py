@@ -11,9 +11,9 @@ from galloping.bounds.cell import at_the_bound, bounds_of, deviations, free_term
 from galloping.bounds.identifiable import IDENTIFIABLE
 from galloping.bounds.information import Experiment, state_bound
 from galloping.bounds.releases import ranked_releases
-from galloping.measurement.motion import Motion
-from galloping.measurement.protocols import BY_NAME, Noise, channel_scale
-from galloping.physics.derived import Derived
+from galloping.measurement.measuring import Motion, channel_scale
+from galloping.measurement.protocols import BY_NAME, Noise
+from galloping.physics.galerkin import Derived
 from galloping.polynomial import library
 from galloping.simulation import Simulator
 from galloping.tables.bounds import efficiency, identifiability

@@ -33,7 +33,7 @@ from galloping.configuration.parameters import (
 )
 from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import Settings
-from galloping.cycles import line_family
+from galloping.cycles import family
 from galloping.paper import variations
 from galloping.physics import continuous, measures
 from galloping.physics.galerkin import derive
@@ -659,6 +659,6 @@ def test_settings_allow_what_there_is():
     nodes = dict(leaves())
     aerodynamics = nodes["cases.<name>.truth.aerodynamics"]["enum"]
     assert tuple(aerodynamics) == continuous.AERODYNAMICS
-    assert set(assessment.SWEPT) == set(line_family.PARAMETERS)
+    assert set(assessment.SWEPT) == set(family.PARAMETERS)
     assert set(assessment.MEASURES) == set(measures.KINDS)
     assert set(OPEN_PARAMETERS) == set(variations.OPEN)

@@ -6,17 +6,19 @@ from scipy.integrate import solve_ivp
 
 from galloping.physics import galerkin
 from galloping.physics.continuous import (
+    QUARTERS,
     continuous_line,
     eigenvalues,
     equilibrium,
+    first_modes,
     natural_modes,
+    readings,
     release,
     shapes_at,
     simulate,
     span,
 )
 from galloping.physics.line import Line
-from galloping.physics.sensors import QUARTERS, first_modes, readings
 
 TIME = np.arange(30001) / 100
 BARE = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}

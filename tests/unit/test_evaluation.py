@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from galloping.evaluation.cell import evaluate, reconstruct
 from galloping.evaluation.coefficients import (
     coverage,
     efficiency,
@@ -19,17 +18,15 @@ from galloping.evaluation.coefficients import (
     support_scores,
 )
 from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
-from galloping.evaluation.reconstruction import summarise as summarise_motions
-from galloping.evaluation.score import Truth, score
+from galloping.evaluation.motion import summarise as summarise_motions
+from galloping.evaluation.score import Truth, evaluate, reconstruct, score
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
 from galloping.intervals import interval
-from galloping.measurement.measuring import measure
-from galloping.measurement.motion import Motion
-from galloping.physics.derived import Derived
+from galloping.measurement.measuring import Motion, measure
 from galloping.physics.equations import model
-from galloping.physics.galerkin import coefficients
+from galloping.physics.galerkin import Derived, coefficients
 from galloping.polynomial import PolynomialModel, extended, library
 from galloping.simulation import Simulator, Trajectory
 from galloping.tables.coefficients import identified_terms, table3

@@ -10,7 +10,7 @@ from drawing import drawn
 from matplotlib.text import Text
 
 from galloping.configuration.load import load, plain
-from galloping.evaluation.reconstruction import Reconstruction
+from galloping.evaluation.motion import Reconstruction
 from galloping.figures.claims import draw_claims
 from galloping.figures.coefficients import draw_coefficients
 from galloping.figures.draws import draw_draws
@@ -30,7 +30,7 @@ from galloping.figures.style import METHODS, method_style, styled
 from galloping.figures.trust import draw_trust
 from galloping.figures.write import write_figure
 from galloping.identification.model import IdentifiedModel
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion
 from galloping.measurement.protocols import BY_NAME as PROTOCOLS
 from galloping.paper.printed import CLAIMS
 from galloping.physics.galerkin import derive

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
-from galloping.physics import ice_coefficients
 from galloping.physics.equations import STATES, TERMS, model, symbol_of
-from galloping.physics.galerkin import coefficients, derive
+from galloping.physics.galerkin import coefficients, derive, ice_coefficients
 from galloping.physics.line import Line
 from galloping.polynomial import design_matrix, library
 from galloping.simulation import Simulator, time_grid
@@ -138,7 +137,7 @@ def lagrange(case):
     pressure = wind["air_density"] * case["bundle"]["dimension"] * wind["speed"] ** 2 / 2
     rows = []
     ratios = case["damping"]["vertical"], case["damping"]["horizontal"]
-    for k, printed in enumerate(ice_coefficients.coefficients(case["ice"])):
+    for k, printed in enumerate(ice_coefficients(case["ice"])):
         load = pressure * sum(c * alpha**i for i, c in enumerate(printed, start=1))
         work = load @ (shape * ds)  # virtual, per unit of q
         rest = (slopes[k].imag / tiny.imag - work) / modal_mass
@@ -263,7 +262,7 @@ def test_vertical_limit_cycle_by_averaging():
         case["wind"]["speed"],
         2 * derived.quantities["modal_mass_v_kg"] / case["line"]["span"],
     )
-    b1, _, b3 = ice_coefficients.coefficients(case["ice"])[0]
+    b1, _, b3 = ice_coefficients(case["ice"])[0]
     drag = case["wind"]["air_density"] * case["bundle"]["dimension"] * speed
     damped = 4 * mass * case["damping"]["vertical"] * omega / drag
     expected = speed / omega * 4 / 3 * sqrt((b1 - damped) / abs(b3))

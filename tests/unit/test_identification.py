@@ -16,10 +16,10 @@ from galloping.identification.model import BY_TERM, IdentifiedModel, Unusable
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import evidence as sparse_evidence
 from galloping.identification.sparse import stlsq
-from galloping.identification.sparse.bagging import bagged_medians
 from galloping.identification.sparse.differentiation import differentiate
-from galloping.identification.sparse.drawing import seeded
+from galloping.identification.sparse.ensemble import bagged_medians
 from galloping.identification.sparse.evidence import reduce
+from galloping.identification.sparse.filters import seeded
 from galloping.identification.sparse.regression import regression, stretches
 from galloping.identification.sparse.supports import (
     best_threshold,
@@ -28,8 +28,7 @@ from galloping.identification.sparse.supports import (
     thresholded_supports,
 )
 from galloping.importing import imported
-from galloping.measurement.measuring import measure
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion, measure
 from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.recording import Recording
 from galloping.study.files import identified

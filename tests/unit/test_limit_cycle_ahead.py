@@ -7,9 +7,9 @@ import pytest
 
 from galloping.cycles.prediction import limit_cycle_ahead
 from galloping.identification.model import IdentifiedModel
-from galloping.measurement.motion import Motion
-from galloping.physics.derived import Derived
+from galloping.measurement.measuring import Motion
 from galloping.physics.equations import STATES
+from galloping.physics.galerkin import Derived
 from galloping.polynomial import library
 from galloping.tables.ahead import limit_cycles_ahead
 

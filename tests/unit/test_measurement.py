@@ -5,8 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from galloping.measurement.measuring import measure
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion, measure
 from galloping.measurement.protocols import BY_NAME, Noise, Protocol
 from galloping.recording import Recording
 from galloping.seeds import generator

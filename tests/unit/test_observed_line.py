@@ -5,8 +5,7 @@ import pytest
 
 from galloping.configuration.load import ConfigurationError, load, plain
 from galloping.configuration.parameters import conductor_parameters
-from galloping.evaluation.cell import evaluate
-from galloping.evaluation.score import Truth
+from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement.continuous import motion
 from galloping.physics.equations import STATES, model

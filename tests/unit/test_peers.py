@@ -10,13 +10,11 @@ from galloping.figures.overview import beaten_at
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.alternatives import PATHS, alternatives
 from galloping.identification.sparse.cross_validation import FOLDS, Judged, judge
-from galloping.identification.sparse.drawing import seeded
 from galloping.identification.sparse.evidence import Regressions, reduce
-from galloping.identification.sparse.filters import Filtered, savitzky_golay, weak_form
+from galloping.identification.sparse.filters import Filtered, savitzky_golay, seeded, weak_form
 from galloping.identification.sparse.regression import Regression
 from galloping.identification.sparse.supports import forward_models
-from galloping.measurement.measuring import measure
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion, measure
 from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import PolynomialModel, library
 from galloping.tables.scores import CHOSEN, ORACLE, peers

@@ -14,8 +14,14 @@ import yaml
 
 from galloping.configuration.load import load, plain
 from galloping.publication import archive
-from galloping.publication.archive import UnsafeArchive, is_plain, pack, unpack
-from galloping.publication.manifest import MANIFEST, write_manifest
+from galloping.publication.archive import (
+    MANIFEST,
+    UnsafeArchive,
+    is_plain,
+    pack,
+    unpack,
+    write_manifest,
+)
 from galloping.publication.provenance import Commit, commit
 from galloping.publication.publishing import files, obstacles
 from galloping.publication.restoration import (
@@ -24,10 +30,10 @@ from galloping.publication.restoration import (
     faults,
     restore,
 )
-from galloping.reproducibility import recovery
-from galloping.reproducibility.audit import Audit
+from galloping.reproducibility import repair
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.receipts import Receipt, digest, read_receipt, write_receipt
+from galloping.reproducibility.repair import Audit
 from galloping.tables.comparison import table_differences
 
 RESULTS = "results/mine"
@@ -180,7 +186,7 @@ def made_here(inputs=INPUTS):
 def told(monkeypatch):
     """The plans of which Snakemake was told to take what is there as made."""
     plans = []
-    monkeypatch.setattr(recovery, "record", plans.append)
+    monkeypatch.setattr(repair, "record", plans.append)
     return plans
 
 

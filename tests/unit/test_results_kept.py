@@ -1,4 +1,4 @@
-"""Receipts, what is made of them at the start of a run, recovery and audit; without Snakemake."""
+"""Receipts, what is made of them at the start of a run, audit and repair; without Snakemake."""
 
 import os
 from dataclasses import replace
@@ -7,8 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from galloping.reproducibility import claim, inspection, job, recovery
-from galloping.reproducibility.audit import audit
+from galloping.reproducibility import inspection, job, lock, repair
 from galloping.reproducibility.inspection import inspect
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.receipts import (
@@ -18,6 +17,7 @@ from galloping.reproducibility.receipts import (
     receipts,
     write_receipt,
 )
+from galloping.reproducibility.repair import audit
 
 RESULTS = "results/mine"
 SETTINGS = {"speed": 12.0, "code": "abc"}
@@ -59,7 +59,7 @@ def plan(*paths, settings=SETTINGS, **inputs):
 
 
 def as_planned(study):
-    return sorted(recovery.as_planned(study, receipts(RESULTS)))
+    return sorted(repair.as_planned(study, receipts(RESULTS)))
 
 
 @pytest.fixture(autouse=True)
@@ -70,10 +70,10 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def adopted(monkeypatch):
-    """What recovery says of a plan, and how often Snakemake was told to take what is there."""
+    """What a repair says of a plan, and how often Snakemake was told to take what is there."""
     told = []
-    monkeypatch.setattr(recovery, "record", told.append)
-    return lambda study: (list(recovery.adopt(study)), len(told))
+    monkeypatch.setattr(repair, "record", told.append)
+    return lambda study: (list(repair.adopt(study)), len(told))
 
 
 def look(**options):
@@ -183,31 +183,31 @@ def test_only_what_changed_is_read_again(monkeypatch):
     assert len(read) == 3
 
 
-def test_after_a_kill_only_a_repair_claims_a_study():
-    with pytest.raises(claim.Killed), claim.claimed(RESULTS, "mend"):
-        raise claim.Killed
-    with pytest.raises(claim.Obstacle, match="was killed: `mend`"), claim.claimed(RESULTS, "mend"):
+def test_after_a_kill_only_a_repair_may_lock_a_study():
+    with pytest.raises(lock.Killed), lock.locked(RESULTS, "mend"):
+        raise lock.Killed
+    with pytest.raises(lock.Obstacle, match="was killed: `mend`"), lock.locked(RESULTS, "mend"):
         pass
-    with claim.claimed(RESULTS, "mend", repairing=True):
+    with lock.locked(RESULTS, "mend", repairing=True):
         pass
-    with claim.claimed(RESULTS, "mend"):
+    with lock.locked(RESULTS, "mend"):
         pass
 
 
-# recovery
+# repair
 
 
 def test_files_are_set_aside_over_no_other():
     table = Path(make("tables/t.csv"))
     for text in ("first\n", "second\n"):
         table.write_text(text)
-        recovery.set_aside(RESULTS, str(table))
+        repair.set_aside(RESULTS, str(table))
     kept = sorted(Path(RESULTS, "set_aside/tables").iterdir())
     assert [path.read_text() for path in kept] == ["first\n", "second\n"]
     left = Path(RESULTS, "models/.partial-123-b.json")
     left.parent.mkdir()
     left.touch()
-    assert len(list(claim.sweep(RESULTS))) == 1 and not left.exists()
+    assert len(list(lock.sweep(RESULTS))) == 1 and not left.exists()
 
 
 def test_only_what_is_made_as_planned_is_adopted(adopted):

@@ -11,8 +11,7 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from galloping.publication import manifest
-from galloping.publication.archive import unpack
+from galloping.publication.archive import MANIFEST, unpack
 from galloping.reproducibility.receipts import digest
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
@@ -93,7 +92,7 @@ def unpacked(archive):
 
 def test_the_folder_is_the_archive_and_says_what_it_is(clone, unpacked):
     folder = clone / RESULTS / "publication"
-    check = subprocess.run(["sha256sum", "--check", "--quiet", manifest.MANIFEST], cwd=folder)
+    check = subprocess.run(["sha256sum", "--check", "--quiet", MANIFEST], cwd=folder)
     assert check.returncode == 0
     files = contents(unpacked)
     assert files == {k: v for k, v in contents(folder).items() if not k.endswith(".zip")}

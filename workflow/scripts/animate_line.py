@@ -5,8 +5,8 @@ from contextlib import suppress
 import numpy as np
 
 from galloping.cycles.collocation import circle
+from galloping.cycles.family import LIBRARY, initial_state, line_family
 from galloping.cycles.limit_cycles import settled
-from galloping.cycles.line_family import LIBRARY, initial_state, line_family
 from galloping.cycles.motion import settle
 from galloping.figures.animation import write_animation
 from galloping.figures.style import spoken

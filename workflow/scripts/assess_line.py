@@ -4,7 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from galloping.cycles.line_family import LIBRARY, initial_state, line_family
+from galloping.cycles.family import LIBRARY, initial_state, line_family
 from galloping.cycles.motion import settle
 from galloping.cycles.prediction import SAMPLES, split
 from galloping.cycles.ranking import DAMPING, Design, derived, ranked

@@ -1,8 +1,7 @@
 """The Cramer-Rao bound of one cell, and scores of its models and of models at the bound."""
 
 from galloping.bounds.cell import cell_bounds, deviations, models_at, no_models
-from galloping.evaluation.cell import evaluate
-from galloping.evaluation.score import Truth
+from galloping.evaluation.score import Truth, evaluate
 from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run

@@ -1,6 +1,6 @@
 """Limit cycles of one line along a parameter, and where they begin, change and end."""
 
-from galloping.cycles.line_family import LIBRARY
+from galloping.cycles.family import LIBRARY
 from galloping.cycles.rows import bifurcation_rows, limit_cycle_rows, line_diagram
 from galloping.physics.equations import STATES
 from galloping.reproducibility.job import run

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from galloping.cycles.line_family import LIBRARY, initial_state
+from galloping.cycles.family import LIBRARY, initial_state
 from galloping.cycles.prediction import Prediction, predict, split
 from galloping.cycles.ranking import DAMPING
 from galloping.cycles.rows import prediction_rows, steady_truth

@@ -6,10 +6,10 @@ Usage: prune_results.py [--delete] [--configfile FILE ...]
 import argparse
 import sys
 
-from galloping.reproducibility.audit import audit, remove
-from galloping.reproducibility.claim import Obstacle, claimed
 from galloping.reproducibility.inspection import make_command
+from galloping.reproducibility.lock import Obstacle, locked
 from galloping.reproducibility.plan import planning
+from galloping.reproducibility.repair import audit, remove
 
 
 def main() -> None:
@@ -19,7 +19,7 @@ def main() -> None:
     options = parser.parse_args()
     plan = planning(options.configfile)
     try:
-        with claimed(plan.results, make_command(options.configfile, "repair")):
+        with locked(plan.results, make_command(options.configfile, "repair")):
             left_over = audit(plan).left_over
             for receipt in left_over:
                 print(*(remove(receipt) if options.delete else [receipt.path]))

@@ -7,8 +7,8 @@ import argparse
 import sys
 
 from galloping.publication.publishing import ALLOWABLE, NotPublishable, publish
-from galloping.reproducibility.claim import Obstacle, claimed
 from galloping.reproducibility.inspection import make_command
+from galloping.reproducibility.lock import Obstacle, locked
 from galloping.reproducibility.plan import planning
 from galloping.reproducibility.receipts import digest
 
@@ -23,7 +23,7 @@ def main() -> None:
         sys.exit(f"ALLOW: {unknown[0]!r} is not allowed; must be of {', '.join(ALLOWABLE)}")
     plan = planning(options.configfile)
     try:
-        with claimed(plan.results, make_command(options.configfile, "repair")):
+        with locked(plan.results, make_command(options.configfile, "repair")):
             archive = publish(plan, allowed)
     except Obstacle as error:
         sys.exit(str(error))

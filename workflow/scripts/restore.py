@@ -9,8 +9,8 @@ from pathlib import Path
 
 from galloping.publication.archive import UnsafeArchive
 from galloping.publication.restoration import NotRestorable, check_digest, restore
-from galloping.reproducibility.claim import Obstacle, claimed
 from galloping.reproducibility.inspection import inspect, make_command, remember
+from galloping.reproducibility.lock import Obstacle, locked
 from galloping.reproducibility.plan import planning
 from galloping.reproducibility.receipts import receipts
 
@@ -24,7 +24,7 @@ def main() -> None:
     options = parser.parse_args()
     plan = planning(options.configfile)
     try:
-        with claimed(plan.results, make_command(options.configfile, "repair")):
+        with locked(plan.results, make_command(options.configfile, "repair")):
             check_digest(options.archive, options.sha256)
             for line in restore(options.archive, plan, replacing=options.replace):
                 print(line)

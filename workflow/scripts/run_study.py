@@ -11,18 +11,18 @@ import sys
 from pathlib import Path
 
 from galloping.configuration.load import ConfigurationError, results_folder
-from galloping.reproducibility.claim import (
+from galloping.reproducibility.inspection import inspect, make_command, remember
+from galloping.reproducibility.job import failures
+from galloping.reproducibility.lock import (
     Killed,
     Obstacle,
     check_disk,
-    claimed,
     end_orphans,
     killed,
+    locked,
     marked_environment,
     sweep,
 )
-from galloping.reproducibility.inspection import inspect, make_command, remember
-from galloping.reproducibility.job import failures
 from galloping.reproducibility.receipts import receipts
 
 
@@ -37,7 +37,7 @@ def main(*arguments: str) -> int:
     files, repair = known.configfile, make_command(known.configfile, "repair")
     try:
         results = results_folder(["config/config.yaml", *files])
-        with claimed(results, repair, repairing=own.repair) as began:
+        with locked(results, repair, repairing=own.repair) as began:
             targets = mend(results, files) if own.repair else check(results, files, repair)
             status, interrupted = snakemake(results, *targets, *options)
             for line in sweep(results):
@@ -111,7 +111,7 @@ def check(results: str, configfiles: list[str], repair: str) -> list[str]:
 def mend(results: str, configfiles: list[str]) -> list[str]:
     """Make a study fit to go on, and say how; targets for Snakemake as of `check`."""
     from galloping.reproducibility.plan import planning, recorded, unlock
-    from galloping.reproducibility.recovery import adopt, set_aside
+    from galloping.reproducibility.repair import adopt, set_aside
 
     if ended := end_orphans(results):
         print(f"ended {ended} jobs that a killed run had left running")

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from galloping.importing import imported
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion
 from galloping.reproducibility.job import run
 from galloping.seeds import generator
 from galloping.simulation import Simulator, time_grid

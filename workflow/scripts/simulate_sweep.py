@@ -3,7 +3,7 @@
 import csv
 from pathlib import Path
 
-from galloping.cycles.line_family import LIBRARY
+from galloping.cycles.family import LIBRARY
 from galloping.cycles.rows import map_rows, simulation_rows
 from galloping.physics.equations import STATES
 from galloping.reproducibility.job import run

@@ -10,8 +10,8 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from galloping.reproducibility.audit import audit
 from galloping.reproducibility.plan import planning
+from galloping.reproducibility.repair import audit
 from galloping.storage import replacing, write_json
 from galloping.tables.reference import Origin, processor
 

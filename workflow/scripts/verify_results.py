@@ -7,9 +7,9 @@ Ends with exit code 1 if anything is not as it should be.
 import argparse
 import sys
 
-from galloping.reproducibility.audit import audit
 from galloping.reproducibility.inspection import make_command
 from galloping.reproducibility.plan import planning
+from galloping.reproducibility.repair import audit
 
 FAULTS = {
     "damaged": "not what its job wrote: `{repair}` makes it again",

@@ -8,7 +8,7 @@ from PIL import Image
 
 from galloping.configuration.load import load, plain
 from galloping.cycles.collocation import circle
-from galloping.cycles.line_family import LIBRARY
+from galloping.cycles.family import LIBRARY
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, derived, ranked
 from galloping.cycles.rows import (

@@ -207,7 +207,7 @@ def test_models_must_share_a_library():
 
 def test_a_hundred_points_within_five_seconds():
     from galloping.configuration.load import load, plain
-    from galloping.cycles.line_family import line_family
+    from galloping.cycles.family import line_family
 
     line = line_family(plain(load({}))["cases"]["internal_resonance"], "wind_speed")
     span = Range(1, 25, max_points=100)

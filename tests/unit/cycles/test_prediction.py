@@ -9,7 +9,7 @@ import pytest
 from lines import simulate
 
 from galloping.configuration.load import load, plain
-from galloping.cycles.line_family import LIBRARY, critical_wind
+from galloping.cycles.family import LIBRARY, critical_wind
 from galloping.cycles.prediction import predict, split
 from galloping.cycles.ranking import Design, changed, critical_winds, derived, evaluate, ranked
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood

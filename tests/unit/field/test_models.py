@@ -18,8 +18,7 @@ from galloping.field.study import Question, analyse, read_field
 from galloping.field.summary import hold_out, longest_period
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.smoothing import shortest_period
-from galloping.measurement.measuring import measure
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion, measure
 from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import library

@@ -7,7 +7,7 @@ from drawing import drawn
 
 from galloping.figures.printed import draw_printed
 from galloping.figures.reproduction import draw_reproduction
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion
 from galloping.paper.amounts import Amounts
 from galloping.paper.claims import HELD, judged, together
 from galloping.paper.draws import paper_draws

@@ -6,8 +6,7 @@ import pytest
 from scipy.stats import ks_2samp
 
 from galloping.configuration.load import load, plain
-from galloping.evaluation.cell import evaluate
-from galloping.evaluation.score import Truth
+from galloping.evaluation.score import Truth, evaluate
 from galloping.identification import cell, registry
 from galloping.identification.sparse.evidence import reduce
 from galloping.measurement.measuring import measure

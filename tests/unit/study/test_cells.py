@@ -9,8 +9,8 @@ import pytest
 from galloping.configuration.load import load
 from galloping.figures import registry as figures
 from galloping.importing import imported
-from galloping.measurement.motion import Motion
-from galloping.physics.derived import Derived
+from galloping.measurement.measuring import Motion
+from galloping.physics.galerkin import Derived
 from galloping.polynomial import PolynomialModel
 from galloping.study import jobs, shown, sources
 from galloping.study.cells import Study

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from itertools import chain, combinations_with_replacement
 from math import floor, isfinite, log10
 from numbers import Integral
@@ -65,22 +66,41 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
     that one is in the library.
     """
     theta = np.empty((len(x), len(terms)), order="F")
-    column = {term: j for j, term in enumerate(terms)}
-    for j, term in enumerate(terms):
-        last = max((k for k, e in enumerate(term) if e), default=None)
+    for j, (last, lower) in enumerate(_products(terms)):
         if last is None:
             theta[:, j] = 1.0
-            continue
-        lower = tuple(e - (k == last) for k, e in enumerate(term))
-        if min(term) < 0:
-            theta[:, j] = np.prod(x ** np.array(term, float), axis=1)
-        elif not any(lower):
+        elif lower is None:
+            theta[:, j] = np.prod(x ** np.array(terms[j], float), axis=1)
+        elif lower < 0:
             theta[:, j] = x[:, last]
-        elif column.get(lower, j) < j:
-            np.multiply(theta[:, column[lower]], x[:, last], out=theta[:, j])
         else:
-            theta[:, j] = np.prod(x ** np.asarray(term), axis=1)
+            np.multiply(theta[:, lower], x[:, last], out=theta[:, j])
     return theta
+
+
+@cache
+def _products(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None], ...]:
+    """How each monomial is made: the last of its states, and the place of the monomial of one
+    degree less; -1 where that is a constant, None where it is not among those before.
+    """
+    column, made = {term: j for j, term in enumerate(terms)}, []
+    for j, term in enumerate(terms):
+        last = max((k for k, e in enumerate(term) if e), default=None)
+        lower = tuple(e - (k == last) for k, e in enumerate(term))
+        place = -1 if last is not None and not any(lower) else column.get(lower, j)
+        made.append((last, place if place < j and min(term) >= 0 else None))
+    return tuple(made)
+
+
+@cache
+def _slopes(terms: tuple[Exponents, ...], n_states: int) -> tuple[tuple, ...]:
+    """By state: places of the terms that it is in, its exponents there, and those terms lowered."""
+    exponents, found = np.array(terms), []
+    for k in range(n_states):
+        places = np.flatnonzero(exponents[:, k])
+        lower = exponents[places] - (np.arange(exponents.shape[1]) == k)
+        found.append((places, exponents[places, k], tuple(map(tuple, lower.tolist()))))
+    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -162,13 +182,11 @@ class PolynomialModel(Immutable):
         self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """How they depend on the states: (n, n_states) -> (n, n_states, n_states)."""
-        exponents = np.array(self.terms)
-        slopes = []
-        for k in range(len(self.states)):
-            lower = exponents.copy()
-            lower[:, k] = np.maximum(lower[:, k] - 1, 0)
-            theta = design_matrix(_beside(x, u), tuple(map(tuple, lower.tolist())))
-            slopes.append(theta @ (self.coefficients * exponents[:, k]).T)
+        both = _beside(x, u)
+        slopes = [
+            design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
+            for places, factors, lower in _slopes(self.terms, len(self.states))
+        ]
         return np.stack(slopes, axis=2)
 
     def at(self, values: Mapping[str, float]) -> PolynomialModel:

@@ -13,8 +13,8 @@ from galloping.arrays import initial_state as checked_state
 from galloping.bounds.information import Experiment, state_bound
 from galloping.configuration.load import ConfigurationError, load, plain
 from galloping.inputs import Input, at_times
+from galloping.measurement.measuring import Motion
 from galloping.measurement.measuring import measure as recordings_of
-from galloping.measurement.motion import Motion
 from galloping.measurement.protocols import BY_NAME
 from galloping.physics.equations import model as equations_of
 from galloping.physics.galerkin import coefficients

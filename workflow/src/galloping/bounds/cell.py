@@ -16,8 +16,7 @@ from galloping.bounds.information import (
     weighted_sensitivities,
 )
 from galloping.identification.model import IdentifiedModel
-from galloping.measurement.measuring import measure, noises_of
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion, measure, noises_of
 from galloping.measurement.protocols import Noise
 from galloping.polynomial import PolynomialModel
 from galloping.seeds import generator

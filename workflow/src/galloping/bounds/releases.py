@@ -9,7 +9,7 @@ import numpy as np
 from galloping.bounds.cell import free_terms
 from galloping.bounds.identifiable import IDENTIFIABLE
 from galloping.bounds.information import Experiment, ranked_experiments
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion
 from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import PolynomialModel, term_name
 from galloping.simulation import Simulator

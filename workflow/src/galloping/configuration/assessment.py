@@ -7,7 +7,7 @@ from pydantic import field_validator, model_validator
 from galloping.configuration.fields import Name, invalid, one_of, show
 from galloping.configuration.keys import keys
 
-# What a sweep can vary: `galloping.cycles.line_family.PARAMETERS`.
+# What a sweep can vary: `galloping.cycles.family.PARAMETERS`.
 SWEPT = (
     "wind_speed", "tension", "damping_ratio", "damping_vertical", "damping_horizontal", "span",
     "spacer_mass", "bundle_dimension", "ice_vertical_1", "ice_vertical_2", "ice_vertical_3",

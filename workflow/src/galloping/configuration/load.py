@@ -1,7 +1,5 @@
 """From a YAML file or a mapping to settings, or to one clear line per problem."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from functools import reduce

@@ -1,7 +1,5 @@
 """The physical parameters of each case with unit and source, for the first two tables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import reduce

@@ -4,8 +4,6 @@ python -m galloping.configuration.reference --write config/README.md \
     workflow/schemas/config.schema.json
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -1,7 +1,5 @@
 """The JSON schema of the settings, and how to read it: the one source for messages and docs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 

@@ -8,9 +8,8 @@ by interval, what remains couples the mesh points alone (de Boor and Swartz, SIA
 carry one mesh point to the next multiply to the monodromy matrix.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -53,6 +52,11 @@ class Orbit:
     value: float
 
     @property
+    def nodes(self) -> np.ndarray:
+        """(n, STAGES + 1, n_states) at the left end and the Gauss points of each interval."""
+        return np.concatenate([self.mesh_states[:, np.newaxis], self.stage_states], axis=1)
+
+    @property
     def stage_weights(self) -> np.ndarray:
         """(n, STAGES) weights of the integral over one period of scaled time."""
         return self.widths[:, np.newaxis] * B
@@ -70,8 +74,7 @@ class Orbit:
         phase = np.mod(phase, 1.0)
         i = np.clip(np.searchsorted(edges, phase, side="right") - 1, 0, len(self.widths) - 1)
         local = (phase - edges[i]) / self.widths[i]
-        values = np.concatenate([self.mesh_states[:, np.newaxis], self.stage_states], axis=1)
-        return np.einsum("pk,pks->ps", _lagrange(local), values[i])
+        return np.einsum("pk,pks->ps", _lagrange(local), self.nodes[i])
 
     def sampled(self, per_interval: int = 24) -> tuple[np.ndarray, np.ndarray]:
         """Times (n,) in s over one period, end left out, and states (n, n_states)."""
@@ -80,7 +83,7 @@ class Orbit:
         phase = (left[:, np.newaxis] + self.widths[:, np.newaxis] * inner).ravel()
         return phase * self.period, self.at(phase)
 
-    def twice(self) -> Orbit:
+    def twice(self) -> Self:
         """The same motion as an orbit of two turns."""
         return Orbit(
             np.tile(self.widths, 2) / 2,
@@ -97,10 +100,9 @@ class Orbit:
 
     def velocity(self) -> np.ndarray:
         """(n, STAGES, n_states) derivative by scaled time at the Gauss points."""
-        values = np.concatenate([self.mesh_states[:, np.newaxis], self.stage_states], axis=1)
-        return _SLOPES @ values / self.widths[:, np.newaxis, np.newaxis]
+        return _SLOPES @ self.nodes / self.widths[:, np.newaxis, np.newaxis]
 
-    def on(self, widths: np.ndarray) -> Orbit:
+    def on(self, widths: np.ndarray) -> Self:
         """The same orbit, interpolated on another mesh."""
         left = np.cumsum(widths) - widths
         stages = (left[:, np.newaxis] + widths[:, np.newaxis] * C).ravel()
@@ -112,8 +114,7 @@ class Orbit:
 
         The derivative of order STAGES + 1, from steps of that of order STAGES (de Boor 1973).
         """
-        values = np.concatenate([self.mesh_states[:, np.newaxis], self.stage_states], axis=1)
-        top = np.einsum("k,iks->is", _LEADING, values) / self.widths[:, np.newaxis] ** STAGES
+        top = np.einsum("k,iks->is", _LEADING, self.nodes) / self.widths[:, np.newaxis] ** STAGES
         distance = (self.widths + np.roll(self.widths, -1)) / 2
         jump = np.linalg.norm(np.roll(top, -1, axis=0) - top, axis=1) / distance
         return self.widths * ((jump + np.roll(jump, 1)) / 2) ** (1 / (STAGES + 1))
@@ -165,23 +166,6 @@ def circle(
 
 
 @dataclass(frozen=True)
-class Border:
-    """A linear condition on a change of the orbit: sum of the products with the changes of
-    stage states (n, STAGES, n_states), of the period and of the parameter."""
-
-    stages: np.ndarray
-    period: float
-    value: float
-
-    def of(self, change: Change) -> float:
-        return float(
-            np.sum(self.stages * change.stages)
-            + self.period * change.period
-            + self.value * change.value
-        )
-
-
-@dataclass(frozen=True)
 class Change:
     """A change of an orbit: of its mesh and stage states, period and parameter."""
 
@@ -199,9 +183,26 @@ class Change:
             orbit.value + factor * self.value,
         )
 
-    def scaled(self, factor: float) -> Change:
+    def scaled(self, factor: float) -> Self:
         return Change(
             factor * self.mesh, factor * self.stages, factor * self.period, factor * self.value
+        )
+
+
+@dataclass(frozen=True)
+class Border:
+    """A linear condition on a change of the orbit: sum of the products with the changes of
+    stage states (n, STAGES, n_states), of the period and of the parameter."""
+
+    stages: np.ndarray
+    period: float
+    value: float
+
+    def of(self, change: Change) -> float:
+        return float(
+            np.sum(self.stages * change.stages)
+            + self.period * change.period
+            + self.value * change.value
         )
 
 

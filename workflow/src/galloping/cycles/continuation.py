@@ -5,10 +5,8 @@ corrector and the turn of the tangent (Keller 1977; Seydel, Practical Bifurcatio
 Analysis, ch. 4). What is continued, equilibria or limit cycles, is a `ContinuationProblem`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 from scipy.optimize import brentq
@@ -43,7 +41,7 @@ class ContinuationProblem(Protocol):
     def confirmed(self, name: str, stability: Any) -> bool:
         """Whether a zero of test `name` is the bifurcation of that name."""
 
-    def moved(self, solution: Any) -> ContinuationProblem:
+    def moved(self, solution: Any) -> Self:
         """The problem about a new solution."""
 
     def refined(self, solution: Any, tangent: Any, stability: Any) -> tuple[Any, Any] | None:

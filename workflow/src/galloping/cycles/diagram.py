@@ -1,7 +1,5 @@
 """Equilibria and all limit cycles that leave them along a parameter: the bifurcation diagram."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial

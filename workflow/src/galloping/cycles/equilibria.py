@@ -1,9 +1,8 @@
 """Equilibria along a parameter: where they lose stability to galloping (Hopf), fold or branch."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Self
 
 import numpy as np
 
@@ -56,10 +55,10 @@ class _Change:
             solution.state + factor * self.state, solution.value + factor * self.value
         )
 
-    def scaled(self, factor: float) -> _Change:
+    def scaled(self, factor: float) -> Self:
         return _Change(factor * self.state, factor * self.value)
 
-    def of(self, change: _Change) -> float:
+    def of(self, change: Self) -> float:
         return float(self.state @ change.state + self.value * change.value)
 
 
@@ -129,7 +128,7 @@ class EquilibriumProblem:
         complex_pair = np.abs(stability.values.imag) > 0
         return bool(np.any(complex_pair & (rates < 1e-6 * np.max(np.abs(stability.values)))))
 
-    def moved(self, solution: Equilibrium) -> EquilibriumProblem:
+    def moved(self, solution: Equilibrium) -> Self:
         return self
 
     def refined(self, solution, tangent, stability) -> None:

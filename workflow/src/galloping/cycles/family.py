@@ -1,12 +1,13 @@
-"""Polynomial models that depend on one parameter, with the derivatives continuation needs."""
+"""Polynomial models along one parameter, such as the galloping line along its wind speed."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.physics.equations import STATES, TERMS, model
+from galloping.physics.galerkin import coefficients, frequencies, ice_coefficients, modes
+from galloping.physics.line import Line, integrate
 from galloping.polynomial import PolynomialModel, design_matrix
 
 DIFFERENCE = 1e-5  # of the parameter's scale: central differences are good to about 1e-10
@@ -62,3 +63,117 @@ class VectorField:
         """
         model = PolynomialModel(self.states, self.terms, coefficients)
         return model(x), model.jacobian(x), design_matrix(x, self.terms) @ slope.T
+
+
+# every term the derivation can produce, so that the library never changes along a parameter
+LIBRARY = tuple(
+    dict.fromkeys([(0, 0, 1, 0), (0, 0, 0, 1), *(exponents for _, exponents in TERMS.values())])
+)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What can be varied: words and unit for reports, and the case at a value of it."""
+
+    label: str
+    unit: str
+    at: Callable[[Mapping, float], dict]
+
+
+def _entry(section: str, key: str) -> Callable[[Mapping, float], dict]:
+    return lambda case, value: {**case, section: {**case[section], key: value}}
+
+
+def _span(case: Mapping, value: float) -> dict:
+    """The spacers keep their place relative to the span."""
+    share = value / case["line"]["span"]
+    positions = [share * position for position in case["spacers"]["positions"]]
+    return {
+        **case,
+        "line": {**case["line"], "span": value},
+        "spacers": {**case["spacers"], "positions": positions},
+    }
+
+
+def _damping(case: Mapping, value: float) -> dict:
+    return {**case, "damping": {"vertical": value, "horizontal": value}}
+
+
+def _ice(direction: str, power: int) -> Callable[[Mapping, float], dict]:
+    def at(case: Mapping, value: float) -> dict:
+        both = dict(zip(("vertical", "horizontal"), ice_coefficients(case["ice"]), strict=True))
+        changed = list(both[direction])
+        changed[power - 1] = value
+        ice = {name: list(values) for name, values in both.items()} | {direction: changed}
+        return {**case, "ice": {"reading": "custom", **ice}}
+
+    return at
+
+
+PARAMETERS = {
+    "wind_speed": Parameter("wind speed", "m/s", _entry("wind", "speed")),
+    "tension": Parameter("tension of a sub-conductor", "N", _entry("line", "tension")),
+    "damping_ratio": Parameter("structural damping ratio", "1", _damping),
+    "damping_vertical": Parameter("vertical damping ratio", "1", _entry("damping", "vertical")),
+    "damping_horizontal": Parameter(
+        "horizontal damping ratio", "1", _entry("damping", "horizontal")
+    ),
+    "span": Parameter("span", "m", _span),
+    "spacer_mass": Parameter("mass of a spacer", "kg", _entry("spacers", "mass")),
+    "bundle_dimension": Parameter("dimension of the bundle", "m", _entry("bundle", "dimension")),
+    **{
+        f"ice_{direction}_{power}": Parameter(
+            f"{direction} aerodynamic coefficient of order {power}", "1", _ice(direction, power)
+        )
+        for direction in ("vertical", "horizontal")
+        for power in (1, 2, 3)
+    },
+}
+
+
+def parameter(name: str) -> Parameter:
+    """Raises ValueError for a name that no sweep can vary."""
+    if name not in PARAMETERS:
+        raise ValueError(f"{name}: a sweep cannot vary it; it can vary {', '.join(PARAMETERS)}")
+    return PARAMETERS[name]
+
+
+def line_family(case: Mapping, name: str) -> Family:
+    """The models of a case along the parameter `name` of PARAMETERS.
+
+    Raises ValueError for a name that no sweep can vary.
+    """
+    varied = parameter(name)
+
+    def at(value: float):
+        return model(coefficients(varied.at(case, float(value)))).on_library(LIBRARY)
+
+    return Family(at, varied.label, varied.unit)
+
+
+def critical_wind(case: Mapping) -> float:
+    """Wind speed in m/s from which the vertical mode gallops, in closed form: gamma_1 = 0.
+
+    The structural damping 2 zeta omega equals the aerodynamic one, rho D U b1 <phi^2> / (2 m_v)
+    (Den Hartog 1932 for a mode of the span); infinite where the ice does not destabilise.
+    """
+    line = Line.from_case(case)
+    phi, psi = modes(case, line)
+    omega_v, _, m_v, _ = frequencies(line, phi, psi)
+    (b1, _, _), _ = ice_coefficients(case["ice"])
+    per_speed = (
+        0.5
+        * case["wind"]["air_density"]
+        * case["bundle"]["dimension"]
+        * b1
+        * integrate(phi.shape**2, line.span)
+        / m_v
+    )
+    if per_speed <= 0:
+        return float("inf")
+    return 2 * case["damping"]["vertical"] * omega_v / per_speed
+
+
+def initial_state(case: Mapping) -> list[float]:
+    """Where the case's trajectory starts, in the order of the states."""
+    return [case["initial_state"][state] for state in STATES]

@@ -1,10 +1,9 @@
 """Limit cycles along a parameter: their stability and where it changes (Kuznetsov, Elements of
 Applied Bifurcation Theory, ch. 5 and 10)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
+from typing import Self
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -83,7 +82,7 @@ class CycleProblem:
     @classmethod
     def about(
         cls, field: VectorField, orbit: Orbit, resolution: float, ceiling: float = np.inf
-    ) -> CycleProblem:
+    ) -> Self:
         slope = field.slope(orbit.value, resolution)
         return cls(field, orbit, resolution, slope, ceiling, orbit.spread)
 
@@ -125,7 +124,7 @@ class CycleProblem:
         mu = stability.multipliers
         return bool(np.any((np.abs(mu.imag) > 1e-6) & (np.abs(np.abs(mu) - 1) < 1e-4)))
 
-    def moved(self, orbit: Orbit) -> CycleProblem:
+    def moved(self, orbit: Orbit) -> Self:
         slope = self.field.slope(orbit.value, self.resolution)
         largest = max(self.largest, orbit.spread)
         return replace(self, reference=orbit, slope=slope, largest=largest)

@@ -1,7 +1,5 @@
 """Where a motion ends up: a limit cycle, rest, or a motion that never repeats."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ velocity has both parts. They are told apart by known structural damping ratios,
 at two wind speeds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -29,6 +27,7 @@ SETTLING, WINDOW = 1500.0, 50.0  # s: close enough for the correction, and a str
 SETTLED = 0.01  # steps: the second correction of a sampled cycle that is near the predicted one
 
 
+@dataclass(frozen=True)
 class Split:
     """A model told apart into structure and wind: what it is at any wind speed.
 

@@ -1,7 +1,5 @@
 """What a measure does to galloping: critical wind, limit cycle at the design wind, clearance."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace

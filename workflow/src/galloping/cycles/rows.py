@@ -1,7 +1,5 @@
 """Sweep points as tidy rows: limit cycles, bifurcations, maps, predictions, clearance, measures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -10,7 +8,7 @@ import numpy as np
 from galloping.cycles.continuation import Branch, Range
 from galloping.cycles.diagram import Diagram, diagram
 from galloping.cycles.equilibria import HOPF
-from galloping.cycles.line_family import (
+from galloping.cycles.family import (
     critical_wind,
     initial_state,
     line_family,

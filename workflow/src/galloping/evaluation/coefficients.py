@@ -1,7 +1,5 @@
 """Errors of coefficients and of the support."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from galloping.intervals import NORMAL_95

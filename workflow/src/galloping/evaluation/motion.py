@@ -1,9 +1,11 @@
-"""Steady amplitude and frequency of a motion, and how well one motion follows another."""
+"""Motions: steady amplitude and frequency, how well one follows another, those of a cell."""
 
-from __future__ import annotations
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from galloping.intervals import QUANTILES_90
 from galloping.polynomial import PolynomialModel
 
 
@@ -49,3 +51,34 @@ def r_squared(true: np.ndarray, model: np.ndarray) -> np.ndarray:
     residual = np.sum((true - model) ** 2, axis=0)
     total = np.sum((true - true.mean(axis=0)) ** 2, axis=0)
     return np.where(np.isfinite(residual), 1 - residual / total, -np.inf)
+
+
+PLOT_RATE = 20.0  # Hz, an order of magnitude above the fastest harmonic that matters
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """Motion of the replicate with the median R2, and the band that 90 % of replicates stay in.
+
+    time: (n,) s. representative, low, high: (n, n_states), NaN where motions ended early.
+    """
+
+    time: np.ndarray
+    representative: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def summarise(
+    time: np.ndarray, states: Sequence[np.ndarray], quality: np.ndarray
+) -> Reconstruction:
+    """The motions of all replicates.
+
+    time: (n,) s. states: (n, n_states) of each replicate. quality: (n_replicates,), the higher
+    the better.
+    """
+    stride = max(1, round(1 / (PLOT_RATE * (time[1] - time[0]))))
+    middle = np.argsort(quality, kind="stable")[len(quality) // 2]
+    thinned = np.stack([each[::stride] for each in states])
+    low, high = np.quantile(thinned, QUANTILES_90, axis=0)
+    return Reconstruction(time[::stride], thinned[middle], low, high)

@@ -3,16 +3,13 @@
 Of pysindy's STLSQ and FROLS on smoothed states, and of STLSQ on the weak form; of no other method.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from galloping.evaluation.cell import reconstruct
 from galloping.evaluation.coefficients import ORDERS
-from galloping.evaluation.score import UNKNOWN, Truth, score
+from galloping.evaluation.score import UNKNOWN, Truth, reconstruct, score
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse import evidence, weak
 from galloping.identification.sparse.alternatives import PATHS, alternatives
@@ -59,7 +56,7 @@ def _weights(true: PolynomialModel) -> np.ndarray:
 def oracle_rows(
     truth: Truth, replicates: Iterable[Sequence[Recording]], path_length: int
 ) -> list[dict]:
-    """Scores of the oracles of STLSQ, FROLS and the weak form: rows as of `evaluation.cell`.
+    """Scores of the oracles of STLSQ, FROLS and the weak form: rows as of `evaluation.score`.
 
     Each has its `choice` of CHOICES. truth: its model is on the candidate library. replicates:
     recordings of each. path_length: of the thresholds tried.

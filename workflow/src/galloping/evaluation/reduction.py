@@ -1,20 +1,25 @@
 """What the paper's two-mode model is worth: its motion against that of the continuous line."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from galloping.cycles.line_family import initial_state
+from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.physics import galerkin
-from galloping.physics.continuous import Span, continuous_line, release, simulate, span
+from galloping.physics.continuous import (
+    QUARTERS,
+    Span,
+    continuous_line,
+    readings,
+    release,
+    simulate,
+    span,
+)
 from galloping.physics.gusts import wind_speed
 from galloping.physics.line import Line
-from galloping.physics.sensors import QUARTERS, readings
 from galloping.seeds import generator
 
 RATE = 50  # Hz

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from galloping.figures import panels
 from galloping.figures.style import DOUBLE, SERIES, method_style, spoken
 from galloping.identification.model import IdentifiedModel
-from galloping.physics.derived import Derived
 from galloping.physics.equations import EQUATIONS, STATES, TERMS
+from galloping.physics.galerkin import Derived
 from galloping.polynomial import library
 from galloping.tables.coefficients import identified_terms
 

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from galloping.evaluation.reconstruction import Reconstruction
+from galloping.evaluation.motion import Reconstruction
 from galloping.figures import panels
 from galloping.figures.style import DOUBLE, MODEL, STATE_LABELS, TRUE, method_style, spoken
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion
 
 HEADROOM = 1.5  # of the true motion: what goes beyond is cut
 

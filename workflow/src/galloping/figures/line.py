@@ -12,7 +12,7 @@ from matplotlib.patches import Circle
 from galloping.figures import panels
 from galloping.figures.sketch import INK, arrow, bare, iced_conductor
 from galloping.figures.style import DOUBLE, MODEL, spoken
-from galloping.physics.derived import Derived
+from galloping.physics.galerkin import Derived
 from galloping.physics.line import MODES, Line, positions
 
 HEIGHT = 2.9

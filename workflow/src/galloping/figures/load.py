@@ -12,8 +12,8 @@ from matplotlib.patches import Arc
 from galloping.figures import panels
 from galloping.figures.sketch import INK, arrow, bare, iced_conductor
 from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER
-from galloping.measurement.motion import Motion
-from galloping.physics import ice_coefficients
+from galloping.measurement.measuring import Motion
+from galloping.physics.galerkin import ice_coefficients
 
 
 def draw_load(trajectory: Sequence[Motion], settings: Mapping) -> Figure:
@@ -30,7 +30,7 @@ def draw_load(trajectory: Sequence[Motion], settings: Mapping) -> Figure:
     _vectors(left.subplots())
     attack = velocity / case["wind"]["speed"]
     upper, lower = right.subplots(2, 1, sharex=True)
-    vertical, horizontal = ice_coefficients.coefficients(case["ice"])
+    vertical, horizontal = ice_coefficients(case["ice"])
     _curve(upper, vertical, attack, "$C_Y$", "-")
     _curve(lower, horizontal, attack, "$C_Z$", "--")
     panels.letter(upper, 1, f"$C_Y$: {_formula(vertical)}")

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from galloping.evaluation.reconstruction import Reconstruction
+from galloping.evaluation.motion import Reconstruction
 from galloping.figures import panels
 from galloping.figures.style import (
     DIRECTIONS,
@@ -19,7 +19,7 @@ from galloping.figures.style import (
     scientific,
     spoken,
 )
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion
 
 LAST = 30.0  # s at the end of the record, where single periods can be seen
 

@@ -1,16 +1,20 @@
 """The motion of a continuous line as the sensors along its span see it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
 
-from galloping.measurement.motion import Motion
-from galloping.physics.continuous import continuous_line, release, simulate
+from galloping.measurement.measuring import Motion
+from galloping.physics.continuous import (
+    QUANTITIES,
+    continuous_line,
+    first_modes,
+    readings,
+    release,
+    simulate,
+)
 from galloping.physics.equations import STATES
 from galloping.physics.gusts import wind_speed
-from galloping.physics.sensors import QUANTITIES, first_modes, readings
 
 
 def motion(

@@ -1,15 +1,28 @@
 """What instruments would have recorded of a motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.measurement.motion import Motion
-from galloping.measurement.protocols import BY_NAME, DERIVATIVES, Noise, channel_scale
+from galloping.measurement.protocols import BY_NAME, DERIVATIVES, Noise
 from galloping.recording import Recording
 from galloping.seeds import generator
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The motion of a line after one release.
+
+    names: of the n_states states. time: (n,) s. states: (n, n_states), SI units.
+    derivatives: (n, n_states), per second. status: `ok`, or why the motion ended early.
+    """
+
+    names: tuple[str, ...]
+    time: np.ndarray
+    states: np.ndarray
+    derivatives: np.ndarray
+    status: str = "ok"
 
 
 def measure(
@@ -63,3 +76,13 @@ def _channels(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) ->
     if not np.any(sigma):
         return exact
     return exact + np.where(np.isinf(sigma), np.nan, sigma) * rng.standard_normal(exact.shape)
+
+
+def channel_scale(motion: Motion, relative: bool) -> np.ndarray:
+    """What a noise level is in units of, (2, n_states), of states and of derivatives.
+
+    relative: the standard deviation of each, else one SI unit.
+    """
+    if not relative:
+        return np.ones((2, len(motion.names)))
+    return np.array([motion.states.std(axis=0), motion.derivatives.std(axis=0)])

@@ -5,14 +5,10 @@ A protocol is its noise on each state and on each state's derivative: from it fo
 (`identification.registry`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-
-from galloping.measurement.motion import Motion
 
 # What recordings hold: exact states with their derivatives, all states, not all of them, or
 # derivatives beside states that are not exact, if there are any.
@@ -133,13 +129,3 @@ PROTOCOLS = (
     ),
 )
 BY_NAME = {protocol.name: protocol for protocol in PROTOCOLS}
-
-
-def channel_scale(motion: Motion, relative: bool) -> np.ndarray:
-    """What a noise level is in units of, (2, n_states), of states and of derivatives.
-
-    relative: the standard deviation of each, else one SI unit.
-    """
-    if not relative:
-        return np.ones((2, len(motion.names)))
-    return np.array([motion.states.std(axis=0), motion.derivatives.std(axis=0)])

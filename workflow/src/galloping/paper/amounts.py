@@ -1,7 +1,5 @@
 """How much the paper's study measures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

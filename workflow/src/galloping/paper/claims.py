@@ -7,8 +7,6 @@ the share of draws that keep it counts: `met` by most, `seldom met` by one in tw
 draws. `not judged`: the study's line or method is not the paper's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,24 +4,20 @@ Recordings are drawn as what least squares sees of them (`noise`). All else is t
 thresholds, its simulator, its scores.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
-from galloping.cycles.line_family import initial_state
-from galloping.evaluation.cell import evaluate
-from galloping.evaluation.score import UNKNOWN, Truth
+from galloping.cycles.family import initial_state
+from galloping.evaluation.score import UNKNOWN, Truth, evaluate
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.options import IDENTIFIED, KNOWN
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Regression
-from galloping.measurement.motion import Motion
-from galloping.measurement.protocols import channel_scale
+from galloping.measurement.measuring import Motion, channel_scale
 from galloping.paper.amounts import Amounts
 from galloping.paper.noise import PROTOCOLS
 from galloping.physics.equations import model

@@ -4,8 +4,6 @@ A reading of the paper is searched from settings at random, those first whose mo
 an evolution strategy (CMA-ES; Hansen 2016) that climbs the probability of `likelihood`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 
@@ -15,7 +13,7 @@ import pandas as pd
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion
 from galloping.paper.amounts import Amounts
 from galloping.paper.draws import line_motion
 from galloping.paper.likelihood import (

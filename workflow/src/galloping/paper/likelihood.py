@@ -6,8 +6,6 @@ each the mean, over draws, of a kernel about the printed numbers in the logarith
 for those draws that keep the bounds that are printed of the cell.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

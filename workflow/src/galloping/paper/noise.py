@@ -4,15 +4,13 @@ Where states are exact, the noise of the derivatives enters least squares only t
 projections on the library's columns: 35 normal numbers for each equation, which are drawn as such.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from galloping.identification.sparse.regression import Regression
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion
 from galloping.polynomial import Exponents, design_matrix
 
 

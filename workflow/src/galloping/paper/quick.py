@@ -5,8 +5,6 @@ their models move side by side by Runge-Kutta steps of 0.05 s, off by less than 
 amplitude.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,8 +22,7 @@ from galloping.identification.sparse.supports import (
     threshold_path,
     thresholded_supports,
 )
-from galloping.measurement.motion import Motion
-from galloping.measurement.protocols import channel_scale
+from galloping.measurement.measuring import Motion, channel_scale
 from galloping.paper.amounts import Amounts
 from galloping.paper.draws import PATH_LENGTH
 from galloping.paper.noise import PROTOCOLS, Products

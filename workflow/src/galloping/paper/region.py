@@ -6,8 +6,6 @@ together are sampled by emcee (Foreman-Mackey et al. 2013). This is Bayesian opt
 likelihood-free inference (Gutmann and Corander 2016) with the search's settings as design.
 """
 
-from __future__ import annotations
-
 import warnings
 
 import emcee

@@ -1,7 +1,5 @@
 """What the paper leaves out: numbers within stated ranges, and readings of its words and digits."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product

@@ -1,13 +1,11 @@
 """What the settings that the paper leaves open decide: its claims, held or not, at other values."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
-from galloping.cycles.line_family import PARAMETERS, Parameter, initial_state
+from galloping.cycles.family import PARAMETERS, Parameter, initial_state
 from galloping.paper.amounts import Amounts
 from galloping.paper.claims import HELD
 from galloping.paper.draws import line_motion, paper_draws

@@ -4,8 +4,6 @@ All lengths are in metres; formulas that their sources print in feet are convert
 ellipse stands upright at mid-span (major axis vertical); sag is that of the iced line at rest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ load integrated over the span at every instant and nothing truncated to a polyno
 coordinates, so that no candidate library contains the result.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,7 +13,7 @@ from numba import njit
 from numpy.polynomial.legendre import legvander
 from scipy.optimize import root
 
-from galloping.physics import ice_coefficients
+from galloping.physics.galerkin import ice_coefficients
 from galloping.physics.line import Line, Mode, positions, weights
 
 AERODYNAMICS = ("small_angle", "relative")
@@ -129,7 +127,7 @@ def span(
         np.array([2.0 * stretch * a @ b for a, b in zip(inverses, quadratic, strict=True)]),
         np.ascontiguousarray(shapes),
         np.array([a @ (s.T * weight) for a, s in zip(inverses, shapes, strict=True)]),
-        np.hstack([static, ice_coefficients.coefficients(case["ice"])]),
+        np.hstack([static, ice_coefficients(case["ice"])]),
         0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"],
         aerodynamic == "relative",
     )  # fmt: skip
@@ -346,3 +344,45 @@ def _runge_kutta(
                 x[j] += total[j]
         states[i] = x
     return states
+
+
+QUANTITIES = ("displacement", "velocity", "acceleration")
+QUARTERS = (0.25, 0.5, 0.75)  # of the span: three sensors that tell the first three modes apart
+
+
+def readings(
+    line: Span,
+    states: np.ndarray,
+    where: Sequence[float],
+    quantity: str,
+    speed: np.ndarray | None = None,
+) -> np.ndarray:
+    """(n, n_sensors, 2) vertical and horizontal readings, without noise.
+
+    states: (n, 4 n_modes), of `continuous.simulate`. where: positions, m. quantity: one of
+    `QUANTITIES`, m, m/s, m/s2. speed: (n,) wind at the samples, of which only an acceleration
+    depends; the mean wind where not given. Raises ValueError for an unknown quantity.
+    """
+    if quantity not in QUANTITIES:
+        raise ValueError(f"quantity: {quantity} is none of {', '.join(QUANTITIES)}")
+    half = states.shape[1] // 2
+    if quantity == "displacement":
+        coordinates = states[:, :half]
+    elif quantity == "velocity":
+        coordinates = states[:, half:]
+    else:
+        wind = np.full(len(states), line.speed) if speed is None else speed
+        rates = [line.rates(x, u) for x, u in zip(states, wind, strict=True)]
+        coordinates = np.array(rates)[:, half:]
+    both = coordinates.reshape(len(states), 2, line.modes)
+    return np.einsum("dsk,ndk->nsd", shapes_at(line, where), both)
+
+
+def first_modes(values: np.ndarray, where: Sequence[float], span: float) -> np.ndarray:
+    """Coordinates of as many sine modes as there are sensors: the matrix of sines inverted.
+
+    values: (n, n_sensors, ...). where: positions, m, inside the span. Same shape, by mode.
+    """
+    order = np.arange(1, len(where) + 1)
+    sines = np.sin(np.pi * np.outer(np.asarray(where, dtype=float), order) / span)
+    return np.einsum("ks,ns...->nk...", np.linalg.inv(sines), values)

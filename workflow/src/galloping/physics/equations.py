@@ -1,7 +1,5 @@
 """The galloping equations: which terms they have, and what the paper calls their coefficients."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

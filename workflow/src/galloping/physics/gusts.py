@@ -1,7 +1,5 @@
 """Stationary random wind: the along-wind speed of atmospheric turbulence."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,10 +1,9 @@
 """The hanging line: sag, Irvine parameter and the first symmetric mode of a shallow cable."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, pi, sin
+from typing import Self
 
 import numpy as np
 from scipy.optimize import brentq
@@ -30,7 +29,7 @@ class Line:
     spacer_positions: tuple[float, ...]
 
     @classmethod
-    def from_case(cls, case: Mapping) -> Line:
+    def from_case(cls, case: Mapping) -> Self:
         """The bundle of a `cases` section of the configuration."""
         n = case["bundle"]["subconductors"]
         conductor, line, spacers = case["conductor"], case["line"], case["spacers"]

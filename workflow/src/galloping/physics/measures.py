@@ -4,8 +4,6 @@ The line keeps its two modes: a measure changes what it hangs from, what it carr
 wind finds, and the derivation of the model is repeated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """What a study was made with: the commit, Python and the packages and the machine."""
 
-from __future__ import annotations
-
 import os
 import platform
 import subprocess

@@ -1,7 +1,5 @@
 """From a finished study to a folder and an archive of it that others can verify and restore."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from collections.abc import Collection, Iterator, Sequence
@@ -10,13 +8,12 @@ from pathlib import Path
 
 import yaml
 
-from galloping.publication.archive import files_of, is_plain, pack
+from galloping.publication.archive import files_of, is_plain, pack, write_manifest
 from galloping.publication.crate import CONFIGURATION, write_crate
-from galloping.publication.manifest import write_manifest
 from galloping.publication.provenance import Commit, commit, environment
-from galloping.reproducibility.audit import Audit, audit
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import receipts
+from galloping.reproducibility.repair import Audit, audit
 from galloping.storage import partial_prefix, write_json, write_text
 
 PUBLICATION = "publication"

@@ -1,8 +1,6 @@
 """A publication of others: whether it is whole and agrees with a study here, and its results put in
 place. Read without trust in who made it."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time
@@ -13,11 +11,9 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from galloping.configuration.load import ConfigurationError, load, plain, read
-from galloping.publication.archive import files_of, is_plain, unpack
+from galloping.publication.archive import files_of, is_plain, manifest_faults, unpack
 from galloping.publication.crate import CONFIGURATION
-from galloping.publication.manifest import manifest_faults
 from galloping.publication.publishing import RECEIPTS
-from galloping.reproducibility.audit import audit
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import (
     Receipt,
@@ -27,7 +23,7 @@ from galloping.reproducibility.receipts import (
     receipts,
     write_receipt,
 )
-from galloping.reproducibility.recovery import adopt, set_aside
+from galloping.reproducibility.repair import adopt, audit, set_aside
 from galloping.storage import partial_prefix
 from galloping.tables.comparison import flat, table_differences
 

@@ -1,7 +1,5 @@
 """Compares the files of a study with their receipts, quickly enough for the start of every run."""
 
-from __future__ import annotations
-
 import os
 import shlex
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """Installed versions of libraries: results depend on them as on the code that uses them."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Iterable
 from functools import cache

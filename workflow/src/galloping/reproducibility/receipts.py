@@ -5,8 +5,6 @@ The receipt of `models/a.json` is `models/.a.json.receipt`. Snakemake's own reco
 with the results and show an edited, damaged or lost file.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

@@ -9,8 +9,8 @@ import pandas as pd
 from galloping.cycles.prediction import limit_cycle_ahead
 from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.model import IdentifiedModel
-from galloping.measurement.motion import Motion
-from galloping.physics.derived import Derived
+from galloping.measurement.measuring import Motion
+from galloping.physics.galerkin import Derived
 from galloping.seeds import generator
 
 COLUMNS = (

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 
 from galloping.bounds.identifiable import IDENTIFIABLE
-from galloping.physics.derived import Derived
 from galloping.physics.equations import EQUATIONS
+from galloping.physics.galerkin import Derived
 from galloping.polynomial import extended, library
 from galloping.tables.scores import exact, failures
 

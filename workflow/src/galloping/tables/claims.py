@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from galloping.evaluation.motion import steady_amplitude
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion
 from galloping.paper.claims import judged, together, verdict_of_share
 from galloping.paper.printed import CLAIMS, Claim
 from galloping.study.kinds import NOISE, PAPER_METHOD, PAPER_PROTOCOL

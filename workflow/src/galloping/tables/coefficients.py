@@ -7,8 +7,8 @@ import pandas as pd
 
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import interval
-from galloping.physics.derived import Derived
 from galloping.physics.equations import EQUATIONS, STATES, symbol_of
+from galloping.physics.galerkin import Derived
 from galloping.polynomial import Exponents, PolynomialModel, extended, library, term_name
 
 TERMS = ["equation", "symbol", "term", "true", "identified", "low", "high", "found"]

@@ -12,7 +12,7 @@ from galloping.configuration.parameters import (
     conductor_parameters,
     spacer_parameters,
 )
-from galloping.physics import ice_coefficients
+from galloping.physics.galerkin import ice_coefficients
 
 
 def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -75,8 +75,6 @@ def _aerodynamic(case: str, ice: dict) -> list[ParameterRow]:
             provenance="derived",
             note=f"printed digits, reading {ice['reading']}",
         )
-        for (symbol, direction), values in zip(
-            names, ice_coefficients.coefficients(ice), strict=True
-        )
+        for (symbol, direction), values in zip(names, ice_coefficients(ice), strict=True)
         for i, value in enumerate(values, start=1)
     ]

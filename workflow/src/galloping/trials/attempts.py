@@ -10,8 +10,7 @@ from galloping.bounds.cell import bounds_of, on_library
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95
-from galloping.measurement.measuring import measure, noises_of
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion, measure, noises_of
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 

@@ -5,8 +5,6 @@ along the span projected on the first modes, one at mid-span, or the modal state
 judged by what it says of the line: amplitude, frequencies, net damping, and forecasts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from time import process_time
@@ -19,11 +17,20 @@ from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95, drawn
 from galloping.physics import galerkin
-from galloping.physics.continuous import Span, continuous_line, eigenvalues, release, simulate, span
+from galloping.physics.continuous import (
+    QUARTERS,
+    Span,
+    continuous_line,
+    eigenvalues,
+    first_modes,
+    readings,
+    release,
+    simulate,
+    span,
+)
 from galloping.physics.equations import STATES
 from galloping.physics.gusts import wind_speed
 from galloping.physics.line import Line
-from galloping.physics.sensors import QUARTERS, first_modes, readings
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.seeds import generator

@@ -1,7 +1,5 @@
 """Every model that some setting of a method would have given, for an oracle to choose from."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

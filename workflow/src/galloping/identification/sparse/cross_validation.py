@@ -6,8 +6,6 @@ mean and is the same for all settings. Of all models within one standard error o
 sparsest is taken (the one-standard-error rule; Breiman et al. 1984).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

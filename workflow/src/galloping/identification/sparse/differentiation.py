@@ -1,7 +1,5 @@
 """State derivatives from noisy states: least-squares splines, as smooth as the data ask for."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What sparse regression sees of recordings: derivatives, measured or smoothed, on a library."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,15 +4,24 @@ On equally spaced samples all of them are linear filters. Their kernels are what
 classes answer to an impulse; applying those classes to every sample would take 10^3 times longer.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 
 import numpy as np
 import pysindy as ps
 from scipy.fft import irfft, next_fast_len, rfft
 
-from galloping.identification.sparse.drawing import seeded
+
+@contextmanager
+def seeded(rng: np.random.Generator) -> Iterator[None]:
+    """Seeds NumPy's global generator, from which pysindy draws, by `rng`; and puts it back."""
+    state = np.random.get_state()
+    np.random.seed(rng.integers(2**32))
+    try:
+        yield
+    finally:
+        np.random.set_state(state)
 
 
 @lru_cache(maxsize=64)

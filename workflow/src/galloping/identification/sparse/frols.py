@@ -1,7 +1,5 @@
 """Forward regression by orthogonal least squares (Billings 2013; pysindy's FROLS)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel

@@ -1,7 +1,5 @@
 """LASSO (Tibshirani 1996) along its exact path, with least squares on the support it selects."""
 
-from __future__ import annotations
-
 import numpy as np
 from pysindy.optimizers import WrappedOptimizer
 from sklearn.linear_model import LassoLars, lars_path, lars_path_gram

@@ -4,8 +4,6 @@ The rows of [Theta(X) | dX/dt] enter a regression only through their inner produ
 orthogonal transformation keeps those. Identification therefore works on the triangular factor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise

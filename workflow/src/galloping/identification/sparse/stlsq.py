@@ -1,7 +1,5 @@
 """Sequentially thresholded least squares (pysindy's STLSQ), normalised or as printed."""
 
-from __future__ import annotations
-
 from functools import lru_cache, partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Thresholds from the data alone: sequential thresholding along a path, judged by EBIC."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from galloping.identification.model import Unusable

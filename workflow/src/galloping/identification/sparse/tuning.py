@@ -4,8 +4,6 @@ All of them are scaled by the shortest period that a recording shows, and judged
 integrals of its raw samples over held-out stretches (see `cross_validation`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial

@@ -1,7 +1,5 @@
 """Weak SINDy (Messenger and Bortz 2021; Reinbold et al. 2020) with pysindy's test functions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from galloping.physics.derived import Derived
+from galloping.physics.galerkin import Derived
 from galloping.polynomial import PolynomialModel
 from galloping.storage import read_json, write_json
 

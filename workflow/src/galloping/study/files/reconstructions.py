@@ -8,7 +8,7 @@ from dataclasses import asdict, fields
 
 import numpy as np
 
-from galloping.evaluation.reconstruction import Reconstruction
+from galloping.evaluation.motion import Reconstruction
 from galloping.storage import write_arrays
 
 

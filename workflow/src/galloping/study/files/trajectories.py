@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from galloping.measurement.motion import Motion
+from galloping.measurement.measuring import Motion
 from galloping.storage import write_arrays
 
 

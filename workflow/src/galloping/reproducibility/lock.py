@@ -1,7 +1,5 @@
 """Who works in a study's folder: one process at a time, and what is left if it is killed."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import shutil
@@ -27,13 +25,13 @@ class Killed(RuntimeError):
 
 
 @contextmanager
-def claimed(results: str, repair: str, *, repairing: bool = False) -> Iterator[int]:
+def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[int]:
     """Keep other runs, repairs and restorations out of a study; yields when it began.
 
     That is in nanoseconds of the file system's clock. repair: the command that takes a killed run
     from there. repairing: whether this is it. Raises Obstacle if the study is another's, if a run
     was killed in it, or if the disk is full or read-only. After Killed, or if this process is
-    killed, only a repair may claim the study.
+    killed, only a repair may lock the study.
     """
     check_disk(results)
     for process in snakemakes(Path.cwd()):
