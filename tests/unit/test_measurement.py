@@ -263,7 +263,7 @@ def test_a_protocol_is_its_noise(resonant, monkeypatch):
         unseen = np.full(scale.shape[1], np.inf)
         return Noise(np.where(np.arange(len(unseen)) == 0, level, np.inf), unseen)
 
-    new = Protocol("vertical", vertical_only, "", "vertical", "k", "o")
+    new = Protocol("vertical", vertical_only, "")
     monkeypatch.setitem(BY_NAME, "vertical", new)
     (recording,) = record(resonant, protocol="vertical", replicates=1)
     assert np.isnan(recording.values[:, 1:]).all() and recording.derivatives is None

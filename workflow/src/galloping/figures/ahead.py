@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from galloping.figures import panels
-from galloping.figures.style import DIRECTIONS, DOUBLE, PAPER, STATE_LABELS, TRUE
-from galloping.measurement.protocols import BY_NAME
+from galloping.figures.style import DIRECTIONS, DOUBLE, PAPER, STATE_LABELS, TRUE, protocol_style
 
 SHIFT = 0.03  # decades between protocols
 
@@ -24,7 +23,7 @@ def draw_limit_cycle_ahead(table: pd.DataFrame, settings: Mapping) -> Figure:
     if table.empty:
         return panels.nothing_at_all("no model of this study states how sure it is")
     states = table["state"].unique()
-    protocols = [BY_NAME[name] for name in table["protocol"].unique()]
+    protocols = table["protocol"].unique()
     axis = panels.LogAxis.of(table["level"])
     figure = Figure(figsize=(DOUBLE, 2.9), layout="constrained")
     for k, (state, axes) in enumerate(zip(states, figure.subplots(1, len(states)), strict=True)):
@@ -34,13 +33,12 @@ def draw_limit_cycle_ahead(table: pd.DataFrame, settings: Mapping) -> Figure:
         axes.axhline(of_state["true_m"].iloc[0], color=TRUE, lw=4, zorder=1)
         axes.axhline(of_state["recorded_m"].iloc[0], color=PAPER, lw=1.0, ls="--", zorder=1)
         for j, protocol in enumerate(protocols):
-            rows = of_state[of_state["protocol"] == protocol.name].sort_values("level")
+            rows = of_state[of_state["protocol"] == protocol].sort_values("level")
             shift = SHIFT * (j - (len(protocols) - 1) / 2)
             places = np.array([axis.position(level, shift) for level in rows["level"]])
-            axes.vlines(places, rows["low_m"], rows["high_m"], color=protocol.color, lw=1.2)
-            axes.plot(
-                places, rows["predicted_m"], ls="", color=protocol.color, marker=protocol.marker
-            )
+            look = protocol_style(protocol)
+            axes.vlines(places, rows["low_m"], rows["high_m"], color=look["color"], lw=1.2)
+            axes.plot(places, rows["predicted_m"], ls="", **look)
         if k == 0:
             axes.set_ylabel("half range, m")
     begin, end = settings["window"]
@@ -48,10 +46,7 @@ def draw_limit_cycle_ahead(table: pd.DataFrame, settings: Mapping) -> Figure:
         handles=[
             Line2D([], [], color=TRUE, lw=4, label="true limit cycle"),
             Line2D([], [], color=PAPER, lw=1.0, ls="--", label=f"recorded, {begin:g}-{end:g} s"),
-            *(
-                Line2D([], [], color=p.color, marker=p.marker, label=f"predicted from {p.label}")
-                for p in protocols
-            ),
+            *(Line2D([], [], **protocol_style(p), label=f"predicted from {p}") for p in protocols),
         ],
         loc="outside upper center",
         ncols=5,

@@ -14,9 +14,7 @@ from matplotlib.patches import Patch
 
 from galloping.bounds.identifiable import IDENTIFIABLE
 from galloping.figures import panels
-from galloping.figures.style import DOUBLE, spoken
-from galloping.measurement.protocols import BY_NAME as PROTOCOLS
-from galloping.measurement.protocols import Protocol
+from galloping.figures.style import DOUBLE, protocol_style, spoken
 from galloping.physics.equations import EQUATIONS, STATES, TERMS
 from galloping.polynomial import term_name
 
@@ -63,7 +61,7 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
         for j, protocol in enumerate(settings["protocols"]):
             dodge = 0.26 * (j - (len(settings["protocols"]) - 1) / 2)
             chosen = of_case[of_case["protocol"] == protocol]
-            _terms(axes, chosen, terms, settings["level"], PROTOCOLS[protocol], dodge)
+            _terms(axes, chosen, terms, settings["level"], protocol, dodge)
     figure.legend(
         handles=_handles(settings["protocols"], whole, settings["level"], joint),
         loc="outside upper center",
@@ -97,9 +95,9 @@ def _typeset(equation: str, term: str) -> str:
 
 def _terms(
     axes: Axes, table: pd.DataFrame, terms: list[tuple[str, str]], level: float,
-    protocol: Protocol, dodge: float,
+    protocol: str, dodge: float,
 ) -> None:  # fmt: skip
-    color, marker = protocol.color, protocol.marker
+    color, marker = protocol_style(protocol).values()
     for (equation, term, recordings), cells in table.groupby(["equation", "term", "recordings"]):
         y = terms.index((equation, term)) + dodge
         left = axes.get_xlim()[0]
@@ -121,11 +119,10 @@ def _handles(protocols: list[str], table: pd.DataFrame, level: float, joint: boo
             [],
             [],
             ls="",
-            color=protocol.color,
-            marker=protocol.marker,
-            label=f"{protocol.label}, noise {nearest:g}",
+            **protocol_style(protocol),
+            label=f"{protocol}, noise {nearest:g}",
         )
-        for protocol in map(PROTOCOLS.get, protocols)
+        for protocol in protocols
     ]
     if joint:
         handles.append(

@@ -15,7 +15,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator
 
 from galloping.figures.style import BAND, DOUBLE, method_style, spoken
-from galloping.measurement.protocols import BY_NAME
 
 TALLEST = 12.0  # inches: what a page of a report shows at once
 SHRUNK = 0.8  # of its wanted height has a case at least, where there are many
@@ -93,7 +92,7 @@ def method_grid(
         for protocol, axes in zip(protocols, line, strict=True)
     }
     for index, ((_, _, protocol), axes) in enumerate(grid.items()):
-        letter(axes, index, f"from {BY_NAME[protocol].label}")
+        letter(axes, index, f"from {protocol}")
     note_left_out(figure, settings["cases"][len(cases) :], where)
     return figure, grid
 

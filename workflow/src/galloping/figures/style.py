@@ -51,8 +51,14 @@ METHODS = {
     "maximum_likelihood": MethodStyle("maximum likelihood", "#e6007e", "p", "-", 1.5),
     BOUND: MethodStyle("Cramér-Rao bound", "#000000", "", (0, (3, 1.5)), 1.1),
 }
-# For methods without a place of their own above: picked by the name alone. No triangles and no
-# star, which stand for values beyond the axis and for the paper.
+PROTOCOLS = {
+    "derivative": ("#11115a", "o"),
+    "state": ("#e69f00", "D"),
+    "displacement": ("#2fa86a", "s"),
+    "acceleration": ("#b0457f", "^"),
+}
+# For those without a place of their own above: picked by the name alone. No triangles and no star,
+# which stand for values beyond the axis and for the paper.
 _COLORS = ("#5f5f5f", "#a6611a", "#17a2a8")
 _MARKERS = ("h", "8", "+", "x")
 _LINES = ((0, (3, 1)), (0, (9, 3)), (0, (1, 1)))
@@ -69,6 +75,13 @@ def method_style(name: str) -> MethodStyle:
         _MARKERS[second % len(_MARKERS)],
         _LINES[third % len(_LINES)],
     )
+
+
+def protocol_style(name: str) -> dict[str, str]:
+    """Colour and marker of a protocol, for matplotlib, where methods are not told apart."""
+    style = method_style(name)
+    color, marker = PROTOCOLS.get(name, (style.color, style.marker))
+    return {"color": color, "marker": marker}
 
 
 def spoken(name: str) -> str:

@@ -34,16 +34,13 @@ class Protocol:
     """One way to measure a motion.
 
     noise: from the noise level and the scale (2, n_states) of each state and of each derivative to
-    a `Noise`; displacements come before velocities. meaning: in the words of the settings. label,
-    color, marker: in figures. by_default: whether a study has it that names none.
+    a `Noise`; displacements come before velocities. meaning: in the words of the settings.
+    by_default: whether a study has it that names none.
     """
 
     name: str
     noise: Callable[[float, np.ndarray], Noise]
     meaning: str
-    label: str
-    color: str
-    marker: str
     by_default: bool = True
 
     @property
@@ -94,38 +91,10 @@ def _accelerations(level: float, scale: np.ndarray) -> Noise:
 
 
 PROTOCOLS = (
-    Protocol(
-        name="derivative",
-        noise=_derivatives,
-        meaning="exact states with noisy derivatives",
-        label="derivative",
-        color="#11115a",
-        marker="o",
-    ),
-    Protocol(
-        name="state",
-        noise=_states,
-        meaning="noisy states",
-        label="state",
-        color="#e69f00",
-        marker="D",
-    ),
-    Protocol(
-        name="displacement",
-        noise=_displacements,
-        meaning="noisy displacements without velocities",
-        label="displacement",
-        color="#2fa86a",
-        marker="s",
-    ),
-    Protocol(
-        name="acceleration",
-        noise=_accelerations,
-        meaning="noisy accelerations alone",
-        label="acceleration",
-        color="#b0457f",
-        marker="^",
-        by_default=False,  # of the methods only `maximum_likelihood` can use it
-    ),
+    Protocol("derivative", _derivatives, "exact states with noisy derivatives"),
+    Protocol("state", _states, "noisy states"),
+    Protocol("displacement", _displacements, "noisy displacements without velocities"),
+    # of the methods only `maximum_likelihood` can use it
+    Protocol("acceleration", _accelerations, "noisy accelerations alone", by_default=False),
 )
 BY_NAME = {protocol.name: protocol for protocol in PROTOCOLS}
