@@ -11,24 +11,22 @@ from matplotlib.text import Text
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import Reconstruction
-from galloping.figures.claims import draw_claims
-from galloping.figures.coefficients import draw_coefficients
-from galloping.figures.draws import draw_draws
-from galloping.figures.efficiency import draw_efficiency
-from galloping.figures.flow import draw_flow
-from galloping.figures.histories import draw_histories
-from galloping.figures.identifiability import draw_identifiability
-from galloping.figures.line import draw_line
-from galloping.figures.load import draw_load
-from galloping.figures.methods import draw_methods
-from galloping.figures.overview import best_of_pysindy, draw_overview
-from galloping.figures.panels import shifts
-from galloping.figures.paper import printed
-from galloping.figures.quantities import QUANTITIES
-from galloping.figures.recovery import draw_recovery
-from galloping.figures.style import METHODS, method_style, styled
-from galloping.figures.trust import draw_trust
-from galloping.figures.write import write_figure
+from galloping.figures import parts
+from galloping.figures.against_paper import draw_claims
+from galloping.figures.each_term import draw_coefficients, draw_identifiability
+from galloping.figures.errors import (
+    QUANTITIES,
+    best_of_pysindy,
+    draw_draws,
+    draw_efficiency,
+    draw_methods,
+    draw_overview,
+    printed,
+)
+from galloping.figures.histories import draw_histories, draw_recovery
+from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_line
+from galloping.figures.style import METHODS, method_style, styled, write_figure
+from galloping.figures.verdicts import draw_trust
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement.measuring import Motion
 from galloping.measurement.protocols import BY_NAME as PROTOCOLS
@@ -133,7 +131,7 @@ def test_the_first_draw_stands_beside_the_spread_of_all_and_what_the_paper_print
     assert list(drawn_lines["one draw, the first"]) == [7.0, 8.0]
     assert list(drawn_lines["their median"]) == [2.5, 5.0]
     (of_paper,) = printed("mean_error_linear_percent", case)
-    assert list(drawn_lines["paper: printed"]) == [of_paper.value]
+    assert list(drawn_lines["paper: printed"]) == [of_paper.paper_value]
     more = table[4:5].rename(columns={"replicate": "draw"})
     more = pd.concat([more.assign(draw=k, mean_error_linear_percent=k + 1.0) for k in range(9)])
     figure = draw_draws(table, {**NOISE, **CELL, "case": case}, more)
@@ -154,7 +152,7 @@ def test_the_bound_is_a_line_without_marks():
     names = {**NAMES, **NOISE, "methods": ["weak", "bound"]}
     with_bound = drawn(lambda: draw_methods(scores(methods=("weak", "bound")), names))
     assert with_bound != drawn(lambda: draw_methods(scores(), names))
-    assert shifts(["weak", "bound"], 0.1) == {"weak": 0.0, "bound": 0.0}
+    assert parts.shifts(["weak", "bound"], 0.1) == {"weak": 0.0, "bound": 0.0}
 
 
 def efficiencies(methods=("weak", "maximum_likelihood", "bound"), joint=True, levels=(0.01, 0.05)):
@@ -363,7 +361,7 @@ def test_drawings_of_the_configured_line(swing):
                 "points": [1000], "replicates": 1}  # fmt: skip
     for draw in (
         lambda: draw_line(derive(case), {"case": "pair", "line": case}),
-        lambda: draw_load([swing], {"line": case}),
+        lambda: draw_aerodynamic_load([swing], {"line": case}),
         lambda: draw_flow(settings),
     ):
         drawn(draw)

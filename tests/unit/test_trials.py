@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from galloping.figures.published import draw_published_intervals, draw_published_terms
+from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.model import IdentifiedModel
 from galloping.physics.equations import STATES, model

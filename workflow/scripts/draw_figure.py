@@ -1,6 +1,6 @@
 """One figure of `galloping.figures.registry`."""
 
-from galloping.figures.write import write_figure
+from galloping.figures.style import write_figure
 from galloping.importing import imported
 from galloping.reproducibility.job import run
 from galloping.study.loading import load

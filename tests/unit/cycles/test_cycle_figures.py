@@ -22,13 +22,9 @@ from galloping.cycles.rows import (
     simulation_rows,
     steady_truth,
 )
-from galloping.figures.animation import write_animation
-from galloping.figures.cycles import draw_limit_cycles
-from galloping.figures.measures import draw_measures
-from galloping.figures.orbit import draw_orbits
-from galloping.figures.prediction import draw_prediction
-from galloping.figures.reproduction import draw_reproduction
-from galloping.figures.resonance_map import draw_resonance_map
+from galloping.figures.against_paper import draw_reproduction
+from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
+from galloping.figures.settled_motion import draw_limit_cycles, draw_prediction, draw_resonance_map
 from galloping.physics.equations import STATES
 from galloping.physics.measures import ice_removal, pendulum
 from galloping.simulation import Simulator

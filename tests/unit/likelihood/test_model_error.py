@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import toeplitz
 
 from galloping.configuration.load import load
-from galloping.figures.model_error import draw_model_error
+from galloping.figures.verdicts import draw_model_error
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_constraint import Whitening
 from galloping.identification.model import IdentifiedModel

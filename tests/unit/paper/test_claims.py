@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 from drawing import drawn
 
-from galloping.figures.printed import draw_printed
-from galloping.figures.reproduction import draw_reproduction
+from galloping.figures.against_paper import draw_printed, draw_reproduction
 from galloping.measurement.measuring import Motion
 from galloping.paper.amounts import Amounts
 from galloping.paper.claims import HELD, judged, together

@@ -8,7 +8,7 @@ import pytest
 from drawing import drawn
 
 from galloping.configuration.load import load, plain
-from galloping.figures.region import draw_region
+from galloping.figures.against_paper import draw_region
 from galloping.paper import draws, inference, likelihood, noise, region
 from galloping.paper.amounts import Amounts
 from galloping.paper.quick import QuickStudy, coefficients

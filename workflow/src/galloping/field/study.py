@@ -202,8 +202,8 @@ def write_outputs(
 
 def write_figures(folder: Path, field: Field, of: Summary) -> None:
     """quality, fit and forecast, as SVG and PNG."""
-    from galloping.figures import field as figures  # matplotlib
-    from galloping.figures.write import write_figure
+    from galloping.figures import recorded as figures  # matplotlib
+    from galloping.figures.style import write_figure
 
     drawn = {
         "quality": lambda: figures.draw_quality(field.series, field.reports, field.mapping),

@@ -1,14 +1,19 @@
-"""One look for all figures: sizes, fonts, and how each method is drawn wherever it appears."""
+"""One look for all figures: sizes, fonts, how each method is drawn wherever it appears, and how a
+figure is written: whole or not at all, the same bytes for the same figure.
+"""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
+import os
+import re
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
+from pathlib import Path
 
 import matplotlib.style
+from matplotlib.figure import Figure
 
+from galloping.storage import replacing
 from galloping.study.kinds import BOUND
 
 SINGLE, DOUBLE = 3.5, 7.2  # inches: one and two columns of a paper
@@ -17,12 +22,19 @@ TRUE = "#9a9a9a"  # the true motion: a broad grey line under the reconstructed o
 MODEL = "#11115a"
 BAND = "#f2c46d"
 PAPER = "#b30000"  # what the paper prints
+SHADE, FAINT, QUIET = "#ececec", "#e4e4e4", "#5f5f5f"  # grounds, lines between rows, side notes
 
 # Colour and marker of series that are no methods, such as noise levels.
 SERIES = (("#11115a", "o"), ("#1f78b4", "s"), ("#e69f00", "D"), ("#2fa86a", "P"), ("#8a1c3b", "X"))
 
 STATE_LABELS = {"q_v": "$q_v$", "q_w": "$q_w$"}
 DIRECTIONS = {"q_v": "vertical", "q_w": "horizontal"}
+
+# without the date and the version of the library
+METADATA = {"svg": {"Date": None, "Creator": None}, "png": {"Software": None}}
+
+DIGITS = re.compile(r"(\d\.\d)\d+")  # of coordinates: all beyond a tenth of a point is cut
+BLANKS = re.compile(r"(?<=\d)\s+([LCQz])|(?<=[MLCQ]) ")  # around the commands of a path
 
 
 @dataclass(frozen=True)
@@ -129,3 +141,31 @@ def styled(font_size: float) -> Iterator[None]:
         ]
     ):
         yield
+
+
+def write_figure(
+    svg: str | os.PathLike,
+    png: str | os.PathLike,
+    draw: Callable[[], Figure],
+    dpi: float,
+    font_size: float,
+) -> None:
+    """What `draw` returns, drawn and written in the project's style."""
+    with styled(font_size):
+        figure = draw()
+        for path, form in ((svg, "svg"), (png, "png")):
+            with replacing(path) as partial:
+                figure.savefig(partial, format=form, dpi=dpi, metadata=METADATA[form])
+                if form == "svg":
+                    _shorten(Path(partial))
+            figure.set_layout_engine(None)  # solved once, kept for the second file
+
+
+def _shorten(svg: Path) -> None:
+    """Paths of an SVG without needless blanks, to a tenth of a point (720 dpi), in place."""
+    text = re.sub(r"\n +(?=<)", "\n", svg.read_text(encoding="utf-8"))
+    svg.write_text(re.sub(r' d="[^"]*"', _shortened, text), encoding="utf-8")
+
+
+def _shortened(path: re.Match) -> str:
+    return BLANKS.sub(r"\1", DIGITS.sub(r"\1", path[0]))

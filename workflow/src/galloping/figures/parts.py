@@ -1,6 +1,4 @@
-"""What panels share: axes over noise and data amount, R2 near one, medians with intervals."""
-
-from __future__ import annotations
+"""Parts of figures: grids of panels, axes over noise and R2, intervals, rows of dots, legends."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator
 
-from galloping.figures.style import BAND, DOUBLE, method_style, spoken
+from galloping.figures.style import BAND, DOUBLE, FAINT, QUIET, STATE_LABELS, method_style, spoken
 
 TALLEST = 12.0  # inches: what a page of a report shows at once
 SHRUNK = 0.8  # of its wanted height has a case at least, where there are many
@@ -23,13 +21,15 @@ NOTE_WIDTH = 135  # letters in a line of the double width
 R2_LIMITS = (0.0, 0.9999)
 R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
 
+# --- panels ---
+
 
 def nothing(axes: Axes, reason: str) -> None:
     """An empty panel that says why."""
     hidden = {"bottom": False, "left": False, "labelbottom": False, "labelleft": False}
     axes.tick_params(which="both", **hidden)  # others may share the ticks themselves
     axes.spines[:].set_visible(False)
-    axes.text(0.5, 0.5, reason, transform=axes.transAxes, ha="center", va="center", color="#5f5f5f")
+    axes.text(0.5, 0.5, reason, transform=axes.transAxes, ha="center", va="center", color=QUIET)
 
 
 def nothing_at_all(reason: str) -> Figure:
@@ -42,6 +42,13 @@ def nothing_at_all(reason: str) -> Figure:
 def letter(axes: Axes, index: int, text: str) -> None:
     """(a), (b), ..., (z), (aa), (bb), ... and what the panel shows."""
     axes.set_title(f"({chr(ord('a') + index % 26) * (1 + index // 26)}) {text}", loc="left")
+
+
+def typeset(text: str) -> str:
+    """R2, q_v and q_w as symbols, a minus as such."""
+    for plain, symbol in (("R2", "$R^2$"), *STATE_LABELS.items(), ("percent points", "% points")):
+        text = text.replace(plain, symbol)
+    return text
 
 
 def fitting(cases: Sequence[str], head: float, each: float) -> tuple[Sequence[str], float]:
@@ -63,15 +70,21 @@ def note_left_out(figure: Figure, left: Sequence[str], where: str) -> None:
 
 
 def case_grids(
-    figure: Figure, cases: Sequence[str], rows: int, columns: int
-) -> dict[str, np.ndarray]:
-    """A headed block of rows x columns panels for each case, heights shared along a row."""
-    blocks = figure.subfigures(len(cases), 1, squeeze=False)[:, 0]
-    grids = {}
-    for case, block in zip(cases, blocks, strict=True):
+    cases: Sequence[str], rows: int, columns: int, head: float, each: float, where: str,
+    sharex: bool = True,
+) -> tuple[Figure, dict[str, np.ndarray]]:  # fmt: skip
+    """A headed block of rows x columns panels for each case that fits, heights shared along a row.
+
+    head, each: as of `fitting`. where: what holds the values of the other cases.
+    """
+    shown, height = fitting(cases, head, each)
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
+    blocks, grids = figure.subfigures(len(shown), 1, squeeze=False)[:, 0], {}
+    for case, block in zip(shown, blocks, strict=True):
         block.suptitle(spoken(case), x=0.01, ha="left", weight="bold", size=rcParams["font.size"])
-        grids[case] = block.subplots(rows, columns, squeeze=False, sharex=True, sharey="row")
-    return grids
+        grids[case] = block.subplots(rows, columns, squeeze=False, sharex=sharex, sharey="row")
+    note_left_out(figure, cases[len(shown) :], where)
+    return figure, grids
 
 
 def method_grid(
@@ -83,18 +96,36 @@ def method_grid(
     inches. where: what holds the values of the other cases.
     """
     protocols = settings["protocols"]
-    cases, height = fitting(settings["cases"], 0.8, each * rows)
-    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
+    figure, grids = case_grids(settings["cases"], rows, len(protocols), 0.8, each * rows, where)
     grid = {
         (case, row, protocol): axes
-        for case, block in case_grids(figure, cases, rows, len(protocols)).items()
+        for case, block in grids.items()
         for row, line in enumerate(block)
         for protocol, axes in zip(protocols, line, strict=True)
     }
     for index, ((_, _, protocol), axes) in enumerate(grid.items()):
         letter(axes, index, f"from {protocol}")
-    note_left_out(figure, settings["cases"][len(cases) :], where)
     return figure, grid
+
+
+def wrapped_grid(
+    count: int, columns: int, height: float, **options: object
+) -> tuple[Figure, list[Axes]]:
+    """So many panels with the same axes, at most `columns` beside each other.
+
+    height: of the figure, in inches. Panels with none below have the labels of the x axis.
+    """
+    columns = min(columns, count)
+    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
+    grid = figure.subplots(-(-count // columns), columns, squeeze=False, **options).ravel()
+    for axes in grid[count:]:
+        axes.remove()
+    for axes in grid[max(0, count - columns) : count]:
+        axes.tick_params(labelbottom=True)
+    return figure, list(grid[:count])
+
+
+# --- axes ---
 
 
 @dataclass(frozen=True)
@@ -104,7 +135,7 @@ class LogAxis:
     values: tuple[float, ...]
 
     @classmethod
-    def of(cls, values: Sequence[float]) -> LogAxis:
+    def of(cls, values: Sequence[float]) -> "LogAxis":
         return cls(tuple(sorted({float(v) for v in values})))
 
     @property
@@ -123,18 +154,13 @@ class LogAxis:
         places = [self.position(v) for v in self.values]
         axes.set_xscale("log")
         axes.set_xlim(min(places) / 1.3, max(places) * 1.3)
-        axes.set_xticks(
-            places, [_short(v) for v in self.values], fontsize=0.75 * rcParams["font.size"]
-        )
+        short = [f"{v / 1000:g}k" if v >= 1000 else f"{v:g}" for v in self.values]
+        axes.set_xticks(places, short, fontsize=0.75 * rcParams["font.size"])
         axes.xaxis.set_minor_locator(NullLocator())
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel(label)
         if 0 in self.values and self._positive:
             axes.axvline(np.sqrt(self._zero * self._positive[0]), color="#bbbbbb", lw=0.6, ls=":")
-
-
-def _short(value: float) -> str:
-    return f"{value / 1000:g}k" if value >= 1000 else f"{value:g}"
 
 
 def r2_place(r2: float | np.ndarray) -> float | np.ndarray:
@@ -147,15 +173,15 @@ def prepare_r2(
 ) -> None:
     """An axis of `r2_place`, labelled in R2; vertical: the y axis, else the x axis."""
     low, high = map(r2_place, R2_LIMITS)
-    places, labels = [r2_place(r) for r in ticks], [f"{r:g}" for r in ticks]
-    labels[0], labels[-1] = "≤ 0", "≥ 0.9999"
-    limits = (low - 0.25, high + 0.25)
-    if vertical:
-        axes.set(ylim=limits, ylabel=label)
-        axes.set_yticks(places, labels)
-    else:
-        axes.set(xlim=limits, xlabel=label)
-        axes.set_xticks(places, labels)
+    names = {R2_LIMITS[0]: f"≤ {R2_LIMITS[0]:g}", R2_LIMITS[1]: f"≥ {R2_LIMITS[1]:g}"}
+    labels, limits = [names.get(r, f"{r:g}") for r in ticks], (low - 0.25, high + 0.25)
+    axis = axes.yaxis if vertical else axes.xaxis
+    (axes.set_ylim if vertical else axes.set_xlim)(limits)
+    axis.set_ticks(r2_place(np.array(ticks)), labels)
+    axis.set_label_text(label)
+
+
+# --- values with intervals ---
 
 
 def series(
@@ -203,12 +229,43 @@ def points(
 
 
 def band(
-    axes: Axes, x: Sequence[float], low: Sequence[float], high: Sequence[float], label: str
-) -> None:
+    axes: Axes, x: Sequence[float], low: Sequence[float], high: Sequence[float], label: str,
+    **look: object,
+) -> None:  # fmt: skip
     """What lies between two curves, and dashes at their places where there is one place alone."""
-    axes.fill_between(x, low, high, color=BAND, lw=0, label=label, zorder=1)
+    axes.fill_between(x, low, high, **{"color": BAND, "lw": 0, "zorder": 1} | look, label=label)
     if len(x) == 1:
         axes.vlines(x, low, high, color=BAND, lw=8, zorder=1)
+
+
+def rows(axes: Axes, labels: Sequence[str], lines: bool = True) -> None:
+    """A row for each label, the first on top; lines: between them."""
+    axes.set_yticks(range(len(labels)), labels)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(labels) - 0.5, -0.5)
+    for k in range(1, len(labels) if lines else 0):
+        axes.axhline(k - 0.5, color=FAINT, lw=0.6, zorder=0.5)
+
+
+def dot(
+    axes: Axes, y: float, values: Sequence[float], limits: tuple[float, float], color: str,
+    marker: str, size: float, filled: bool = True, bar: Mapping | None = None,
+) -> None:  # fmt: skip
+    """Median and the interval (low, high) in a row; a median off the axis is an open arrowhead.
+
+    values: median, low, high, places on the axis. bar: look of the interval.
+    """
+    median, low, high = np.clip(values, *limits)
+    head = "<" if values[0] < limits[0] else ">" if values[0] > limits[1] else ""
+    axes.hlines(y, low, high, **{"color": color, "lw": 0.8} | (bar or {}))
+    axes.plot(
+        median, y, ls="", marker=head or marker, ms=size, mec=color, mew=0.7, zorder=4,
+        mfc=color if filled and not head else "white", clip_on=not head,
+        label=BEYOND if head else None,
+    )  # fmt: skip
+
+
+# --- methods and legends ---
 
 
 def line_look(method: str) -> dict:
@@ -237,27 +294,31 @@ def in_order(table: pd.DataFrame, column: str, order: Sequence[str]) -> list[str
     return [name for name in order if name in present]
 
 
+def key(label: str, **look: object) -> Line2D:
+    """An entry of a legend: a marker alone unless the look has a line."""
+    return Line2D([], [], **{"ls": ""} | look, label=label)
+
+
+def method_keys(names: Sequence[str] | Mapping[str, str]) -> list[Line2D]:
+    """Entries of methods, as their styles or a mapping name them."""
+    labels = names if isinstance(names, Mapping) else {}
+    return [
+        key(labels.get(name, style.label), marker=style.marker, **line_look(name))
+        for name, style in ((name, method_style(name)) for name in names)
+    ]
+
+
 def legend(
-    figure: Figure, methods: Sequence[str] = (), columns: int = 5, title: str | None = None
-) -> None:
-    """Above the panels: methods, and all that is labelled in any panel, each once."""
-    entries = method_handles({method: method_style(method).label for method in methods})
-    named = {}
+    figure: Figure, *keys: object, columns: int = 5, loc: str = "outside upper center",
+    **options: object,
+) -> None:  # fmt: skip
+    """The keys, and all that is labelled in any panel, each once."""
+    named = {entry.get_label(): entry for entry in keys}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             named.setdefault(label, handle)
     if named.pop(BEYOND, None):
-        look = {"ls": "", "marker": "v", "mfc": "white", "mec": "k", "mew": 0.7}
-        named[BEYOND] = Line2D([], [], **look, label=BEYOND)
-    figure.legend(
-        [*entries, *named.values()], [*(entry.get_label() for entry in entries), *named],
-        loc="outside upper center", ncols=columns, columnspacing=1.4, handlelength=2.4, title=title,
-    )  # fmt: skip
-
-
-def method_handles(names: Mapping[str, str]) -> list[Line2D]:
-    """Legend entries of methods, as they are to be named."""
-    return [
-        Line2D([], [], **line_look(method), marker=method_style(method).marker, label=name)
-        for method, name in names.items()
-    ]
+        named[BEYOND] = key(BEYOND, marker="v", mfc="white", mec="k", mew=0.7)
+    look = {"columnspacing": 1.4, "handlelength": 2.4} | options
+    if named:
+        figure.legend(named.values(), named, loc=loc, ncols=columns, **look)

@@ -1,0 +1,205 @@
+"""What a line engineer asks: the galloping span, its orbits beside the design ellipses, and what
+stops it.
+"""
+
+import os
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon, Rectangle
+from matplotlib.patheffects import withStroke
+
+from galloping.cycles.collocation import Orbit
+from galloping.figures import parts
+from galloping.figures.schematics import INK, arrow
+from galloping.figures.style import MODEL, PAPER, TRUE, spoken, styled
+from galloping.physics.clearance import design_ellipses
+from galloping.physics.galerkin import modes
+from galloping.physics.line import Line, positions
+from galloping.storage import replacing
+
+COLUMNS = 3  # of panels of orbits
+ELLIPSES = {
+    "Davison": ("#b30000", (0, (5, 2))),
+    "Toye": ("#2fa86a", (0, (1, 1))),
+    "CIGRE 322": ("#e69f00", "-."),
+}
+SHOWN = 4000  # places at the end of an orbit, some twenty rounds: more would lie over each other
+LEVEL = {"color": TRUE, "lw": 0.8, "ls": (0, (6, 3))}
+MEASURED = {
+    "v_m": "vertical half range, m",
+    "critical_wind_m_s": "critical wind, m/s",
+    "clearance_m": "least clearance, m",
+}
+SIZE, DPI, RATE = (7.2, 3.2), 130, 12  # inches, px/inch, frames per second
+
+
+# --- orbits ---
+
+
+def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapping) -> Figure:
+    """Lissajous figures at mid-span, one panel for each case, equal scales in both directions.
+
+    orbits: of each case, by wind speed in m/s, (n, 2) places (w, v) in m about rest. settings:
+    cases, sections of the configuration by name.
+    """
+    names = list(settings["cases"])
+    columns = min(len(names), COLUMNS)
+    rows, height = parts.fitting(range(-(-len(names) // columns)), 0.6, 3.6)
+    shown = names[: len(rows) * columns]
+    figure, grid = parts.wrapped_grid(len(shown), columns, height, sharex=True, sharey=True)
+    drawn = [places for of_case in orbits.values() for places in of_case.values()]
+    for name in shown:
+        drawn += [each.outline() for each in design_ellipses(settings["cases"][name]).values()]
+    reach = 1.35 * max(np.max(np.abs(each[:, 0])) for each in drawn)
+    for k, (axes, name) in enumerate(zip(grid, shown, strict=True)):
+        parts.letter(axes, k, spoken(name))
+        _orbits(axes, settings["cases"][name], orbits[name], reach)
+        axes.set_ylabel("" if k % columns else "vertical, m from rest")
+    parts.legend(figure, columns=6, loc="outside lower center")
+    parts.note_left_out(figure, names[len(shown) :], "clearance.csv")
+    return figure
+
+
+def _orbits(axes: Axes, case: Mapping, orbits: Mapping[float, np.ndarray], reach: float) -> None:
+    sag = Line.from_case(case).sag
+    for what, ellipse in design_ellipses(case).items():
+        color, line = ELLIPSES[what]
+        outline = Polygon(ellipse.outline(), closed=True, fill=False, ec=color, ls=line, lw=1.1)
+        axes.add_patch(outline)
+        axes.plot([], [], color=color, ls=line, lw=1.1, label=what)
+    shades = np.linspace(0.55, 1.0, len(orbits))
+    for (wind, places), shade in zip(sorted(orbits.items()), shades, strict=True):
+        axes.plot(*places[-SHOWN:].T, color=MODEL, alpha=shade, lw=0.6 + shade,
+                  label=f"{wind:g} m/s")  # fmt: skip
+        axes.annotate(
+            f"{wind:g}", places[np.argmax(places[:, 1])], xytext=(0, 2),
+            textcoords="offset points", ha="center", color=MODEL, size="x-small",
+        )  # fmt: skip
+    axes.plot(0, 0, marker="+", ms=8, color=INK)
+    axes.axhline(sag, **LEVEL)
+    axes.text(0.02, sag, "supports", transform=axes.get_yaxis_transform(), va="bottom",
+              color="#5f5f5f", size="small")  # fmt: skip
+    place = 0.95 * reach
+    arrow(axes, (place, 0), (place, sag), style="<|-|>", width=0.8)
+    axes.text(place, 0.75 * sag, f"sag {sag:.1f} m", size="small", rotation=90, ha="right",
+              va="center")  # fmt: skip
+    side = case["bundle"]["dimension"]
+    axes.add_patch(Rectangle((-side / 2, -side / 2), side, side, fc=INK, ec=INK))
+    axes.set(aspect="equal", xlim=(-reach, reach), xlabel="along the wind, m from rest")
+
+
+# --- measures ---
+
+
+def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """Vertical motion at the design wind, critical wind and clearance of each measure.
+
+    table: measures.csv. settings: cases.
+    """
+    most = table[table["case"].isin(settings["cases"])]["case"].value_counts().max()
+    figure, grids = parts.case_grids(
+        settings["cases"], 1, len(MEASURED), 0.4, 0.7 + 0.26 * most, "measures.csv", sharex=False
+    )
+    for row, (case, grid) in enumerate(grids.items()):
+        of_case = table[table["case"] == case].sort_values("rank")
+        for column, (axes, name) in enumerate(zip(grid[0], MEASURED, strict=True)):
+            parts.letter(axes, row * len(MEASURED) + column, MEASURED[name])
+            _measures(axes, of_case, name)
+    parts.legend(figure)
+    return figure
+
+
+def _measures(axes: Axes, table: pd.DataFrame, name: str) -> None:
+    """Dots, with the number and its interval written above each, too narrow to be seen."""
+    values = table[[name, f"{name}_low", f"{name}_high"]].to_numpy(float)
+    reach = np.nanmax([*values[np.isfinite(values[:, 0])].ravel(), 0.0])
+    notes = table["note"].fillna("").astype(bool)
+    labels = [f"{text} *" if note else text for text, note in zip(table["measure"], notes,
+                                                                  strict=True)]  # fmt: skip
+    parts.rows(axes, labels)
+    for place, row in enumerate(values):
+        is_known = np.isfinite(row[0])
+        axes.text(
+            0.03, place - 0.17, _told(*row), transform=axes.get_yaxis_transform(), size="x-small",
+            color=MODEL if is_known else PAPER, zorder=4,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],  # upon the limit
+        )  # fmt: skip
+        if is_known:
+            limits = (-np.inf, np.inf)
+            parts.dot(axes, place, row, limits, MODEL, "o", 3.5, bar={"lw": 1.6})
+    if name == "clearance_m":
+        limit = float(table["limit_m"].iloc[0])
+        axes.axvline(limit, color=PAPER, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
+    axes.set(xlim=(-0.04 * reach, 1.08 * max(reach, 1e-3)), ylim=(len(table) - 0.4, -0.7))
+
+
+def _told(value: float, low: float, high: float) -> str:
+    """The number and both ends of its interval, to the first digit of their difference."""
+    if not np.isfinite(value):
+        return "never" if np.isposinf(value) else "no bounded motion"
+    if not low < high < np.inf:
+        return f"{value:.3g}"
+    decimals = max(0, -int(np.floor(np.log10(high - low))))
+    return f"{value:.{decimals}f}  ({low:.{decimals}f} to {high:.{decimals}f})"
+
+
+# --- the span, moving ---
+
+
+def write_animation(
+    path: str | os.PathLike, case: Mapping, orbit: Orbit, title: str, frames: int = 36
+) -> None:
+    """One period of a limit cycle as a GIF that repeats; the same bytes for the same orbit.
+
+    The span is drawn in elevation (vertical motion to the scale of the sag) and in plan; the orbit
+    at mid-span to scale. A period takes frames / RATE seconds.
+    """
+    with styled(8), replacing(path) as partial:
+        figure, update = _scene(case, orbit, title, frames)
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # solved once, not in every frame
+        animation = FuncAnimation(figure, update, frames=frames, blit=False)
+        animation.save(partial, writer=PillowWriter(fps=RATE), dpi=DPI)
+
+
+def _scene(case: Mapping, orbit: Orbit, title: str, frames: int) -> tuple:
+    line = Line.from_case(case)
+    phi, psi = modes(case, line)
+    s = positions(line.span)
+    rest = -4 * line.sag * (s / line.span) * (1 - s / line.span)
+    states = orbit.at(np.arange(frames) / frames)
+    closed = np.vstack([states, states[:1]])
+    figure = Figure(figsize=SIZE, layout="constrained")
+    panes = figure.subplot_mosaic(
+        [["elevation", "orbit"], ["plan", "orbit"]], width_ratios=[2.2, 1]
+    )
+    elevation, plan, middle = panes["elevation"], panes["plan"], panes["orbit"]
+    elevation.set_title(title, loc="left")
+    reach = 1.15 * np.max(np.abs(states[:, :2]))
+    elevation.plot(s, rest, **LEVEL)
+    (side,) = elevation.plot(s, rest, color=MODEL, lw=1.6)
+    elevation.set(
+        xlim=(0, line.span), ylim=(-line.sag - reach, 1.0), ylabel="height, m", xticklabels=[]
+    )
+    plan.axhline(0, **LEVEL)
+    (above,) = plan.plot(s, 0 * s, color=MODEL, lw=1.6)
+    plan.set(xlim=(0, line.span), ylim=(-reach, reach), xlabel="m along the span",
+             ylabel="downwind, m")  # fmt: skip
+    middle.plot(closed[:, 1], closed[:, 0], color=TRUE, lw=0.8)
+    (place,) = middle.plot([0], [0], ls="", marker="s", ms=5, mfc="white", mec=INK, mew=1.3)
+    middle.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal",
+               xlabel="downwind at mid-span, m", ylabel="vertical, m")  # fmt: skip
+
+    def update(frame: int) -> tuple:
+        v, w = states[frame, :2]
+        side.set_ydata(rest + phi.shape * v)
+        above.set_ydata(psi.shape * w)
+        place.set_data([w], [v])
+        return side, above, place
+
+    return figure, update

@@ -1,0 +1,429 @@
+"""Figures 6, 7 and 10, errors against noise and amount of data: the paper's method as the paper
+shows it, all methods beside each other, and how far they stay from the Cramér-Rao bound.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from galloping.figures import parts
+from galloping.figures.style import (
+    DOUBLE,
+    MODEL,
+    PAPER,
+    QUIET,
+    SHADE,
+    SINGLE,
+    method_style,
+    spoken,
+)
+from galloping.paper.printed import CLAIMS, Claim
+from galloping.study.kinds import BOUND, NOISE, OURS, PAPER_METHOD, SUBSET
+from galloping.tables.scores import ORACLE, ORDERS, mean_error, of_kind, spread
+
+DECADES = (1e-2, 1e2)  # percent: the axis of errors where there are none
+METHODS_APART = 0.1  # decades, within which methods are moved apart
+LOWEST, HIGHEST = 0.5, 1e4  # of rms error / bound
+EFFICIENCY_APART = 0.09  # decades
+STEP = 1.75  # factor along the axis, from the last level to joint recordings
+PYSINDY = (PAPER_METHOD, "stlsq", "lasso", "frols", "ensemble", "weak")
+ORACLES = "oracle"  # how the best settings of pysindy are drawn
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Columns of scores.csv that share an axis.
+
+    columns: each with the title of its panel; those with a name that scores.csv lacks are left out.
+    label: of the axis. together: of an axis of one value a replicate, `combined` (n_rows,).
+    """
+
+    columns: Mapping[str, str]
+    label: str
+    together: str
+    is_r2: bool = False
+
+    def combined(self, scores: pd.DataFrame) -> pd.Series:
+        """One value a row: the mean error over the orders, else that of the worse direction."""
+        if self is QUANTITIES["coefficients"]:
+            return mean_error(scores)
+        both = scores[list(self.columns)]
+        return both.min(axis=1) if self.is_r2 else both.max(axis=1)
+
+    def limits(self, values: np.ndarray) -> tuple[float, float]:
+        """Of places on the axis: R2 from zero on, errors over whole decades around all values."""
+        if self.is_r2:
+            low, high = map(parts.r2_place, parts.R2_LIMITS)
+            return float(low), float(high)
+        values = values[np.isfinite(values) & (values > 0)]
+        low, high = (values.min(), values.max()) if values.size else DECADES
+        return float(10 ** np.floor(np.log10(low))), float(10 ** np.ceil(np.log10(high)))
+
+    def place(self, values: np.ndarray) -> np.ndarray:
+        """Where values stand; R2 below zero stands beyond the axis."""
+        values = np.asarray(values, float)
+        if not self.is_r2:
+            return values
+        beyond = parts.r2_place(parts.R2_LIMITS[0]) - 1
+        return np.where(values < parts.R2_LIMITS[0], beyond, parts.r2_place(values))
+
+    def prepare(self, axes: Axes, limits: tuple[float, float], label: str) -> None:
+        """limits: as of `limits`."""
+        if self.is_r2:
+            parts.prepare_r2(axes, label)
+            return
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.set(ylim=(limits[0] / 1.6, limits[1] * 1.6), ylabel=label)
+
+
+QUANTITIES = {
+    "coefficients": Quantity(
+        {f"mean_error_{order}_percent": f"{order} terms" for order in ORDERS},
+        "mean error of\nthe coefficients, %",
+        "mean error of\nall coefficients, %",
+    ),
+    "r2": Quantity(
+        {"r2_q_v": "vertical, $q_v$", "r2_q_w": "horizontal, $q_w$"},
+        "$R^2$ over the record",
+        "$R^2$, worse direction",
+        is_r2=True,
+    ),
+    "amplitude": Quantity(
+        {"amplitude_error_q_v_percent": "vertical, $q_v$",
+         "amplitude_error_q_w_percent": "horizontal, $q_w$"},
+        "error of the steady\namplitude, %",
+        "amplitude error, %,\nworse direction",
+    ),
+}  # fmt: skip
+
+
+def printed(column: str, case: str) -> list[Claim]:
+    """The paper's claims that are values or bounds of a column of scores.csv, of one case."""
+    return [c for c in CLAIMS if c.column == column and c.case in (case, "") and not c.minus]
+
+
+def _mark(axes: Axes, x: float, y: float, claim: Claim) -> None:
+    """A star at a printed value, a bar at a printed bound, at a place of the axes."""
+    look = {"marker": "*", "ms": 8, "mew": 0, "zorder": 6, "label": "paper: printed"}
+    if not claim.is_number:
+        look = {"marker": "_", "ms": 16, "mew": 1.4, "zorder": 2, "label": "paper: at least"}
+    axes.plot(x, y, ls="", color=PAPER, **look)
+
+
+# --- the paper's method ---
+
+
+def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | None = None) -> Figure:
+    """A row for each quantity, a panel for each of its columns: the first draw, the median and the
+    5th to 95th percentile of all, and what the paper prints.
+
+    table: scores.csv. draws: more of them, of `paper.draws.paper_draws`, instead of those of the
+    same cells in scores.csv. settings: case, protocol and method; kind of cells; x, `level` or
+    `points`, and its labels by protocol; quantities, names of QUANTITIES.
+    """
+    x, case = settings["x"], settings["case"]
+    own = [table[k] == settings[k] for k in ("case", "protocol", "method", "kind")]
+    chosen = table[np.logical_and.reduce(own) & (table[x] > 0)]
+    if draws is not None:
+        more = draws[(draws["kind"] == settings["kind"]) & (draws[x] > 0)]
+        cells = [pd.MultiIndex.from_frame(t[["kind", "level", "points"]]) for t in (chosen, more)]
+        kept = chosen[~cells[0].isin(cells[1])]
+        chosen = pd.concat([more.rename(columns={"draw": "replicate"}), kept], ignore_index=True)
+    if chosen.empty:
+        return parts.nothing_at_all("the paper's method has no noisy recordings in this study")
+    quantities = [QUANTITIES[name] for name in settings["quantities"]]
+    across = max(len(quantity.columns) for quantity in quantities)
+    figure = Figure(figsize=(DOUBLE, 0.8 + 2.3 * len(quantities)), layout="constrained")
+    grid = figure.subplots(len(quantities), across, squeeze=False, sharex=True, sharey="row")
+    places, subsets = parts.LogAxis.of(chosen[x]), settings["kind"] == SUBSET
+    marks = {
+        name: [
+            claim for claim in printed(name, case)
+            if bool(claim.points) == subsets and claim.level in set(chosen["level"])
+            and getattr(claim, x) in places.values
+        ]
+        for quantity in quantities for name in quantity.columns
+    }  # fmt: skip
+    for j, (quantity, line) in enumerate(zip(quantities, grid, strict=True)):
+        panels = {
+            name: chosen.pivot(index="replicate", columns=x, values=name)
+            for name in quantity.columns
+            if name in chosen and chosen[name].notna().any()
+        }
+        shown = [_interval(drawn).iloc[1:].to_numpy().ravel() for drawn in panels.values()]
+        shown += [drawn.loc[0].to_numpy(float) for drawn in panels.values() if 0 in drawn.index]
+        shown += [[claim.paper_value] for name in panels for claim in printed(name, case)]
+        limits = quantity.limits(np.concatenate([[np.nan], *shown]))
+        for k, ((name, title), axes) in enumerate(zip(quantity.columns.items(), line, strict=True)):
+            parts.letter(axes, across * j + k, title)
+            if name not in panels:
+                parts.nothing(axes, "this line has no such values")
+                continue
+            label = settings["labels"][settings["protocol"]]
+            places.prepare(axes, label if j == len(quantities) - 1 else "")
+            quantity.prepare(axes, limits, "" if k else quantity.label)
+            _draws(axes, panels[name], places, quantity, limits)
+            for claim in marks[name]:
+                at = places.position(getattr(claim, x))
+                _mark(axes, at, quantity.place(claim.paper_value), claim)
+    title = f"{spoken(case)}, {method_style(settings['method']).label}, protocol "
+    parts.legend(figure, title=f"{title}{settings['protocol']}")
+    return figure
+
+
+def _interval(draws: pd.DataFrame) -> pd.DataFrame:
+    """Number, median, low and high of the draws at each x, its columns."""
+    long = draws.melt(value_name="value", var_name="x").dropna()
+    return long.groupby("x").agg(count=("value", "size"), **spread("value")).T
+
+
+def _draws(
+    axes: Axes, draws: pd.DataFrame, places: parts.LogAxis, quantity: Quantity, limits: tuple
+) -> None:
+    """draws: a row for each replicate, in order, a column for each x."""
+    count, *summary = _interval(draws).to_numpy()
+    x = [places.position(at) for at in draws]
+    many = " to ".join(f"{number:.0f}" for number in sorted({count.min(), count.max()}))
+    median, low, high = np.clip(quantity.place(summary), *limits)
+    first = quantity.place(draws.iloc[0])
+    parts.band(axes, x, low, high, f"5th to 95th percentile of {many} draws")
+    axes.plot(x, median, color=MODEL, ls=":", lw=1.3, marker="_", label="their median")
+    inside = np.flatnonzero((first >= limits[0]) & (first <= limits[1])).tolist()
+    parts.points(axes, x, first, limits, MODEL, "o", 4.5)
+    axes.plot(
+        x, np.clip(first, *limits), color=MODEL, lw=0.8, marker="o", ms=4.5, markevery=inside,
+        label="one draw, the first",
+    )  # fmt: skip
+
+
+# --- all methods ---
+
+
+def draw_methods(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """Median and 5th to 95th percentile of each method: a block for each case, a row for each
+    quantity, a column for each protocol.
+
+    table: scores.csv. settings: cases, protocols, methods in the study's order; kind of cells; x,
+    `level` or `points`, and its labels by protocol; quantities, names of QUANTITIES; values, where
+    the values of cases not drawn are.
+    """
+    x, rows = settings["x"], [QUANTITIES[name] for name in settings["quantities"]]
+    table = table[(table["kind"] == settings["kind"]) & (table[x] > 0)]
+    figure, grid = parts.method_grid(settings, len(rows), 2.1, settings["values"])
+    places = parts.LogAxis.of(table[x])
+    shift = parts.shifts(parts.in_order(table, "method", settings["methods"]), METHODS_APART)
+    drawn = set()
+    for (case, row, protocol), axes in grid.items():
+        quantity, of_case = rows[row], table[table["case"] == case]
+        of_case = of_case.assign(value=quantity.combined(of_case)).dropna(subset="value")
+        groups = of_case.groupby(["protocol", "method", x], as_index=False)
+        of_case = groups.agg(**spread("value"))
+        of_panel = of_case[of_case["protocol"] == protocol]
+        if of_panel.empty:
+            parts.nothing(axes, "no values in this study")
+            continue
+        places.prepare(axes, settings["labels"][protocol] if row == len(rows) - 1 else "")
+        limits = quantity.limits(of_case["median"].to_numpy(float))
+        first = protocol == settings["protocols"][0]
+        quantity.prepare(axes, limits, quantity.together if first else "")
+        for method, line in of_panel.groupby("method"):
+            at = [places.position(value, shift[method]) for value in line[x]]
+            values = quantity.place(line[["median", "low", "high"]].to_numpy(float).T)
+            parts.series(axes, at, values, method, limits)
+            drawn.add(method)
+    keys = parts.method_keys([name for name in settings["methods"] if name in drawn])
+    parts.legend(figure, *keys, columns=4)
+    return figure
+
+
+def draw_efficiency(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """Root mean square of error / bound: a block for each case, a column for each protocol.
+
+    Recordings that share a model stand at the right of those taken alone.
+    table: efficiency.csv. settings: cases, protocols, methods in the study's order;
+    labels of the noise by protocol.
+    """
+    whole = table[table["points"] == table["points"].max()]
+    figure, grid = parts.method_grid(settings, 1, 2.2, "efficiency.csv")
+    for (case, _, protocol), axes in grid.items():
+        of_case = whole[whole["case"] == case]
+        chosen = of_case[of_case["protocol"] == protocol]
+        if chosen.empty:
+            parts.nothing(axes, "no noisy recordings in this study")
+            continue
+        finite = of_case["efficiency"][np.isfinite(of_case["efficiency"])]
+        decade = 10 ** np.ceil(np.log10(finite.max())) if len(finite) else 10.0
+        limits = LOWEST, min(HIGHEST, max(10.0, decade))
+        places = _places(axes, of_case, settings["labels"][protocol])
+        _efficiencies(axes, chosen, places, settings["methods"], limits)
+        axes.set_ylabel("rms error / bound" if protocol == settings["protocols"][0] else "")
+    keys = parts.method_keys(parts.in_order(table, "method", settings["methods"]))
+    parts.legend(figure, *keys, columns=4)
+    return figure
+
+
+def _places(axes: Axes, table: pd.DataFrame, label: str) -> dict[tuple[int, float], float]:
+    """Where (recordings, level) stand on an axis, which is given their ticks."""
+    cells = sorted(set(zip(table["recordings"], table["level"], strict=True)))
+    joint = [cell for cell in cells if cell[0] > 1]
+    if joint == cells:
+        together = parts.LogAxis.of([level for _, level in cells])
+        together.prepare(axes, f"{label}, {cells[0][0]} recordings")
+        return {cell: together.position(cell[1]) for cell in cells}
+    single = parts.LogAxis.of([level for recordings, level in cells if recordings == 1])
+    single.prepare(axes, label)
+    last = single.position(single.values[-1])
+    places = {(1, level): single.position(level) for level in single.values}
+    places |= {cell: last * STEP ** (k + 1) for k, cell in enumerate(joint)}
+    if joint:
+        labels = [label.get_text() for label in axes.get_xticklabels()]
+        labels += [f"{level:g}\n{recordings} rec." for recordings, level in joint]
+        axes.set_xticks(list(places.values()), labels)
+        axes.set_xlim(right=max(places.values()) * 1.5)
+        axes.axvline(last * np.sqrt(STEP), color="#bbbbbb", lw=0.6, ls=":")
+    return places
+
+
+def _efficiencies(
+    axes: Axes,
+    table: pd.DataFrame,
+    places: Mapping[tuple[int, float], float],
+    order: list[str],
+    limits: tuple[float, float],
+) -> None:
+    axes.set_yscale("log")
+    axes.set_ylim(limits[0], limits[1] * 1.6)
+    axes.axhline(1, **parts.line_look(BOUND), zorder=2)
+    methods = [name for name in parts.in_order(table, "method", order) if name != BOUND]
+    shift, lost = parts.shifts(methods, EFFICIENCY_APART), []
+    for method in methods:
+        line = table[table["method"] == method].sort_values(["recordings", "level"])
+        cells = zip(line["recordings"], line["level"], strict=True)
+        x = np.array([places[cell] for cell in cells]) * 10 ** shift[method]
+        values = line["efficiency"].to_numpy()  # undefined, and not drawn, where the bound is
+        for at, row in zip(x[np.isposinf(values)], line[np.isposinf(values)].itertuples(),
+                           strict=True):  # fmt: skip
+            text, upon = f"{row.failures} of {row.replicates}", lost.count(row.level)
+            axes.annotate(
+                text, (at, limits[1]), (6, -7 * upon), textcoords="offset points", va="center",
+                size="x-small", color=method_style(method).color,
+            )  # fmt: skip
+            lost.append(row.level)
+        alone = line["recordings"] == 1
+        parts.series(axes, x, np.array([values] * 3), method, limits, joined=alone)
+
+
+# --- overview ---
+
+
+def draw_overview(
+    table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame | None = None
+) -> Figure:
+    """Mean coefficient error over the orders against noise: the paper's method, the best of
+    pysindy, its oracle, ours, and the bound; those that the study has.
+
+    table: scores.csv. peers: peers.csv, or None to draw no oracle. settings: case and protocol to
+    show, and the label of the noise.
+    """
+    case, protocol = settings["case"], settings["protocol"]
+    figure = Figure(figsize=(SINGLE, 3.7), layout="constrained")
+    axes = figure.subplots()
+    errors = _errors(table, peers, case, protocol)
+    if errors.empty:
+        parts.nothing(axes, "this study has no noisy recordings to show")
+        return figure
+    places = parts.LogAxis.of(errors["level"])
+    places.prepare(axes, settings["label"])
+    stars = [(claim.paper_value, order, places.position(claim.level))
+             for order in ORDERS for claim in printed(f"mean_error_{order}_percent", case)
+             if claim.points is None and claim.level in places.values]  # fmt: skip
+    names = _shown(errors)
+    values = errors[errors["method"].isin(names)][["median", "low", "high"]].to_numpy(float).ravel()
+    values = np.array([*values[np.isfinite(values) & (values > 0)], *(star[0] for star in stars)])
+    # at most ten times what a lost model costs
+    limits = (values.min() / 2, min(values.max() * 2, 1e3)) if values.size else DECADES
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set(ylim=limits, ylabel="mean error of the coefficients, %")
+    _beyond(axes, errors, places, limits)
+    shift = parts.shifts(list(names), 0.03)
+    for method in names:
+        line = errors[errors["method"] == method]
+        x = [places.position(level, shift[method]) for level in line["level"]]
+        parts.series(axes, x, line[["median", "low", "high"]].to_numpy().T, method, limits)
+    for (value, order, x), face in zip(sorted(stars)[::-1], (PAPER, "white"), strict=False):
+        axes.plot(x, value, "*", mfc=face, mec=PAPER, ms=8, mew=0.9, ls="", zorder=6,
+                  label=f"paper, {order} terms: {value:g} %")  # fmt: skip
+    title = [f"{spoken(case)}, protocol {protocol}"]
+    if levels := beaten_at(errors):
+        title.append(f"the oracle is better than ours at {levels}")
+    axes.set_title("\n".join(title), fontsize="small")
+    keys = parts.method_keys(names)
+    parts.legend(figure, *keys, columns=1, loc="outside upper left", handlelength=3)
+    return figure
+
+
+def best_of_pysindy(table: pd.DataFrame) -> str | None:
+    """The method with the lowest median, over the noisy levels, of the median error."""
+    medians = table.groupby("method")["median"].agg(np.median)
+    medians = medians.reindex([method for method in PYSINDY if method in medians])
+    return None if medians.empty else medians.idxmin()
+
+
+def beaten_at(table: pd.DataFrame) -> str:
+    """The noise levels where the oracle's median is below ours, or ''."""
+    medians = table.pivot_table(index="level", columns="method", values="median")
+    if not {ORACLES, OURS} <= set(medians):
+        return ""
+    return ", ".join(f"{level:g}" for level in medians.index[medians[ORACLES] < medians[OURS]])
+
+
+def _errors(
+    scores: pd.DataFrame, peers: pd.DataFrame | None, case: str, protocol: str
+) -> pd.DataFrame:
+    """method, level, median, low, high over replicates, at the levels above zero; of the oracle
+    the lowest of STLSQ, FROLS and the weak form.
+    """
+    cells, others = (
+        rows[(rows["case"] == case) & (rows["protocol"] == protocol) & (rows["level"] > 0)]
+        for rows in (of_kind(scores, NOISE), scores[:0] if peers is None else peers)
+    )
+    groups = cells.assign(error=mean_error(cells)).groupby(["method", "level"], as_index=False)
+    errors = groups.agg(**spread("error"))
+    if peers is None:
+        return errors
+    others = others[(others["setting"] == ORACLE) & others["method"].isin(PYSINDY)]
+    least = others.groupby("level")["mean_error_percent"].min()
+    columns = dict.fromkeys(("median", "low", "high"), least)
+    return pd.concat([errors, pd.DataFrame(columns).reset_index().assign(method=ORACLES)])
+
+
+def _shown(table: pd.DataFrame) -> dict[str, str]:
+    """Names for the legend of the methods to draw, those of them that the study has."""
+    best = best_of_pysindy(table)
+    names = {PAPER_METHOD: "", best: "best of pysindy",
+             ORACLES: "pysindy as the truth would set it", OURS: "ours", BOUND: ""}  # fmt: skip
+    present = set(table["method"])
+    return {
+        method: f"{name}: {method_style(method).label}".removeprefix(": ")
+        for method, name in names.items()
+        if method in present
+    }
+
+
+def _beyond(axes: Axes, table: pd.DataFrame, places: parts.LogAxis, limits: tuple) -> None:
+    """Shades what lies below the bound."""
+    bound = table[table["method"] == BOUND]
+    if len(bound) < 2:
+        return
+    x = [places.position(level) for level in bound["level"]]
+    axes.fill_between(x, limits[0], bound["median"], color=SHADE, lw=0, zorder=0)
+    axes.text(
+        x[-1] / 1.05, limits[0] * 1.15, "more than the data hold", ha="right", fontsize="small",
+        color=QUIET,
+    )  # fmt: skip

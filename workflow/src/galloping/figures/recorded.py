@@ -1,0 +1,155 @@
+"""Recordings of a user: what they are worth, the model beside them, and where they go from here."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
+
+from galloping.field.forecast import Forecast, Sensed
+from galloping.field.quality import GAP, spectrum
+from galloping.field.units import state_unit
+from galloping.figures import parts
+from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, TRUE
+from galloping.recording import Recording
+
+if TYPE_CHECKING:
+    from galloping.field.mapping import ColumnMapping
+    from galloping.field.read import Series
+
+ROW = 1.7  # inches, of a row of panels
+POINTS = 1500  # of an envelope: more than a figure has pixels
+DECADES = 6  # of a spectrum
+EDGE = "#a8741a"  # of the band, so that it is seen in grey
+MARK = {"color": PAPER, "lw": 0.8, "ls": ":"}
+
+
+def draw_quality(
+    series: "Sequence[Series]", reports: Sequence[dict], mapping: "ColumnMapping"
+) -> Figure:
+    """A row for each channel of each file: the samples with gaps shaded, and their spectrum.
+
+    series: of each file. reports: of `field.quality`, of each file. mapping: names the channels.
+    """
+    rows = [(file, c) for file in zip(series, reports, strict=True)
+            for c in range(len(mapping.channels))]  # fmt: skip
+    figure = Figure(figsize=(DOUBLE, 0.5 + ROW * len(rows)), layout="constrained")
+    grid = figure.subplots(len(rows), 2, squeeze=False, width_ratios=(2, 1))
+    for k, (((of_file, report), c), (left, right)) in enumerate(zip(rows, grid, strict=True)):
+        channel, values, time = mapping.channels[c], of_file.values[:, c], of_file.time
+        parts.letter(left, 2 * k, f"{channel.column} of {report['file']}")
+        parts.letter(right, 2 * k + 1, "spectrum")
+        left.plot(*_envelope(time, values), color=MODEL, lw=0.5)
+        for gap in report["sampling"]["gaps"]:
+            left.axvspan(gap["from_s"], gap["from_s"] + gap["length_s"], color=BAND, lw=0,
+                         label="gap")  # fmt: skip
+        left.set(xlabel="time, s", ylabel=_with_unit(channel.measures), xlim=(time[0], time[-1]))
+        known = np.isfinite(values)
+        frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
+        share = np.maximum(share, share.max() * 10.0**-DECADES)
+        dominant = report["channels"][channel.column]["dominant_frequencies_hz"]
+        for first in dominant[:1]:
+            right.axvline(first, **MARK, label="dominant")
+            right.annotate(
+                f"{first:.3g} Hz", (first, 1.0), xycoords=("data", "axes fraction"),
+                xytext=(2, -2), textcoords="offset points", va="top", color=PAPER, size="x-small",
+            )  # fmt: skip
+        top = min(max([5 * each for each in dominant], default=frequency[-1]), frequency[-1])
+        shown = frequency <= top
+        right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
+        right.yaxis.set_minor_locator(NullLocator())
+        right.set(xlim=(0, top), xlabel="frequency, Hz", ylabel="share of the power")
+    parts.legend(figure, columns=2, loc="outside upper right")
+    return figure
+
+
+def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarray]]) -> Figure:
+    """Samples and the model's motion, in a column for each of some stretches of the recording.
+
+    motions: of each stretch the times (n,), s, and the channels (n, n_sensed) of the model.
+    """
+    if not motions:
+        return parts.nothing_at_all("the recording gives no model to draw beside it")
+    figure, panels, samples = _channels(recording, len(motions))
+    for (_, column, k), axes in panels.items():
+        time, motion = motions[column]
+        _samples(axes, recording.time, samples[:, k], (time[0], time[-1]))
+        axes.plot(time, motion[:, k], color=MODEL, label="model, from a start of its own")
+    parts.legend(figure)
+    return figure
+
+
+def draw_forecast(
+    recording: Recording, forecasts: Sequence[Forecast], held_out: float, length: float
+) -> Figure:
+    """The end of the recording, the forecast of what was held out, and the one after it.
+
+    held_out: s, where the held-out part begins. length: s, of what is shown of each part.
+    """
+    if not forecasts:
+        return parts.nothing_at_all("the recording gives no model to forecast with")
+    figure, panels, samples = _channels(recording, len(forecasts))
+    for (row, column, k), axes in panels.items():
+        ahead = forecasts[column]
+        begin = ahead.time[0]
+        if row == 0:
+            what = "held out" if begin <= held_out else "after the recording"
+            parts.letter(axes, column, what)
+        _samples(axes, recording.time, samples[:, k], (begin - length / 2, begin + length))
+        own = ahead.time < begin + length
+        axes.plot(ahead.time[own], ahead.median[own, k], color=MODEL, lw=0.6, zorder=3,
+                  label="forecast, median")  # fmt: skip
+        low, high = ahead.low[own, k], ahead.high[own, k]
+        parts.band(axes, ahead.time[own], low, high, "90 % of samples", ec=EDGE, lw=0.4)
+        axes.axvline(begin, **MARK, label="begin of the forecast")
+    parts.legend(figure)
+    return figure
+
+
+def _channels(
+    recording: Recording, columns: int
+) -> tuple[Figure, dict[tuple[int, int, int], Axes], np.ndarray]:
+    """Panels by row, column and sensed channel, a row for each that has samples; the samples."""
+    sensed = Sensed.by(recording)
+    samples = sensed.samples(recording)
+    shown = np.flatnonzero(np.isfinite(samples).any(axis=0))
+    figure = Figure(figsize=(DOUBLE, 0.6 + ROW * len(shown)), layout="constrained")
+    grid = figure.subplots(len(shown), columns, squeeze=False, sharex="col", sharey="row")
+    for row, k in zip(grid, shown, strict=True):
+        row[0].set_ylabel(_with_unit(sensed.names[k]))
+    for axes in grid[-1]:
+        axes.set_xlabel("time, s")
+    panels = {
+        (row, column, int(k)): grid[row, column]
+        for row, k in enumerate(shown)
+        for column in range(columns)
+    }
+    return figure, panels, samples
+
+
+def _samples(axes: Axes, time: np.ndarray, values: np.ndarray, span: tuple[float, float]) -> None:
+    inside = (time >= span[0]) & (time <= span[1])
+    axes.plot(time[inside], values[inside], ls="", marker=".", ms=2, color=TRUE, zorder=2,
+              rasterized=True, label="samples")  # fmt: skip
+
+
+def _with_unit(name: str) -> str:
+    unit = state_unit(name)
+    return name if unit == "1" else f"{name}, {unit}"
+
+
+def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least and greatest samples of many stretches: as dense as a figure can show."""
+    known = np.isfinite(values)
+    time, values = time[known], values[known]
+    gaps = np.flatnonzero(np.diff(time) > GAP * np.median(np.diff(time))) + 1
+    between = (time[gaps - 1] + time[gaps]) / 2
+    places = np.arange(len(time))
+    if len(time) > 2 * POINTS:
+        stretches = np.array_split(places, POINTS)
+        ends = [(s[np.argmin(values[s])], s[np.argmax(values[s])]) for s in stretches]
+        places = np.unique(ends)
+    apart = np.searchsorted(time[places], between)
+    return np.insert(time[places], apart, between), np.insert(values[places], apart, np.nan)

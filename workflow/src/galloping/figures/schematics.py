@@ -1,0 +1,336 @@
+"""Figures 1 to 3, the schematics: the line, the aerodynamic load on its section, the flow chart."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from math import comb
+from textwrap import fill
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Arc, Circle, FancyBboxPatch, Polygon
+
+from galloping.figures import parts
+from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, TRUE, method_style, spoken
+from galloping.measurement.measuring import Motion
+from galloping.physics.equations import STATES
+from galloping.physics.galerkin import Derived, ice_coefficients
+from galloping.physics.line import MODES, Line, positions
+
+ICE, METAL, INK = "#d6e6f2", "#6b6b6b", "#111111"
+HEIGHT = 2.9
+ELEVATION = (0.075, 0.15, 0.63, 0.76)  # of the figure: left, bottom, width, height
+SECTION = (0.735, 0.1, 0.26, 0.82)
+# the flow chart's unit is the inch
+CHART, BOX = 3.0, (2.0, 0.74)
+COLUMNS, ROWS = (1.1, 3.5, 5.9), (2.57, 1.5, 0.43)
+PATH = [(0, 0), (1, 0), (2, 0), (2, 1), (1, 1), (0, 1), (0, 2), (1, 2), (2, 2)]  # column, row
+COLORS = ("#e6e6e6", "#fdf1d8", "#d6e6f2")  # truth, data, identified model
+
+
+def iced_conductor(axes: Axes, x: float, y: float, radius: float) -> None:
+    """A round conductor with a crescent of ice towards the wind, which comes from the left."""
+    angle = np.linspace(np.pi / 2, 3 * np.pi / 2, 60)
+    reach = radius * (1 + 0.75 * np.sin(angle - np.pi / 2) ** 0.8)
+    outline = np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
+    axes.add_patch(Polygon(outline, closed=True, facecolor=ICE, edgecolor=INK, lw=0.8))
+    axes.add_patch(Circle((x, y), radius, facecolor=METAL, edgecolor=INK, lw=0.8))
+
+
+def arrow(
+    axes: Axes, start: tuple[float, float], end: tuple[float, float], color: str = INK,
+    style: str = "-|>", width: float = 1.1, line: str = "-",
+) -> None:  # fmt: skip
+    """A straight arrow in data coordinates."""
+    axes.annotate(
+        "", xy=end, xytext=start,
+        arrowprops={"arrowstyle": style, "color": color, "lw": width, "ls": line,
+                    "shrinkA": 0, "shrinkB": 0, "mutation_scale": 9},
+    )  # fmt: skip
+
+
+def bare(axes: Axes) -> None:
+    """A drawing to scale in both directions, without axes."""
+    axes.set_aspect("equal")
+    axes.axis("off")
+
+
+# --- figure 1 ---
+
+
+def draw_line(model: Derived, settings: Mapping) -> Figure:
+    """Elevation with a stated exaggeration, and the bundle's cross-section (not to scale).
+
+    model: what follows from the line. settings: case, its name; line, its parameters.
+    """
+    case, derived, name = settings["line"], model.quantities, settings["case"]
+    figure = Figure(figsize=(DOUBLE, HEIGHT))
+    elevation = figure.add_axes(ELEVATION)
+    section = figure.add_axes(SECTION)
+    _elevation(elevation, case, derived, name)
+    _section(section, case["bundle"]["subconductors"])
+    return figure
+
+
+def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
+    span, sag = case["line"]["span"], derived["sag_m"]
+    low, high = -1.75 * sag, 0.95 * sag
+    left, right = -0.06 * span, 1.06 * span
+    axes.set(xlim=(left, right), ylim=(low, high))
+    width, height = DOUBLE * ELEVATION[2], HEIGHT * ELEVATION[3]
+    exaggeration = (height / (high - low)) / (width / (right - left))
+
+    def rest(s):
+        return -4 * sag * (s / span) * (1 - s / span)
+
+    s = np.linspace(0, span, 201)
+    axes.plot([0, span], [0, 0], color=TRUE, lw=0.8, ls=(0, (6, 3)))
+    axes.plot(s, rest(s), color=INK, lw=1.6)
+    nodes = positions(span)
+    mode = MODES[case["line"]["mode_shape"]](Line.from_case(case)).shape
+    axes.plot(nodes, rest(nodes) + 0.35 * sag * mode, color=MODEL, lw=0.9, ls="--")
+    axes.text(
+        0.84 * span, rest(0.84 * span) - 0.05 * sag, "at rest", ha="left", va="top", color=INK
+    )
+    axes.annotate(
+        r"first mode, $V=\phi_v(s)\,q_v$",
+        xy=(0.6 * span, rest(0.6 * span) + 0.33 * sag),
+        xytext=(0.53 * span, 0.12 * sag),
+        color=MODEL,
+    )
+    for support in (0, span):
+        axes.plot([support, support], [low, 0.12 * sag], color=INK, lw=2.2)
+    spacers = np.asarray(case["spacers"]["positions"], float)
+    axes.plot(spacers, rest(spacers), ls="", marker="s", ms=5, mfc="white", mec=INK, mew=1.1)
+    for k, place in enumerate(spacers, start=1):
+        axes.text(place, rest(place) - 0.12 * sag, f"$s_{{{k}}}$", ha="center", va="top")
+    middle = 0.44 * span
+    arrow(axes, (middle, 0), (middle, rest(middle)), style="<|-|>", width=0.8)
+    axes.text(
+        middle - 0.01 * span, -0.35 * sag, f"sag {sag:.2f} m", ha="right", va="center",
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1},
+    )  # fmt: skip
+    _triad(axes, 0.03 * span, 0.3 * sag, 0.13 * span, 0.5 * sag)
+    axes.text(
+        0.98 * span, 0.92 * sag,
+        rf"$l$ = {span:g} m, $H$ = {case['line']['tension'] / 1e3:g} kN a conductor,"
+        rf" $\lambda^2$ = {derived['irvine_parameter']:.3g}" "\n"
+        rf"$\omega_v$ = {derived['omega_v_rad_s']:.3f} rad/s,"
+        rf" $\omega_w$ = {derived['omega_w_rad_s']:.3f} rad/s",
+        ha="right", va="top",
+    )  # fmt: skip
+    axes.set(xlabel="distance from the left support, m", ylabel="height above the supports, m")
+    axes.set_yticks(sorted({0.0, -round(sag, 2)}))
+    parts.letter(axes, 0, f"elevation, {spoken(name)}; heights × {exaggeration:.3g}")
+
+
+def _triad(axes: Axes, x: float, y: float, along: float, up: float) -> None:
+    """The coordinate s with the displacement Y along it, V upwards, W towards the reader."""
+    arrow(axes, (x, y), (x + along, y))
+    arrow(axes, (x, y), (x, y + up))
+    axes.text(x + along * 1.05, y, "$s$, $Y$", va="center")
+    axes.text(x + 0.08 * along, y + up, "$V$", va="center", ha="left")
+    axes.plot(x, y, "o", ms=7, mfc="white", mec=INK, mew=0.9)
+    axes.plot(x, y, "o", ms=2, color=INK)
+    axes.text(x - 0.16 * along, y, "$W$", va="center", ha="right")
+
+
+def _section(axes: Axes, count: int) -> None:
+    """Sub-conductors on a regular polygon around the reference curve."""
+    turn = np.pi / count + 2 * np.pi * np.arange(count) / count
+    ring = 0.0 if count == 1 else 1.0
+    x, y = ring * np.cos(turn), ring * np.sin(turn)
+    axes.plot([*x, x[0]], [*y, y[0]], color=TRUE, lw=2.0, zorder=0)
+    for place in zip(x, y, strict=True):
+        iced_conductor(axes, *place, 0.2)
+    axes.add_patch(Circle((0, 0), 0.05, color=INK))
+    arrow(axes, (0, 0), (0, 0.55))
+    arrow(axes, (0, 0), (0.55, 0))
+    axes.text(0.06, 0.52, "$V$", va="center")
+    axes.text(0.55, -0.06, "$W$", va="top", ha="center")
+    axes.text(-0.05, -0.12, "reference\ncurve", va="top", ha="center", fontsize="small")
+    for height in (-0.35, 0, 0.35):
+        arrow(axes, (-1.75, height), (-1.25, height), color=MODEL)
+    axes.text(-1.5, 0.45, "wind $U$", ha="center", va="bottom", color=MODEL)
+    axes.set(xlim=(-1.9, 1.15), ylim=(-1.35, 1.25))
+    bare(axes)
+    parts.letter(axes, 1, f"bundle of {count}, not to scale")
+    axes.text(0.0, -1.08, "spacer frame, ice to windward", ha="center", va="top", fontsize="small")
+
+
+# --- figure 2 ---
+
+
+def draw_aerodynamic_load(trajectory: Sequence[Motion], settings: Mapping) -> Figure:
+    """Wind and forces on the section, and the force coefficients without their static parts.
+
+    trajectory: the line's motions, of which the first counts. settings: line, its parameters.
+    """
+    case, motion = settings["line"], trajectory[0]
+    velocity = motion.states[:, motion.names.index("dq_v")]
+    if motion.status != "ok":
+        velocity = np.zeros(1)  # of a line that diverges no angle is shown
+    figure = Figure(figsize=(DOUBLE, 2.75), layout="constrained")
+    left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1))
+    _vectors(left.subplots())
+    attack = velocity / case["wind"]["speed"]
+    upper, lower = right.subplots(2, 1, sharex=True)
+    vertical, horizontal = ice_coefficients(case["ice"])
+    _curve(upper, vertical, attack, "$C_Y$", "-")
+    _curve(lower, horizontal, attack, "$C_Z$", "--")
+    parts.letter(upper, 1, f"$C_Y$: {_formula(vertical)}")
+    parts.letter(lower, 2, f"$C_Z$: {_formula(horizontal)}")
+    lower.set_xlabel("attack angle $\\alpha$, rad\n(shaded: angles of the simulated motion)")
+    return figure
+
+
+def _curve(axes: Axes, values: tuple[float, ...], attack: np.ndarray, name: str, line: str) -> None:
+    reach = 1.3 * max(float(np.max(np.abs(attack))), 0.05)
+    alpha = np.linspace(-reach, reach, 201)
+    axes.axvspan(float(attack.min()), float(attack.max()), color=BAND, alpha=0.45, lw=0)
+    axes.axhline(0, color=TRUE, lw=0.6)
+    axes.axvline(0, color=TRUE, lw=0.6)
+    force = sum(value * alpha**power for power, value in enumerate(values, start=1))
+    axes.plot(alpha, force, color=MODEL, ls=line, lw=1.4)
+    axes.set(xlim=(-reach, reach), ylabel=f"{name} − static part")
+
+
+def _formula(values: tuple[float, ...]) -> str:
+    """The cubic polynomial, without the terms that are zero."""
+    terms = [
+        f"{'−' if value < 0 else '+'} {abs(value):g} α{('', '²', '³')[power - 1]}"
+        for power, value in enumerate(values, start=1)
+        if value
+    ]
+    return " ".join(terms).removeprefix("+ ") or "0"
+
+
+def _vectors(axes: Axes) -> None:
+    """The section moves up: the relative wind meets it from above, at the angle alpha."""
+    iced_conductor(axes, 0, 0, 0.3)
+    tip = (-0.62, 0.0)
+    wind, rise = 1.55, 0.62
+    start = (tip[0] - wind, tip[1])
+    above = (start[0], tip[1] + rise)
+    arrow(axes, start, tip, color=MODEL, width=1.5)
+    arrow(axes, above, start, color=MODEL, line="--", width=1.2)
+    arrow(axes, above, tip, color=PAPER, width=1.5)
+    axes.text(-1.5, -0.08, "wind $U$", ha="center", va="top", color=MODEL)
+    axes.text(start[0] - 0.06, rise / 2, r"$-\dot V$", ha="right", va="center", color=MODEL)
+    axes.text(-1.35, 0.5, "relative wind $U_r$", ha="left", va="center", color=PAPER)
+    angle = np.degrees(np.arctan2(rise, wind))
+    axes.add_patch(Arc(tip, 1.7, 1.7, theta1=180 - angle, theta2=180, color=INK, lw=0.8))
+    axes.text(tip[0] - 0.98, 0.17, r"$\alpha$", ha="center", va="center")
+    arrow(axes, (0, 0.3), (0, 1.2), width=1.8)
+    axes.text(0.07, 1.13, "$F_Y$", va="center")
+    arrow(axes, (0.3, 0), (1.2, 0), width=1.8)
+    axes.text(1.15, 0.12, "$F_Z$", ha="center", va="bottom")
+    arrow(axes, (0.55, 0.3), (0.55, 0.95), color=MODEL, line="--", width=1.2)
+    axes.text(0.62, 0.65, r"velocity $\dot V$", va="center", color=MODEL)
+    axes.text(
+        -0.5, -0.62, r"$\alpha \approx \dot V / U$,   $F_{Y,Z} = \frac{1}{2}\rho D U^2\,"
+        r"C_{Y,Z}(\alpha)$", ha="center", va="top",
+    )  # fmt: skip
+    axes.set(xlim=(-2.65, 1.5), ylim=(-1.05, 1.35))
+    bare(axes)
+    axes.set_anchor("N")
+    parts.letter(axes, 0, "section with crescent-shaped ice")
+
+
+# --- figure 3 ---
+
+
+def draw_flow(settings: Mapping) -> Figure:
+    """Boxes joined in reading order, and the way of the truth into the comparison.
+
+    settings: degree of the library, protocols, methods, replicates; least and greatest of the noise
+    levels and of the points of the subsets.
+    """
+    figure = Figure(figsize=(DOUBLE, CHART))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set(xlim=(0, DOUBLE), ylim=(0, CHART))
+    axes.axis("off")
+    for (column, row), (title, text) in zip(PATH, _boxes(settings), strict=True):
+        _box(axes, COLUMNS[column], ROWS[row], title, text, COLORS[row])
+    for (column, row), (next_column, next_row) in pairwise(PATH):
+        side, down = next_column - column, next_row - row
+        arrow(
+            axes,
+            (COLUMNS[column] + side * BOX[0] / 2, ROWS[row] - down * BOX[1] / 2),
+            (COLUMNS[next_column] - side * BOX[0] / 2, ROWS[next_row] + down * BOX[1] / 2),
+        )
+    _truth(axes)
+    return figure
+
+
+def _boxes(settings: Mapping) -> list[tuple[str, str]]:
+    """Title and text of each box, in the order of `PATH`."""
+    degree = settings["degree"]
+    candidates = comb(len(STATES) + degree, degree)
+    methods = "; ".join(method_style(name).label for name in settings["methods"])
+    return [
+        ("Line and wind", "conductor, bundle, span, tension, spacers, ice, wind speed, damping"),
+        (
+            "Galloping equations",
+            "Galerkin projection on the first modes: γ₁…γ₈ and κ₁…κ₁₀",
+        ),
+        ("True motion", "Taylor integration to machine precision: displacements and velocities"),
+        (
+            "Recordings",
+            f"protocol {_either(settings['protocols'])}; noise {_range(settings['levels'])}; "
+            f"subsets of {_range(settings['points'])} points; {settings['replicates']} replicates",
+        ),
+        (
+            "Candidate library",
+            f"{candidates} monomials up to degree {degree}: regressed on derivatives or "
+            "integrals, or fitted to the motion",
+        ),
+        ("Identification", f"{methods}; terms by a rule from the data alone"),
+        ("Identified model", "support and coefficients of both equations, for each replicate"),
+        (
+            "Reconstructed motion",
+            "integrated from the true initial state; one that diverges is kept as a failure",
+        ),
+        (
+            "Comparison",
+            "coefficient errors, terms found, $R^2$, amplitude, frequency: medians, intervals, "
+            "claims",
+        ),
+    ]
+
+
+def _either(names: Sequence[str]) -> str:
+    return " or ".join(names)
+
+
+def _range(values: Sequence[float]) -> str:
+    low, high = min(values), max(values)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+
+
+def _box(axes: Axes, x: float, y: float, title: str, text: str, color: str) -> None:
+    width, height = BOX
+    axes.add_patch(
+        FancyBboxPatch(
+            (x - width / 2, y - height / 2), width, height,
+            boxstyle="round,pad=0,rounding_size=0.07", facecolor=color, edgecolor=INK, lw=0.8,
+        )
+    )  # fmt: skip
+    axes.text(x, y + height / 2 - 0.07, title, ha="center", va="top", weight="bold")
+    axes.text(
+        x, y + height / 2 - 0.24, fill(text, 36), ha="center", va="top", fontsize="small",
+        linespacing=1.15,
+    )  # fmt: skip
+
+
+def _truth(axes: Axes) -> None:
+    """The dashed way of the truth around identification, straight into the comparison."""
+    right, margin = COLUMNS[2] + BOX[0] / 2, DOUBLE - 0.14
+    axes.plot(
+        [right, margin, margin], [ROWS[0], ROWS[0], ROWS[2]], color=PAPER, lw=1.0, ls=(0, (4, 2))
+    )
+    arrow(axes, (margin, ROWS[2]), (right, ROWS[2]), color=PAPER)
+    axes.text(
+        margin - 0.05, (ROWS[1] + ROWS[2]) / 2, "true coefficients and motion",
+        ha="right", va="center", color=PAPER, fontsize="small",
+    )  # fmt: skip

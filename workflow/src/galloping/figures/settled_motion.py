@@ -1,0 +1,264 @@
+"""What a line settles to: limit cycles along a parameter, over two, as identified models predict
+them at other wind speeds and beyond the end of the record.
+"""
+
+from collections.abc import Mapping, Sequence
+from textwrap import fill, shorten
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+
+from galloping.cycles.rows import SIMULATION
+from galloping.figures import parts
+from galloping.figures.style import (
+    BAND,
+    DIRECTIONS,
+    DOUBLE,
+    MODEL,
+    PAPER,
+    SHADE,
+    STATE_LABELS,
+    TRUE,
+    method_style,
+    protocol_style,
+)
+from galloping.physics.galerkin import frequencies, modes
+from galloping.physics.line import Line
+
+STATES = {"v": "q_v", "w": "q_w"}
+SMALL = 0.35  # velocity over wind speed, 20 degrees: the model's load is that of small angles
+HIGHEST = 6.0  # m: larger motions, a sag or more, are drawn alike in the map
+APART = 0.03  # decades between protocols
+MARKS = {
+    "Hopf": "o",
+    "fold of cycles": "D",
+    "branch point": "P",
+    "period doubling": "s",
+    "Neimark-Sacker": "X",
+}
+
+
+def _title(axes: Axes, index: int, state: str, more: str = "") -> None:
+    parts.letter(axes, index, f"{DIRECTIONS[state]}, {STATE_LABELS[state]}{more}")
+
+
+# --- along one parameter ---
+
+
+def draw_limit_cycles(
+    cycles: pd.DataFrame, bifurcations: pd.DataFrame, settings: Mapping
+) -> Figure:
+    """Amplitude against a parameter: a row for each case, a column for each direction.
+
+    cycles, bifurcations: limit_cycles.csv and bifurcations.csv. settings: parameter and its label;
+    cases, each with its line, to mark motions beyond small angles, or None.
+    """
+    if cycles.empty:
+        return parts.nothing_at_all("this study varies no single parameter")
+    figure, grids = parts.case_grids(
+        list(settings["cases"]), 1, len(STATES), 0.9, 2.2, "limit_cycles.csv"
+    )
+    for row, (case, grid) in enumerate(grids.items()):
+        of_case = [
+            table[(table["case"] == case) & (table["parameter"] == settings["parameter"])]
+            for table in (cycles, bifurcations)
+        ]
+        for column, (axes, direction) in enumerate(zip(grid[0], STATES, strict=True)):
+            _title(axes, row * len(STATES) + column, STATES[direction])
+            _branches(axes, *of_case, direction)
+            axes.set(xlabel=settings["label"], xlim=(0, 1.03 * cycles["value"].max()))
+        grid[0, 0].set_ylabel("half range, m")
+        if settings["cases"][case]:
+            _beyond_small_angles(grid[0], settings["cases"][case])
+    parts.legend(figure, columns=4)
+    return figure
+
+
+def _beyond_small_angles(panels: Sequence[Axes], case: Mapping) -> None:
+    """Shades half ranges whose velocity, at the mode's own frequency, is not small to the wind."""
+    line = Line.from_case(case)
+    low, high = panels[0].get_ylim()  # all panels share it
+    for axes, frequency in zip(panels, frequencies(line, *modes(case, line)), strict=False):
+        wind = np.array(axes.get_xlim())
+        small = np.minimum(SMALL * wind / frequency, high)  # frequency: rad/s
+        axes.fill_between(wind, small, high, color=SHADE, lw=0, zorder=0,
+                          label="beyond small angles")  # fmt: skip
+        axes.set_ylim(low, high)
+
+
+def _branches(axes: Axes, cycles: pd.DataFrame, bifurcations: pd.DataFrame, direction: str) -> None:
+    name, is_simulated = f"{direction}_m", cycles["branch"] == SIMULATION
+    for _, branch in cycles[~is_simulated].groupby("branch", sort=False):
+        x, y = branch["value"].to_numpy(float), branch[name].to_numpy(float)
+        stable = branch["stable"].astype(bool).to_numpy()
+        looks = ((stable, "-", "stable"), (~stable, (0, (3, 1.5)), "unstable"))
+        for kept, look, label in looks:
+            reached = kept | np.append(False, kept[:-1])  # up to the first point beyond a change
+            if kept.any():
+                y_kept = np.where(reached, y, np.nan)
+                axes.plot(x, y_kept, color=MODEL, ls=look, lw=1.2, zorder=2, label=label)
+    simulated = cycles[is_simulated]
+    irregular = simulated[simulated["kind"] == "irregular"]
+    if len(irregular):
+        ends = (irregular[f"{direction}_{end}_m"] for end in ("low", "high"))
+        label = "its range, not repeating"
+        axes.vlines(irregular["value"], *ends, color=PAPER, lw=1.2, label=label)
+    look = {"ls": "", "ms": 3, "mfc": "white", "mec": PAPER, "mew": 0.8, "zorder": 3}
+    axes.plot(simulated["value"], simulated[name], marker="o", label="long simulation", **look)
+    for kind, marker in MARKS.items():
+        at = bifurcations[bifurcations["name"] == kind]
+        if len(at):
+            look = {"ls": "", "ms": 5, "mfc": BAND, "mec": "k", "mew": 0.7, "zorder": 4}
+            axes.plot(at["value"], at[name], marker=marker, label=kind, **look)
+
+
+# --- over two parameters ---
+
+
+def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """Half range of both directions over the map of one case, and where the frequencies are 2:1.
+
+    table: resonance_map.csv. settings: case, x_label, y_label, y_scale (units of the axis in one
+    of the table, such as 1000 for kN).
+    """
+    if table.empty:
+        return parts.nothing_at_all("this study varies no two parameters")
+    table = table[table["case"] == settings["case"]]
+    table = table.assign(y=table["y"] / settings["y_scale"])
+    figure = Figure(figsize=(DOUBLE, 3.1), layout="constrained")
+    ratio = table.pivot(index="y", columns="x", values="frequency_ratio")
+    dark = [withStroke(linewidth=3.0, foreground="black")]  # seen upon any colour, and upon none
+    for k, (axes, direction) in enumerate(zip(figure.subplots(1, 2), STATES, strict=True)):
+        _title(axes, k, STATES[direction])
+        grid = table.pivot(index="y", columns="x", values=f"{direction}_m")
+        shown = axes.pcolormesh(
+            grid.columns, grid.index, grid.to_numpy(), cmap="cividis", vmin=0, vmax=HIGHEST,
+            shading="nearest", rasterized=True,
+        )  # fmt: skip
+        figure.colorbar(shown, ax=axes, label="half range, m", pad=0.02, extend="max")
+        resonance = axes.contour(ratio.columns, ratio.index, ratio.to_numpy(), levels=[2.0],
+                                 colors="white", linewidths=1.4)  # fmt: skip
+        resonance.set_path_effects(dark)
+        for marker, chosen, text in (
+            ("x", table["kind"] == "irregular", "does not repeat, or settles very slowly"),
+            ("v", ~np.isfinite(table[f"{direction}_m"]), "no bounded motion"),
+        ):
+            at = table[chosen]
+            axes.plot(
+                at["x"], at["y"], ls="", marker=marker, ms=4, mfc="white", mec=PAPER,
+                label=text if len(at) else None,
+            )  # fmt: skip
+        axes.set(xlabel=settings["x_label"], ylabel=settings["y_label"])
+    line = parts.key(r"$\omega_v = 2\,\omega_w$", color="white", ls="-", lw=1.4, path_effects=dark)
+    parts.legend(figure, line, columns=3, loc="outside lower center")
+    return figure
+
+
+# --- predicted ---
+
+
+def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """Amplitude against wind for one replicate: truth, prediction and 95 % band; below each panel
+    the same as deviation from the truth, of the first method.
+
+    table: prediction.csv. settings: case, protocols, method, replicate, recorded (wind speed of
+    the recording, m/s) and, where another method is to be compared, peer.
+    """
+    if table.empty:
+        return parts.nothing_at_all("no model of this study states how sure it is")
+    protocols, method = settings["protocols"], settings["method"]
+    of_case = (table["case"] == settings["case"]) & (table["replicate"] == settings["replicate"])
+    chosen = table[of_case].sort_values("wind_m_s")
+    figure = Figure(figsize=(DOUBLE, 0.8 + 2.7 * len(protocols)), layout="constrained")
+    grid = figure.subplots(
+        2 * len(protocols), len(STATES), squeeze=False, sharex=True,
+        height_ratios=[2, 1] * len(protocols),
+    )  # fmt: skip
+    methods = [method, *([settings["peer"]] if settings.get("peer") else [])]
+    for row, protocol in enumerate(protocols):
+        for column, (direction, state) in enumerate(STATES.items()):
+            axes, below = grid[2 * row : 2 * row + 2, column]
+            _title(axes, row * len(STATES) + column, state, f", from {protocol}")
+            at = (chosen["protocol"] == protocol) & (chosen["direction"] == direction)
+            lines = {name: chosen[at & (chosen["method"] == name)] for name in methods}
+            _predicted(axes, lines)
+            _deviation(below, lines[method], method)
+            for pane in (axes, below):
+                pane.axvline(
+                    settings["recorded"], color=TRUE, lw=0.8, ls=":",
+                    label="wind of the recording",
+                )  # fmt: skip
+        grid[2 * row, 0].set_ylabel("half range, m")
+        grid[2 * row + 1, 0].set_ylabel("deviation, %")
+    for axes in grid[-1]:
+        axes.set_xlabel("wind speed, m/s")
+    parts.legend(figure)
+    return figure
+
+
+def _look(method: str) -> dict:
+    return parts.line_look(method) | {"lw": 1.0, "marker": method_style(method).marker}
+
+
+def _predicted(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
+    """lines: rows by method, of which the first has a band."""
+    for k, (method, line) in enumerate(lines.items()):
+        if line.empty:
+            continue
+        wind, style = line["wind_m_s"], method_style(method)
+        if line["predicted_m"].isna().any():
+            reason = next(iter(line["reason"].dropna()), "no stable limit cycle")
+            axes.text(0.97, 0.05, fill(shorten(f"{style.label}: {reason}", 80), 40), ha="right",
+                      color=style.color, fontsize="small", transform=axes.transAxes)  # fmt: skip
+        if k == 0:
+            axes.plot(wind, line["true_m"], color=TRUE, lw=4, zorder=0.9, label="truth")
+            parts.band(axes, wind, line["low_m"], line["high_m"], "95 % band")
+            doubtful = sorted(set(line["verdict"]) - {"ok"})
+            if doubtful:
+                axes.text(0.03, 0.95, doubtful[0].partition(":")[0], va="top",
+                          transform=axes.transAxes, color=PAPER)  # fmt: skip
+        axes.plot(wind, line["predicted_m"], label=style.label, **_look(method))
+
+
+def _deviation(axes: Axes, line: pd.DataFrame, method: str) -> None:
+    low, value, high = (
+        100 * (line[name] / line["true_m"] - 1) for name in ("low_m", "predicted_m", "high_m")
+    )
+    axes.axhline(0, color=TRUE, lw=2, zorder=0.9)
+    parts.band(axes, line["wind_m_s"], low, high, "95 % band")
+    axes.plot(line["wind_m_s"], value, **_look(method))
+
+
+def draw_limit_cycle_ahead(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """Predicted limit cycle with its interval against noise, a panel for each displacement.
+
+    table: limit_cycle_ahead.csv. settings: window, s, of the paper's steady state.
+    """
+    if table.empty:
+        return parts.nothing_at_all("no model of this study states how sure it is")
+    states, protocols = table["state"].unique(), table["protocol"].unique()
+    axis, (begin, end) = parts.LogAxis.of(table["level"]), settings["window"]
+    figure = Figure(figsize=(DOUBLE, 2.9), layout="constrained")
+    grid = figure.subplots(1, len(states), squeeze=False)[0]
+    for k, (state, axes) in enumerate(zip(states, grid, strict=True)):
+        of_state = table[table["state"] == state]
+        _title(axes, k, state)
+        axis.prepare(axes, "noise level, in the unit of each protocol")
+        axes.axhline(of_state["true_m"].iloc[0], color=TRUE, lw=4, zorder=1,
+                     label="true limit cycle")  # fmt: skip
+        axes.axhline(of_state["recorded_m"].iloc[0], color=PAPER, lw=1.0, ls="--", zorder=1,
+                     label=f"recorded, {begin:g}-{end:g} s")  # fmt: skip
+        for j, protocol in enumerate(protocols):
+            rows = of_state[of_state["protocol"] == protocol].sort_values("level")
+            shift = APART * (j - (len(protocols) - 1) / 2)
+            places = np.array([axis.position(level, shift) for level in rows["level"]])
+            look = protocol_style(protocol)
+            axes.vlines(places, rows["low_m"], rows["high_m"], color=look["color"], lw=1.2)
+            label = f"predicted from {protocol}"
+            axes.plot(places, rows["predicted_m"], ls="", label=label, **look)
+    grid[0].set_ylabel("half range, m")
+    parts.legend(figure, columnspacing=1.2, handlelength=1.8)
+    return figure

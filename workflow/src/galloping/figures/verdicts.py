@@ -1,0 +1,251 @@
+"""What verdicts and intervals are worth: on trials whose truth is known, beside what others
+published, and of lines that are not their own model.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from galloping.figures import parts
+from galloping.figures.style import DOUBLE, MODEL, PAPER, QUIET, SERIES, SHADE, method_style, spoken
+from galloping.study.kinds import OURS
+from galloping.trials.published_numbers import METHODS
+from galloping.trials.registry import GAMMAS
+
+STATUSES = ("ok", "not identifiable", "approximate", "refused")
+WHOLE = {"facecolor": "white", "edgecolor": QUIET, "linewidth": 0.7, "hatch": "////"}
+OTHERS = {  # colour, line and marker of published methods
+    "odr_bindy": ("#000000", "--", "s"),
+    "jsindy": ("#1f78b4", ":", "D"),
+    "ensemble_weak_sindy": ("#e69f00", "-.", "P"),
+}
+NOMINAL = {"color": "#8a8a8a", "lw": 0.8, "ls": ":"}
+ERRORS = {
+    "frequency_v": "frequency, vertical",
+    "amplitude_v": "amplitude, vertical",
+    "amplitude_w": "amplitude, horizontal",
+    "damping_v": "net damping, vertical",
+    "damping_w": "net damping, horizontal",
+}
+LIMITS = (3e-3, 300.0)  # percent
+DOUBTFUL = 30.0  # percent: beyond, a value is hardly known
+HEIGHT = 0.62  # of a row, shared by the methods
+TWO_MODES = "two modes"
+WORTH = {
+    "amplitude_m": "amplitude\n200-300 s, m",
+    "limit_cycle_m": "limit cycle, m",
+    "r2": "$R^2$",
+}
+LOOKS = {"vertical": {"color": MODEL, "marker": "o"}, "horizontal": {"color": PAPER, "marker": "s"}}
+STRETCHES = {"r2_0_100_s": "white", "r2_100_200_s": "#bbbbbb", "r2_200_300_s": ""}
+
+
+# --- statuses ---
+
+
+def draw_trust(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """A panel for each group of fits, a bar for each status: how often it is right.
+
+    table: fits.csv. settings: none are read.
+    """
+    table = table.assign(right=_right(table))
+    groups = list(dict.fromkeys(table["group"]))
+    height = 0.5 + 1.5 * -(-len(groups) // 2)
+    figure, grid = parts.wrapped_grid(len(groups), 2, height, sharex=True, sharey=True)
+    for k, (axes, group) in enumerate(zip(grid, groups, strict=True)):
+        fits = table[table["group"] == group]
+        parts.letter(axes, k, f"{group}, {len(fits):,} fits")
+        of_status = fits.groupby("status")["right"].agg(["size", "sum"])
+        of_status = of_status.reindex(STATUSES, fill_value=0).set_axis(["all", "right"], axis=1)
+        places, shares = np.arange(len(STATUSES)), 100.0 / len(fits) * of_status.astype(float)
+        axes.barh(places, shares["all"], height=0.6, **WHOLE)
+        axes.barh(places, shares["right"], height=0.6, color=MODEL)
+        for place, row in zip(places, of_status.itertuples(), strict=True):
+            text = f"{row.right:d} of {row.all}" if row.all else "none"
+            end = 100.0 / len(fits) * row.all + 1.5
+            axes.text(end, place, text, va="center", size="small")
+        parts.rows(axes, STATUSES, lines=False)
+        axes.set(xlim=(0, 118), xticks=[0, 25, 50, 75, 100])
+    for axes in grid[-2:]:
+        axes.set_xlabel("share of the fits, %")
+    right = Patch(facecolor=MODEL, label="right")
+    parts.legend(figure, right, Patch(label="ok and wrong, or a doubt without need", **WHOLE))
+    return figure
+
+
+def _right(fits: pd.DataFrame) -> pd.Series:
+    """Whether the status of each fit is right: a claim that holds, or a doubt that is due.
+
+    It is due where the terms found are not exactly the true ones, or where the recording has a
+    fault; no model of the library being right, and a refusal, are due to a fault alone.
+    """
+    status, faulty = fits["status"], fits["cause_named"].notna()
+    unsure = (status == "not identifiable") & ~fits["exact"]
+    return ((status == "ok") & ~fits["ok_and_wrong"]) | unsure | ((status != "ok") & faulty)
+
+
+# --- beside published numbers ---
+
+
+def draw_published_terms(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """A panel for each system and length: share of exactly the right terms against the noise.
+
+    table: published_terms.csv, of which the rows of our method are drawn. settings: none are read.
+    """
+    table, style = table[table["method"] == OURS], method_style(OURS)
+    shares = ["level", "exact", "exact_low", "exact_high", *OTHERS]
+    table = table.assign(**100.0 * table[shares])
+    cells = list(table.groupby(["system", "duration"], sort=True))
+    height = 0.7 + 1.6 * -(-len(cells) // 4)
+    figure, grid = parts.wrapped_grid(len(cells), 4, height, sharex=True, sharey=True)
+    for k, (axes, ((system, duration), group)) in enumerate(zip(grid, cells, strict=True)):
+        parts.letter(axes, k, f"{spoken(system)}, {duration:g} s")
+        for name, (color, line, marker) in OTHERS.items():
+            if group[name].notna().any():
+                axes.plot(group["level"], group[name], color=color, ls=line, marker=marker, ms=2.5)
+        parts.band(axes, group["level"], group["exact_low"], group["exact_high"], None,
+                   color=style.color, alpha=0.2)  # fmt: skip
+        axes.plot(group["level"], group["exact"], color=style.color, marker=style.marker, ms=4)
+        axes.set(ylim=(-3, 103), ylabel="" if k % 4 else "exact terms, %")
+    for axes in grid[-4:]:
+        axes.set_xlabel("noise, %")
+    keys = [parts.key(style.label, color=style.color, marker=style.marker, ms=4, ls="-")]
+    for name, (color, line, marker) in OTHERS.items():
+        keys.append(parts.key(METHODS[name], color=color, ls=line, marker=marker, ms=2.5))
+    parts.legend(figure, *keys)
+    return figure
+
+
+def draw_published_intervals(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """How often the quadratic term is found, and how often its interval holds, by its size.
+
+    table: published_intervals.csv, of which the rows of our method are drawn. settings: none are
+    read.
+    """
+    table = table[table["method"] == OURS]
+    shares = ["found", "found_low", "found_high", "found_published", "holds"]
+    table = table.assign(gamma=table["case"].map(GAMMAS), **100.0 * table[shares])
+    figure = Figure(figsize=(DOUBLE, 2.6), layout="constrained")
+    left, right = figure.subplots(1, 2, sharex=True)
+    parts.letter(left, 0, "term found")
+    parts.letter(right, 1, "95 % interval holds the coefficient")
+    by_samples = table.sort_values("gamma").groupby("samples", sort=True)
+    for k, (samples, group) in enumerate(by_samples):
+        color, marker = SERIES[k % len(SERIES)]
+        gamma, found = group["gamma"] + 0.0012 * (k - 1.5), group["found"]  # side by side
+        spread = [found - group["found_low"], group["found_high"] - found]
+        look = {"color": color, "marker": marker, "lw": 0.8}
+        left.errorbar(gamma, found, np.maximum(spread, 0.0), **look)
+        left.plot(gamma, group["found_published"], ls="", marker="o", ms=9, mfc="none", mec=color)
+        right.plot(gamma, group["holds"], label=f"{samples:,} samples", **look)
+    left.axhline(5.0, **NOMINAL)
+    right.axhline(95.0, **NOMINAL, label="nominal")
+    left.set(ylim=(-3, 103), ylabel="share of the fits, %")
+    right.set_ylim(min(78.0, table["holds"].min() - 2.0), 101)
+    for axes in (left, right):
+        axes.set_xlabel("quadratic coefficient")
+    right.plot([], [], "o", ms=9, mfc="none", mec="k", label="published power")
+    parts.legend(figure, columns=6)
+    return figure
+
+
+# --- lines that are not their own model ---
+
+
+def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """A panel for each quantity, a row for each line and its sensors, a marker for each method.
+
+    Errors in percent, median over the answered replicates, a line on to the worst of them; the last
+    panel says how many were answered, with how many terms. table: model_error.csv. settings: none
+    are read.
+    """
+    truths = sorted(table["truth"].unique(), key=lambda truth: (truth.startswith("two"), truth))
+    methods = sorted(table["method"].unique(), key=lambda method: method != OURS)
+    figure = Figure(figsize=(DOUBLE, 1.3 + 0.8 * len(truths)), layout="constrained")
+    *panels, answers = figure.subplots(2, 3, sharey=True).ravel()
+    step = HEIGHT / max(len(methods) - 1, 1)
+    rows = table.assign(place=[
+        truths.index(row.truth) - HEIGHT / 2 + step * methods.index(row.method)
+        for row in table.itertuples()
+    ]).to_dict("records")  # fmt: skip
+    for k, (axes, (quantity, label)) in enumerate(zip(panels, ERRORS.items(), strict=True)):
+        parts.letter(axes, k, label)
+        axes.set_xscale("log")
+        axes.set(xlim=LIMITS, xlabel="error, %")
+        axes.axvspan(DOUBTFUL, LIMITS[1], color=SHADE, lw=0, zorder=0)
+        for row in rows:
+            median, worst = row[f"{quantity}_error_percent"], row[f"{quantity}_worst_percent"]
+            if np.isfinite(median) or np.isposinf(median):
+                style, size = method_style(row["method"]), parts.line_look(row["method"])
+                at = max(median, LIMITS[0]), median, worst  # what is less stands at the edge
+                parts.dot(axes, row["place"], at, LIMITS, style.color, style.marker,
+                          size["markersize"])  # fmt: skip
+    parts.letter(answers, len(panels), "answered; terms")
+    answers.set(xlim=(0, len(methods)), xticks=[])
+    for row in rows:
+        terms = f"; {row['terms']:.0f}" if row["answered"] else ""
+        text = f"{row['answered']} of {row['replicates']}{terms}"
+        color = method_style(row["method"]).color
+        answers.text(0.1, row["place"], text, va="center", size="x-small", color=color)
+    names = [truth.replace(", ", ",\n") for truth in truths]
+    for axes in (*panels, answers):
+        parts.rows(axes, names)
+    parts.legend(figure, *parts.method_keys(methods), columns=len(methods) + 1)
+    return figure
+
+
+def draw_reduction(table: pd.DataFrame, settings: Mapping) -> Figure:
+    """Amplitude, limit cycle and R2 by line: a row for each quantity, a column for each direction.
+
+    table: reduction.csv. The two-mode model is the dashed line; R2 is that of its displacement in
+    three stretches of the record. settings: none are read.
+    """
+    lines = [name for name in table["line"].unique() if name != TWO_MODES]
+    figure = Figure(figsize=(DOUBLE, 6.0), layout="constrained")
+    grid = figure.subplots(len(WORTH), 2, sharex=True)
+    for column, (direction, look) in enumerate(LOOKS.items()):
+        values = table[table["direction"] == direction].set_index("line")
+        for row, quantity in enumerate(WORTH):
+            axes = grid[row, column]
+            parts.letter(axes, 2 * row + column, direction)
+            if quantity == "r2":
+                _stretches(axes, values.loc[lines], look)
+            else:
+                _worth(axes, values, lines, quantity, look | {"label": direction})
+    for axes, label in zip(grid[:, 0], WORTH.values(), strict=True):
+        axes.set_ylabel(label)
+    for key, face in STRETCHES.items():
+        seconds = key.removeprefix("r2_").removesuffix("_s").replace("_", "-")
+        label = f"$R^2$, {seconds} s"
+        grid[-1, -1].plot([], [], "o", mec="k", mfc=face or "k", label=label)
+    parts.legend(figure, columns=4)
+    return figure
+
+
+def _worth(
+    axes: Axes, values: pd.DataFrame, lines: list[str], quantity: str, look: Mapping
+) -> None:
+    """values: rows by line. Crosses: another motion than that of the two-mode model."""
+    places, of_lines = np.arange(len(lines)), values.loc[lines]
+    apart = of_lines[f"{quantity.removesuffix('_m')}_error_percent"].isna().to_numpy()
+    height, other = of_lines[quantity].to_numpy(), {"marker": "x", "label": "another motion"}
+    axes.plot(places[~apart], height[~apart], ls="", **look)
+    axes.plot(places[apart], height[apart], ls="", **look | other)
+    two = values.loc[TWO_MODES, quantity]
+    axes.axhline(two, color="k", lw=0.8, ls="--", label="two-mode model")
+    axes.set_ylim(0, 1.12 * np.nanmax([*height, two]))
+
+
+def _stretches(axes: Axes, values: pd.DataFrame, look: Mapping) -> None:
+    parts.prepare_r2(axes, "", ticks=(0.0, 0.9, 0.99, 0.999, 0.9999))
+    for key, face in STRETCHES.items():
+        height = parts.r2_place(values[key].to_numpy())
+        axes.plot(
+            np.arange(len(values)), height, ls="", marker=look["marker"], mec=look["color"],
+            mfc=face or look["color"], clip_on=False,
+        )  # fmt: skip
+    axes.set_xticks(np.arange(len(values)), values.index, rotation=60, ha="right")
