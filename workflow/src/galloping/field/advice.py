@@ -49,6 +49,8 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     """
     if identified.status not in ("ok", "not identifiable") or not len(identified.covariance):
         return None
+    if identified.is_forced:  # of forces that are drawn anew, only more time tells more
+        return None
     if not np.isfinite(identified.sigma[-1]).any():
         return None
     model, states = identified.model, identified.model.states

@@ -17,17 +17,21 @@ from galloping.cycles.motion import settle
 from galloping.cycles.prediction import near
 from galloping.field.forecast import simulator_of
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.random_forces.modes import decay_interval
 from galloping.immutable import Immutable
-from galloping.intervals import drawn, of_draws
+from galloping.intervals import NORMAL_95, drawn, of_draws
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 from galloping.simulation import Simulator
 
 DRAWS = 39  # of which the least and the greatest are then the ends of the band
+DIFFERENCE = 1e-2  # of coefficients, in standard errors
 ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in units of the states
 ENDS = {
     "rest": "the motion dies out",
+    "forced": "random forces keep it moving; without them it would end at rest where every net "
+    "damping is above zero",
     "irregular": "the motion ends in no limit cycle: it never repeats, or settles too slowly",
 }
 DURATION, FROM_NEARBY, WINDOW = 2000.0, 800.0, 200.0  # s, of the motion that settles on the cycle
@@ -105,6 +109,8 @@ def dynamics(
     pairs = velocity_pairs(model.states)
     if not pairs or identified.status == "refused":
         return None
+    if identified.is_forced:
+        return _in_random_forces(identified, pairs, around)
     models = drawn(identified, DRAWS if len(identified.covariance) else 1, rng)
     best, sampled = _linear(model, pairs, around), [_linear(m, pairs, around) for m in models]
     names = [model.states[i] for i in pairs]
@@ -134,6 +140,39 @@ def dynamics(
         rest, frequencies, damping, "cycle", _value(orbit.period, periods),
         {model.states[i]: _value(half[i], ranges[:, i]) for i in pairs},
     )  # fmt: skip
+
+
+def _in_random_forces(
+    identified: IdentifiedModel, pairs: dict[int, int], around: Surroundings
+) -> Dynamics:
+    """Of a model that random forces move: by the slopes of what is told with the coefficients."""
+    model, support = identified.model, np.argwhere(identified.support)
+    errors = np.sqrt(np.diag(identified.covariance))
+
+    def of(step: np.ndarray) -> np.ndarray:
+        coefficients = model.coefficients.copy()
+        coefficients[tuple(support.T)] += step
+        moved = PolynomialModel(model.states, model.terms, coefficients)
+        return _linear(moved, pairs, around)
+
+    best, steps = of(np.zeros(len(errors))), DIFFERENCE * np.diag(errors)
+    decay = 2.0 * np.pi * best[1] * best[2]
+    slopes = np.array([(of(step) - of(-step)) / (2.0 * DIFFERENCE) for step in steps])
+    correlation = identified.covariance / np.outer(errors, errors)
+    deviation = np.sqrt(np.einsum("ikn,ij,jkn->kn", slopes, correlation, slopes))
+    slopes = 2.0 * np.pi * (slopes[:, 1] * best[2] + slopes[:, 2] * best[1])
+    of_decay = np.sqrt(np.einsum("in,ij,jn->n", slopes, correlation, slopes))
+    half = NORMAL_95 * deviation
+    rest, frequencies, damping = {}, {}, {}
+    for n, i in enumerate(pairs):
+        name, omega = model.states[i], 2.0 * np.pi * best[1, n]
+        rest[name], frequencies[name] = (
+            Value(best[k, n], best[k, n] - half[k, n], best[k, n] + half[k, n]) for k in (0, 1)
+        )
+        low, high = decay_interval(decay[n], of_decay[n], identified.diagnostics["duration"])
+        damping[name] = Value(best[2, n], low / omega, high / omega)
+    rest = {} if np.isnan(best[0]).any() else rest
+    return Dynamics(rest, frequencies, damping, "forced", None, {})
 
 
 def expected(

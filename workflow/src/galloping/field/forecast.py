@@ -15,6 +15,7 @@ from galloping.identification.likelihood.integrals import (
 )
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.random_forces import ahead as in_random_forces
 from galloping.immutable import Immutable
 from galloping.intervals import QUANTILES_90, drawn
 from galloping.passes import passing
@@ -120,9 +121,10 @@ def forecast(
     sample is part of the band; that of an approximate model is as wide as its forecasts from
     earlier times of the recording were wrong. Where motions of an exact model soon part, so that
     draws do not follow the samples, the window is halved. The band at an instant does not depend on
-    the instants after it. Raises ValueError where there is no model, and where most draws do not
-    follow the window or diverge, or where the model's forecast of what was held out was of no use.
-    Bands are widened by what that one needed.
+    the instants after it. A model that random forces move goes on from what its filter tells, in
+    forces that are drawn anew. Raises ValueError where there is no model, and where most draws do
+    not follow the window or diverge, or where the model's forecast of what was held out was of no
+    use. Bands are widened by what that one needed.
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
@@ -131,7 +133,12 @@ def forecast(
         raise ValueError(f"the model gives no forecast: {USELESS}")
     sigma = sensed.noise(identified)
     simulator = simulator_of(identified.model)
-    if identified.status == "approximate":
+    if identified.is_forced:
+        models = drawn(identified, DRAWS, rng)
+        states = in_random_forces.motions(identified, models, recording, time, rng)
+        motions = np.array([sensed.of(*each) for each in zip(models, states, strict=True)])
+        missed = np.zeros_like(sigma)
+    elif identified.status == "approximate":
         motions = _motions(identified, recording, simulator, time, window, np.inf, rng)
         missed = _missed(identified, recording, simulator, time - recording.time[-1], window)
     else:
@@ -236,6 +243,8 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
     The model is fitted to ORIGINS windows of `window` s, from the last 5 of them on, by their
     starts alone. An approximate model may miss the samples as it missed those of its own recording.
     """
+    if identified.is_forced:
+        return in_random_forces.check_followed(identified, recording)
     sensed = Sensed.by(recording)
     simulator, sigma = simulator_of(identified.model), sensed.noise(identified)
     time, values = recording.time, sensed.samples(recording)

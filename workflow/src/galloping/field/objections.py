@@ -47,6 +47,8 @@ def objected(
 
 
 def _forced(identified: IdentifiedModel, recordings: Sequence[Recording], period: float) -> str:
+    if identified.is_forced:
+        return ""
     own = excerpts(list(recordings))
     if identified.status != "refused":
         if still := unmoved(identified):

@@ -33,6 +33,7 @@ from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import peaks_of, sampled, spectrum
 from galloping.identification.likelihood.inputs import checked_recordings
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.random_forces import ahead as in_random_forces
 from galloping.immutable import Immutable
 from galloping.importing import imported
 from galloping.passes import part, passing
@@ -301,6 +302,7 @@ def stretches(
     time = recording.time
     simulator = simulator_of(identified.model)
     sensed = Sensed.by(recording)
+    told = in_random_forces.followed(identified, recording) if identified.is_forced else None
     samples, sigma = sensed.samples(recording), sensed.noise(identified)
     motions = []
     for share in (0.0, 0.5, 1.0):
@@ -309,6 +311,9 @@ def stretches(
         first, end = np.searchsorted(time, (begin, begin + length))
         own = time[first:end]
         if len(own) < 2:
+            continue
+        if told is not None:
+            motions.append((own, sensed.of(identified.model, told[first:end])))
             continue
         follow = Following(simulator, sensed, own, sigma)
         guess = first_guess(recording, first)

@@ -80,6 +80,8 @@ class IdentifiedModel(Immutable):
     diagnostics: figures behind the verdict, by name; in words, as `path`, the stages by which
     `maximum_likelihood` found the model, in order.
     further_modes: what recordings hold besides an `approximate` model.
+    forces: (n_states, n_states) covariance in a second of white forces in the equations, which then
+    are dx = f(x) dt + dW; zero where nothing but the start moves the model.
     An array that is not given is NaN of its shape. All of them are read-only; models that are equal
     in everything are equal, and have the same hash.
     Raises ValueError for a status that is none of these.
@@ -99,6 +101,7 @@ class IdentifiedModel(Immutable):
     known: tuple[int, ...] = ()
     diagnostics: Mapping[str, float | str] = field(default_factory=dict)
     further_modes: tuple[FurtherMode, ...] = ()
+    forces: NDArray[np.float64] = None
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
@@ -109,6 +112,8 @@ class IdentifiedModel(Immutable):
         for name, unstated in shapes.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, np.full(unstated, np.nan))
+        if self.forces is None:
+            object.__setattr__(self, "forces", np.zeros((shape[0], shape[0])))
         super().__post_init__()
 
     @classmethod
@@ -129,6 +134,11 @@ class IdentifiedModel(Immutable):
         present = np.nan_to_num(self.model.coefficients) != 0
         present[list(self.known)] = False
         return present
+
+    @property
+    def is_forced(self) -> bool:
+        """Whether random forces move it."""
+        return bool(np.any(self.forces))
 
     @property
     def verdict(self) -> str:
@@ -247,6 +257,7 @@ class IdentifiedModel(Immutable):
                 for name, value in self.diagnostics.items()
             },
             "further_modes": [asdict(mode) for mode in self.further_modes],
+            "forces": _plain(self.forces),
             **about,
         }
         write_json(path, content)
@@ -270,6 +281,8 @@ class IdentifiedModel(Immutable):
             covariance = _array(content.pop("covariance"))
             arrays["covariance"] = covariance.reshape(len(covariance), len(covariance))
             modes = tuple(FurtherMode(**mode) for mode in content.pop("further_modes"))
+            if "forces" in content:
+                arrays["forces"] = _array(content.pop("forces")).reshape(len(states), len(states))
             diagnostics = content.pop("diagnostics")
             figures = {name: float(v) for name, v in diagnostics.items() if name != "path"}
             status = content.pop("status")

@@ -36,6 +36,7 @@ from galloping.identification.likelihood.shooting import Segments, residuals
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import Start, begin, largest_terms, rough_fit
 from galloping.identification.model import NO_MODEL, IdentifiedModel
+from galloping.identification.random_forces.random_forces import moved_at_random, random_forces
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 from galloping.threads import one_thread
@@ -58,6 +59,7 @@ def maximum_likelihood(
     known_states: tuple[str, ...] = (),
     prior: Prior | None = PRIOR,
     start: Callable[..., Start] | None = None,
+    forced: Sequence[str] | None = None,
 ) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
 
@@ -72,6 +74,8 @@ def maximum_likelihood(
     name. start: makes the start, as `weak_gls.begin`, the default; with a shorter time scale where
     the first gives no model.
     prior: of the terms (see `prior`); None: the data alone choose them and speak in the verdict.
+    forced: names of coordinates or states that unmeasured random forces move, none for all, as
+    `random_forces`, which answers; by default it does where the motion shows such forces.
     The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
     model of the library follows the data to the noise; see `model_error`), or `refused`.
     Raises ValueError where the recordings differ in their states, and for other input.
@@ -80,6 +84,8 @@ def maximum_likelihood(
     states = recordings[0].states
     inputs = tuple(recordings[0].inputs)
     check_question(states, terms, known, known_states, prior, inputs)
+    if forced is not None:
+        return random_forces(recordings, terms, known, known_states, forced)
     problem = posed(states, terms, known, known_states, prior, inputs)
     try:
         recordings = driven(recordings, problem.inputs)
@@ -101,6 +107,8 @@ def _from_states(
     problem: Problem, recordings: list[Recording], begin: Callable[..., Start]
 ) -> IdentifiedModel:
     begun = begin(problem, recordings)
+    if (forced := moved_at_random(problem, begun)) is not None:
+        return forced
     rescaled = scaled(recordings, begun)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
         begun = begin(problem, rescaled)

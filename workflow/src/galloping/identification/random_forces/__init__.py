@@ -1,0 +1,1 @@
+"""Systems that random forces move: models as stochastic differential equations."""

@@ -1,0 +1,56 @@
+"""Linear systems in white forces from sample to sample, for any sampling.
+
+dx = A x dt + dW, of covariance G dt, has x(t + h) = exp(A h) x(t) + w, with the covariance of w
+the integral of exp(A s) G exp(A s)' from 0 to h; both by the eigenvectors of A.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+TICKS = 1000  # of the median step, to which times are rounded: so that equal steps are one
+FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them, but for rounding
+
+
+@dataclass(frozen=True)
+class Steps:
+    """lengths: (n_steps,) s, that occur between samples. of: (n,) index of the step before each
+    sample, -1 before the first.
+    """
+
+    lengths: np.ndarray
+    of: np.ndarray
+
+    @classmethod
+    def between(cls, time: np.ndarray) -> Steps:
+        """Of times (n,) s, increasing."""
+        tick = np.median(np.diff(time)) / TICKS
+        counts = np.diff(np.round((time - time[0]) / tick).astype(np.int64))
+        occurring, index = np.unique(np.maximum(counts, 1), return_inverse=True)
+        return cls(occurring * tick, np.append(-1, index))
+
+
+def discretised(
+    system: np.ndarray, forces: np.ndarray, lengths: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Transitions and covariances (n_steps, n, n) over steps of `lengths`, s.
+
+    system: (n, n), A; forces: (n, n), G. Raises numpy.linalg.LinAlgError where A has too few
+    eigenvectors, as at critical damping.
+    """
+    values, vectors = np.linalg.eig(system)
+    inverse = np.linalg.inv(vectors)
+    if np.linalg.cond(vectors) * np.finfo(float).eps > FEWEST:
+        raise np.linalg.LinAlgError("two modes, or a critically damped one, cannot be told apart")
+    moved = np.exp(values * lengths[:, np.newaxis])
+    transitions = ((vectors * moved[:, np.newaxis, :]) @ inverse).real
+    rates = values[:, np.newaxis] + values.conj()
+    grown = rates * lengths[:, np.newaxis, np.newaxis]
+    slow = np.abs(grown) < 1e-8
+    duration = lengths[:, np.newaxis, np.newaxis] * (1.0 + grown / 2.0)
+    inside = np.where(slow, duration, np.expm1(grown) / np.where(rates == 0.0, 1.0, rates))
+    own = inside * (inverse @ forces @ inverse.conj().T)
+    covariance = vectors @ own @ vectors.conj().T
+    return np.ascontiguousarray(transitions), np.ascontiguousarray(covariance.real)

@@ -1,0 +1,245 @@
+"""Maximum likelihood of a system in white forces, by Fisher's scoring.
+
+The likelihood is that of the innovations of the Kalman filter: exact for linear systems and any
+sampling. Their derivatives are central differences; the information is that of F. C. Schweppe
+(IEEE Trans. Inf. Theory 11, 1965).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.random_forces.channels import Channels
+from galloping.identification.random_forces.tracking import Data, Filtered, Tracker
+from galloping.passes import passing
+from galloping.polynomial import PolynomialModel
+
+FIRST_STEP, STEP = 1e-5, 1e-2  # of differences: in units of a parameter, then of its error
+CONVERGED = 1e-3  # rise of the log-likelihood that a step of the iteration promises
+MOST_STEPS, MOST_DAMPED = 40, 12
+TINY = 0.1  # of the least noise, to which noise beside it may fall
+UNTOLD = 1e-6  # information on a coefficient in its unit, below which the data say nothing of it
+FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
+
+
+@dataclass(frozen=True)
+class Model:
+    """coefficients: (n_candidates,). root: (n_forced, n_forced) lower triangular; root root' is the
+    covariance of the forces in a second. noise: (n_channels,) deviations of a sample.
+    """
+
+    coefficients: np.ndarray
+    root: np.ndarray
+    noise: np.ndarray
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """innovations, variances: (n, n_channels) of the samples of all recordings, NaN where missing.
+    parts: the filter over each recording.
+    """
+
+    parts: tuple[Filtered, ...]
+
+    @cached_property
+    def innovations(self) -> np.ndarray:
+        return np.concatenate([part.innovations for part in self.parts])
+
+    @cached_property
+    def variances(self) -> np.ndarray:
+        return np.concatenate([part.variances for part in self.parts])
+
+    @cached_property
+    def log_likelihood(self) -> float:
+        """But for a constant."""
+        terms = np.log(self.variances) + self.innovations**2 / self.variances
+        return -0.5 * float(np.nansum(terms))
+
+    @property
+    def standardised(self) -> np.ndarray:
+        return self.innovations / np.sqrt(self.variances)
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of recordings.
+
+    forced: indices of the equations that have a force. size: (n_states,) of the motion. unit:
+    (n_candidates,) of the coefficients. least_noise: (n_channels,) of a sample.
+    """
+
+    problem: Problem
+    channels: Channels
+    forced: tuple[int, ...]
+    size: np.ndarray
+    unit: np.ndarray
+    least_noise: np.ndarray
+    data: tuple[Data, ...]
+
+    @cached_property
+    def linear_terms(self) -> np.ndarray:
+        """(n_candidates,) whether a candidate is of the first degree or constant."""
+        return self.problem.degrees <= 1
+
+    def tracker(self, model: Model) -> Tracker:
+        """The filter of a model."""
+        problem = self.problem
+        forces = np.zeros((len(self.size), len(self.size)))
+        forces[np.ix_(self.forced, self.forced)] = model.root @ model.root.T
+        full = PolynomialModel(
+            problem.states, problem.terms, problem.coefficients(model.coefficients)
+        )
+        return Tracker(full, forces, self.channels, model.noise, self.size)
+
+    def filtered(self, model: Model) -> Innovations:
+        """Raises numpy.linalg.LinAlgError where the model cannot be discretised."""
+        tracker = self.tracker(model)
+        return Innovations(tuple(tracker.over(one) for one in self.data))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The most likely model of its terms.
+
+    support: (n_candidates,) those that were free. filtered: with it. slopes: derivatives of the
+    standardised innovations, and of half the logarithms of their variances times the root of two,
+    (n_parameters, 2, n_samples): of the coefficients of the support in their units, of the forces
+    and of the noise.
+    """
+
+    model: Model
+    support: np.ndarray
+    correlated: bool
+    filtered: Innovations
+    slopes: np.ndarray
+
+    @property
+    def coefficient_covariance(self) -> np.ndarray:
+        """(n_support, n_support) in units of the coefficients."""
+        k = int(self.support.sum())
+        return np.linalg.inv(information(self.slopes))[:k, :k]
+
+
+def information(slopes: np.ndarray) -> np.ndarray:
+    """(n_parameters, n_parameters); one on parameters of which the data say nothing, such as the
+    noise of exact samples.
+    """
+    flat = slopes.reshape(len(slopes), -1)
+    known = flat @ flat.T
+    known[np.diag_indices_from(known)] += np.where(np.diag(known) > UNTOLD, 0.0, 1.0)
+    return known
+
+
+def score(slopes: np.ndarray, filtered: Innovations) -> np.ndarray:
+    """Derivative of the log-likelihood."""
+    error = filtered.standardised
+    error = error[np.isfinite(error)]
+    left = np.concatenate([-error, (error**2 - 1.0) / np.sqrt(2.0)])
+    return slopes.reshape(len(slopes), -1) @ left
+
+
+@dataclass(frozen=True)
+class _Parameters:
+    """Between models and vectors of parameters."""
+
+    question: Question
+    support: np.ndarray
+    correlated: bool
+
+    def vector(self, model: Model) -> np.ndarray:
+        scaled = (model.coefficients / self.question.unit)[self.support]
+        diagonal = np.diag(model.root)
+        lower = model.root[np.tril_indices(len(diagonal), -1)]
+        of = np.broadcast_to(diagonal, model.root.shape)[np.tril_indices(len(diagonal), -1)]
+        mixed = lower / of if self.correlated else []
+        least = self.question.least_noise
+        noise = np.sqrt(np.maximum(model.noise**2 - least**2, (TINY * least) ** 2))
+        return np.concatenate([scaled, np.log(diagonal), mixed, np.log(noise)])
+
+    def model(self, vector: np.ndarray) -> Model:
+        k, f, m = (
+            int(self.support.sum()),
+            len(self.question.forced),
+            len(self.question.channels.names),
+        )
+        coefficients = np.zeros(len(self.support))
+        coefficients[self.support] = vector[:k] * self.question.unit[self.support]
+        root = np.eye(f)
+        if self.correlated:
+            root[np.tril_indices(f, -1)] = vector[k + f : -m]
+        noise = np.hypot(np.exp(vector[-m:]), self.question.least_noise)
+        return Model(coefficients, root * np.exp(vector[k : k + f]), noise)
+
+
+def fitted(
+    question: Question,
+    model: Model,
+    support: np.ndarray,
+    correlated: bool = False,
+    filtered: Callable[[Model], Innovations] | None = None,
+) -> Fit:
+    """The most likely model of the terms `support` (n_candidates,), from one near it.
+
+    correlated: whether the forces of two equations may be. filtered: other than that of `question`.
+    Terms of which the data say nothing are left out. Raises numpy.linalg.LinAlgError where the
+    start cannot be discretised.
+    """
+    parameters = _Parameters(question, support, correlated)
+    filtered = filtered or question.filtered
+
+    def of(vector: np.ndarray) -> Innovations:
+        return filtered(parameters.model(vector))
+
+    vector = parameters.vector(model)
+    step = np.full(len(vector), FIRST_STEP)
+    here, damping = of(vector), FIRST_DAMPING
+    first = _slopes(of, vector, here, step)[: int(support.sum())]
+    told = np.einsum("ijk,ijk->i", first, first) > UNTOLD
+    if not told.all():  # such as the position of rest by accelerations
+        kept = support.copy()
+        kept[support] = told
+        return fitted(question, model, kept, correlated, filtered)
+    for _ in range(MOST_STEPS):
+        passing("fit random forces")
+        slopes = _slopes(of, vector, here, step)
+        known, rise = information(slopes), score(slopes, here)
+        step = STEP / np.sqrt(np.diag(known))
+        for _ in range(MOST_DAMPED):
+            change = np.linalg.solve(known + damping * np.diag(np.diag(known)), rise)
+            try:
+                tried = of(vector + change)
+                better = tried.log_likelihood >= here.log_likelihood - 1e-9
+            except np.linalg.LinAlgError:
+                better = False
+            if better:
+                break
+            damping *= 8.0
+        else:
+            break
+        vector, here, damping = vector + change, tried, max(damping / 16.0, 1e-9)
+        if 0.5 * rise @ change < CONVERGED:
+            break
+    slopes = _slopes(of, vector, here, step)
+    return Fit(parameters.model(vector), support, correlated, here, slopes)
+
+
+def _slopes(
+    of: Callable[[np.ndarray], Innovations], vector: np.ndarray, here: Innovations, step: np.ndarray
+) -> np.ndarray:
+    known = np.isfinite(here.innovations)
+    root = np.sqrt(here.variances[known])
+    slopes = np.empty((len(vector), 2, len(root)))
+    for j, h in enumerate(step):
+        unit = np.zeros(len(vector))
+        unit[j] = h
+        above, below = of(vector + unit), of(vector - unit)
+        moved = (above.innovations - below.innovations)[known]
+        slopes[j, 0] = moved / (2.0 * h) / root
+        ratio = np.log(above.variances[known] / below.variances[known])
+        slopes[j, 1] = ratio / (2.0 * h) / np.sqrt(2.0)
+    return slopes

@@ -1,0 +1,322 @@
+"""Systems that random forces move: ambient excitation, turbulence, traffic.
+
+The equations that are sought have white forces of unknown strength, dx = f(x) dt + dW. Where f is
+linear, the likelihood of the samples is exact; which terms f has is chosen as ever, but that of
+every forced coordinate its own stiffness and damping stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import chi2
+
+from galloping.identification.likelihood.ambiguity import detection_limits
+from galloping.identification.likelihood.constants import MOST_MISFIT
+from galloping.identification.likelihood.inputs import check_question, checked_recordings
+from galloping.identification.likelihood.problem import Problem, posed
+from galloping.identification.likelihood.result import by, refused
+from galloping.identification.likelihood.selection import added_deviation
+from galloping.identification.likelihood.weak_gls import Start, prepared
+from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
+from galloping.identification.random_forces.channels import Channels
+from galloping.identification.random_forces.discrete import Steps
+from galloping.identification.random_forces.fitting import (
+    Fit,
+    Model,
+    Question,
+    fitted,
+    information,
+)
+from galloping.identification.random_forces.start import noise_of, on_grid, strengths, systems
+from galloping.identification.random_forces.tracking import Data, sizes
+from galloping.identification.random_forces.whiteness import Whiteness, whiteness
+from galloping.passes import passing
+from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
+from galloping.recording import Recording
+from galloping.threads import one_thread
+
+COUPLED_RATE = 0.01  # of uncoupled coordinates that are taken for coupled ones
+LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
+LEAST_MOTION = 0.05  # share of a channel's variance that is not noise, to begin with
+# Of a fit that answers unasked, though its innovations are not white: what they may show. Measured:
+# limit cycles of lines, also in gusts, leave lines 60 to 200 times as high as chance allows.
+MOST_LINE, MOST_TOLD = 10.0, 0.05
+START_PERIODS = 20.0  # shortest periods, over which the first state is told
+
+
+@one_thread
+def random_forces(
+    recordings: Recording | Sequence[Recording],
+    terms: tuple[Exponents, ...],
+    known: PolynomialModel | None = None,
+    known_states: tuple[str, ...] = (),
+    forced: Sequence[str] = (),
+) -> IdentifiedModel:
+    """Identify a model that random forces move, from one or several recordings of a system.
+
+    recordings, terms, known, known_states: as of `maximum_likelihood`. forced: names of the
+    coordinates or of the states in whose equations a force acts; by default all that are sought.
+    The status is `ok`, `approximate` where what is left is no white noise, or `refused`; the
+    covariance of the forces is in `forces`. Raises ValueError for other input.
+    """
+    recordings = checked_recordings(recordings)
+    states = recordings[0].states
+    inputs = tuple(recordings[0].inputs)
+    check_question(states, terms, known, known_states, inputs=inputs)
+    problem = posed(states, terms, known, known_states, inputs=inputs)
+    places = forced_equations(problem, forced)
+    try:
+        cleaned, _, period = prepared(recordings)
+        return in_random_forces(problem, cleaned, period, places)
+    except NO_MODEL as error:
+        return by(["random forces"], refused(problem, str(error)))
+
+
+def moved_at_random(problem: Problem, begun: Start) -> IdentifiedModel | None:
+    """The model of a recording that random forces moved, None where it may be another motion.
+
+    begun: the start of all methods. A motion that follows from its first state leaves little in the
+    weak form, and one that repeats leaves its harmonics in the innovations.
+    """
+    if begun.fit.misfit < MOST_MISFIT or any(
+        each.unknown_scales is not None and each.unknown_scales.any() for each in begun.recordings
+    ):
+        return None
+    try:
+        found = in_random_forces(problem, begun.recordings, begun.period)
+    except NO_MODEL:
+        return None
+    line = found.diagnostics["innovations_line"] / found.diagnostics["innovations_line_allowed"]
+    told = found.diagnostics["innovations_told"]
+    return found if found.status == "ok" or (line < MOST_LINE and told < MOST_TOLD) else None
+
+
+def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:
+    """Indices of the equations of the coordinates or states `forced`, all that are sought if none.
+
+    Raises ValueError for a name that is none.
+    """
+    pairs, states = velocity_pairs(problem.states), problem.states
+    places = []
+    for name in forced:
+        if name not in states:
+            raise ValueError(f"random force: {name!r:.60}; must be among {', '.join(states)}")
+        place = states.index(name)
+        place = pairs.get(place, place)
+        if place not in problem.unknown:
+            raise ValueError(f"random force: {name}: its equation is known, and no force is in it")
+        places.append(place)
+    return tuple(sorted(set(places))) or problem.unknown
+
+
+def in_random_forces(
+    problem: Problem,
+    recordings: list[Recording],
+    period: float,
+    forced: tuple[int, ...] | None = None,
+) -> IdentifiedModel:
+    """The model of recordings without outliers, `period` s being the shortest of their motion.
+
+    Raises what NO_MODEL names where there is none.
+    """
+    channels = Channels.of(recordings)
+    question, start = _begun(problem, recordings, channels, period, forced or problem.unknown)
+    penalty = 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in question.data))
+    whole = fitted(question, start, question.linear_terms, correlated=True)
+    correlated = _is_correlated(question, whole, penalty)
+    support = _chosen(question, whole, penalty)
+    known = _known(whole)
+    fit = fitted(question, whole.model, support, correlated)
+    left = _left(question, fit, recordings, period)
+    return _identified(question, fit, recordings, period, known, penalty, left)
+
+
+def _begun(
+    problem: Problem,
+    recordings: list[Recording],
+    channels: Channels,
+    period: float,
+    forced: tuple[int, ...],
+) -> tuple[Question, Model]:
+    """The question in units of the motion, and the likeliest of several starts."""
+    passing("modes from correlations")
+    pairs = channels.pairs
+    if set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states):
+        raise Unusable("random forces are told of coordinates X and their velocities dX only")
+    if problem.inputs:
+        raise Unusable("random forces beside measured inputs are not told apart")
+    samples = [channels.samples(each) for each in recordings]
+    size, mean, deviation = sizes(recordings, channels, period)
+    step = float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
+    grids = [
+        on_grid(each.time, own - mean)[1] for each, own in zip(recordings, samples, strict=True)
+    ]
+    power = deviation**2
+    noise = np.clip(
+        noise_of(grids), (2.0 * LEAST_NOISE * deviation) ** 2, (1.0 - LEAST_MOTION) * power
+    )
+    terms, omega = np.array(problem.terms), 2.0 * np.pi / period
+    unit = np.array([omega * size[i] / np.prod(size ** terms[j]) for i, j in problem.candidates])
+    data = tuple(
+        Data(own, Steps.between(each.time)) for each, own in zip(recordings, samples, strict=True)
+    )
+    least = LEAST_NOISE * deviation
+    question = Question(problem, channels, forced, size, unit, least, data)
+    middle = np.zeros(len(problem.states))
+    middle[list(channels.values)] = mean[: len(channels.values)]
+    middle[list(pairs.values())] = 0.0
+    found = []
+    for system in systems(channels, grids, step, period):
+        rows = np.zeros((len(problem.states), len(problem.terms)))
+        for j, term in enumerate(problem.terms):
+            if sum(term) <= 1:
+                rows[:, j] = system[:, term.index(1)] if sum(term) else -system @ middle
+        free = rows[tuple(problem.candidates.T)]
+        force = strengths(system, list(forced), channels.sensing(system), power - noise)
+        model = Model(free, np.diag(np.sqrt(force)), np.sqrt(noise))
+        try:
+            found.append((question.filtered(model).log_likelihood, model))
+        except np.linalg.LinAlgError:
+            continue
+    if not found:
+        raise Unusable("its correlations tell no oscillation of every coordinate")
+    return question, max(found, key=lambda each: each[0])[1]
+
+
+def _is_correlated(question: Question, fit: Fit, penalty: float) -> bool:
+    """Whether the forces are, by the Wald statistic of what they share."""
+    mixed = len(question.forced) * (len(question.forced) - 1) // 2
+    if not mixed:
+        return False
+    first = int(fit.support.sum()) + len(question.forced)
+    own = slice(first, first + mixed)
+    root = fit.model.root
+    shares = (root / np.diag(root))[np.tril_indices(len(root), -1)]
+    covariance = np.linalg.inv(information(fit.slopes))[own, own]
+    return bool(shares @ np.linalg.solve(covariance, shares) > penalty * mixed)
+
+
+def _chosen(question: Question, fit: Fit, penalty: float) -> np.ndarray:
+    """(n_candidates,) the terms that stay.
+
+    A coordinate's own stiffness and damping do, and a constant that pays. What couples two
+    coordinates stays or goes together: of coupled modes each term bears on every damping, also one
+    that by itself is hardly told.
+    """
+    problem, support = question.problem, fit.support.copy()
+    own = {velocity: i for i, velocity in velocity_pairs(problem.states).items()}
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for k in np.flatnonzero(support):
+        equation, j = problem.candidates[k]
+        moved = next((s for s, e in enumerate(problem.terms[j]) if e), None)
+        pair = {own[equation], own.get(moved, moved)} - {None}
+        groups.setdefault((*sorted(pair), k) if moved is None else tuple(sorted(pair)), []).append(
+            k
+        )
+    place = np.cumsum(support) - 1
+    covariance = fit.coefficient_covariance
+    scaled = fit.model.coefficients / question.unit
+    for of, members in groups.items():
+        constant = problem.degrees[members[0]] == 0
+        if len(of) == 1 and not constant:
+            continue
+        at = place[members]
+        square = scaled[members] @ np.linalg.solve(covariance[np.ix_(at, at)], scaled[members])
+        if square < (penalty if constant else chi2.ppf(1.0 - COUPLED_RATE, len(members))):
+            support[members] = False
+    return support
+
+
+def _known(fit: Fit) -> np.ndarray:
+    """(n_candidates, n_candidates) information on the coefficients, in their units."""
+    known = np.zeros((len(fit.support), len(fit.support)))
+    known[np.ix_(fit.support, fit.support)] = np.linalg.inv(fit.coefficient_covariance)
+    return known
+
+
+def _left(question: Question, fit: Fit, recordings: list[Recording], period: float) -> Whiteness:
+    """What the innovations say."""
+    error, grids, first = fit.filtered.standardised, [], 0
+    step = float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
+    for each in recordings:
+        own = error[first : first + len(each.time)].copy()
+        own[: 2 * len(question.size)] = np.nan  # while the first state is found
+        grids.append(on_grid(each.time, own)[1])
+        first += len(each.time)
+    slowest = np.min(np.abs(np.linalg.eigvals(question.tracker(fit.model).system)))
+    return whiteness(grids, step, 2.0 * np.pi / slowest)
+
+
+def _identified(
+    question: Question,
+    fit: Fit,
+    recordings: list[Recording],
+    period: float,
+    known: np.ndarray,
+    penalty: float,
+    left: Whiteness,
+) -> IdentifiedModel:
+    problem, channels, support = question.problem, question.channels, fit.support
+    unit = question.unit[support]
+    covariance = fit.coefficient_covariance * np.outer(unit, unit)
+    errors = np.full(len(support), np.nan)
+    errors[support] = np.sqrt(np.diag(covariance))
+    absent = added_deviation(known, support) * question.unit
+    absent[np.diag(known) == 0.0] = np.nan
+    sigma = np.full((len(recordings), len(problem.states)), np.nan)
+    for c, i in enumerate(channels.values):
+        there = [np.isfinite(one.samples[:, c]).any() for one in question.data]
+        sigma[there, i] = fit.model.noise[c]
+    of_rates = list(zip(channels.names, fit.model.noise, strict=True))[len(channels.values) :]
+    said = "" if left.white else f"; {in_words(left, channels)}"
+    status = "approximate" if said and left.relevant else "ok"
+    found = IdentifiedModel(
+        model=PolynomialModel(
+            problem.states, problem.terms, problem.coefficients(fit.model.coefficients)
+        ),
+        status=status,
+        reason=f"moved by random forces{said}",
+        standard_errors=problem.on_library(errors),
+        unconditional_errors=problem.on_library(np.where(support, errors, absent)),
+        detection_limits=problem.on_library(detection_limits(absent, support, penalty)),
+        covariance=covariance,
+        known=problem.known_equations,
+        initial_states=_first_states(question, fit.model, period),
+        sigma=sigma,
+        forces=question.tracker(fit.model).forces,
+        diagnostics={
+            "duration": float(sum(np.ptp(each.time) for each in recordings)),
+            "innovations": left.statistic,
+            "innovations_allowed": left.allowed,
+            "innovations_told": left.told,
+            "innovations_line": left.peak,
+            "innovations_line_allowed": left.peak_allowed,
+            **{f"noise_{name}": float(value) for name, value in of_rates},
+        },
+    )  # fmt: skip
+    return by(["random forces"], found)
+
+
+def in_words(left: Whiteness, channels: Channels) -> str:
+    """What a fit leaves that is no white noise."""
+    if left.peak > left.peak_allowed:
+        return (
+            f"{channels.names[left.channel]} moves at {left.frequency:.3g} Hz more than the model "
+            "says: another mode, or forces that are not white"
+        )
+    return f"{left.told:.1%} of what it leaves is told by what came before: forces are not white"
+
+
+def _first_states(question: Question, model: Model, period: float) -> np.ndarray:
+    """(n_recordings, n_states) at the first samples, from START_PERIODS after them.
+
+    The filter of the states beside what they were at first, which never changes.
+    """
+    found, n = [], len(question.size)
+    for one in question.data:
+        lengths = one.steps.lengths[np.maximum(one.steps.of, 0)]
+        count = max(int(np.searchsorted(np.cumsum(lengths), START_PERIODS * period)), 2 * n)
+        found.append(question.tracker(model).first_state(one, count))
+    return np.array(found)

@@ -1,0 +1,95 @@
+"""Whether what a fit in random forces leaves is white noise, and if not, at which frequencies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, f
+
+RATE = 1e-3  # of sound recordings that are doubted
+PERIODS, MOST_LAGS = 3.0, 100  # over which innovations may be correlated
+BINS = 16  # of a spectrum, taken together: a mode that is missing is as broad
+RELEVANT = 0.02  # share of the innovations' power that their past may tell, in a sound model
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """statistic, allowed: of the correlations of innovations, over their degrees of freedom.
+    told: share of their power that their past tells. frequency: Hz, at which a spectrum of theirs
+    stands out most; channel: index; excess: over what surrounds it, allowed: most by chance.
+    """
+
+    statistic: float
+    allowed: float
+    told: float
+    frequency: float
+    channel: int
+    peak: float
+    peak_allowed: float
+
+    @property
+    def white(self) -> bool:
+        return self.statistic <= self.allowed and self.peak <= self.peak_allowed
+
+    @property
+    def relevant(self) -> bool:
+        return self.told > RELEVANT or self.peak > 2.0 * self.peak_allowed
+
+
+def whiteness(grids: list[np.ndarray], step: float, period: float) -> Whiteness:
+    """Of standardised innovations (n, n_channels) on uniform steps, s, NaN where missing.
+
+    period: s, the longest of the motion. The statistic is that of G. Ljung and G. Box (Biometrika
+    65, 1978) of every pair of channels.
+    """
+    channels = grids[0].shape[1]
+    lags = int(np.clip(PERIODS * period / step, 4, MOST_LAGS))
+    total = np.zeros((lags, channels, channels))
+    counts = np.zeros((lags, channels, channels))
+    for grid in grids:
+        known = np.isfinite(grid).astype(float)
+        filled = np.nan_to_num(grid)
+        for k in range(1, min(lags, len(grid) - 1) + 1):
+            total[k - 1] += filled[k:].T @ filled[:-k]
+            counts[k - 1] += known[k:].T @ known[:-k]
+    power = np.nanmean(np.concatenate(grids) ** 2, axis=0)
+    scale = np.sqrt(np.outer(power, power))
+    correlation = total / np.maximum(counts, 1.0) / scale
+    freedom = np.count_nonzero(counts)
+    statistic = float(np.sum(correlation**2 * counts)) / max(freedom, 1)
+    told = (
+        float(
+            np.sum(
+                np.maximum(correlation**2 - 1.0 / np.maximum(counts, 1.0), 0.0)[
+                    correlation**2 * counts > chi2.ppf(1.0 - RATE, 1)
+                ]
+            )
+        )
+        / channels
+    )
+    peak, frequency, channel = _peak(grids, step)
+    bins = max(sum(len(grid) // 2 // BINS for grid in grids) * channels, 1)
+    around = 2 * BINS * 8
+    return Whiteness(
+        statistic, float(chi2.ppf(1.0 - RATE, freedom) / freedom), told, frequency, channel, peak,
+        float(f.ppf(1.0 - RATE / bins, 2 * BINS, around)),
+    )  # fmt: skip
+
+
+def _peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]:
+    """The largest ratio of BINS of a spectrum to the 8 groups of them around, where it is."""
+    found = (0.0, np.nan, 0)
+    for grid in grids:
+        power = np.abs(np.fft.rfft(np.nan_to_num(grid), axis=0)[1:]) ** 2
+        groups = len(power) // BINS
+        if groups < 12:
+            continue
+        own = power[: groups * BINS].reshape(groups, BINS, -1).mean(axis=1)
+        for k in range(groups):
+            near = [j for j in range(max(k - 5, 0), min(k + 6, groups)) if abs(j - k) > 1]
+            ratio = own[k] / own[near].mean(axis=0)
+            c = int(np.argmax(ratio))
+            if ratio[c] > found[0]:
+                found = float(ratio[c]), (k + 0.5) * BINS / len(grid) / step, c
+    return found
