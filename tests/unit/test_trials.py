@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from galloping.configuration.trials import KINDS
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.model import IdentifiedModel
@@ -20,7 +21,6 @@ from galloping.trials.attempts import claims
 from galloping.trials.faults import FAULTS
 from galloping.trials.published_numbers import EXACT
 from galloping.trials.recorded_lines import LONG, draw
-from galloping.trials.registry import KINDS
 
 TERMS = library(4, 3)
 METHODS = {

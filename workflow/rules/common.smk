@@ -22,7 +22,7 @@ from galloping.study.cells import Study
 from galloping.study.kinds import OPEN_PARAMETERS
 from galloping.study.paths import CELL
 from galloping.tables import registry as tables
-from galloping.trials.registry import PAPER
+from galloping.configuration.trials import PAPER
 
 try:
     files = [read(file) for file in workflow.configfiles]  # the Snakefile's own comes last

@@ -9,12 +9,13 @@ from drawing import drawn
 
 from galloping.configuration.load import load, plain
 from galloping.figures.against_paper import draw_region
-from galloping.paper import draws, inference, likelihood, noise, region
+from galloping.paper import draws, likelihood, noise
 from galloping.paper.amounts import Amounts
 from galloping.paper.quick import QuickStudy, coefficients
 from galloping.paper.unknowns import BASE, BY_NAME, HIGH, LOW, NAMES, UNKNOWNS, Setting
 from galloping.polynomial import library
 from galloping.tables import inference as tables
+from galloping.trials import paper_search
 
 LINE = plain(load({}))["cases"]["internal_resonance"]
 KNOWN = dict(zip(NAMES, (7.5, 0.0054, 0.0031, 0.5, 0.71, 0.134, 0.003), strict=True))
@@ -57,7 +58,7 @@ def test_quick_motions_are_those_of_the_simulator(moved):
 def test_a_study_is_more_probable_at_its_own_setting(moved):
     """Of settings with other winds and thresholds, one draw's numbers tell the right one."""
     rng = np.random.default_rng(5)
-    printed = inference.evaluated(BASE, KNOWN, 1, rng)["draws"][0]
+    printed = paper_search.evaluated(BASE, KNOWN, 1, rng)["draws"][0]
     claims = [
         replace(c, paper_value=printed[c.name]) if c.is_number else c for c in likelihood.PRINTED
     ]
@@ -65,7 +66,7 @@ def test_a_study_is_more_probable_at_its_own_setting(moved):
     others = [KNOWN, {**KNOWN, "threshold": 0.0008}, {**KNOWN, "wind_speed": 12.0}]
     found = [
         sum(likelihood.log_probabilities(
-            inference.evaluated_scores(BASE, values, 24, rng), printed=claims
+            paper_search.evaluated_scores(BASE, values, 24, rng), printed=claims
         ).values())
         for values in others
     ]  # fmt: skip
@@ -106,11 +107,11 @@ def settings_around(centre, width, number, rng):
 
 
 def test_the_region_is_that_of_a_probability_that_is_known(monkeypatch):
-    monkeypatch.setattr(region, "STEPS", 800)
+    monkeypatch.setattr(paper_search, "STEPS", 800)
     rng = np.random.default_rng(0)
     centre, width = np.full(len(NAMES), 0.5), np.full(len(NAMES), 0.1)
     rows = settings_around(centre, width, 300, rng)
-    first, second = (region.samples(rows, "log_probability", 4) for _ in range(2))
+    first, second = (paper_search.samples(rows, "log_probability", 4) for _ in range(2))
     pd.testing.assert_frame_equal(first, second)  # the same seed, the same region
     x = (np.log(first.to_numpy()) - LOW) / (HIGH - LOW)
     np.testing.assert_allclose(x.mean(axis=0), centre, atol=0.05)
@@ -119,14 +120,14 @@ def test_the_region_is_that_of_a_probability_that_is_known(monkeypatch):
 
 @pytest.fixture(scope="module")
 def searched():
-    rows = inference.trial(1, BASE.name, [0], {}, draws=8, screened=3, evaluations=9, judged=16)
+    rows = paper_search.trial(1, BASE.name, [0], {}, draws=8, screened=3, evaluations=9, judged=16)
     return pd.DataFrame(rows)
 
 
 def test_a_search_tries_steady_settings_and_judges_its_best(searched):
     tried = searched[searched["stage"].isin(("screened", "searched"))]
     known = tried[tried["log_probability"].notna()]
-    assert len(tried) >= 12 and (known["change"] < inference.STEADY).all()
+    assert len(tried) >= 12 and (known["change"] < paper_search.STEADY).all()
     best = searched[searched["stage"] == "best"].iloc[0]
     assert 0 <= best["R2 of q_v at noise 0.05"] <= 1
     for unknown in UNKNOWNS:
@@ -135,7 +136,7 @@ def test_a_search_tries_steady_settings_and_judges_its_best(searched):
 
 def test_tables_and_figure(searched, monkeypatch):
     for name, value in (("STEPS", 60), ("BURN_IN", 20), ("SAMPLES", 50), ("DEPTH", 1e9)):
-        monkeypatch.setattr(region, name, value)
+        monkeypatch.setattr(paper_search, name, value)
     monkeypatch.setattr(tables, "PREDICTED", 2)
     other = searched.assign(variant="sine")
     numbers = ["height", "log_probability", "noise 0.05"]

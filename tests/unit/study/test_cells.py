@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from galloping.configuration.load import load
+from galloping.configuration.trials import KINDS
 from galloping.figures import registry as figures
 from galloping.importing import imported
 from galloping.measurement.measuring import Motion
@@ -18,7 +19,6 @@ from galloping.study.files import models, trajectories
 from galloping.study.kinds import OPEN_PARAMETERS
 from galloping.study.loading import load as load_sources
 from galloping.tables import registry as tables
-from galloping.trials.registry import KINDS
 
 
 def study(**settings):

@@ -4,8 +4,8 @@ from typing import Self
 
 from pydantic import field_validator, model_validator
 
-from galloping.configuration.fields import Name, invalid, one_of, show
 from galloping.configuration.keys import keys
+from galloping.fields import Name, invalid, one_of, show
 
 # What a sweep can vary: `galloping.cycles.family.PARAMETERS`.
 SWEPT = (

@@ -5,8 +5,8 @@ from typing import Self
 
 from pydantic import ValidationInfo, field_validator, model_validator
 
-from galloping.configuration.fields import Name, invalid, one_of, show
 from galloping.configuration.keys import keys
+from galloping.fields import Name, invalid, one_of, show
 from galloping.physics.gusts import SPECTRA
 
 LARGEST_SAG = 0.25  # of the span: beyond, the parabola is off by more than a tenth of the tension

@@ -9,9 +9,9 @@ import yaml
 from pydantic import ValidationError
 from yaml.nodes import MappingNode, Node
 
-from galloping.configuration.fields import Section, show
 from galloping.configuration.schema import allowed, child, item, leaves, names, schema
 from galloping.configuration.settings import Settings
+from galloping.fields import Section, show
 
 # What is wrong with a value, where "is not allowed" would say too little.
 FAULTS = {

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import getitem
 
-from galloping.configuration.fields import Provenance, show
 from galloping.configuration.lines import CaseSection, paper_cases
 from galloping.configuration.load import plain
 from galloping.configuration.schema import child, leaves, schema
 from galloping.configuration.settings import Settings
+from galloping.fields import Provenance, show
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from typing import Annotated, Self
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
 from galloping.configuration.assessment import AssessmentSection, SweepSection
-from galloping.configuration.fields import Name, invalid, one_of, selection, setting, show
 from galloping.configuration.keys import keys
 from galloping.configuration.lines import CaseSection, paper_cases
+from galloping.configuration.trials import KINDS, LONGEST
+from galloping.fields import Name, invalid, one_of, selection, setting, show
 from galloping.identification.registry import METHODS
 from galloping.measurement.protocols import PROTOCOLS
-from galloping.trials.registry import KINDS, LONGEST
 
 ProtocolName = one_of(tuple(protocol.name for protocol in PROTOCOLS))
 MethodName = one_of(tuple(method.name for method in METHODS))

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from galloping.configuration.trials import EXACT_TERMS, INTERVALS, MODEL_ERROR, PAPER, TRUST
 from galloping.measurement.protocols import Protocol
 from galloping.study import shown, sources
 from galloping.study.cells import Cell, Study
 from galloping.study.kinds import BOUND, NOISE, SUBSET
 from galloping.study.shown import Pair
 from galloping.study.sources import Sources
-from galloping.trials.registry import EXACT_TERMS, INTERVALS, MODEL_ERROR, PAPER, TRUST
 
 
 def _nothing(study: Study) -> dict:

@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from galloping.configuration.trials import GAMMAS
 from galloping.figures import parts
 from galloping.figures.style import DOUBLE, MODEL, PAPER, QUIET, SERIES, SHADE, method_style, spoken
 from galloping.study.kinds import OURS
 from galloping.trials.published_numbers import METHODS
-from galloping.trials.registry import GAMMAS
 
 STATUSES = ("ok", "not identifiable", "approximate", "refused")
 WHOLE = {"facecolor": "white", "edgecolor": QUIET, "linewidth": 0.7, "hatch": "////"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from galloping.configuration.fields import Section, one_of, real, setting, whole
+from galloping.fields import Section, one_of, real, setting, whole
 
 Positive = real(gt=0)
 IDENTIFIED, KNOWN = "identified", "known"  # the kinematic equations

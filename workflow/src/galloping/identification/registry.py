@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from galloping.configuration.fields import Section
+from galloping.fields import Section
 from galloping.identification.options import Ensemble, NoOptions, Paper, Scanned, Thresholded
 from galloping.measurement import protocols
 from galloping.measurement.protocols import (

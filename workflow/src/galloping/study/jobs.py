@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from galloping.configuration.trials import PAPER, TRUST
 from galloping.field import SHOWN
 from galloping.figures import registry as figures
 from galloping.identification.registry import BY_NAME
@@ -15,7 +16,6 @@ from galloping.study.cells import Study
 from galloping.study.kinds import OURS_FAMILY, PAPER_METHOD
 from galloping.study.sources import Source, Sources
 from galloping.tables import registry as tables
-from galloping.trials.registry import PAPER, TRUST
 
 ANIMATION = "galloping"  # the only figure that is not drawn on paper
 MOST_VARIED_DRAWS = 40  # of each variant of a line, enough to tell most draws from some

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from galloping.configuration.settings import TrialSection
-from galloping.trials.registry import KINDS, Kind
+from galloping.configuration.trials import KINDS, Kind
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 
 from galloping.intervals import QUANTILES_90
-from galloping.paper import region
-from galloping.paper.inference import STEADY
 from galloping.paper.likelihood import CELLS, NUMBERS, PRINTED, cell_name
 from galloping.paper.unknowns import BASE, BY_NAME, UNKNOWNS
+from galloping.trials import paper_search
+from galloping.trials.paper_search import STEADY
 
 RULED_OUT, UNLIKELY = -2.0, -1.0  # powers of ten below the most probable reading
 DETERMINED = 1 / 4  # of the range of an unknown: an interval that is shorter tells its size
@@ -26,7 +26,7 @@ WITH, WITHOUT = "log_probability", "without_amplitudes"
 def readings(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     """Each reading of the paper at its most probable setting.
 
-    parts: rows of `paper.inference.trial`. settings: none are read. power_of_ten: logarithm of its
+    parts: rows of `trials.paper_search`. settings: none are read. power_of_ten: logarithm of its
     probability beside that of the most probable steady reading. least: the cell by which it loses
     most. verdict: `probable`, `less probable` (UNLIKELY), `ruled out` (RULED_OUT), `no motion`.
     """
@@ -65,15 +65,15 @@ def region_samples(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.D
     """Settings as often as they are probable, by what is `known`: all numbers, or all but the
     amplitudes' errors, with what a draw at each of some of them gives for each printed number.
 
-    parts: rows of `paper.inference.trial`. settings: seed.
+    parts: rows of `trials.paper_search.trial`. settings: seed.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
     rows = rows[rows["variant"] == BASE.name]
     tables = []
     for column in (WITH, WITHOUT):
-        drawn = region.samples(rows, column, settings["seed"])
+        drawn = paper_search.samples(rows, column, settings["seed"])
         some = drawn.head(PREDICTED)
-        predicted = region.predicted(BASE, some, PREDICTING, settings["seed"])
+        predicted = paper_search.predicted(BASE, some, PREDICTING, settings["seed"])
         drawn = drawn.assign(known=column, kind="setting")
         tables += [drawn, pd.DataFrame(predicted).assign(known=column, kind="draw")]
     return pd.concat(tables, ignore_index=True)
@@ -150,7 +150,7 @@ def left_out(samples: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
 def exclusions(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     """Pair by pair, whether draws that have one of the printed numbers have the other.
 
-    parts: rows of `paper.inference.trial`, of which the draws of all readings count, each a study
+    parts: rows of `trials.paper_search`, of which the draws of all readings count, each a study
     of one draw. settings: none are read. A draw has a number within a factor NEAR; `steady` is the
     motion. by_chance: how many would have both were they independent of each other.
     """

@@ -8,12 +8,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from galloping.configuration.trials import (
+    EXACT_TERMS,
+    INTERVALS,
+    MODEL_ERROR,
+    PAPER,
+    SYSTEMS,
+    TRUST,
+)
 from galloping.study import shown, sources
 from galloping.study.cells import Case, Cell, Study
 from galloping.study.kinds import NOISE, OPEN_PARAMETERS, OURS, OURS_FAMILY
 from galloping.study.sources import Sources
 from galloping.study.sweeps import Sweep
-from galloping.trials.registry import EXACT_TERMS, INTERVALS, MODEL_ERROR, PAPER, SYSTEMS, TRUST
 
 
 def _nothing(study: Study) -> dict:

@@ -16,6 +16,7 @@ import numpy as np
 
 from galloping.bounds.cell import on_library
 from galloping.bounds.information import Experiment, state_bound
+from galloping.configuration.trials import GAMMAS, LONGEST
 from galloping.identification.cell import identify
 from galloping.intervals import NORMAL_95
 from galloping.polynomial import PolynomialModel
@@ -23,7 +24,6 @@ from galloping.recording import Recording
 from galloping.seeds import generator
 from galloping.simulation import Simulator
 from galloping.trials.attempts import Attempt, fits
-from galloping.trials.registry import GAMMAS, LONGEST
 from galloping.trials.systems import model_of
 
 GROUP = "published settings"

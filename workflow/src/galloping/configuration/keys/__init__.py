@@ -18,7 +18,7 @@ from typing import Any
 import yaml
 from pydantic import Field, create_model
 
-from galloping.configuration import fields
+from galloping import fields
 
 SIGNS = {">": "gt", ">=": "ge", "<": "lt", "<=": "le"}
 FACTS = ("symbol", "provenance", "note", "rule", "why")

@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from galloping.paper.unknowns import BY_NAME
-from galloping.study.kinds import PAPER_METHOD
 
-with Path(__file__).with_name("systems").joinpath("systems.csv").open(encoding="utf-8") as file:
+with (Path(__file__).parents[1] / "trials/systems/systems.csv").open(encoding="utf-8") as file:
     PUBLISHED = tuple(row["name"] for row in csv.DictReader(file))
 # tables: of lines, of other systems, of lines that are not their own model, of what the paper
 # leaves out, beside what others published of exact terms and of intervals
@@ -100,9 +99,9 @@ KINDS = {
         options={"samples": (200, 800, 1600, 3200)},
     ),
     "paper": Kind(
-        "galloping.paper.inference:trial",
+        "galloping.trials.paper_search:trial",
         PAPER,
         cases=tuple(BY_NAME),
-        methods=(PAPER_METHOD,),
+        methods=("paper",),
     ),
 }  # fmt: skip
