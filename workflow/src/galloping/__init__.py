@@ -74,6 +74,7 @@ __version__ = "0.1.0"
 
 # name -> module and name there: imported at first use, since some compile
 _PUBLIC = {
+    "Assessment": ("galloping.field.assess", "Assessment"),
     "ConfigurationError": ("galloping.configuration.load", "ConfigurationError"),
     "Dynamics": ("galloping.field.dynamics", "Dynamics"),
     "Forecast": ("galloping.field.forecast", "Forecast"),
@@ -86,10 +87,12 @@ _PUBLIC = {
     "Summary": ("galloping.field.summary", "Summary"),
     "Trajectory": ("galloping.simulation", "Trajectory"),
     "Value": ("galloping.field.dynamics", "Value"),
+    "assess": ("galloping.field.assess", "assess"),
     "cramer_rao_bound": ("galloping.stages", "cramer_rao_bound"),
     "derive": ("galloping.stages", "derive"),
     "dynamics": ("galloping.field.summary", "dynamics"),
     "forecast": ("galloping.field.summary", "forecast"),
+    "library": ("galloping.terms", "parse"),
     "maximum_likelihood": (
         "galloping.identification.likelihood.maximum_likelihood",
         "maximum_likelihood",

@@ -1,6 +1,7 @@
 """What type checkers see of the names that `__init__.py` imports at first use."""
 
 from galloping.configuration.load import ConfigurationError
+from galloping.field.assess import Assessment, assess
 from galloping.field.dynamics import Dynamics, Value
 from galloping.field.forecast import Forecast
 from galloping.field.summary import Summary, dynamics, forecast, summarise
@@ -17,9 +18,11 @@ from galloping.polynomial import library as polynomial_library
 from galloping.recording import Recording
 from galloping.simulation import Simulator, Trajectory
 from galloping.stages import cramer_rao_bound, derive, measure, simulate
+from galloping.terms import parse as library
 
 __version__: str
 __all__ = [
+    "Assessment",
     "ConfigurationError",
     "Dynamics",
     "Forecast",
@@ -33,10 +36,12 @@ __all__ = [
     "Trajectory",
     "Value",
     "__version__",
+    "assess",
     "cramer_rao_bound",
     "derive",
     "dynamics",
     "forecast",
+    "library",
     "maximum_likelihood",
     "measure",
     "polynomial_library",

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import click
 
-from galloping.field.terminal import shown
+from galloping.cli_models import answered, assess, derive, show, simulate
+from galloping.field.terminal import json_text, print_rows, shown
 
 REFUSED, INTERRUPTED = 3, 130  # exit codes: the recordings give no model; Ctrl-C
-PIECE = 100_000  # rows of a simulation that are held at a time
 
 
 class _OneLine(click.Group):
@@ -234,7 +231,7 @@ def identify(files, degree, library, method, known, output, replace, seed, as_js
         click.echo(line, err=True)
     if as_json:
         result = {"status": identified.status, "reason": identified.reason, "output": output}
-        click.echo(_json(result))
+        click.echo(json_text(result))
     else:
         click.echo(f"{identified}\nWritten to {output}: begin with summary.md")
     if identified.status == "refused":
@@ -257,7 +254,7 @@ def inspect(file, write_map, as_json, **mapping):
     mapping |= {"map_file": write_map} if write_map else {}
     with shown():
         report = read_field([file], _mapping([file], **mapping)).reports[0]
-    click.echo(_json(report, indent=2) if as_json else "\n".join(report_lines(report)))
+    click.echo(json_text(report, indent=2) if as_json else "\n".join(report_lines(report)))
 
 
 def _written_map(file, path, mapping) -> bool:
@@ -303,7 +300,7 @@ def forecast(model, file, duration, window, seed, as_json, **mapping):
     from galloping.field.study import read_field
     from galloping.field.summary import forecast as forecast_from
 
-    loaded = _answered(model)
+    loaded = answered(model)
     states = loaded.model.states
     if not mapping["map_file"]:
         mapping["states"] = mapping["states"] or ",".join(states)
@@ -316,139 +313,8 @@ def forecast(model, file, duration, window, seed, as_json, **mapping):
     time = recording.time[-1] + step * steps
     with shown():
         ahead = forecast_from(loaded, recording, time, window=window, seed=seed)
-    _print_rows(forecast_rows(ahead), as_json)
+    print_rows(forecast_rows(ahead), as_json)
 
 
-def _answered(path):
-    """The model in a file, where there is one."""
-    from galloping.identification.model import IdentifiedModel
-
-    loaded = IdentifiedModel.load(path)
-    if loaded.status == "refused":
-        raise ValueError(f"{path}: holds no model; {loaded.verdict}")
-    return loaded
-
-
-def _json(content: object, **options: object) -> str:
-    """JSON, null for numbers that are not finite."""
-
-    def plain(value):
-        if isinstance(value, dict):
-            return {key: plain(inner) for key, inner in value.items()}
-        if isinstance(value, list | tuple):
-            return [plain(inner) for inner in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    return json.dumps(plain(content), allow_nan=False, **options)
-
-
-def _print_rows(rows: Iterable[dict], as_json: bool) -> None:
-    """Rows as they come, as CSV or as a list of JSON, which is whole even where they end early."""
-    between = "["
-    try:
-        for row in rows:
-            if as_json:
-                click.echo(between + _json(row), nl=False)
-            else:
-                names = f"{','.join(row)}\n" if between == "[" else ""
-                click.echo(names + ",".join(f"{value:.10g}" for value in row.values()))
-            between = ",\n"
-    finally:
-        if as_json:
-            click.echo("]" if between != "[" else "[]")
-
-
-@main.command()
-@click.argument("model", type=click.Path(dir_okay=False))
-@click.option("--latex", is_flag=True, help="Equations as LaTeX.")
-@click.option("--json", "as_json", is_flag=True, help="Print the terms for machines.")
-def show(model, latex, as_json):
-    """Print the equations of a MODEL, with errors and verdict."""
-    from galloping.field.outputs import model_rows
-    from galloping.identification.model import IdentifiedModel
-    from galloping.storage import read_json
-
-    if latex and as_json:
-        raise click.UsageError("--latex and --json exclude each other")
-    loaded = IdentifiedModel.load(model)
-    if as_json:
-        click.echo(_json(model_rows(loaded, read_json(model).get("units", {}))))
-    else:
-        click.echo(loaded.latex() if latex else str(loaded))
-
-
-@main.command()
-@click.argument("model", type=click.Path(dir_okay=False))
-@click.option("--duration", type=click.FloatRange(0, 1e6, min_open=True), default=300.0)
-@click.option("--rate", type=click.FloatRange(0, 1e4, min_open=True), default=25.0, help="Hz.")
-@click.option("--initial", help="Initial state, numbers with commas; else that of the recording.")
-@click.option("--json", "as_json", is_flag=True, help="Print rows for machines.")
-def simulate(model, duration, rate, initial, as_json):
-    """Simulate a MODEL and print its states as CSV."""
-    import numpy as np
-
-    loaded = _answered(model)
-    if initial:
-        try:
-            start = np.array([float(text) for text in initial.split(",")])
-        except ValueError:
-            start = np.array([np.nan])
-        if not np.all(np.isfinite(start)):
-            raise ValueError(f"--initial: {initial!r} is not allowed; must be numbers with commas")
-    elif np.isfinite(loaded.initial_states).all() and len(loaded.initial_states):
-        start = loaded.initial_states[0]
-    else:
-        raise ValueError(f"{model}: holds no initial state; say --initial")
-    states = loaded.model.states
-    if len(start) != len(states):
-        raise ValueError(
-            f"--initial: {len(start)} numbers for {len(states)} states; must be {', '.join(states)}"
-        )
-    try:
-        _print_rows(_simulated(loaded.model, start, rate, round(duration * rate)), as_json)
-    except FloatingPointError as error:
-        raise ValueError(f"{model}: {error}") from None
-
-
-def _simulated(model, state, rate: float, last: int) -> Iterator[dict]:
-    """Rows 0 to `last` of a motion. Raises FloatingPointError where it ends early."""
-    import numpy as np
-
-    from galloping.simulation import Simulator
-
-    simulator, names, first = Simulator(model.states, model.terms), ("time_s", *model.states), 0
-    while True:
-        until = min(first + PIECE, last)
-        trajectory = simulator(model, state, np.arange(first, until + 1) / rate)
-        rows = np.column_stack([trajectory.time, trajectory.states])[int(first > 0) :]
-        for row in rows[np.isfinite(rows).all(axis=1)].tolist():
-            yield dict(zip(names, row, strict=True))
-        if trajectory.status != "ok":
-            raise FloatingPointError(trajectory.status)
-        if until == last:
-            return
-        first, state = until, trajectory.states[-1]
-
-
-@main.command()
-@click.argument("case", type=click.Path(dir_okay=False))
-@click.option("--json", "as_json", is_flag=True, help="Print coefficients for machines.")
-def derive(case, as_json):
-    """Derive the galloping equations of a line from CASE.yaml, a case of the configuration."""
-    from galloping.configuration.load import ConfigurationError, read
-    from galloping.stages import derive as derived
-
-    content = read(case)
-    try:
-        model = derived(**{str(section): keys for section, keys in content.items()})
-    except ConfigurationError as error:
-        lines = [line.removeprefix(f"{case}: ") for line in str(error).splitlines()]
-        raise ValueError("\n".join(f"{case}: {line}" for line in lines)) from None
-    if as_json:
-        rows = {
-            state: {n: c for n, c in zip(model.term_names, row.tolist(), strict=True) if c}
-            for state, row in zip(model.states, model.coefficients, strict=True)
-        }
-        click.echo(_json(rows))
-    else:
-        click.echo("\n".join(model.equations()))
+for command in (show, simulate, assess, derive):
+    main.add_command(command)

@@ -54,16 +54,18 @@ def diagram(
     depth: int = 1,
     ceiling: float = np.inf,
     motion: tuple[float, np.ndarray, np.ndarray] | None = None,
+    rest: np.ndarray | None = None,
 ) -> Diagram:
-    """The diagram of the equilibrium near the origin, over the range `span`.
+    """The diagram of the equilibrium near `rest`, or the origin, over the range `span`.
 
     depth: how many period doublings and branch points in a row are followed. ceiling: size (root
     mean square, units of the states) beyond which orbits are not followed. motion: where no Hopf
     bifurcation lies in the range, a settled motion to start from: the parameter's value, times
     (n,) in s and states (n, n_states). Raises ValueError where
-    there is no equilibrium near the origin.
+    there is no equilibrium near that.
     """
-    equilibria = equilibrium_branch(family, np.zeros(n_states), span.low, span)
+    begin = np.zeros(n_states) if rest is None else rest
+    equilibria = equilibrium_branch(family, begin, span.low, span)
     hopfs = enumerate(hopf_points(equilibria), start=1)
     queue = [
         _Start(f"Hopf {k}", 0, lambda at=hopf: (from_hopf(family, at, span, ceiling=ceiling),))

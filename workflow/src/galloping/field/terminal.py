@@ -1,9 +1,11 @@
-"""Progress on standard error: a bar on a terminal, elsewhere a line now and then."""
+"""What a terminal shows: rows and JSON, and on standard error how far a computation is."""
 
 from __future__ import annotations
 
+import json
+import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from time import monotonic
 
@@ -55,3 +57,40 @@ class _Lines:
         passed = now - self._begin
         left = passed * (1.0 - share) / share
         click.echo(f"{passed:.0f} s: {what}; about {share:.0%} done, {left:.0f} s left", err=True)
+
+
+def json_text(content: object, **options: object) -> str:
+    """JSON, null for numbers that are not finite."""
+
+    def plain(value):
+        if isinstance(value, dict):
+            return {key: plain(inner) for key, inner in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(inner) for inner in value]
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    return json.dumps(plain(content), allow_nan=False, **options)
+
+
+def print_rows(rows: Iterable[dict], as_json: bool) -> None:
+    """Rows as they come, as CSV or as a list of JSON, which is whole even where they end early."""
+    between = "["
+    try:
+        for row in rows:
+            if as_json:
+                click.echo(between + json_text(row), nl=False)
+            else:
+                names = f"{','.join(row)}\n" if between == "[" else ""
+                click.echo(names + ",".join(map(_cell, row.values())))
+            between = ",\n"
+    finally:
+        if as_json:
+            click.echo("]" if between != "[" else "[]")
+
+
+def _cell(value: object) -> str:
+    """Of a CSV: ten digits of a number, and text in quotation marks where it needs them."""
+    if isinstance(value, float):
+        return f"{value:.10g}"
+    text = str(value)
+    return f'"{text}"' if "," in text else text

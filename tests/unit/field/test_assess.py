@@ -1,0 +1,121 @@
+"""What a model says of its system, beside what is known in closed form."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from galloping import IdentifiedModel, PolynomialModel, assess, derive
+from galloping.cli import main
+from galloping.terms import parse
+
+A, B = 0.02, 0.05  # net damping 0.1 - A U, cubic damping B: onset at U = 5, A^2 = 4 (A U - 0.1)/3 B
+ERROR = 0.001  # of A
+
+
+def oscillator(frequency=1.0, damping=0.1, error=ERROR):
+    """q'' = -w^2 q + (A U - damping) w q' - B q'^3 / w, at w = 2 pi frequency."""
+    w = 2 * np.pi * frequency
+    terms, _ = parse("q + dq + U*dq + dq^3", ("q", "dq"), ("U",))
+    coefficients = np.zeros((2, len(terms)))
+    coefficients[0, 1] = 1.0
+    coefficients[1] = -(w**2), -damping * w, A * w, -B / w
+    model = PolynomialModel(("q", "dq"), terms, coefficients, ("U",))
+    covariance = np.zeros((5, 5))
+    covariance[3, 3] = (error * w) ** 2
+    return IdentifiedModel(model, "ok", covariance=covariance,
+                           initial_states=np.array([[0.5, 0.0]]))  # fmt: skip
+
+
+def amplitude(wind):
+    return np.sqrt(4 * (A * wind - 0.1) / (3 * B))
+
+
+@pytest.mark.parametrize("frequency", [0.4, 70.0, 0.001])
+def test_rest_and_limit_cycle_at_a_wind_of_slow_and_fast_systems(frequency):
+    (condition,) = assess(oscillator(frequency), {"U": 10.0}).conditions
+    (rest,) = condition.equilibria
+    (mode,) = rest.modes
+    assert not rest.stable and rest.place["q"].value == 0.0
+    assert mode.frequency.value == pytest.approx(frequency, rel=1e-6)
+    assert mode.damping.value == pytest.approx(-0.05, rel=1e-9)
+    deviation = ERROR * 10.0 / 2
+    assert mode.damping.low == pytest.approx(-0.05 - 2 * deviation, abs=deviation)
+    assert mode.damping.high == pytest.approx(-0.05 + 2 * deviation, abs=deviation)
+    (cycle,) = condition.cycles
+    half = cycle.half_range["q"]
+    assert cycle.stable and cycle.found == 1.0
+    assert half.value == pytest.approx(amplitude(10.0), rel=2e-3)
+    assert half.low < amplitude(9.5) and half.high > amplitude(10.5)
+    assert cycle.period.value == pytest.approx(1 / frequency, rel=1e-2)
+
+
+def test_the_onset_lies_where_the_damping_vanishes():
+    found = assess(oscillator(), {"U": np.arange(3.0, 9.0)})
+    (onset,) = found.onsets
+    assert onset.begins and onset.value.value == pytest.approx(5.0, abs=1e-8)
+    assert onset.frequency == pytest.approx(1.0)
+    assert onset.value.low == pytest.approx(5.0 - 0.5, abs=0.25)
+    assert onset.value.high == pytest.approx(5.0 + 0.5, abs=0.25)
+    for condition in found.conditions:
+        wind = condition.at["U"]
+        assert len(condition.cycles) == (wind > 5.0) and condition.equilibria[0].stable == (
+            wind < 5
+        )
+        for cycle in condition.cycles:
+            assert cycle.half_range["q"].value == pytest.approx(amplitude(wind), rel=1e-2)
+    unsure = assess(oscillator(error=10 * ERROR), {"U": np.arange(3.0, 9.0)}).onsets[0].value
+    assert unsure.high == np.inf and unsure.low <= 4.0
+
+
+def test_a_line_has_the_onset_of_its_closed_form_and_both_its_limit_cycles():
+    """The 2:1 resonance makes the vertical cycle unstable, beside the stable one of both modes."""
+    line = IdentifiedModel(derive(), "unjudged", initial_states=np.array([[0.1, 0.1, 0, 0]]))
+    (condition,) = assess(line).conditions
+    assert [cycle.stable for cycle in condition.cycles] == [True]
+    (rest,) = condition.equilibria
+    assert {mode.state for mode in rest.modes} == {"q_v", "q_w"}
+    assert np.isnan(condition.cycles[0].period.low)  # no method stated a covariance
+
+
+def test_systems_that_are_no_oscillators():
+    terms, _ = parse("x + x^3", ("x",))
+    pitchfork = PolynomialModel(("x",), terms, [[1.0, -1.0]])
+    (condition,) = assess(
+        IdentifiedModel(pitchfork, "unjudged", initial_states=np.array([[0.5]]))
+    ).conditions
+    places = sorted(rest.place["x"].value for rest in condition.equilibria)
+    assert places == pytest.approx([0.0, 1.0]) or places == pytest.approx([-1.0, 0.0, 1.0])
+    for rest in condition.equilibria:
+        decay = 2.0 if rest.place["x"].value else -1.0
+        assert rest.modes[0].frequency.value == 0.0
+        assert rest.modes[0].damping.value == pytest.approx(decay)
+    assert not condition.cycles
+
+
+def test_the_command_says_the_same_in_words_and_rows(tmp_path):
+    path = tmp_path / "model.json"
+    oscillator().save(path, units={"U": "m/s"})
+
+    def run(*options, code=0):
+        result = CliRunner().invoke(main, ["assess", str(path), *options])
+        assert result.exit_code == code, result.output
+        return result.stdout if code == 0 else result.output
+
+    text = run("--at", "U=4:10:3")
+    assert "Small motions about rest begin to grow above U = 5.0" in text
+    assert "At U = 10 m/s:" in text and "limit cycle 1, stable: q ± 1.6" in text
+    rows = json.loads(run("--at", "U=10", "--json"))
+    half = next(row for row in rows if row["quantity"] == "half range of q")
+    assert half["U"] == 10.0 and half["value"] == pytest.approx(amplitude(10.0), rel=1e-2)
+    assert run("--at", "U=10", "--csv").splitlines()[0].startswith("U,what,number,stable,quantity")
+    for options, said in (
+        ((), "has the input U; say at which, --at U=VALUE"),
+        (("--at", "V=3"), "the model has the inputs U"),
+        (("--at", "U=9:8"), "must be one value, U=12, or a range"),
+        (("--at", "U=x"), "must be one value, U=12, or a range"),
+        (("--at", "U=1:2:1e-9"), "must be 2 to 200 values"),
+    ):
+        printed = run(*options, code=1)
+        assert said in printed and printed.count("\n") == 1

@@ -1,0 +1,154 @@
+"""The commands that need a model and no recording: show, simulate, assess, derive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import click
+
+from galloping.field.terminal import json_text, print_rows, shown
+
+PIECE = 100_000  # rows of a simulation that are held at a time
+
+at_option = click.option(
+    "--at", multiple=True, metavar="INPUT=VALUE", help="What an input is held at, such as U=12."
+)
+
+
+def answered(path):
+    """The model in a file, where there is one."""
+    from galloping.identification.model import IdentifiedModel
+
+    loaded = IdentifiedModel.load(path)
+    if loaded.status == "refused":
+        raise ValueError(f"{path}: holds no model; {loaded.verdict}")
+    return loaded
+
+
+@click.command()
+@click.argument("model", type=click.Path(dir_okay=False))
+@click.option("--latex", is_flag=True, help="Equations as LaTeX.")
+@click.option("--json", "as_json", is_flag=True, help="Print the terms for machines.")
+def show(model, latex, as_json):
+    """Print the equations of a MODEL, with errors and verdict."""
+    from galloping.field.outputs import model_rows
+    from galloping.identification.model import IdentifiedModel
+    from galloping.storage import read_json
+
+    if latex and as_json:
+        raise click.UsageError("--latex and --json exclude each other")
+    loaded = IdentifiedModel.load(model)
+    if as_json:
+        click.echo(json_text(model_rows(loaded, read_json(model).get("units", {}))))
+    else:
+        click.echo(loaded.latex() if latex else str(loaded))
+
+
+@click.command()
+@click.argument("model", type=click.Path(dir_okay=False))
+@click.option("--duration", type=click.FloatRange(0, 1e6, min_open=True), default=300.0)
+@click.option("--rate", type=click.FloatRange(0, 1e4, min_open=True), default=25.0, help="Hz.")
+@click.option("--initial", help="Initial state, numbers with commas; else that of the recording.")
+@click.option("--json", "as_json", is_flag=True, help="Print rows for machines.")
+def simulate(model, duration, rate, initial, as_json):
+    """Simulate a MODEL and print its states as CSV."""
+    import numpy as np
+
+    loaded = answered(model)
+    if initial:
+        try:
+            start = np.array([float(text) for text in initial.split(",")])
+        except ValueError:
+            start = np.array([np.nan])
+        if not np.all(np.isfinite(start)):
+            raise ValueError(f"--initial: {initial!r} is not allowed; must be numbers with commas")
+    elif np.isfinite(loaded.initial_states).all() and len(loaded.initial_states):
+        start = loaded.initial_states[0]
+    else:
+        raise ValueError(f"{model}: holds no initial state; say --initial")
+    states = loaded.model.states
+    if len(start) != len(states):
+        raise ValueError(
+            f"--initial: {len(start)} numbers for {len(states)} states; must be {', '.join(states)}"
+        )
+    try:
+        print_rows(_simulated(loaded.model, start, rate, round(duration * rate)), as_json)
+    except FloatingPointError as error:
+        raise ValueError(f"{model}: {error}") from None
+
+
+def _simulated(model, state, rate: float, last: int) -> Iterator[dict]:
+    """Rows 0 to `last` of a motion. Raises FloatingPointError where it ends early."""
+    import numpy as np
+
+    from galloping.simulation import Simulator
+
+    simulator, names, first = Simulator(model.states, model.terms), ("time_s", *model.states), 0
+    while True:
+        until = min(first + PIECE, last)
+        trajectory = simulator(model, state, np.arange(first, until + 1) / rate)
+        rows = np.column_stack([trajectory.time, trajectory.states])[int(first > 0) :]
+        for row in rows[np.isfinite(rows).all(axis=1)].tolist():
+            yield dict(zip(names, row, strict=True))
+        if trajectory.status != "ok":
+            raise FloatingPointError(trajectory.status)
+        if until == last:
+            return
+        first, state = until, trajectory.states[-1]
+
+
+@click.command()
+@click.argument("model", type=click.Path(dir_okay=False))
+@at_option
+@click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws of intervals.")
+@click.option("--csv", "as_csv", is_flag=True, help="Print a table.")
+@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+def assess(model, at, seed, as_csv, as_json):
+    """What a MODEL says of its system: rest and its stability, limit cycles, onset.
+
+    Inputs are held at what --at says. Along a range of one, such as U=8:16 or U=8:16:0.5, limit
+    cycles are followed, the unstable ones as well, and the onset is looked for: where small motions
+    about rest begin to grow. Intervals are of 95 %.
+    """
+    from galloping.field.assess import assess as assessed
+    from galloping.field.assessed import assessment_rows, assessment_text
+    from galloping.field.inputs import held_at
+    from galloping.storage import read_json
+
+    if as_csv and as_json:
+        raise click.UsageError("--csv and --json exclude each other")
+    loaded, units = answered(model), read_json(model).get("units", {})
+    values = held_at(at, loaded.model.inputs)
+    if missing := [name for name in loaded.model.inputs if name not in values]:
+        name = missing[0]
+        raise ValueError(f"{model}: has the input {name}; say at which, --at {name}=VALUE")
+    with shown():
+        found = assessed(loaded, values, seed=seed)
+    if as_csv or as_json:
+        print_rows(assessment_rows(found, units), as_json)
+    else:
+        click.echo(f"{loaded.verdict}\n{assessment_text(found, units)}")
+
+
+@click.command()
+@click.argument("case", type=click.Path(dir_okay=False))
+@click.option("--json", "as_json", is_flag=True, help="Print coefficients for machines.")
+def derive(case, as_json):
+    """Derive the galloping equations of a line from CASE.yaml, a case of the configuration."""
+    from galloping.configuration.load import ConfigurationError, read
+    from galloping.stages import derive as derived
+
+    content = read(case)
+    try:
+        model = derived(**{str(section): keys for section, keys in content.items()})
+    except ConfigurationError as error:
+        lines = [line.removeprefix(f"{case}: ") for line in str(error).splitlines()]
+        raise ValueError("\n".join(f"{case}: {line}" for line in lines)) from None
+    if as_json:
+        rows = {
+            state: {n: c for n, c in zip(model.term_names, row.tolist(), strict=True) if c}
+            for state, row in zip(model.states, model.coefficients, strict=True)
+        }
+        click.echo(json_text(rows))
+    else:
+        click.echo("\n".join(model.equations()))

@@ -1,0 +1,452 @@
+"""What a model says of its system by itself: rest and its stability, limit cycles, onset.
+
+At a constant value of each input, or along a range of one. Intervals are those of models drawn with
+the covariance of the coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment, root
+
+from galloping.cycles.collocation import Orbit
+from galloping.cycles.continuation import NotConverged, Point, Range, corrected
+from galloping.cycles.diagram import Diagram, diagram
+from galloping.cycles.equilibria import equilibrium_branch, hopf_points
+from galloping.cycles.family import Family, VectorField
+from galloping.cycles.limit_cycles import VANISHED, CycleProblem, at_value, settled
+from galloping.cycles.motion import Settled, settle
+from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value
+from galloping.field.forecast import simulator_of
+from galloping.identification.model import IdentifiedModel
+from galloping.immutable import Immutable
+from galloping.intervals import drawn, of_draws
+from galloping.passes import passing
+from galloping.polynomial import PolynomialModel, velocity_pairs
+from galloping.threads import one_thread
+
+KICK = 1e-2  # of the size of the motion, from an equilibrium
+BEYOND = 2.5  # sizes of the motion: how far from its middle equilibria are looked for
+APART = 1e-2  # of the size: equilibria and cycles that are nearer are one
+MOST_STARTS = 256  # from which equilibria are looked for
+USUAL = 0.4  # Hz, of the motions that settle in DURATION s, looked at in WINDOW s,
+ALIKE = 0.05, 20.0  # and times that of those that are as good as these
+CEILING = 10.0  # sizes of the motion, beyond which limit cycles are not followed
+ENOUGH = 0.5  # of the draws that have a cycle: the interval is of those
+WAY = (1.0,), (0.25, 0.5, 0.75, 1.0)  # from the model's cycle to that of a draw
+FAR = np.finfo(float).max  # in place of what is beyond a range
+
+
+@dataclass(frozen=True, eq=False)
+class Mode(Immutable):
+    """A small motion about an equilibrium: an oscillation, or where `frequency` is 0 a drift.
+
+    state: that mostly moves. frequency: Hz. damping: ratio to critical, below zero where it grows;
+    of a drift its rate of decay, 1/s.
+    """
+
+    state: str
+    frequency: Value
+    damping: Value
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium(Immutable):
+    """place: by state. modes: those of small motions about it, the slowest first."""
+
+    place: Mapping[str, Value]
+    modes: tuple[Mode, ...]
+
+    @property
+    def stable(self) -> bool:
+        return all(mode.damping.value > 0 for mode in self.modes)
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle(Immutable):
+    """A limit cycle. half_range: by state. period: s. found: share of the draws that have it."""
+
+    half_range: Mapping[str, Value]
+    period: Value
+    stable: bool
+    found: float
+
+
+@dataclass(frozen=True, eq=False)
+class Condition(Immutable):
+    """What there is at constant inputs. ends: the kinds of motions that settle on no cycle."""
+
+    at: Mapping[str, float]
+    equilibria: tuple[Equilibrium, ...]
+    cycles: tuple[Cycle, ...]
+    ends: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Onset(Immutable):
+    """Where along an input small motions about rest begin to grow, or cease to.
+
+    begins: whether they grow above it. frequency: Hz.
+    """
+
+    value: Value
+    frequency: float
+    begins: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment(Immutable):
+    """conditions: at each value. along: the input that has a range, or ''. span: of it. onsets: in
+    its order. notes: what could not be computed.
+    """
+
+    conditions: tuple[Condition, ...]
+    along: str = ""
+    span: tuple[float, float] = (np.nan, np.nan)
+    onsets: tuple[Onset, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@one_thread
+def assess(
+    found: IdentifiedModel,
+    at: Mapping[str, float | Sequence[float]] | None = None,
+    *,
+    seed: int = 0,
+) -> Assessment:
+    """Equilibria, limit cycles and onset of a model.
+
+    at: a value of each of its inputs; of one of them several, along which limit cycles are followed
+    and the onset is looked for. seed: of the draws behind the intervals. Raises ValueError where
+    there is no model, and where an input has no value.
+    """
+    if found.status == "refused":
+        raise ValueError(f"there is no model to assess: {found.reason}")
+    at = dict(at or {})
+    several = [name for name, value in at.items() if np.ndim(value)]
+    missing = [name for name in found.model.inputs if name not in at]
+    if missing:
+        raise ValueError(f"the model has the input {missing[0]}; say at which value of it")
+    if len(several) > 1:
+        raise ValueError(f"a range of {several[0]} and of {several[1]}; must be of one input")
+    held = {name: np.ravel(value)[0] for name, value in at.items()}
+    fast = _in_own_time(found, {name: float(value) for name, value in held.items()})
+    return _restored(_assessed(_slowed(found, fast), at, several, seed), fast)
+
+
+def _assessed(
+    found: IdentifiedModel, at: dict[str, float | Sequence[float]], several: list[str], seed: int
+) -> Assessment:
+    model = found.at({name: value for name, value in at.items() if name not in several})
+    models = drawn(model, DRAWS if len(model.covariance) else 1, np.random.default_rng(seed))
+    if not several:
+        return Assessment((_condition(model, models, at),))
+    (along,) = several
+    values = np.unique(np.asarray(at.pop(along), float))
+    if len(values) < 2:
+        return Assessment((_condition(model, models, at | {along: float(values[0])}),))
+    return _along(model, models, at, along, values)
+
+
+def _condition(
+    identified: IdentifiedModel,
+    models: Sequence[PolynomialModel],
+    at: Mapping[str, float],
+    known: Sequence[Point] = (),
+) -> Condition:
+    """At one value of every input: attractors by simulation from several starts.
+
+    known: limit cycles there, found otherwise.
+    """
+    held = {name: value for name, value in at.items() if name in identified.model.inputs}
+    best, models = identified.model.at(held), [model.at(held) for model in models]
+    begin = _start(identified)
+    motion = _settled(best, begin)
+    middle, size = _extent(motion, begin)
+    rests = equilibria(best, middle, size)
+    cycles, ends = list(known), []
+    for start in (begin, *(rest + KICK * size for rest in rests), middle + BEYOND * size):
+        passing("settle")
+        motion = motion if start is begin else _settled(best, start)
+        if motion.kind != "cycle":
+            ends.append(motion.kind)
+            continue
+        try:
+            point = settled(_constant(best), 0.0, motion.time, motion.states, 1.0)[1]
+        except ValueError as failure:
+            ends.append(str(failure))
+            continue
+        new = point.solution.half_range()
+        others = [one.solution.half_range() for one in cycles]
+        if all(np.max(np.abs(new - other) / np.max(new)) > APART for other in others):
+            cycles.append(point)
+    return Condition(
+        dict(at),
+        tuple(_equilibrium(best, models, rest) for rest in rests),
+        tuple(_cycle(best, models, each) for each in cycles),
+        tuple(dict.fromkeys(ends)),
+    )
+
+
+def _along(
+    identified: IdentifiedModel,
+    models: Sequence[PolynomialModel],
+    at: Mapping[str, float],
+    along: str,
+    values: np.ndarray,
+) -> Assessment:
+    """The same at every value of a range, with the limit cycles that are followed along it."""
+    family, span = _family(identified.model, along), Range(values[0], values[-1])
+    best = family.model(values[0])
+    begin = _start(identified)
+    motion = _settled(best, begin)
+    rests = equilibria(best, *_extent(motion, begin))
+    if not rests:
+        rest, found, notes, onsets = None, None, [f"no rest at {along} = {values[0]:g}"], ()
+    else:
+        rest = min(rests, key=lambda each: np.linalg.norm(each - _extent(motion, begin)[0]))
+        found, notes = _diagram(family, span, rest, identified, along)
+        onsets = tuple(_onsets(found, models, along, span, rest)) if found else ()
+    conditions = []
+    for value in values.tolist():
+        passing(f"{along} = {value:g}")
+        known = []
+        for each in found.cycles if found else ():
+            try:
+                known += at_value(family, each.branch, value)
+            except ValueError as failure:
+                notes.append(str(failure))
+        conditions.append(_condition(identified, models, {**at, along: value}, known))
+    return Assessment(tuple(conditions), along, (span.low, span.high), onsets, tuple(notes))
+
+
+def _diagram(
+    family: Family, span: Range, rest: np.ndarray, identified: IdentifiedModel, along: str
+) -> tuple[Diagram | None, list[str]]:
+    middle = (span.low + span.high) / 2
+    motion = _settled(family.model(middle), _start(identified))
+    cycle = motion.kind == "cycle"
+    size = np.linalg.norm(motion.half_range) if cycle else np.inf
+    start = (middle, motion.time, motion.states) if cycle else None
+    try:
+        found = diagram(family, span, len(rest), 0, CEILING * size, start, rest)
+    except ValueError as failure:
+        return None, [f"along {along}: {failure}"]
+    branches = (found.equilibria, *(each.branch for each in found.cycles))
+    incomplete = [branch.reason for branch in branches if not branch.complete]
+    return found, [*found.failures, *incomplete]
+
+
+def _onsets(
+    found: Diagram, models: Sequence[PolynomialModel], along: str, span: Range, rest: np.ndarray
+) -> Iterator[Onset]:
+    """Hopf bifurcations, and where the draws have theirs: beyond an end of the range if nowhere."""
+    branches = []
+    for model in models:
+        passing("draw onsets")
+        try:
+            branches.append(equilibrium_branch(_family(model, along), rest, span.low, span))
+        except ValueError:
+            continue
+    for hopf in hopf_points(found.equilibria):
+        value = hopf.point.solution.value
+        before = [p for p in found.equilibria.points if p.solution.value < value]
+        begins = bool(before) and before[-1].stability.stable
+        samples = []
+        for branch in branches:
+            own = [h.point.solution.value for h in hopf_points(branch)]
+            late = branch.points[-1].stability.stable == begins  # nothing has happened yet
+            samples.append(min(own, key=lambda v: abs(v - value), default=np.inf * (2 * late - 1)))
+        frequency = hopf.point.stability.frequency / (2 * np.pi)
+        yield Onset(_value(value, np.array(samples)), float(frequency), begins)
+
+
+def _family(model: PolynomialModel, along: str) -> Family:
+    return Family(lambda value: model.at({along: float(value)}), along)
+
+
+def _constant(model: PolynomialModel) -> Family:
+    return Family(lambda _: model)
+
+
+def _start(identified: IdentifiedModel) -> np.ndarray:
+    """A state that was recorded, or where none is known one that is not the origin."""
+    known = identified.initial_states[np.isfinite(identified.initial_states).all(axis=1)]
+    return known[-1] if len(known) else np.full(len(identified.model.states), 0.1)
+
+
+def _settled(model: PolynomialModel, start: np.ndarray) -> Settled:
+    return settle(simulator_of(model), model, start, duration=DURATION, window=WINDOW)
+
+
+def _in_own_time(identified: IdentifiedModel, at: Mapping[str, float]) -> float:
+    """How many times as fast as a span a model is at its start; 1 where it is about as fast."""
+    start = _start(identified)[np.newaxis]
+    values = np.linalg.eigvals(identified.model.at(at).jacobian(start)[0])
+    fast = np.max(np.abs(values)) / (2 * np.pi * USUAL)
+    return 1.0 if ALIKE[0] < fast < ALIKE[1] or not fast > 0 else float(fast)
+
+
+def _slowed(identified: IdentifiedModel, fast: float) -> IdentifiedModel:
+    """The same model in a unit of time of 1/fast s; velocities are in that unit as well."""
+    model = identified.model
+    size = np.ones(len(model.states))
+    size[list(velocity_pairs(model.states).values())] = fast
+    powers = np.array(model.terms)[:, : len(size)]
+    factors = np.prod(size**powers, axis=1) / (size[:, np.newaxis] * fast)
+    support = identified.support
+    covariance = identified.covariance
+    if len(covariance):
+        covariance = covariance * np.outer(factors[support], factors[support])
+    return replace(
+        identified,
+        model=replace(model, coefficients=model.coefficients * factors),
+        covariance=covariance,
+        initial_states=identified.initial_states / size,
+    )
+
+
+def _restored(of: Assessment, fast: float) -> Assessment:
+    """With all that has a time in it in seconds again."""
+
+    def times(value: Value, factor: float) -> Value:
+        return Value(factor * value.value, factor * value.low, factor * value.high)
+
+    def mode(one: Mode) -> Mode:
+        drifts = one.frequency.value == 0.0
+        damping = times(one.damping, fast) if drifts else one.damping
+        return replace(one, frequency=times(one.frequency, fast), damping=damping)
+
+    conditions = [
+        replace(
+            each,
+            equilibria=tuple(
+                replace(rest, modes=tuple(map(mode, rest.modes))) for rest in each.equilibria
+            ),
+            cycles=tuple(
+                replace(cycle, period=times(cycle.period, 1 / fast)) for cycle in each.cycles
+            ),
+        )
+        for each in of.conditions
+    ]
+    onsets = [replace(one, frequency=fast * one.frequency) for one in of.onsets]
+    return replace(of, conditions=tuple(conditions), onsets=tuple(onsets))
+
+
+def _extent(motion: Settled, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Middle and size of a motion, (n_states,) each; of one that ends nowhere that of its start."""
+    if np.isfinite(motion.states).all():
+        low, high = motion.states.min(axis=0), motion.states.max(axis=0)
+        middle, size = (low + high) / 2, (high - low) / 2
+        size = size if motion.kind != "rest" else np.abs(start - middle)
+    else:
+        middle, size = np.zeros_like(start), np.abs(start)
+    return middle, np.maximum(size, 1e-3 * max(np.max(size), ROUNDING))
+
+
+def equilibria(model: PolynomialModel, middle: np.ndarray, size: np.ndarray) -> list[np.ndarray]:
+    """(n_states,) each, no further from `middle` than BEYOND times `size` in any coordinate."""
+    pairs = velocity_pairs(model.states)
+    own = list(pairs) or list(range(len(model.states)))
+    shares = (-BEYOND, -1.0, 0.0, 1.0, BEYOND) if len(own) < 4 else (-1.0, 0.0, 1.0)
+    found: list[np.ndarray] = []
+    for steps in list(product(shares, repeat=len(own)))[:MOST_STARTS]:
+        start = middle.copy()
+        start[list(pairs.values())] = 0.0
+        start[own] += steps * size[own]
+        at = root(
+            lambda x: model(x[np.newaxis])[0], start,
+            jac=lambda x: model.jacobian(x[np.newaxis])[0], tol=ROUNDING,
+        )  # fmt: skip
+        place = np.where(np.abs(at.x) < ROUNDING, 0.0, at.x)
+        near_by = np.all(np.abs(place - middle)[own] <= BEYOND * size[own])
+        new = all(np.max(np.abs(place - other)[own] / size[own]) > APART for other in found)
+        if at.success and near_by and new:
+            found.append(place)
+    return sorted(found, key=lambda place: float(np.linalg.norm((place - middle)[own])))
+
+
+def _equilibrium(
+    best: PolynomialModel, models: Sequence[PolynomialModel], rest: np.ndarray
+) -> Equilibrium:
+    values, vectors = np.linalg.eig(best.jacobian(rest[np.newaxis])[0])
+    places, matched = [], []
+    for model in models:
+        at = root(
+            lambda x, of=model: of(x[np.newaxis])[0], rest,
+            jac=lambda x, of=model: of.jacobian(x[np.newaxis])[0], tol=ROUNDING,
+        )  # fmt: skip
+        if at.success:
+            own = np.linalg.eigvals(model.jacobian(at.x[np.newaxis])[0])
+            _, order = linear_sum_assignment(np.abs(values[:, np.newaxis] - own))
+            places.append(at.x)
+            matched.append(own[order])
+    shown = list(velocity_pairs(best.states)) or list(range(len(best.states)))
+    shares = np.abs(vectors[shown]) / np.linalg.norm(vectors[shown], axis=0)
+    left = [k for k in np.argsort(np.abs(values)) if values[k].imag >= 0]
+    modes = []
+    for k in left:
+        state = best.states[shown[int(np.argmax(shares[:, k]))]]
+        rate, own = values[k], np.array([each[k] for each in matched])
+        if rate.imag > 0:
+            frequency = _value(abs(rate) / (2 * np.pi), np.abs(own) / (2 * np.pi))
+            damping = _value(-rate.real / abs(rate), -own.real / np.abs(own))
+        else:
+            frequency, damping = Value(0.0, 0.0, 0.0), _value(-rate.real, -own.real)
+        modes.append(Mode(state, frequency, damping))
+    place = {best.states[i]: _value(rest[i], np.array([x[i] for x in places])) for i in shown}
+    return Equilibrium(place, tuple(modes))
+
+
+def _drawn_cycle(best: PolynomialModel, model: PolynomialModel, orbit: Orbit) -> Orbit | None:
+    """The limit cycle of a drawn model that continues one of the best model, or None."""
+    change = model.coefficients - best.coefficients
+    for steps in WAY:
+        found = orbit
+        try:
+            for share in steps:
+                between = replace(best, coefficients=best.coefficients + share * change)
+                field = VectorField(_constant(between), orbit.value)
+                problem = CycleProblem(
+                    field, found, 1.0, np.zeros(field.shape), np.inf, found.spread
+                )
+                found, _ = corrected(problem, found, problem.along_parameter())
+        except NotConverged:
+            continue
+        if found.spread > VANISHED * orbit.spread:
+            return found
+    return None
+
+
+def _cycle(best: PolynomialModel, models: Sequence[PolynomialModel], point: Point) -> Cycle:
+    states, orbits = best.states, []
+    for model in models:
+        passing("draw limit cycles")
+        orbits.append(_drawn_cycle(best, model, point.solution))
+    kept = [orbit for orbit in orbits if orbit is not None]
+    found = len(kept) / len(models)
+    shown = list(velocity_pairs(states)) or list(range(len(states)))
+    ranges = np.array([orbit.half_range() for orbit in kept]).reshape(-1, len(states))
+    periods = np.array([orbit.period for orbit in kept])
+    if found < ENOUGH:  # the band would be that of the tame ones
+        ranges, periods = np.full((1, len(states)), np.nan), np.array([np.nan])
+    half = point.solution.half_range()
+    return Cycle(
+        {states[i]: _value(half[i], ranges[:, i]) for i in shown},
+        _value(point.solution.period, periods),
+        point.stability.stable,
+        found,
+    )
+
+
+def _value(value: float, samples: np.ndarray) -> Value:
+    """With the 95 % interval of samples; none where there is one sample only."""
+    if len(samples) < 2:
+        return Value(float(value), np.nan, np.nan)
+    ends = of_draws(np.clip(samples, -FAR, FAR))
+    low, high = (float(end) if abs(end) < FAR / 2 else np.copysign(np.inf, end) for end in ends)
+    return Value(float(value), low, high)

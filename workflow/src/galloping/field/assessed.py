@@ -1,0 +1,132 @@
+"""An assessment of a model in words, and as rows of a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from galloping.field.assess import Assessment, Condition, Cycle, Equilibrium, Mode
+from galloping.field.dynamics import ENDS, Value, in_words
+from galloping.field.units import state_unit
+
+
+def assessment_text(of: Assessment, units: Mapping[str, str]) -> str:
+    """A line for each thing that there is. units: of inputs, by name."""
+    lines = []
+    for condition in of.conditions:
+        held = ", ".join(
+            f"{name} = {value:g} {units.get(name, '')}".rstrip()
+            for name, value in condition.at.items()
+        )
+        lines.append(f"At {held}:" if held else "The model by itself:")
+        lines += [f"  {line}" for line in _condition_lines(condition)]
+    for onset in of.onsets:
+        what = "begin to grow above" if onset.begins else "cease to grow above"
+        unit = units.get(of.along, "")
+        lines.append(
+            f"Small motions about rest {what} {of.along} = {_said(onset.value, unit)}, at "
+            f"{onset.frequency:.3g} Hz"
+        )
+    if of.along and not of.onsets:
+        low, high = of.span
+        unit = f" {units.get(of.along, '')}".rstrip()
+        lines.append(f"No onset between {of.along} = {low:g} and {high:g}{unit}")
+    return "\n".join([*lines, *of.notes])
+
+
+def _condition_lines(of: Condition) -> Iterator[str]:
+    for number, rest in enumerate(of.equilibria, start=1):
+        places = ", ".join(
+            f"{name} = {_said(value, _unit(name))}" for name, value in rest.place.items()
+        )
+        yield f"rest {number}, {_stability(rest)}: {places}"
+        for mode in rest.modes:
+            yield f"  {_mode_line(mode)}"
+    if not of.equilibria:
+        yield "no rest near the motion"
+    for number, cycle in enumerate(of.cycles, start=1):
+        halves = ", ".join(
+            f"{name} ± {_said(value, _unit(name))}" for name, value in cycle.half_range.items()
+        )
+        yield (
+            f"limit cycle {number}, {_stability(cycle)}: {halves}, period "
+            f"{_said(cycle.period, 's')}"
+            + (f"; {100 * cycle.found:.0f} % of the draws have it" if cycle.found < 1.0 else "")
+        )
+    if not of.cycles:
+        for kind in of.ends:
+            yield ENDS.get(kind, kind)
+
+
+def _stability(of: Equilibrium | Cycle) -> str:
+    return "stable" if of.stable else "unstable"
+
+
+def _mode_line(mode: Mode) -> str:
+    grows = ": it grows" if mode.damping.value < 0 else ""
+    if mode.frequency.value == 0.0:
+        what = "decays" if mode.damping.value > 0 else "grows"
+        size = _scaled(mode.damping, 1.0 if mode.damping.value > 0 else -1.0)
+        return f"{mode.state} {what} at {_said(size, '1/s')}"
+    damping = _said(_scaled(mode.damping, 100.0), "% of critical")
+    frequency = _said(mode.frequency, "Hz")
+    return f"{mode.state} oscillates at {frequency}, net damping {damping}{grows}"
+
+
+def _scaled(of: Value, by: float) -> Value:
+    low, high = sorted((by * of.low, by * of.high))
+    return Value(by * of.value, low, high)
+
+
+def _said(of: Value, unit: str) -> str:
+    """A value with its interval, if it has one, to the digits that it tells."""
+    if np.isnan(of.low):
+        return f"{of.value:.4g} {unit}".rstrip()
+    if np.isinf(of.low) or np.isinf(of.high):
+        ends = [f"{end:.4g}" if np.isfinite(end) else "beyond the range"
+                for end in (of.low, of.high)]  # fmt: skip
+        return f"{of.value:.4g} {unit} ({ends[0]} to {ends[1]})"
+    return in_words(of, unit).replace("  ", " ").rstrip()
+
+
+def _unit(name: str) -> str:
+    return "" if state_unit(name) == "1" else state_unit(name)
+
+
+def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:
+    """A row for each value: inputs, then what, number, stable, quantity, value, low, high, unit."""
+    rows = []
+    for condition in of.conditions:
+        for number, rest in enumerate(condition.equilibria, start=1):
+            values = [(f"place of {name}", value, _unit(name)) for name, value in
+                      rest.place.items()]  # fmt: skip
+            for k, mode in enumerate(rest.modes, start=1):
+                if mode.frequency.value:
+                    values.append((f"frequency of mode {k} ({mode.state})", mode.frequency, "Hz"))
+                    values.append((f"damping of mode {k} ({mode.state})", mode.damping, ""))
+                else:
+                    values.append((f"decay of mode {k} ({mode.state})", mode.damping, "1/s"))
+            rows += _rows(condition.at, "rest", number, rest.stable, values)
+        for number, cycle in enumerate(condition.cycles, start=1):
+            values = [(f"half range of {name}", value, _unit(name)) for name, value in
+                      cycle.half_range.items()]  # fmt: skip
+            values.append(("period", cycle.period, "s"))
+            rows += _rows(condition.at, "limit cycle", number, cycle.stable, values)
+    for number, onset in enumerate(of.onsets, start=1):
+        at = dict.fromkeys(of.conditions[0].at, np.nan)
+        unit = units.get(of.along, "")
+        rows += _rows(at, "onset", number, not onset.begins, [(of.along, onset.value, unit)])
+    return rows
+
+
+def _rows(
+    at: Mapping[str, float], what: str, number: int, stable: bool, values: list[tuple]
+) -> list[dict]:
+    return [
+        {
+            **at, "what": what, "number": number, "stable": stable, "quantity": quantity,
+            "value": value.value, "low": value.low, "high": value.high, "unit": unit,
+        }
+        for quantity, value, unit in values
+    ]  # fmt: skip
