@@ -15,11 +15,11 @@ from galloping.identification.likelihood.taylor import integrate, system, tables
 from galloping.inputs import Input, windowed
 from galloping.polynomial import PolynomialModel
 
+# Degree of the polynomial that an input is over a step: a cubic spline is hardly more than that
+# over two of its samples.
+DEGREE, SAMPLES_PER_STEP = 5, 2
 # Truncation of a step's Taylor series, relative to the size of each state.
-ACCURACY = 1e-12
-# Samples of an input in the first step that is tried: over two a cubic spline is hardly more than
-# one polynomial.
-SAMPLES_PER_STEP = 2
+ACCURACY = 1e-10
 
 
 def first_step(inputs: Sequence[Input]) -> float:
@@ -61,7 +61,7 @@ def solution(
         with np.errstate(all="ignore"):
             found, slopes, _, _, truncation = integrate(
                 compiled, step, np.array([0, windows]), start[None], powers, np.arange(n_states),
-                windowed(inputs, table.factors, time[0], step, windows), wanted,
+                windowed(inputs, table.factors, time[0], step, windows, DEGREE), wanted,
             )  # fmt: skip
         if truncation < ACCURACY:
             return found[window, :, row], slopes[window, :, row], step

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,11 +24,8 @@ if TYPE_CHECKING:
 BETWEEN = ("zero", "linear", "cubic")
 # Times the median spacing of samples from which the time between two of them is a gap.
 GAP = 4.5
-# Degree of the polynomial that an input is over a window of the integrator. What it leaves out
-# moves the states at the window's end only by what their own motion has beyond that degree; more
-# would leave a Taylor series of order 12 too few orders for the motion.
-DEGREE = 5
-# Points of the Gauss-Legendre quadrature between two knots: exact for cubics times that degree.
+# Points of the Gauss-Legendre quadrature between two knots: exact for products of a cubic and a
+# polynomial of degree eight.
 QUADRATURE = 6
 
 
@@ -136,16 +133,22 @@ def constant(inputs: Mapping[str, Input | float]) -> dict[str, float]:
 
 
 def windowed(
-    inputs: Sequence[Input], factors: Sequence[Factor], start: float, step: float, windows: int
+    inputs: Sequence[Input],
+    factors: Sequence[Factor],
+    start: float,
+    step: float,
+    windows: int,
+    degree: int,
 ) -> NDArray[np.float64]:
     """Factors of the inputs as polynomials over windows of `step` s from `start`.
 
-    factors: exponents of the inputs, each a monomial of them. Returns (windows, DEGREE + 1,
+    factors: exponents of the inputs, each a monomial of them. Returns (windows, degree + 1,
     n_factors), coefficients of the powers of the time since a window's start over `step`: the
-    nearest polynomial in the mean square (Legendre). A window's times outside of what an input
-    covers take its nearest value.
+    polynomial of that degree that is nearest in the mean square (Legendre), so that what it leaves
+    out moves the states at the window's end only by what their own motion has beyond that degree.
+    A window's times outside of what an input covers take its nearest value.
     """
-    found = np.zeros((windows, DEGREE + 1, len(factors)))
+    found = np.zeros((windows, degree + 1, len(factors)))
     if not factors:
         return found
     edges = start + step * np.arange(windows + 1)
@@ -157,13 +160,13 @@ def windowed(
     time = breaks[:-1, None] + half * (1.0 + points)
     held = np.stack([_held(one, time) for one in inputs])
     place = np.clip((time - edges[window][:, None]) / step, 0.0, 1.0)
-    basis = legvander(2.0 * place - 1.0, DEGREE) * (2 * np.arange(DEGREE + 1) + 1.0)
+    basis = legvander(2.0 * place - 1.0, degree) * (2 * np.arange(degree + 1) + 1.0)
     weighted = basis * (half * weights / step)[..., None]
     first = np.searchsorted(window, np.arange(windows))
     for k, factor in enumerate(factors):
         values = np.prod(held ** np.array(factor, float)[:, None, None], axis=0)
         moments = np.einsum("sp,spd->sd", values, weighted)
-        found[:, :, k] = np.add.reduceat(moments, first) @ _POWERS
+        found[:, :, k] = np.add.reduceat(moments, first) @ _powers(degree)
     return found
 
 
@@ -178,13 +181,11 @@ def _held(one: Input, time: np.ndarray) -> np.ndarray:
     return one(np.where(inside, time, np.where(time < ends[0, 0], ends[0, 0], nearest)))
 
 
-def _powers() -> np.ndarray:
-    """(DEGREE + 1, DEGREE + 1): shifted Legendre polynomials as rows of powers on [0, 1]."""
-    rows = np.zeros((DEGREE + 1, DEGREE + 1))
-    for k in range(DEGREE + 1):
+@cache
+def _powers(degree: int) -> NDArray[np.float64]:
+    """(degree + 1, degree + 1): shifted Legendre polynomials as rows of powers on [0, 1]."""
+    rows = np.zeros((degree + 1, degree + 1))
+    for k in range(degree + 1):
         own = Legendre.basis(k, domain=[0, 1]).convert(kind=np.polynomial.Polynomial).coef
         rows[k, : len(own)] = own
     return rows
-
-
-_POWERS = _powers()

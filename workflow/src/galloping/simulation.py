@@ -23,6 +23,8 @@ DIVERGENCE_LIMIT = 1e3
 # Galloping takes 4 steps a second, and samples that show a motion are no further apart than steps:
 # a model that needs more than both of these is far too fast to be the line's or the system's.
 MAX_STEPS_PER_SECOND, MAX_STEPS_PER_SAMPLE = 100, 2
+# Equal steps are as short as the shortest that the motion needs: so many times as many are taken.
+EQUAL_STEPS = 4
 # Higher levels run no faster and compile for half as long again.
 COMPILATION = {"compact_mode": True, "opt_level": 1}
 
@@ -96,7 +98,8 @@ class Simulator:
             raise ValueError("the model has a term outside the simulator's support")
         steps = most_steps(time)
         if self.inputs:
-            return self._driven(model, x0, time, check_inputs(model, inputs or {}, time), steps)
+            own = check_inputs(model, inputs or {}, time)
+            return self._driven(model, x0, time, own, EQUAL_STEPS * steps)
         ta = self._integrator
         ta.pars[:] = model.coefficients[self._support]
         ta.time, ta.state[:] = time[0], x0

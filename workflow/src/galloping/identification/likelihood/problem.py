@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from galloping.identification.likelihood.constants import INPUT_DEGREE
 from galloping.identification.likelihood.prior import Prior
 from galloping.identification.likelihood.taylor import Tables, tables
 from galloping.inputs import windowed
@@ -79,7 +80,7 @@ class Problem:
             [
                 windowed(
                     [recording.inputs[name] for name in self.inputs],
-                    self.tables.factors, recording.time[0], step, count,
+                    self.tables.factors, recording.time[0], step, count, INPUT_DEGREE,
                 )
                 for recording, count in zip(recordings, np.diff(first), strict=True)
             ]
