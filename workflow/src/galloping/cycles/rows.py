@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from galloping.cycles.collocation import Orbit
 from galloping.cycles.continuation import Branch, Range
 from galloping.cycles.diagram import Diagram, diagram
 from galloping.cycles.equilibria import HOPF
@@ -62,24 +63,22 @@ def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
     Columns case, parameter, unit, value, branch, point, stable, v_m, w_m, period_s,
     largest_multiplier, trivial_defect.
     """
-    rows = []
-    for cycles in along.cycles:
-        for k, point in enumerate(cycles.branch.points):
-            v, w = point.solution.half_range()[:2]
-            rows.append(
-                _place(label, name, along.family.unit, point.solution.value)
-                | {
-                    "branch": cycles.name,
-                    "point": k,
-                    "stable": point.stability.stable,
-                    "v_m": float(v),
-                    "w_m": float(w),
-                    "period_s": float(point.solution.period),
-                    "largest_multiplier": point.stability.largest,
-                    "trivial_defect": point.stability.trivial_defect,
-                }
-            )
-    return rows
+    return [
+        _place(label, name, along.family.unit, point.solution.value)
+        | {"branch": cycles.name, "point": k, "stable": point.stability.stable}
+        | _size(point.solution)
+        | {
+            "largest_multiplier": point.stability.largest,
+            "trivial_defect": point.stability.trivial_defect,
+        }
+        for cycles in along.cycles
+        for k, point in enumerate(cycles.branch.points)
+    ]
+
+
+def _size(orbit: Orbit) -> dict:
+    v, w = orbit.half_range()[:2]
+    return {"v_m": float(v), "w_m": float(w), "period_s": float(orbit.period)}
 
 
 def _place(label: str, name: str, unit: str, value: float) -> dict:
@@ -95,14 +94,9 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
     rows = []
 
     def row(branch: str, value: float, what: str, **further: object) -> None:
+        place = _place(label, name, along.family.unit, value) | {"branch": branch, "name": what}
         nothing = {"located": True, "closed_form": np.nan, "v_m": 0.0, "w_m": 0.0}
-        rows.append(
-            _place(label, name, along.family.unit, value)
-            | {"branch": branch, "name": what}
-            | nothing
-            | {"period_s": np.nan, "note": ""}
-            | further
-        )
+        rows.append(place | nothing | {"period_s": np.nan, "note": ""} | further)
 
     def end(of: str, branch: Branch) -> None:
         verdict = "" if branch.complete else "incomplete: "
@@ -119,9 +113,8 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
     end("equilibrium", along.equilibria)
     for cycles in along.cycles:
         for b in cycles.branch.bifurcations:
-            v, w = b.point.solution.half_range()[:2]
-            size = {"v_m": float(v), "w_m": float(w), "period_s": float(b.point.solution.period)}
-            row(cycles.name, b.point.solution.value, b.name, located=b.located, **size)
+            orbit = b.point.solution
+            row(cycles.name, orbit.value, b.name, located=b.located, **_size(orbit))
         end(cycles.name, cycles.branch)
     for failure in along.failures:
         row(failure.partition(":")[0], np.nan, "end", located=False, note=failure)
@@ -138,13 +131,14 @@ def simulation_rows(
     differ where the motion does not repeat.
     """
     family, varied = line_family(case, name), parameter(name)
-    rows = []
-    for value in values:
-        motion = settle(simulator, family.model(value), initial_state(varied.at(case, value)))
-        rows.append(
-            _place(label, name, family.unit, value) | {"branch": SIMULATION} | _motion(motion)
-        )
-    return rows
+    motions = (
+        settle(simulator, family.model(value), initial_state(varied.at(case, value)))
+        for value in values
+    )
+    return [
+        _place(label, name, family.unit, value) | {"branch": SIMULATION} | _motion(motion)
+        for value, motion in zip(values, motions, strict=True)
+    ]
 
 
 def _motion(motion: Settled) -> dict:
@@ -180,16 +174,12 @@ def map_rows(
             inner = x_parameter.at(outer, float(x))
             line = Line.from_case(inner)
             omega_v, omega_w, *_ = frequencies(line, *modes(inner, line))
-            start = initial_state(inner)
-            motion = settle(simulator, family.model(x), start)
+            motion = settle(simulator, family.model(x), initial_state(inner))
             rows.append(
-                {
-                    "case": label,
-                    **{"x_parameter": x_name, "x_unit": x_parameter.unit, "x": float(x)},
-                    **{"y_parameter": y_name, "y_unit": y_parameter.unit, "y": float(y)},
-                    "frequency_ratio": omega_v / omega_w,
-                    **_motion(motion),
-                }
+                {"case": label, "x_parameter": x_name, "x_unit": x_parameter.unit, "x": float(x)}
+                | {"y_parameter": y_name, "y_unit": y_parameter.unit, "y": float(y)}
+                | {"frequency_ratio": omega_v / omega_w}
+                | _motion(motion)
             )
     return rows
 
@@ -207,19 +197,12 @@ def prediction_rows(
     rows = []
     for k, wind in enumerate(predicted.winds):
         for axis, direction in enumerate(("v", "w")):
-            value, low, high = (
-                float(of[k, axis]) for of in (predicted.amplitude, predicted.low, predicted.high)
-            )
-            reality = float(true[k, axis])
+            values = (predicted.amplitude, predicted.low, predicted.high, true)
+            value, low, high, reality = (float(of[k, axis]) for of in values)
             rows.append(
-                {
-                    **cell,
-                    "wind_m_s": float(wind),
-                    "direction": direction,
-                    "predicted_m": value,
-                    "low_m": low,
-                    "high_m": high,
-                    "true_m": reality,
+                {**cell, "wind_m_s": float(wind), "direction": direction, "predicted_m": value}
+                | {"low_m": low, "high_m": high, "true_m": reality}
+                | {
                     "error_percent": 100 * abs(value / reality - 1),
                     "inside": bool(low <= reality <= high),
                     "unresolved": float(predicted.unresolved[k]),
@@ -246,21 +229,10 @@ def clearance_rows(
     rows = []
 
     def row(what: str, wind: float, outline: np.ndarray) -> None:
-        height, width, below = envelope(outline)
+        room = dict(zip(("height_m", "width_m", "below_m"), envelope(outline), strict=True))
         apart = clearance(outline, outline, distance, limit)
-        rows.append(
-            {
-                "case": label,
-                "what": what,
-                "wind_m_s": wind,
-                "height_m": height,
-                "width_m": width,
-                "below_m": below,
-                "least_clearance_m": apart.least,
-                "limit_m": limit,
-                "kept": apart.kept,
-            }
-        )
+        kept = {"least_clearance_m": apart.least, "limit_m": limit, "kept": apart.kept}
+        rows.append({"case": label, "what": what, "wind_m_s": wind, **room, **kept})
 
     for what, ellipse in design_ellipses(case).items():
         row(what, np.nan, ellipse.outline())
