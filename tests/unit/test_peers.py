@@ -5,10 +5,9 @@ import pandas as pd
 import pysindy as ps
 import pytest
 
-from galloping.evaluation.oracle import oracles
+from galloping.evaluation.oracle import PATHS, alternatives, oracles
 from galloping.figures.errors import beaten_at
 from galloping.identification.sparse import stlsq
-from galloping.identification.sparse.alternatives import PATHS, alternatives
 from galloping.identification.sparse.cross_validation import FOLDS, Judged, judge
 from galloping.identification.sparse.evidence import Regressions, reduce
 from galloping.identification.sparse.filters import Filtered, savitzky_golay, seeded, weak_form

@@ -5,21 +5,31 @@ Of pysindy's STLSQ and FROLS on smoothed states, and of STLSQ on the weak form; 
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from galloping.evaluation.coefficients import ORDERS
 from galloping.evaluation.score import UNKNOWN, Truth, reconstruct, score
-from galloping.identification.model import IdentifiedModel
-from galloping.identification.sparse import evidence, weak
-from galloping.identification.sparse.alternatives import PATHS, alternatives
+from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.sparse import evidence, frols, stlsq
 from galloping.identification.sparse.cross_validation import Path
 from galloping.identification.sparse.evidence import Regressions
+from galloping.identification.sparse.supports import solve, threshold_path
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
 CHOICES = ("least error", "right terms")
-EVIDENCE = ((evidence.reduce, ("stlsq", "frols")), (weak.reduce, ("weak",)))
+EVIDENCE = ((evidence.reduce, ("stlsq", "frols")), (evidence.reduce_weakly, ("weak",)))
+PATHS: dict[str, Callable[[int], Path]] = {
+    "stlsq": lambda length: partial(stlsq.models_along, threshold_path(length)),
+    "frols": lambda length: frols.models_along,
+}
+"""By method, what `alternatives` needs of it; length: of a path of thresholds.
+
+LASSO is left out: it finds no better supports than FROLS, at twenty times the cost.
+"""
+PATHS["weak"] = PATHS["stlsq"]
 
 
 def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -95,3 +105,24 @@ def _chosen(
     for method, each in models.items():
         chosen = (replace(true, coefficients=c) for c in oracles(true, each))
         yield method, [IdentifiedModel(model, "unjudged") for model in chosen]
+
+
+def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
+    """The distinct models of each equation, (k, n_terms), over all settings of the evidence.
+
+    path: the models that a method's thresholds give.
+    """
+    found: list[list[np.ndarray]] = [[] for _ in evidence.tuned.states]
+    for problem in [each.reduced for each in evidence.settings] or [evidence.tuned]:
+        products = problem.products.sum(axis=0)
+        p = len(products) - len(problem.states)
+        lengths = np.sqrt(np.diagonal(products))
+        if not np.all(lengths > 0):
+            raise Unusable("a state or a derivative is zero throughout the recording")
+        unit = products / np.outer(lengths, lengths)
+        (models,) = path(unit[np.newaxis, :p, :p], unit[np.newaxis, p:, :p])
+        for i, each in enumerate(models):
+            distinct = np.unique(each != 0, axis=0)[np.newaxis]
+            shares = solve(unit[:p, :p], unit[[p + i], :p], distinct)[0]
+            found[i].append(shares * lengths[p + i] / lengths[:p])
+    return [np.concatenate(models) for models in found]

@@ -17,7 +17,7 @@ from galloping.measurement.protocols import (
 )
 
 REGRESSION = "galloping.identification.sparse.evidence:reduce"
-WEAK_FORM = "galloping.identification.sparse.weak:reduce"
+WEAK_FORM = "galloping.identification.sparse.evidence:reduce_weakly"
 START = "galloping.identification.likelihood.methods:start"
 
 

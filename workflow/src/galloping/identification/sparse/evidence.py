@@ -8,7 +8,7 @@ import numpy as np
 from galloping.identification.model import Unusable
 from galloping.identification.sparse.differentiation import differentiate, with_missing_samples
 from galloping.identification.sparse.regression import Regression, regression, stretches
-from galloping.identification.sparse.tuning import Setting, best_setting, smoothings
+from galloping.identification.sparse.tuning import Setting, best_setting, smoothings, test_functions
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
 
@@ -68,3 +68,22 @@ def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.nd
         raise Unusable("recording: sparse regression needs every derivative at every sample")
     n, states = _complete(recording).values.shape
     return recording.values, recording.derivatives, np.full(states, n)
+
+
+def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
+    """Weak forms of recordings of one system: integrals against test functions, not derivatives.
+
+    Weak SINDy (Messenger and Bortz 2021; Reinbold et al. 2020) with pysindy's test functions.
+
+    Raises ValueError for irregular, short or missing samples.
+    """
+    for recording in recordings:
+        if not recording.is_uniform:
+            raise Unusable("needs a regularly sampled recording")
+        if not np.all(np.isfinite(recording.values)):
+            raise Unusable("needs every state at every sample")
+    settings = test_functions(recordings, terms)
+    if not settings:
+        raise Unusable("the recording is too short for its test functions")
+    chosen = best_setting(settings).reduced
+    return Regressions(chosen, chosen, tuple(settings))
