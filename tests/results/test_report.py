@@ -1,10 +1,11 @@
-"""The default study's report in a real browser (run `make` first): figures load, tables open as
-tables, nothing comes from outside.
+"""The default study's report in a real browser (run `make` first): figures load in their order,
+tables are used with the keyboard, at 200 % too, nothing comes from outside.
 """
 
 import pandas as pd
 import pytest
 from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
 pytestmark = pytest.mark.xdist_group("report")
@@ -54,18 +55,53 @@ def test_every_figure_loads_with_its_caption_and_nothing_comes_from_outside(page
     assert {url.partition(":")[0] for url in fetched} <= {"data"}
 
 
-def test_tables_open_as_tables_that_can_be_searched_and_sorted(page, results):
+def test_figures_stand_in_the_order_of_the_paper_and_then_beyond(page):
+    of_paper, beyond = (
+        [figure.get_attribute("id") for figure in section.find_elements(By.TAG_NAME, "figure")]
+        for section in page.find_elements(By.XPATH, "//section[h2[starts-with(., 'Figures')]]")
+    )
+    assert of_paper == [f"figure{k:02d}" for k in range(1, 11)]
+    assert "efficiency" in beyond and "figure06_methods" in beyond
+
+
+def test_a_table_is_searched_sorted_and_saved_with_the_keyboard_alone(page, results):
     table = pd.read_csv(results / "tables" / "claims.csv")
-    elements(page, "nav a[href='#table-claims']")[0].click()
+    elements(page, "nav a[href='#table-claims']")[0].send_keys(Keys.ENTER)
     part = elements(page, "#table-claims ~ details")[0]
-    rows = part.find_elements(By.CSS_SELECTOR, "tbody tr")
-    assert part.get_attribute("open") and len(rows) == len(table) and rows[0].is_displayed()
+    assert part.get_attribute("open") and part.find_element(By.TAG_NAME, "table").is_displayed()
     head = part.find_elements(By.CSS_SELECTOR, "th")[list(table).index("study_value")]
-    head.click()
-    shown = [row.text for row in part.find_elements(By.CSS_SELECTOR, "tbody tr")]
-    assert shown != [row.text for row in rows] or table["study_value"].is_monotonic_increasing
-    part.find_element(By.TAG_NAME, "input").send_keys("not reproduced")
+    for order, ascending in (("ascending", True), ("descending", False)):
+        head.find_element(By.TAG_NAME, "button").send_keys(Keys.ENTER)
+        column = list(table).index("study_value")
+        shown = page.execute_script(
+            "return [...arguments[0].querySelectorAll('tbody tr')]"
+            ".map(row => row.cells[arguments[1]].textContent)", part, column,
+        )  # fmt: skip
+        values = pd.Series([float(text) for text in shown if text])
+        assert head.get_attribute("aria-sort") == order and len(shown) == len(table)
+        assert values.is_monotonic_increasing if ascending else values.is_monotonic_decreasing
+    part.find_element(By.TAG_NAME, "input").send_keys("seldom")
+    found = int((table.map(str).agg(" ".join, axis=1).str.contains("seldom")).sum())
     visible = [r for r in part.find_elements(By.CSS_SELECTOR, "tbody tr") if r.is_displayed()]
-    assert len(visible) == (table["verdict"] == "not reproduced").sum()
+    assert len(visible) == found > 0
+    assert part.find_element(By.TAG_NAME, "output").text == f"{found} of {len(table)} rows"
     download = part.find_element(By.TAG_NAME, "a")
     assert download.get_attribute("download") == "claims.csv"
+    saved = page.execute_script("return fetch(arguments[0].href).then(r => r.text())", download)
+    assert saved == (results / "tables" / "claims.csv").read_text()
+
+
+@pytest.mark.parametrize("width", [1400, 700])  # 700: a screen of 1,400 pixels at 200 %
+def test_nothing_needs_scrolling_sideways(page, width):
+    size = page.get_window_size()
+    page.set_window_size(width, 900)
+    try:
+        wide, inner = page.execute_script("return [document.body.scrollWidth, innerWidth]")
+        assert wide <= inner
+        assert bool(elements(page, "nav details[open]")) == (width > 960)  # not before the content
+    finally:
+        page.set_window_size(size["width"], size["height"])
+
+
+def test_it_is_light(results):
+    assert (results / "report.html").stat().st_size <= 8_000_000

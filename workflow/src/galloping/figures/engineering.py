@@ -11,7 +11,6 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
-from matplotlib.patheffects import withStroke
 
 from galloping.cycles.collocation import Orbit
 from galloping.figures import parts
@@ -127,7 +126,7 @@ def _measures(axes: Axes, table: pd.DataFrame, name: str) -> None:
         axes.text(
             0.03, place - 0.17, _told(*row), transform=axes.get_yaxis_transform(), size="x-small",
             color=MODEL if is_known else PAPER, zorder=4,
-            path_effects=[withStroke(linewidth=2.0, foreground="white")],  # upon the limit
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},  # upon the limit
         )  # fmt: skip
         if is_known:
             limits = (-np.inf, np.inf)

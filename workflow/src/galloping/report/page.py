@@ -20,6 +20,7 @@ from galloping.report.paper import Section
 PLAIN = " !'()*,/:;=@[]{}|^+"  # may stand in a data URI between double quotes
 # of an SVG: what stands before it, its comments and its metadata
 UNSEEN = re.compile(r"\A.*?(?=<svg)|<!--.*?-->\s*|<metadata>.*?</metadata>\s*", re.DOTALL)
+OF_PAPER = re.compile(r"figure\d\d")  # names of the figures that the paper has, too
 ENLARGED = 2.0  # px of the page for a pt of the print
 MEDIA = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif", ".csv": "text/csv"}
 
@@ -105,6 +106,14 @@ class Page:
     tables: list[Item]
     recordings: list[RecordingSection]
     versions: dict[str, str]
+
+    @property
+    def figure_groups(self) -> dict[str, list[Item]]:
+        """The paper's own figures in its order, then the others; without groups that are empty."""
+        of_paper = [item for item in self.figures if OF_PAPER.fullmatch(item.name)]
+        others = [item for item in self.figures if item not in of_paper]
+        groups = {"Figures of the paper": of_paper, "Figures beyond the paper": others}
+        return {title: items for title, items in groups.items() if items}
 
 
 def as_html(text: str) -> Markup:
