@@ -13,6 +13,7 @@ from typing import Self
 
 import numpy as np
 
+from galloping.cycles.continuation import Change
 from galloping.cycles.family import VectorField
 
 STAGES = 4
@@ -85,13 +86,8 @@ class Orbit:
 
     def twice(self) -> Self:
         """The same motion as an orbit of two turns."""
-        return Orbit(
-            np.tile(self.widths, 2) / 2,
-            np.tile(self.mesh_states, (2, 1)),
-            np.tile(self.stage_states, (2, 1, 1)),
-            2 * self.period,
-            self.value,
-        )
+        mesh, stages = np.tile(self.mesh_states, (2, 1)), np.tile(self.stage_states, (2, 1, 1))
+        return Orbit(np.tile(self.widths, 2) / 2, mesh, stages, 2 * self.period, self.value)
 
     def half_range(self) -> np.ndarray:
         """Half of the range of each state over a period: (n_states,)."""
@@ -165,47 +161,6 @@ def circle(
     return Orbit(widths, states(left), states(left[:, np.newaxis] + C / intervals), period, value)
 
 
-@dataclass(frozen=True)
-class Change:
-    """A change of an orbit: of its mesh and stage states, period and parameter."""
-
-    mesh: np.ndarray
-    stages: np.ndarray
-    period: float
-    value: float
-
-    def applied(self, orbit: Orbit, factor: float = 1.0) -> Orbit:
-        return Orbit(
-            orbit.widths,
-            orbit.mesh_states + factor * self.mesh,
-            orbit.stage_states + factor * self.stages,
-            orbit.period + factor * self.period,
-            orbit.value + factor * self.value,
-        )
-
-    def scaled(self, factor: float) -> Self:
-        return Change(
-            factor * self.mesh, factor * self.stages, factor * self.period, factor * self.value
-        )
-
-
-@dataclass(frozen=True)
-class Border:
-    """A linear condition on a change of the orbit: sum of the products with the changes of
-    stage states (n, STAGES, n_states), of the period and of the parameter."""
-
-    stages: np.ndarray
-    period: float
-    value: float
-
-    def of(self, change: Change) -> float:
-        return float(
-            np.sum(self.stages * change.stages)
-            + self.period * change.period
-            + self.value * change.value
-        )
-
-
 class Linearisation:
     """The collocation equations about an orbit, condensed to its mesh points.
 
@@ -256,14 +211,14 @@ class Linearisation:
         self._phase = orbit.stage_weights[..., np.newaxis] * reference.velocity()
         self._ahead = float(np.sum(self._phase * (orbit.stage_states - reference.stage_states)))
 
-    def solve(self, border: Border, value: float, newton: bool) -> Change:
+    def solve(self, border: Change, value: float, newton: bool) -> Change:
         """The change that meets the border's `value`.
 
         newton: with the residuals of the equations removed; else along their null space.
         """
         return self._expanded(np.linalg.solve(*self._bordered(border, value, newton)), newton)
 
-    def other_direction(self, border: Border) -> Change:
+    def other_direction(self, border: Change) -> Change:
         """Where the equations have a second null vector, the one across `border`."""
         *_, right = np.linalg.svd(self._bordered(border, 0.0, False)[0])
         return self._expanded(right[-1], False)
@@ -275,9 +230,11 @@ class Linearisation:
         outer = np.concatenate(
             [mesh, np.broadcast_to([period, parameter, float(newton)], (n, 3))], axis=1
         )
-        return Change(mesh, np.einsum("ijsk,ik->ijs", self._inner, outer), period, parameter)
+        stages = np.einsum("ijsk,ik->ijs", self._inner, outer)
+        parts = {"mesh_states": mesh, "stage_states": stages, "period": period, "value": parameter}
+        return Change(parts)
 
-    def _bordered(self, border: Border, value: float, newton: bool) -> tuple:
+    def _bordered(self, border: Change, value: float, newton: bool) -> tuple:
         n, n_states = self.orbit.mesh_states.shape
         size = n * n_states
         matrix, side = np.zeros((size + 2, size + 2)), np.zeros(size + 2)
@@ -286,20 +243,20 @@ class Linearisation:
         blocks[i, :, i] = -self._across[..., :n_states]
         blocks[i, :, (i + 1) % n] += np.eye(n_states)
         matrix[:size, size:] = -self._across[..., n_states : n_states + 2].reshape(size, 2)
-        for row, stages in ((size, self._phase), (size + 1, border.stages)):
+        for row, stages in ((size, self._phase), (size + 1, border.parts["stage_states"])):
             condensed = np.einsum("ijs,ijsk->ik", stages, self._inner)
             matrix[row, :size] = condensed[:, :n_states].ravel()
             matrix[row, size:] = condensed[:, n_states:-1].sum(axis=0)
             if newton:
                 side[row] = -condensed[:, -1].sum()
-        matrix[size + 1, size:] += border.period, border.value
+        matrix[size + 1, size:] += border.parts["period"], border.value
         side[size + 1] += value
         if newton:
             side[:size] = self._across[..., -1].ravel()
             side[size] -= self._ahead
         return matrix, side
 
-    def determinant(self, border: Border) -> tuple[float, float]:
+    def determinant(self, border: Change) -> tuple[float, float]:
         """Sign and logarithm of the size of the bordered matrix's determinant."""
         sign, log = np.linalg.slogdet(self._bordered(border, 0.0, False)[0])
         return float(sign), float(log)

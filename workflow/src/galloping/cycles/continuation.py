@@ -5,7 +5,8 @@ corrector and the turn of the tangent (Keller 1977; Seydel, Practical Bifurcatio
 Analysis, ch. 4). What is continued, equilibria or limit cycles, is a `ContinuationProblem`.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -18,10 +19,30 @@ LEAST_COSINE = 0.9  # of the turn of the tangent in one step
 CLOSED = 1e-3  # relative difference of period and size at which a branch has returned to its start
 
 
-class LinearCondition(Protocol):
-    """A linear condition on changes."""
+@dataclass(frozen=True)
+class Change:
+    """A change of a solution; also a linear condition on such changes.
 
-    def of(self, change: Any) -> float: ...
+    parts: by the names of the solution's fields, among them `value`, of the parameter.
+    """
+
+    parts: Mapping[str, Any]
+
+    @property
+    def value(self) -> float:
+        """Of the parameter."""
+        return self.parts["value"]
+
+    def applied(self, solution: Any, factor: float = 1.0) -> Any:
+        changed = {k: getattr(solution, k) + factor * part for k, part in self.parts.items()}
+        return replace(solution, **changed)
+
+    def scaled(self, factor: float) -> Self:
+        return Change({name: factor * part for name, part in self.parts.items()})
+
+    def of(self, change: Self) -> float:
+        """The sum of its products with the parts of a change."""
+        return float(sum(np.sum(own * change.parts[name]) for name, own in self.parts.items()))
 
 
 class ContinuationProblem(Protocol):
@@ -29,13 +50,13 @@ class ContinuationProblem(Protocol):
 
     def linearise(self, solution: Any) -> Any: ...
 
-    def across(self, change: Any) -> LinearCondition:
+    def across(self, change: Change) -> Change:
         """The inner product with a change, in which a step of one is as long as steps may be."""
 
-    def along_parameter(self) -> LinearCondition:
+    def along_parameter(self) -> Change:
         """The change of the parameter alone."""
 
-    def examine(self, solution: Any, linearisation: Any, tangent: Any) -> tuple[Any, dict]:
+    def examine(self, solution: Any, linearisation: Any, tangent: Change) -> tuple[Any, dict]:
         """Stability of a solution, and the tests whose sign changes are bifurcations."""
 
     def confirmed(self, name: str, stability: Any) -> bool:
@@ -63,7 +84,7 @@ class Point:
     """solution on the branch, its tangent, its stability and the values of the tests."""
 
     solution: Any
-    tangent: Any
+    tangent: Change
     stability: Any
     tests: dict[str, float]
 
@@ -107,9 +128,7 @@ class Range:
             raise ValueError(f"range: low {self.low:g} must be below high {self.high:g}")
 
 
-def corrected(
-    problem: ContinuationProblem, solution: Any, border: LinearCondition
-) -> tuple[Any, Any]:
+def corrected(problem: ContinuationProblem, solution: Any, border: Change) -> tuple[Any, Any]:
     """The solution near a guess on the plane of `border`, with its linearisation.
 
     Raises NotConverged.
@@ -130,12 +149,12 @@ def corrected(
     raise NotConverged(f"no convergence in {CORRECTIONS} corrections (the last {size:.1e})")
 
 
-def length(problem: ContinuationProblem, change: Any) -> float:
+def length(problem: ContinuationProblem, change: Change) -> float:
     return float(np.sqrt(abs(problem.across(change).of(change))))
 
 
 def point_at(
-    problem: ContinuationProblem, solution: Any, linearisation: Any, border: LinearCondition
+    problem: ContinuationProblem, solution: Any, linearisation: Any, border: Change
 ) -> Point:
     """The solution with its tangent, oriented so that `border` is positive on it."""
     tangent = linearisation.solve(border, 1.0, False)

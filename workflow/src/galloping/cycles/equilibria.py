@@ -9,6 +9,7 @@ import numpy as np
 from galloping.cycles.continuation import (
     Bifurcation,
     Branch,
+    Change,
     NotConverged,
     Range,
     corrected,
@@ -44,38 +45,19 @@ class Eigenvalues:
 
 
 @dataclass(frozen=True)
-class _Change:
-    """Of state and parameter; also a linear condition on such changes (`of`)."""
-
-    state: np.ndarray
-    value: float
-
-    def applied(self, solution: Equilibrium, factor: float = 1.0) -> Equilibrium:
-        return Equilibrium(
-            solution.state + factor * self.state, solution.value + factor * self.value
-        )
-
-    def scaled(self, factor: float) -> Self:
-        return _Change(factor * self.state, factor * self.value)
-
-    def of(self, change: Self) -> float:
-        return float(self.state @ change.state + self.value * change.value)
-
-
-@dataclass(frozen=True)
 class _Linearisation:
     rates: np.ndarray
     jacobian: np.ndarray
     by_value: np.ndarray
 
-    def bordered(self, border: _Change) -> np.ndarray:
+    def bordered(self, border: Change) -> np.ndarray:
         upper = np.column_stack([self.jacobian, self.by_value])
-        return np.vstack([upper, [*border.state, border.value]])
+        return np.vstack([upper, [*border.parts["state"], border.value]])
 
-    def solve(self, border: _Change, value: float, newton: bool) -> _Change:
+    def solve(self, border: Change, value: float, newton: bool) -> Change:
         side = np.append(-self.rates if newton else 0 * self.rates, value)
         *state, parameter = np.linalg.solve(self.bordered(border), side)
-        return _Change(np.array(state), parameter)
+        return Change({"state": np.array(state), "value": parameter})
 
 
 @dataclass(frozen=True)
@@ -92,14 +74,15 @@ class EquilibriumProblem:
         parts = self.field(solution.state[np.newaxis], coefficients, slope)
         return _Linearisation(*(part[0] for part in parts))
 
-    def across(self, change: _Change) -> _Change:
-        return _Change(change.state / self.size**2, change.value / self.resolution**2)
+    def across(self, change: Change) -> Change:
+        state, value = change.parts["state"] / self.size**2, change.value / self.resolution**2
+        return Change({"state": state, "value": value})
 
-    def along_parameter(self) -> _Change:
-        return _Change(np.zeros(self.field.n_states), 1.0)
+    def along_parameter(self) -> Change:
+        return Change({"state": np.zeros(self.field.n_states), "value": 1.0})
 
     def examine(
-        self, solution: Equilibrium, linearisation: _Linearisation, tangent: _Change
+        self, solution: Equilibrium, linearisation: _Linearisation, tangent: Change
     ) -> tuple[Eigenvalues, dict[str, float]]:
         values, modes = np.linalg.eig(linearisation.jacobian)
         pair = min(

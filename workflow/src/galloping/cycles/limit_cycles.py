@@ -1,6 +1,7 @@
 """Limit cycles along a parameter: their stability and where it changes (Kuznetsov, Elements of
 Applied Bifurcation Theory, ch. 5 and 10)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 from typing import Self
@@ -8,10 +9,11 @@ from typing import Self
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from galloping.cycles.collocation import STAGES, Border, C, Change, Linearisation, Orbit, circle
+from galloping.cycles.collocation import STAGES, C, Linearisation, Orbit, circle
 from galloping.cycles.continuation import (
     Bifurcation,
     Branch,
+    Change,
     NotConverged,
     Point,
     Range,
@@ -90,16 +92,16 @@ class CycleProblem:
         coefficients = self.field.coefficients(orbit.value)
         return Linearisation(self.field, orbit, self.reference, coefficients, self.slope)
 
-    def across(self, change: Change) -> Border:
+    def across(self, change: Change) -> Change:
         weights = self.reference.stage_weights[..., np.newaxis]
-        return Border(
-            weights * change.stages / (STEP * self.reference.spread) ** 2,
-            change.period / (STEP * self.reference.period) ** 2,
-            change.value / self.resolution**2,
-        )
+        stages = weights * change.parts["stage_states"] / (STEP * self.reference.spread) ** 2
+        period = change.parts["period"] / (STEP * self.reference.period) ** 2
+        value = change.value / self.resolution**2
+        return Change({"stage_states": stages, "period": period, "value": value})
 
-    def along_parameter(self) -> Border:
-        return Border(np.zeros_like(self.reference.stage_states), 0.0, 1.0)
+    def along_parameter(self) -> Change:
+        nothing = np.zeros_like(self.reference.stage_states)
+        return Change({"stage_states": nothing, "period": 0.0, "value": 1.0})
 
     def examine(
         self, orbit: Orbit, linearisation: Linearisation, tangent: Change
@@ -148,10 +150,7 @@ class CycleProblem:
             levelled = orbit.on(widths).roughness()
             if np.max(levelled) / np.mean(levelled) > 0.7 * np.max(roughness) / np.mean(roughness):
                 return None
-        turned = Orbit(orbit.widths, tangent.mesh, tangent.stages, 1.0, 0.0).on(widths)
-        return orbit.on(widths), replace(
-            tangent, mesh=turned.mesh_states, stages=turned.stage_states
-        )
+        return orbit.on(widths), _through(lambda each: each.on(widths), orbit, tangent)
 
     def ended(self, orbit: Orbit, start: Orbit) -> str:
         if orbit.spread > self.ceiling:
@@ -162,6 +161,12 @@ class CycleProblem:
 
     def signature(self, orbit: Orbit) -> np.ndarray:
         return np.array([orbit.period, orbit.spread])
+
+
+def _through(done: Callable[[Orbit], Orbit], orbit: Orbit, change: Change) -> Change:
+    """A change of an orbit after what is done, linearly, to the orbit itself."""
+    changed = done(replace(orbit, **change.parts))
+    return Change({name: getattr(changed, name) for name in change.parts})
 
 
 def _halves(orbit: Orbit) -> np.ndarray:
@@ -194,8 +199,8 @@ def from_hopf(
     field = VectorField(family, at.value)
     resolution = resolution or (span.high - span.low) / 50
     problem = CycleProblem.about(field, orbit, resolution, ceiling)
-    growth = Change(orbit.mesh_states - at.state, orbit.stage_states - at.state, 0.0, 0.0)
-    start = _first(problem, orbit, problem.across(growth), family)
+    growth = {"stage_states": orbit.stage_states - at.state, "period": 0.0, "value": 0.0}
+    start = _first(problem, orbit, problem.across(Change(growth)), family)
     return follow(problem, start, span)
 
 
@@ -218,13 +223,7 @@ def from_branching(
         raise ValueError(f"no limit cycles branch off at a {at.name} at {orbit.value:g}")
     doubled = at.name == PERIOD_DOUBLING
     if doubled:
-        orbit = orbit.twice()
-        tangent = Change(
-            np.tile(tangent.mesh, (2, 1)),
-            np.tile(tangent.stages, (2, 1, 1)),
-            2 * tangent.period,
-            tangent.value,
-        )
+        orbit, tangent = orbit.twice(), _through(Orbit.twice, orbit, tangent)
     resolution = resolution or (span.high - span.low) / 50
     problem = CycleProblem.about(VectorField(family, orbit.value), orbit, resolution, ceiling)
     border = problem.across(tangent)
@@ -270,7 +269,7 @@ def settled(
     return problem, _first(problem, orbit, problem.along_parameter(), family)
 
 
-def _first(problem: CycleProblem, orbit: Orbit, border: Border, family: Family) -> Point:
+def _first(problem: CycleProblem, orbit: Orbit, border: Change, family: Family) -> Point:
     """The limit cycle near a guess. Raises ValueError where there is none."""
     try:
         point = point_at(problem, *corrected(problem, orbit, border), border)
