@@ -7,7 +7,7 @@ import pytest
 
 from galloping.tables.comparison import COLUMNS, compare_tables, describe
 
-TABLE = """case,method,level,r2,failures,verdict
+TABLE = """case,method,level,r2,value,verdict
 a,stlsq,0.05,0.9,0,ok
 a,lasso,0.05,0.8,1,ok
 b,stlsq,0.05,,2,refused
@@ -57,7 +57,7 @@ def test_numbers_near_zero_agree_to_a_millionth():
         ("0.9", "many", "r2"),
         ("refused", "ok", "verdict"),
         ("0,ok", "0,", "verdict"),
-        ("2,refused", "3,refused", "failures"),
+        ("2,refused", "3,refused", "value"),
     ],
 )
 def test_what_is_not_the_same_is_named(old, new, column):
@@ -72,8 +72,8 @@ def test_rows_and_columns_that_one_table_lacks_are_named():
         (row, "(row)", "present", "absent"),
         ("case=a, method=lasso, level=0.1", "(row)", "absent", "present"),
     ]
-    assert changes(TABLE.replace("failures", "fits")) == [
-        ("(column)", "failures", "present", "absent"),
+    assert changes(TABLE.replace("value", "fits")) == [
+        ("(column)", "value", "present", "absent"),
         ("(column)", "fits", "absent", "present"),
     ]
 

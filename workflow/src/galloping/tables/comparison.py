@@ -137,10 +137,12 @@ def _presence(reference: pd.Index, found: pd.Index) -> Iterator[tuple]:
 
 def _values(*sides: pd.DataFrame) -> pd.DataFrame:
     """All values of rows and columns that both tables have, column by column."""
-    left, right = (side.rename_axis("row").reset_index().melt("row", var_name="column")
-                   for side in sides)  # fmt: skip
-    values = left.merge(right, on=["row", "column"], suffixes=("_reference", "_found"))
-    values.columns = [name.removeprefix("value_") for name in values.columns]
+    # not "value", which is a column of some tables
+    left, right = (
+        side.rename_axis("row").reset_index().melt("row", var_name="column", value_name=name)
+        for side, name in zip(sides, ("reference", "found"), strict=True)
+    )
+    values = left.merge(right, on=["row", "column"])
     first, second = (
         pd.to_numeric(values[side], errors="coerce").to_numpy(float)
         for side in ("reference", "found")
