@@ -188,11 +188,16 @@ def _proposal(file, by_column, for_all, time_column, decimal, taken=()):
     help="What is known, in SI units: an equation, such as 'dq_w = -9.2 q_w - 0.03 dq_w', or a "
     "coefficient, 'dq_v: U*dq_v = 0.02', with its deviation where it is not sure: '+- 0.005'.",
 )  # fmt: skip
+@click.option("--random-force", "random_force", metavar="COORDINATES",
+              help="Such as q_v,q_w, or all: what unmeasured random forces move; else the motion "
+              "tells.")  # fmt: skip
 @click.option("--output", type=click.Path(file_okay=False), required=True, help="Folder to write.")
 @click.option("--replace", is_flag=True, help="Write over an earlier model in that folder.")
 @click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws of intervals.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result for machines.")
-def identify(files, degree, library, method, known, output, replace, seed, as_json, **mapping):
+def identify(
+    files, degree, library, method, known, random_force, output, replace, seed, as_json, **mapping
+):
     """Identify one model from FILES, recordings of one system.
 
     Columns named in plain words, such as "time [s]", "vertical [mm]" and "horizontal [mm]", need no
@@ -212,7 +217,8 @@ def identify(files, degree, library, method, known, output, replace, seed, as_js
     from galloping.field.study import Question, analyse, read_field
     from galloping.storage import replacing_folder
 
-    question = Question(degree or 3, method, known, seed, library)
+    forced = _forced(random_force, method)
+    question = Question(degree or 3, method, known, seed, library, forced)
     columns = _mapping(files, **mapping)
     if degree and (library or columns.library):
         raise ValueError("--degree: leave it out where a library says the terms")
@@ -236,6 +242,16 @@ def identify(files, degree, library, method, known, output, replace, seed, as_js
         click.echo(f"{identified}\nWritten to {output}: begin with summary.md")
     if identified.status == "refused":
         raise SystemExit(REFUSED)
+
+
+def _forced(text: str | None, method: str) -> tuple[str, ...] | None:
+    """Names of coordinates, none for all, of an option; None where it was not given."""
+    if text is None:
+        return None
+    if method != "maximum_likelihood":
+        raise ValueError(f"--random-force: {method} knows no random forces")
+    names = [name.strip() for name in text.split(",")]
+    return () if names == ["all"] else tuple(names)
 
 
 @main.command()

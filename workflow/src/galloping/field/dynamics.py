@@ -77,7 +77,8 @@ class Surroundings(Immutable):
             tol=ROUNDING,
         )
         inside = np.all((found.x >= self.low) & (found.x <= self.high))
-        if not (found.success and inside):
+        at_rest = found.success or np.max(np.abs(found.fun)) < ROUNDING  # from where it began, too
+        if not (at_rest and inside):
             return None
         return np.where(np.abs(found.x) < ROUNDING, 0.0, found.x)
 

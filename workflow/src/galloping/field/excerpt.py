@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.smoothing import shortest_period
+from galloping.identification.model import IdentifiedModel
 from galloping.recording import Recording
 
 STRETCHES = 8  # spread over a long recording
@@ -29,6 +32,23 @@ def excerpts(recordings: list[Recording]) -> list[Recording]:
         return recordings
     each = max(STRETCHES // len(recordings), 1)
     return [piece for recording in recordings for piece in _pieces(recording, each, period)]
+
+
+def by_excerpts(
+    method: Callable[..., IdentifiedModel],
+    recordings: list[Recording],
+    *question: object,
+    **options: object,
+) -> IdentifiedModel:
+    """The model that a method finds in the excerpts of recordings; of motion that random forces
+    keep up, of which every swing tells as much as another, in the whole of them.
+    """
+    if "forced" in options:
+        return method(recordings, *question, **options)
+    stretches = excerpts(recordings)
+    found = method(stretches, *question, **options)
+    whole = all(one is other for one, other in zip(stretches, recordings, strict=False))
+    return method(recordings, *question, forced=()) if found.is_forced and not whole else found
 
 
 def _pieces(recording: Recording, count: int, period: float) -> list[Recording]:

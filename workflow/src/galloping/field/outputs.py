@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from galloping.field import ambient
 from galloping.field.advice import sentences as advised
 from galloping.field.dynamics import Dynamics
 from galloping.field.dynamics import sentences as moved
@@ -116,11 +117,15 @@ def summary_text(
     of the line by that name.
     """
     found = of.found
-    lines = ["# Summary", "", f"**{found.verdict}.** {MEANING[found.status]}", ""]
+    forced = found.is_forced
+    meaning = ambient.MEANING[found.status] if forced else MEANING[found.status]
+    lines = ["# Summary", "", f"**{found.verdict}.** {meaning}", ""]
+    if forced and of.dynamics:
+        lines += [*ambient.lines(found, of.dynamics), ""]
     lines += [line for caution in _cautions(of) for line in (f"**{caution}**", "")]
     if found.status != "refused":
         lines += ["## Equations", "", "```", *found.equations(), "```", ""]
-    said = moved(of.dynamics) if of.dynamics else []
+    said = moved(of.dynamics) if of.dynamics and not forced else []
     if beside and beside[1]:
         said += [f"by case {beside[0]}, {sentence}" for sentence in moved(beside[1])]
     if said:
@@ -131,7 +136,7 @@ def summary_text(
     described = [report_lines(report) for report in reports]
     for head, *rest in described or [repr(each).splitlines() for each in of.recordings]:
         lines += [f"- {head}", *(f"  - {line.strip()}" for line in rest)]
-    if used := _used(of.recordings):
+    if not forced and (used := _used(of.recordings)):
         lines += ["", used]
     if found.status != "refused":
         lines += ["", "## What the recordings cannot tell", "", *_untold(found)]

@@ -10,7 +10,7 @@ import numpy as np
 
 from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
-from galloping.field.excerpt import excerpts
+from galloping.field.excerpt import by_excerpts
 from galloping.field.forecast import Sensed
 from galloping.field.inputs import check_inputs, described, input_notes
 from galloping.field.mapping import ColumnMapping
@@ -113,7 +113,8 @@ class Question:
 
     degree: of the polynomial library of states and inputs, where neither `library` nor the mapping
     says another. method: a name of METHODS. library, known: texts, as in `terms`; those of the
-    mapping are known besides. seed: of the draws of intervals and forecasts.
+    mapping are known besides. seed: of the draws of intervals and forecasts. forced: as of
+    `maximum_likelihood`.
     """
 
     degree: int = 3
@@ -121,6 +122,7 @@ class Question:
     known: tuple[str, ...] = ()
     seed: int = 0
     library: tuple[str, ...] = ()
+    forced: tuple[str, ...] | None = None
 
     def terms(self, mapping: ColumnMapping) -> tuple[tuple[Exponents, ...], np.ndarray | None]:
         """The library, and in which equations its terms may be, as of `terms.parse`.
@@ -156,9 +158,10 @@ def analyse(
     texts = (*mapping.known, *question.known)
     known, known_states, _ = known_model(texts, mapping.states, terms, inputs)
     method, given = imported(METHODS[question.method]), field.recordings
+    options = {} if question.forced is None else {"forced": question.forced}
 
     def identify(recordings: Sequence[Recording]) -> IdentifiedModel:
-        return method(excerpts(list(recordings)), terms, known, known_states)
+        return by_excerpts(method, list(recordings), terms, known, known_states, **options)
 
     with part("identify", until=0.45):
         identified = identify(given)

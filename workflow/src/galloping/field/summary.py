@@ -14,7 +14,7 @@ from galloping.field import dynamics as of_line
 from galloping.field import forecast as ahead
 from galloping.field.advice import Advice, advice
 from galloping.field.dynamics import Dynamics, Surroundings
-from galloping.field.excerpt import excerpts
+from galloping.field.excerpt import by_excerpts
 from galloping.field.forecast import (
     Following,
     Forecast,
@@ -129,7 +129,7 @@ def summarise(
     def identify(others: Sequence[Recording]) -> IdentifiedModel:
         known = tuple(found.model.states[i] for i in found.known)
         again = imported(METHODS[method])
-        return again(excerpts(list(others)), found.model.terms, found.model, known, **options)
+        return by_excerpts(again, list(others), found.model.terms, found.model, known, **options)
 
     names = [f"recording {number}" for number in range(1, len(given) + 1)]
     return summarised(found, given, identify, seed, names=names)

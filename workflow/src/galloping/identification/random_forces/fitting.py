@@ -8,7 +8,7 @@ sampling. Their derivatives are central differences; the information is that of 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -70,7 +70,8 @@ class Question:
     """What is asked of recordings.
 
     forced: indices of the equations that have a force. size: (n_states,) of the motion. unit:
-    (n_candidates,) of the coefficients. least_noise: (n_channels,) of a sample.
+    (n_candidates,) of the coefficients. middle: (n_states,) about which the motion is.
+    least_noise: (n_channels,) of a sample.
     """
 
     problem: Problem
@@ -78,6 +79,7 @@ class Question:
     forced: tuple[int, ...]
     size: np.ndarray
     unit: np.ndarray
+    middle: np.ndarray
     least_noise: np.ndarray
     data: tuple[Data, ...]
 
@@ -85,6 +87,32 @@ class Question:
     def linear_terms(self) -> np.ndarray:
         """(n_candidates,) whether a candidate is of the first degree or constant."""
         return self.problem.degrees <= 1
+
+    def centring(self, support: np.ndarray) -> np.ndarray:
+        """(n_support, n_support) from coefficients in their units to those of which a constant is
+        what is left of its equation, in the middle of the motion.
+
+        Of a motion that is far from zero, a constant is otherwise told by the stiffness alone.
+        """
+        places, terms = np.flatnonzero(support), np.array(self.problem.terms)
+        centring = np.eye(len(places))
+        equations, degrees = self.problem.candidates[places, 0], self.problem.degrees[places]
+        for n in np.flatnonzero(degrees == 0):
+            for m in np.flatnonzero((equations == equations[n]) & (degrees == 1)):
+                at = self.middle @ terms[self.problem.candidates[places[m], 1]]
+                centring[n, m] = at * self.unit[places[m]] / self.unit[places[n]]
+        return centring
+
+    def without(self, model: Model, support: np.ndarray) -> Model:
+        """The model less what is not in the support, as it acts in the middle of the motion."""
+        present = model.coefficients != 0.0
+        centred = self.centring(present) @ (model.coefficients / self.unit)[present]
+        scaled = np.zeros(len(present))
+        scaled[present] = centred
+        kept = np.zeros(len(present))
+        own = np.linalg.solve(self.centring(support), scaled[support])
+        kept[support] = own * self.unit[support]
+        return replace(model, coefficients=kept)
 
     def tracker(self, model: Model) -> Tracker:
         """The filter of a model."""
@@ -108,8 +136,8 @@ class Fit:
 
     support: (n_candidates,) those that were free. filtered: with it. slopes: derivatives of the
     standardised innovations, and of half the logarithms of their variances times the root of two,
-    (n_parameters, 2, n_samples): of the coefficients of the support in their units, of the forces
-    and of the noise.
+    (n_parameters, 2, n_samples): of the centred coefficients of the support, of the forces and of
+    the noise. centring: as of `Question`.
     """
 
     model: Model
@@ -117,12 +145,13 @@ class Fit:
     correlated: bool
     filtered: Innovations
     slopes: np.ndarray
+    centring: np.ndarray
 
     @property
     def coefficient_covariance(self) -> np.ndarray:
         """(n_support, n_support) in units of the coefficients."""
-        k = int(self.support.sum())
-        return np.linalg.inv(information(self.slopes))[:k, :k]
+        k, away = len(self.centring), np.linalg.inv(self.centring)
+        return away @ np.linalg.inv(information(self.slopes))[:k, :k] @ away.T
 
 
 def information(slopes: np.ndarray) -> np.ndarray:
@@ -151,8 +180,12 @@ class _Parameters:
     support: np.ndarray
     correlated: bool
 
+    @cached_property
+    def centring(self) -> np.ndarray:
+        return self.question.centring(self.support)
+
     def vector(self, model: Model) -> np.ndarray:
-        scaled = (model.coefficients / self.question.unit)[self.support]
+        scaled = self.centring @ (model.coefficients / self.question.unit)[self.support]
         diagonal = np.diag(model.root)
         lower = model.root[np.tril_indices(len(diagonal), -1)]
         of = np.broadcast_to(diagonal, model.root.shape)[np.tril_indices(len(diagonal), -1)]
@@ -168,7 +201,8 @@ class _Parameters:
             len(self.question.channels.names),
         )
         coefficients = np.zeros(len(self.support))
-        coefficients[self.support] = vector[:k] * self.question.unit[self.support]
+        scaled = np.linalg.solve(self.centring, vector[:k])
+        coefficients[self.support] = scaled * self.question.unit[self.support]
         root = np.eye(f)
         if self.correlated:
             root[np.tril_indices(f, -1)] = vector[k + f : -m]
@@ -225,7 +259,7 @@ def fitted(
         if 0.5 * rise @ change < CONVERGED:
             break
     slopes = _slopes(of, vector, here, step)
-    return Fit(parameters.model(vector), support, correlated, here, slopes)
+    return Fit(parameters.model(vector), support, correlated, here, slopes, parameters.centring)
 
 
 def _slopes(

@@ -128,7 +128,7 @@ def in_random_forces(
     correlated = _is_correlated(question, whole, penalty)
     support = _chosen(question, whole, penalty)
     known = _known(whole)
-    fit = fitted(question, whole.model, support, correlated)
+    fit = fitted(question, question.without(whole.model, support), support, correlated)
     left = _left(question, fit, recordings, period)
     return _identified(question, fit, recordings, period, known, penalty, left)
 
@@ -162,11 +162,11 @@ def _begun(
     data = tuple(
         Data(own, Steps.between(each.time)) for each, own in zip(recordings, samples, strict=True)
     )
-    least = LEAST_NOISE * deviation
-    question = Question(problem, channels, forced, size, unit, least, data)
     middle = np.zeros(len(problem.states))
     middle[list(channels.values)] = mean[: len(channels.values)]
     middle[list(pairs.values())] = 0.0
+    least = LEAST_NOISE * deviation
+    question = Question(problem, channels, forced, size, unit, middle, least, data)
     found = []
     for system in systems(channels, grids, step, period):
         rows = np.zeros((len(problem.states), len(problem.terms)))

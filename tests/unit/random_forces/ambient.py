@@ -1,0 +1,35 @@
+"""Motion of two modes in white forces, made without the code under test."""
+
+import numpy as np
+from scipy.linalg import expm, solve_continuous_lyapunov
+
+from galloping.recording import Recording
+
+STATES = ("q_v", "q_w", "dq_v", "dq_w")
+FREQUENCIES, DAMPING = np.array([0.5, 0.8]), np.array([0.012, 0.008])
+
+
+def two_modes(
+    seed=1, *, duration=600.0, rate=10.0, noise=0.05, shapes=((1, 0), (0, 1)), strength=0.01
+):
+    """A recording of displacements, its true states and the true matrix of its equations."""
+    rng = np.random.default_rng(seed)
+    omega, shapes = 2 * np.pi * FREQUENCIES, np.array(shapes, float)
+    inverse, system = np.linalg.inv(shapes), np.zeros((4, 4))
+    system[:2, 2:] = np.eye(2)
+    system[2:, :2] = -shapes @ np.diag(omega**2) @ inverse
+    system[2:, 2:] = -shapes @ np.diag(2 * DAMPING * omega) @ inverse
+    forces = np.zeros((4, 4))
+    forces[2:, 2:] = strength**2 * shapes @ shapes.T
+    stationary = solve_continuous_lyapunov(system, -forces)
+    transition = expm(system / rate)
+    disturbance = stationary - transition @ stationary @ transition.T
+    root = np.linalg.cholesky((disturbance + disturbance.T) / 2)
+    count = round(duration * rate)
+    states = np.empty((count, 4))
+    states[0] = np.linalg.cholesky(stationary) @ rng.standard_normal(4)
+    for k in range(1, count):
+        states[k] = transition @ states[k - 1] + root @ rng.standard_normal(4)
+    values = states + noise * states.std(axis=0) * rng.standard_normal(states.shape)
+    values[:, 2:] = np.nan
+    return Recording(np.arange(count) / rate, STATES, values), states, system

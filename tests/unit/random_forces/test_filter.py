@@ -1,0 +1,103 @@
+"""The filter of linear systems in white forces, beside independent computations."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.stats import multivariate_normal
+
+from galloping.identification.random_forces.discrete import Steps, discretised
+from galloping.identification.random_forces.kalman import kalman_filter
+
+SYSTEM = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-9.0, 0.7, -0.1, 0.02], [0.3, -20.0, 0.01, -0.2]])
+FORCES = np.diag([0.0, 0.0, 0.3, 0.1])
+FORCES[2, 3] = FORCES[3, 2] = 0.05
+
+
+def by_block_exponential(length):
+    """C. F. Van Loan, IEEE Trans. Autom. Control 23, 1978."""
+    n = len(SYSTEM)
+    block = np.block([[-SYSTEM, FORCES], [np.zeros((n, n)), SYSTEM.T]])
+    whole = expm(block * length)
+    transition = whole[n:, n:].T
+    return transition, transition @ whole[:n, n:]
+
+
+@pytest.mark.parametrize("length", [1e-3, 0.04, 0.7, 30.0])
+def test_steps_are_those_of_the_block_exponential(length):
+    transitions, covariances = discretised(SYSTEM, FORCES, np.array([length]))
+    transition, covariance = by_block_exponential(length)
+    np.testing.assert_allclose(transitions[0], transition, atol=1e-11)
+    np.testing.assert_allclose(covariances[0], covariance, atol=1e-11, rtol=1e-8)
+
+
+def test_undamped_motion_gathers_force_without_bound():
+    system = np.array([[0.0, 1.0], [-4.0, 0.0]])
+    _, covariance = discretised(system, np.diag([0.0, 1.0]), np.array([1000.0]))
+    # energy grows by half the force's covariance a second
+    assert covariance[0, 1, 1] / 2 + 4.0 * covariance[0, 0, 0] / 2 == pytest.approx(500.0)
+
+
+def test_critical_damping_cannot_be_told_apart():
+    with pytest.raises(np.linalg.LinAlgError, match="critically damped"):
+        discretised(np.array([[0.0, 1.0], [-1.0, -2.0]]), np.eye(2), np.array([1.0]))
+
+
+def test_times_are_steps_of_few_lengths():
+    time = np.array([5.0, 5.1, 5.2, 5.5, 5.6])
+    steps = Steps.between(time)
+    assert steps.of[0] == -1
+    np.testing.assert_allclose(steps.lengths[steps.of[1:]], np.diff(time))
+    assert len(steps.lengths) == 2
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.3])
+@pytest.mark.parametrize("regular", [True, False])
+def test_likelihood_is_that_of_all_samples_together(missing, regular):
+    rng = np.random.default_rng(3)
+    time = np.arange(40) * 0.1 if regular else np.sort(rng.uniform(0.0, 4.0, 40))
+    sensing, noise = (
+        np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], SYSTEM[2]]),
+        np.array([0.1, 0.2, 0.5]),
+    )
+    first = np.diag([1.0, 2.0, 3.0, 4.0])
+    samples = rng.standard_normal((40, 3))
+    samples[rng.random((40, 3)) < missing] = np.nan
+    steps = Steps.between(time)
+    transitions, covariances = discretised(SYSTEM, FORCES, steps.lengths)
+    innovations, variances, _ = kalman_filter(
+        samples, steps.of, transitions, covariances, sensing, noise, np.zeros(4), first.copy()
+    )
+    terms = np.log(2.0 * np.pi * variances) + innovations**2 / variances
+    known = np.isfinite(samples)
+    np.testing.assert_array_equal(np.isfinite(innovations), known)
+
+    blocks = np.zeros((40, 4, 40, 4))
+    covariance = first
+    for k in range(40):
+        if k:
+            f = transitions[steps.of[k]]
+            covariance = f @ covariance @ f.T + covariances[steps.of[k]]
+        reached = covariance
+        for j in range(k, 40):
+            if j > k:
+                reached = transitions[steps.of[j]] @ reached
+            blocks[j, :, k], blocks[k, :, j] = reached, reached.T
+    joint = np.einsum("ca,jakb,db->jckd", sensing, blocks, sensing).reshape(120, 120)
+    joint += np.diag(np.tile(noise, 40))
+    own = known.ravel()
+    exact = multivariate_normal(cov=joint[np.ix_(own, own)]).logpdf(samples.ravel()[own])
+    assert -0.5 * np.nansum(terms) == pytest.approx(exact, rel=1e-6)
+
+
+def test_settled_gains_change_nothing():
+    rng = np.random.default_rng(4)
+    samples = rng.standard_normal((3000, 1))
+    steps = Steps.between(np.arange(3000) * 0.1)
+    discrete = discretised(SYSTEM, FORCES, steps.lengths)
+    sensing, noise = np.array([[1.0, 0.5, 0, 0]]), np.array([0.1])
+    whole = kalman_filter(samples, steps.of, *discrete, sensing, noise, np.zeros(4), np.eye(4))
+    twice = np.concatenate([steps.of[:1], steps.of[1:] + np.arange(2999) % 2])  # never settles
+    doubled = [np.concatenate([each, each]) for each in discrete]
+    again = kalman_filter(samples, twice, *doubled, sensing, noise, np.zeros(4), np.eye(4))
+    for one, other in zip(whole, again, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11)

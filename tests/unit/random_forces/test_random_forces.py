@@ -1,0 +1,211 @@
+"""Models of motion that random forces keep up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from galloping import maximum_likelihood, summarise
+from galloping.field.summary import dynamics, forecast
+from galloping.identification.model import IdentifiedModel
+from galloping.identification.random_forces.modes import decay_interval
+from galloping.polynomial import library
+from galloping.recording import Recording
+from random_forces.ambient import DAMPING, FREQUENCIES, STATES, two_modes
+
+LINEAR = library(4, 1)
+
+
+@pytest.fixture(scope="module")
+def ambient():
+    recording, _, system = two_modes()
+    return recording, maximum_likelihood(recording, library(4, 3)), system
+
+
+def held(found, recording):
+    """Whether each 95 % interval holds, of frequencies and then of damping, by frequency."""
+    of = dynamics(found, recording)
+    order = sorted(of.frequencies, key=lambda state: of.frequencies[state].value)
+    truths = zip((of.frequencies, of.damping), (FREQUENCIES, DAMPING), strict=True)
+    return [
+        values[state].low <= true <= values[state].high
+        for values, trues in truths
+        for state, true in zip(order, trues, strict=True)
+    ]
+
+
+def test_answers_without_being_told_of_forces(ambient):
+    recording, found, system = ambient
+    assert found.status == "ok"
+    assert found.is_forced
+    assert all(held(found, recording))
+    own = found.support
+    coefficients = found.model.coefficients
+    exact = np.zeros_like(coefficients)
+    for j, term in enumerate(found.model.terms):
+        if sum(term) == 1:
+            exact[:, j] = system[:, term.index(1)]
+    error = (coefficients - exact)[own] / found.standard_errors[own]
+    assert np.all(np.abs(error) < 3.5)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.forces)[2:]), 0.01, rtol=0.1)
+    np.testing.assert_allclose(
+        found.sigma[0, :2], 0.05 * np.nanstd(recording.values[:, :2], 0), rtol=0.1
+    )
+
+
+def test_coupled_modes_keep_what_couples_them():
+    recording, _, _ = two_modes(2, shapes=((1, 0.4), (0.5, 1)))
+    found = maximum_likelihood(recording, LINEAR)
+    assert found.support[2:, 1:].all()
+    assert all(held(found, recording))
+    assert found.forces[2, 3] != 0.0
+
+
+def test_units_change_nothing_but_units(ambient):
+    recording, found, _ = ambient
+    scaled = maximum_likelihood(replace(recording, values=1000 * recording.values), library(4, 3))
+    linear = np.array(found.model.terms).sum(axis=1) == 1
+    np.testing.assert_allclose(
+        scaled.model.coefficients[:, linear],
+        found.model.coefficients[:, linear],
+        rtol=1e-5,
+        atol=1e-8,
+    )
+    np.testing.assert_allclose(scaled.forces, 1e6 * found.forces, rtol=1e-5)
+
+
+def damaged(recording, how):
+    values, rng = recording.values.copy(), np.random.default_rng(5)
+    if how == "offset":
+        values += np.array([3.0, -1.0, 0, 0])
+    elif how == "gaps":
+        values[rng.random(len(values)) < 0.2] = np.nan
+        values[2000:2600] = np.nan
+        values[4000:4300, 0] = np.nan
+    elif how == "irregular":
+        rows = np.sort(rng.permutation(len(values))[:4000])
+        return Recording(recording.time[rows], STATES, values[rows])
+    elif how == "transient":
+        omega = 2 * np.pi * FREQUENCIES[0]
+        free = np.exp(-DAMPING[0] * omega * recording.time) * np.cos(omega * recording.time)
+        values[:, 0] += 10 * np.nanstd(values[:, 0]) * free
+    elif how == "small":
+        values[:, 0] *= 0.01
+    return replace(recording, values=values)
+
+
+@pytest.mark.parametrize("how", ["offset", "gaps", "irregular", "transient", "small"])
+def test_intervals_hold_of_recordings_as_they_are(ambient, how):
+    recording = damaged(ambient[0], how)
+    found = maximum_likelihood(recording, LINEAR)
+    assert found.is_forced
+    assert all(held(found, recording))
+
+
+@pytest.mark.parametrize("kind", ["velocities", "all", "mixed"])
+def test_any_mix_of_channels(kind):
+    recording, states, system = two_modes(3)
+    rng = np.random.default_rng(6)
+    noisy = states + 0.05 * states.std(axis=0) * rng.standard_normal(states.shape)
+    rates = np.full(noisy.shape, np.nan)
+    if kind == "velocities":
+        noisy[:, :2] = np.nan
+    elif kind == "mixed":
+        noisy[:, [1, 2, 3]] = np.nan
+        accelerations = states @ system[3]
+        rates[:, 3] = accelerations + 0.05 * accelerations.std() * rng.standard_normal(len(states))
+    recording = Recording(recording.time, STATES, noisy, rates=rates)
+    found = maximum_likelihood(recording, LINEAR, forced=())
+    assert found.is_forced
+    assert all(held(found, recording))
+
+
+def test_several_recordings_tell_more(ambient):
+    recording, found, _ = ambient
+    other = two_modes(9)[0]
+    both = maximum_likelihood([recording, other], LINEAR)
+    assert np.sqrt(np.diag(both.covariance)).sum() < 0.85 * np.sqrt(np.diag(found.covariance)).sum()
+    assert both.initial_states.shape == (2, 4)
+
+
+def test_first_states_are_those_of_the_motion():
+    recording, states, _ = two_modes(4, noise=0.02)
+    found = maximum_likelihood(recording, LINEAR)
+    np.testing.assert_allclose(
+        found.initial_states[0], states[0], atol=0.1 * states.std(axis=0).max()
+    )
+
+
+def test_forecasts_hold(ambient):
+    recording, found, _ = ambient
+    _, states, _ = two_modes()
+    ahead = forecast(found, recording[:5000], recording.time[5000:5300])
+    inside = (states[5000:5300] >= ahead.low) & (states[5000:5300] <= ahead.high)
+    assert inside.mean() > 0.8
+    wide = (ahead.high - ahead.low)[:, 0]
+    assert wide[-50:].mean() > 2 * wide[:5].mean()  # forces make the future less sure
+
+
+def test_forecast_of_another_line_is_refused(ambient):
+    _, found, _ = ambient
+    with pytest.raises(ValueError, match="does not follow the recording"):
+        forecast(found, replace(two_modes(7)[0], values=20 * two_modes(7)[0].values))
+
+
+def test_model_keeps_its_forces(ambient, tmp_path):
+    _, found, _ = ambient
+    found.save(tmp_path / "model.json")
+    assert IdentifiedModel.load(tmp_path / "model.json") == found
+
+
+def test_summary_says_first_what_an_engineer_asks(ambient):
+    recording, found, _ = ambient
+    text = str(summarise(found, recording))
+    first = text.index("## Natural frequencies and damping")
+    assert first < text.index("## Equations")
+    assert "no: at least this much damping is left" in text
+    assert "m/s² per √Hz" in text
+
+
+@pytest.mark.parametrize("name", ["q_x", "dq_x"])
+def test_unknown_force_is_an_error_in_one_line(ambient, name):
+    with pytest.raises(ValueError, match=f"random force: '{name}'; must be among q_v"):
+        maximum_likelihood(ambient[0], LINEAR, forced=(name,))
+
+
+def test_noise_alone_is_refused_in_words():
+    values = np.full((2000, 4), np.nan)
+    values[:, :2] = np.random.default_rng(8).standard_normal((2000, 2))
+    found = maximum_likelihood(Recording(np.arange(2000) / 10, STATES, values), LINEAR, forced=())
+    assert found.status in ("refused", "approximate") or not held_by_noise(found)
+
+
+def held_by_noise(found):
+    return np.all(np.abs(found.model.coefficients[found.support]) > 0)
+
+
+def test_intervals_of_decay_are_skewed_and_open_where_little_is_told():
+    low, high = decay_interval(0.05, 0.007, 1000.0)
+    assert low < 0.05 < high
+    low, high = decay_interval(0.01, 0.006, 300.0)
+    assert low < 0.0 < high
+    wide = decay_interval(0.05, 0.02, 300.0)
+    assert wide[0] < decay_interval(0.05, 0.007, 1000.0)[0]
+    assert decay_interval(-0.1, 0.01, 300.0)[1] < 0.0
+
+
+@pytest.mark.parametrize("swings", [2.0, 10.0, 60.0])
+def test_intervals_of_decay_hold(swings):
+    """On Ornstein-Uhlenbeck processes of a decay times duration, by their exact likelihood."""
+    rng, count, steps = np.random.default_rng(11), 2000, 400
+    kept = np.exp(-swings / steps)
+    size = np.sqrt((1.0 - kept**2) / (2.0 * swings))
+    z = rng.standard_normal((count, 2)) @ [1, 1j] / np.sqrt(2.0 * swings)
+    moved, power = np.zeros(count, complex), np.zeros(count)
+    for _ in range(steps):
+        after = kept * z + size * (rng.standard_normal((count, 2)) @ [1, 1j])
+        moved, power, z = moved + after * z.conj(), power + np.abs(z) ** 2, after
+    decay = -steps * np.log(np.abs(moved / power))
+    intervals = np.array([decay_interval(a, np.sqrt(max(a, 0.0)), 1.0) for a in decay])
+    held = np.mean((intervals[:, 0] <= swings) & (swings <= intervals[:, 1]))
+    assert 0.93 <= held <= 0.98
