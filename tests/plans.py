@@ -1,8 +1,8 @@
-"""Plans of the smoke study in many folders, for half of what as many starts of Snakemake cost.
+"""Plans of studies in many folders, for half of what as many starts of Snakemake cost.
 
-Reads folders from standard input. In each, a fork that has Snakemake already imported plans the
-study with that folder's code, and NEWER before all else on the path; the plan is left in PLAN, and
-the exit status is the answer on standard output.
+Reads lines from standard input: a folder and, after tabs, configuration files. In each folder, a
+fork that has Snakemake already imported plans the study with that folder's code, and NEWER before
+all else on the path; the plan is left in PLAN, the exit status is the answer on standard output.
 """
 
 import gc
@@ -20,7 +20,7 @@ NEWER = "newer"  # a folder of pretended installations
 PLAN = "plan.json"
 
 
-def plan(folder: Path) -> None:
+def plan(folder: Path, *configfiles: str) -> None:
     os.chdir(folder)
     output = os.open(f"{PLAN}.log", os.O_WRONLY | os.O_CREAT)
     os.dup2(output, sys.stdout.fileno())
@@ -28,7 +28,7 @@ def plan(folder: Path) -> None:
     sys.path[:1] = [str(folder / NEWER), str(folder / "workflow" / "src")]
     from galloping.reproducibility.plan import planning
 
-    jobs = [asdict(job) for job in planning(["config/smoke.yaml"]).jobs]
+    jobs = [asdict(job) for job in planning(configfiles).jobs]
     Path(PLAN).write_text(json.dumps(jobs), encoding="utf-8")
     os._exit(0)
 
@@ -38,6 +38,7 @@ if __name__ == "__main__":
     for line in sys.stdin:
         child = os.fork()
         if not child:
-            plan(Path(line.rstrip("\n")))
+            folder, *configfiles = line.rstrip("\n").split("\t")
+            plan(Path(folder), *configfiles)
         _, status = os.waitpid(child, 0)
         print(os.waitstatus_to_exitcode(status), flush=True)

@@ -1,6 +1,7 @@
 """One real run of the smoke study, in copies of the repository, for all tests that look at it."""
 
 import fcntl
+import json
 import os
 import pickle
 import shutil
@@ -8,8 +9,10 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
+import plans
 import pytest
 import yaml
 
@@ -117,3 +120,39 @@ def study(root, tmp_path_factory, worker_id):
     folder = tmp_path_factory.mktemp("study")
     shutil.copytree(shared, folder, symlinks=True, dirs_exist_ok=True)
     return replace(ran, folder=folder)
+
+
+@pytest.fixture(scope="session")
+def planned():
+    """The plan of a study, as a list of dicts, of a folder and configuration files."""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    with subprocess.Popen(
+        [sys.executable, plans.__file__],
+        env=environment,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as server:
+
+        def ask(folder, *configfiles):
+            print(folder, *configfiles, sep="\t", file=server.stdin, flush=True)
+            status = server.stdout.readline().strip()
+            assert status == "0", (folder / f"{plans.PLAN}.log").read_text(encoding="utf-8")
+            return json.loads((folder / plans.PLAN).read_text(encoding="utf-8"))
+
+        yield ask
+
+
+@pytest.fixture(scope="session")
+def jobs_of(root, planned, tmp_path_factory):
+    """The jobs of the default study with other settings, by the first file that they write."""
+    folder = tmp_path_factory.mktemp("plans")
+    shutil.copytree(root / "config", folder / "config")
+    (folder / "workflow").symlink_to(root / "workflow")
+
+    @cache
+    def jobs(text="{}"):
+        (folder / "mine.yaml").write_text(text, encoding="utf-8")
+        return {job["outputs"][0]: job for job in planned(folder, "mine.yaml")}
+
+    return jobs

@@ -31,7 +31,7 @@ from galloping.importing import imported
 from galloping.measurement.measuring import Motion, measure
 from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.recording import Recording
-from galloping.study.files import identified
+from galloping.study.files import read_identified, write_identified
 
 TERMS = library(4, 3)
 SETTINGS = plain(load({}))["identification"]
@@ -463,8 +463,8 @@ def test_results_come_back_from_files(tmp_path):
     failed = IdentifiedModel.refused(model.states, model.terms, "stlsq: no luck")
     unjudged = IdentifiedModel(model, "unjudged", thresholds=np.array([0.1, 0.2]))
     for name in ("a.npz", "b.npz"):
-        identified.write(tmp_path / name, {"a": [sure, failed], "b": [unjudged]})
-    read = identified.read(tmp_path / "a.npz")
+        write_identified(tmp_path / name, {"a": [sure, failed], "b": [unjudged]})
+    read = read_identified(tmp_path / "a.npz")
     assert list(read) == ["a", "b"]
     assert all(map(equal, read["a"] + read["b"], [sure, failed, unjudged]))
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()

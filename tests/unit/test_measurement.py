@@ -9,7 +9,7 @@ from galloping.measurement.measuring import Motion, measure
 from galloping.measurement.protocols import BY_NAME, Noise, Protocol
 from galloping.recording import Recording
 from galloping.seeds import generator
-from galloping.study.files import recordings
+from galloping.study.files import read_recordings, write_recordings
 
 NAME = ("internal_resonance", "state", "noise_0.05")
 
@@ -37,8 +37,8 @@ def record(simulated, motions=None, **settings):
 
 def as_file(replicates, path):
     """Through a file and back."""
-    recordings.write(path, [(recording,) for recording in replicates])
-    return [recording for (recording,) in recordings.read(path)]
+    write_recordings(path, [(recording,) for recording in replicates])
+    return [recording for (recording,) in read_recordings(path)]
 
 
 def same(a, b):
@@ -214,8 +214,8 @@ def test_several_releases_in_one_replicate(resonant, tmp_path):
     drawn = {"protocol": "state", "level": 0.05, "relative": True, "samples": 30001,
              "replicates": 2, "seed": 1, "name": NAME}  # fmt: skip
     both, first = (measure(motions, recordings=count, **drawn) for count in (2, 1))
-    recordings.write(tmp_path / "a.npz", both)
-    for pair, (alone,), again in zip(both, first, recordings.read(tmp_path / "a.npz"), strict=True):
+    write_recordings(tmp_path / "a.npz", both)
+    for pair, (alone,), again in zip(both, first, read_recordings(tmp_path / "a.npz"), strict=True):
         assert same(pair[0], alone)  # a further release changes nothing of the first
         twice = motions[1].states
         check_noise(pair[1].values - twice, 0.05 * twice.std(axis=0))

@@ -11,7 +11,6 @@ from galloping.measurement.continuous import motion
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
 from galloping.study.cells import Study
-from galloping.study.jobs import simulate_line
 
 TIME = np.arange(3001) / 100
 REST = dict.fromkeys(STATES, 0.0)
@@ -64,14 +63,10 @@ def test_mistakes_are_one_line(truth, line):
     assert line in str(error.value) and "\n" not in str(error.value)
 
 
-def test_its_parameters_and_its_job():
+def test_its_parameters():
     study = Study(settings(modes=3))
     assert "truth.modes" in {row.key for row in conductor_parameters(study.settings)}
     assert not {row.key for row in conductor_parameters(load({}))} & {"truth.modes"}
-    job = simulate_line(study, "line")
-    assert job.settings["truth"]["modes"] == 3
-    assert job.settings["seed"] == 0  # steady wind draws nothing
-    assert "truth" not in simulate_line(Study(load({})), "internal_resonance").settings
 
 
 def test_no_coefficient_is_true_but_the_motion_is_judged(cases):

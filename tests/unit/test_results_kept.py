@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from snakemake.iocontainers import InputFiles, OutputFiles, Params
 
 from galloping.reproducibility import inspection, job, lock, repair
 from galloping.reproducibility.inspection import inspect
@@ -20,16 +21,17 @@ from galloping.reproducibility.receipts import (
 from galloping.reproducibility.repair import audit
 
 RESULTS = "results/mine"
-SETTINGS = {"speed": 12.0, "code": "abc"}
+SETTINGS = {"speed": {"wind.speed": 12.0}, "code": {"digest": "abc"}}
+OTHER = {"speed": {"wind.speed": 13.0}, "code": {"digest": "abc"}}
 
 
 def script(path, inputs=(), settings=SETTINGS):
     """The `snakemake` object of a job that writes one file."""
     return SimpleNamespace(
-        input=[f"{RESULTS}/{name}" for name in inputs],
-        output=[f"{RESULTS}/{path}"],
+        input=InputFiles([f"{RESULTS}/{name}" for name in inputs]),
+        output=OutputFiles(fromdict={"made": f"{RESULTS}/{path}"}),
         log=[f"{RESULTS}/logs/{path}.log"],
-        params=SimpleNamespace(settings=settings),
+        params=Params(fromdict=settings),
         wildcards={"case": "a"},
         rule="make",
     )
@@ -40,7 +42,7 @@ def make(path, content="1\n", inputs=(), settings=SETTINGS):
     described = script(path, inputs, settings)
     target = Path(described.output[0])
     target.parent.mkdir(parents=True, exist_ok=True)
-    job.run(lambda: target.write_text(content), described)
+    job.run(lambda made, speed: Path(made).write_text(content), described)
     return str(target)
 
 
@@ -98,7 +100,7 @@ def test_failures_are_told_in_a_line_with_the_log(folder):
     (folder / "clock").touch()
     since = (folder / "clock").stat().st_mtime_ns
 
-    def work():
+    def work(made, speed):
         raise ValueError("too much wind")
 
     described = script("models/a.json")
@@ -120,7 +122,7 @@ def test_failures_are_told_in_a_line_with_the_log(folder):
 
 
 def test_a_full_disk_is_called_by_its_name():
-    def work():
+    def work(made, speed):
         raise OSError(28, "No space left on device", "x.npz")
 
     with pytest.raises(SystemExit, match=r"The disk is full: x\.npz; free some space"):
@@ -213,7 +215,7 @@ def test_files_are_set_aside_over_no_other():
 def test_only_what_is_made_as_planned_is_adopted(adopted):
     model = make("models/a.json")
     table = make("tables/t.csv", inputs=["models/a.json"])
-    other = make("tables/u.csv", settings={"speed": 13.0})
+    other = make("tables/u.csv", settings=OTHER)
     unknown = make("tables/v.csv")
     receipt_path(unknown).unlink()
     old = make("tables/w.csv")
@@ -243,7 +245,7 @@ def test_a_file_made_from_another_input_is_not_as_planned(folder):
 
 
 def test_nothing_made_from_what_is_not_as_planned_is_as_planned():
-    make("models/a.json", settings={"speed": 13.0})
+    make("models/a.json", settings=OTHER)
     make("scores/s.csv", inputs=["models/a.json"])
     make("tables/t.csv", inputs=["scores/s.csv"])
     alone = make("tables/u.csv")
@@ -251,7 +253,7 @@ def test_nothing_made_from_what_is_not_as_planned_is_as_planned():
     assert as_planned(plan(*names, t=["scores/s.csv"], s=["models/a.json"])) == [alone]
 
 
-@pytest.mark.parametrize("settings", [SETTINGS, {"speed": 13.0}], ids=["same", "other"])
+@pytest.mark.parametrize("settings", [SETTINGS, OTHER], ids=["same", "other"])
 def test_a_file_left_elsewhere_stands_for_its_job_if_made_as_planned(adopted, settings):
     model = make("models/a.json", settings=settings)
     table = make("tables/t.csv", inputs=["models/a.json"])
@@ -276,7 +278,7 @@ def test_each_file_has_one_state():
     make("tables/sound.csv", inputs=["models/a.json"])
     Path(make("tables/damaged.csv")).write_text("2\n")
     Path(make("tables/missing.csv")).unlink()
-    make("tables/outdated.csv", settings={"speed": 13.0})
+    make("tables/outdated.csv", settings=OTHER)
     receipt_path(make("tables/unknown.csv")).unlink()
     left = make("tables/left_over.csv")
     names = ("sound", "damaged", "missing", "outdated", "unknown")

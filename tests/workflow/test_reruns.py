@@ -5,19 +5,14 @@ its inputs, are others, or if a job before it does. That Snakemake runs these is
 """
 
 import ast
-import json
-import os
 import re
 import shutil
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
 from fnmatch import fnmatch
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from subprocess import PIPE
 from typing import NamedTuple
 
 import plans
@@ -185,6 +180,9 @@ EDITS = {
         "identification: {methods: [paper, stlsq, maximum_likelihood, lasso]}"
     ),
     "a method removed": settings("identification: {methods: [paper, stlsq]}"),
+    "the order of the methods": settings(
+        "identification: {methods: [maximum_likelihood, stlsq, paper]}"
+    ),
     "two damping ratios swapped": settings(
         "cases: {internal_resonance: {damping: {vertical: 0.0014, horizontal: 0.0016}}}"
     ),
@@ -219,7 +217,7 @@ EDITS = {
     ),
     "a function body in `storage.py`": statement_added("storage.py", "write_text"),
     "a script's own code: `rank_releases.py`": replaced(
-        "workflow/scripts/rank_releases.py", "main() -> None:\n", "main() -> None:\n    pass\n"
+        "workflow/scripts/rank_releases.py", "heights=HEIGHTS):\n", "heights=HEIGHTS):\n    pass\n"
     ),
     "a method written and registered, not yet asked for": all_of(
         appended(module("identification/sparse/ridge.py"), "def ridge(item, threshold): ...\n"),
@@ -290,23 +288,6 @@ def kind(name: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def planned():
-    """The plan of the smoke study in a folder, as a list of dicts."""
-    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-    with subprocess.Popen(
-        [sys.executable, plans.__file__], env=environment, stdin=PIPE, stdout=PIPE, text=True
-    ) as server:
-
-        def ask(folder):
-            print(folder, file=server.stdin, flush=True)
-            status = server.stdout.readline().strip()
-            assert status == "0", (folder / f"{plans.PLAN}.log").read_text(encoding="utf-8")
-            return json.loads((folder / plans.PLAN).read_text(encoding="utf-8"))
-
-        yield ask
-
-
-@pytest.fixture(scope="module")
 def edited(root, planned):
     """Makes edits in a copy of the repository; returns all outputs that it asks for then."""
 
@@ -317,7 +298,7 @@ def edited(root, planned):
             (folder / "results" / "smoke").mkdir(parents=True, exist_ok=True)
             for edit in edits:
                 edit(folder)
-            return planned(folder)
+            return planned(folder, "config/smoke.yaml")
 
     before = copied()
 

@@ -1,18 +1,26 @@
 # line, identified models -> what a line engineer asks
+MOST_VARIED_DRAWS = 40  # of each variant of a line, enough to tell most draws from some
 
 
 rule follow_cycles:
     output:
-        cycles=PATHS.cycles,
-        bifurcations=PATHS.bifurcations,
+        cycles="<results>/sweeps/{case}/{sweep}/cycles.csv",
+        bifurcations="<results>/sweeps/{case}/{sweep}/bifurcations.csv",
     log:
-        log_of("follow_cycles/{case}/{sweep}"),
+        "<logs>/follow_cycles/{case}/{sweep}.log",
     benchmark:
-        benchmark_of("follow_cycles/{case}/{sweep}")
+        "<benchmarks>/follow_cycles/{case}/{sweep}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("follow_cycles"),
+        line=lambda wildcards: line_without(  # its tension says how far a galloping line can move
+            wildcards.case, {sweep(wildcards).parameter} - {"tension"}
+        ),
+        parameter=lambda wildcards: {
+            f"sweeps.{wildcards.sweep}.parameter": sweep(wildcards).parameter
+        },
+        ends=lambda wildcards: {f"sweeps.{wildcards.sweep}.ends": sweep(wildcards).ends},
+        code=lambda wildcards: code("follow_cycles.py"),
     message:
         "Limit cycles of {wildcards.case} along {wildcards.sweep}"
     script:
@@ -21,15 +29,24 @@ rule follow_cycles:
 
 rule simulate_sweep:
     output:
-        block=update(PATHS.block),
+        simulated=update("<results>/sweeps/{case}/{sweep}/simulated/{block}.csv"),
     log:
-        log_of("simulate_sweep/{case}/{sweep}/{block}"),
+        "<logs>/simulate_sweep/{case}/{sweep}/{block}.log",
     benchmark:
-        benchmark_of("simulate_sweep/{case}/{sweep}/{block}")
+        "<benchmarks>/simulate_sweep/{case}/{sweep}/{block}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("simulate_sweep"),
+        line=lambda wildcards: line_without(
+            wildcards.case, {sweep(wildcards).parameter, sweep(wildcards).second}
+        ),
+        parameter=lambda wildcards: {
+            f"sweeps.{wildcards.sweep}.parameter": sweep(wildcards).parameter
+        },
+        values=lambda wildcards: {"values": list(block(wildcards).values)},
+        second=lambda wildcards: {f"sweeps.{wildcards.sweep}.second": sweep(wildcards).second},
+        second_value=lambda wildcards: {"second_value": block(wildcards).second},
+        code=lambda wildcards: code("simulate_sweep.py"),
     message:
         "Simulating {wildcards.case} along {wildcards.sweep}, {wildcards.block}"
     script:
@@ -38,19 +55,26 @@ rule simulate_sweep:
 
 rule assess_line:
     input:
-        unpack(inputs("assess_line")),
+        identified=models_of_a_line,
     output:
-        clearance=PATHS.clearance,
-        measures=PATHS.measures,
-        orbits=PATHS.orbits,
+        clearance="<results>/assessment/{case}/clearance.csv",
+        measures="<results>/assessment/{case}/measures.csv",
+        orbits="<results>/assessment/{case}/orbits.npz",
     log:
-        log_of("assess_line/{case}"),
+        "<logs>/assess_line/{case}.log",
     benchmark:
-        benchmark_of("assess_line/{case}")
+        "<benchmarks>/assess_line/{case}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("assess_line"),
+        line=released,
+        winds=setting("assessment.winds"),
+        design_wind=setting("assessment.design_wind"),
+        phase_distance=setting("assessment.phase_distance"),
+        limit=setting("assessment.clearance"),
+        chosen=setting("assessment.measures"),
+        seed=setting("measurement.seed"),
+        code=lambda wildcards: code("assess_line.py"),
     message:
         "Clearance of {wildcards.case}, and measures"
     script:
@@ -59,17 +83,25 @@ rule assess_line:
 
 rule predict_winds:
     input:
-        unpack(inputs("predict_winds")),
+        identified=lambda wildcards: expand(
+            "<results>/identified/{cell}/{family}.npz",
+            cell=recorded(wildcards).id,
+            family=shown.families_of(recorded(wildcards)),
+        ),
     output:
-        prediction=PATHS.prediction,
+        prediction="<results>/assessment/{case}/prediction_{protocol}.csv",
     log:
-        log_of("predict_winds/{case}/{protocol}"),
+        "<logs>/predict_winds/{case}/{protocol}.log",
     benchmark:
-        benchmark_of("predict_winds/{case}/{protocol}")
+        "<benchmarks>/predict_winds/{case}/{protocol}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("predict_winds"),
+        line=released,
+        winds=setting("assessment.winds"),
+        methods=lambda wildcards: {"methods": shown.predicting_methods(recorded(wildcards))},
+        seed=setting("measurement.seed"),
+        code=lambda wildcards: code("predict_winds.py"),
     message:
         "Predicting {wildcards.case} by {wildcards.protocol} at other wind speeds"
     script:
@@ -78,15 +110,22 @@ rule predict_winds:
 
 rule redraw_paper:
     output:
-        draws=PATHS.paper_draws,
+        draws="<results>/paper/{case}.csv",
     log:
-        log_of("redraw_paper/{case}"),
+        "<logs>/redraw_paper/{case}.log",
     benchmark:
-        benchmark_of("redraw_paper/{case}")
+        "<benchmarks>/redraw_paper/{case}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("redraw_paper"),
+        line=released,
+        amounts=lambda wildcards: amounts(wildcards.case),
+        number=setting("measurement.paper_draws"),
+        threshold=setting("identification.paper.threshold"),
+        kinematics=setting("identification.paper.kinematics"),
+        degree=setting("identification.degree"),
+        seed=setting("measurement.seed"),
+        code=lambda wildcards: code("redraw_paper.py"),
     message:
         "The paper's study of {wildcards.case}, drawn again and again"
     script:
@@ -95,17 +134,30 @@ rule redraw_paper:
 
 rule vary_parameter:
     input:
-        unpack(inputs("vary_parameter")),
+        drawn=f"<results>/paper/{VARIED_CASE}.csv",
     output:
-        table=PATHS.openness,
+        claims="<results>/reproduction/{parameter}.csv",
     log:
-        log_of("vary_parameter/{parameter}"),
+        "<logs>/vary_parameter/{parameter}.log",
     benchmark:
-        benchmark_of("vary_parameter/{parameter}")
+        "<benchmarks>/vary_parameter/{parameter}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("vary_parameter"),
+        case={"case": VARIED_CASE},
+        line=lambda wildcards: {f"cases.{VARIED_CASE}": STUDY.case(VARIED_CASE).released},
+        values=lambda wildcards: setting(f"assessment.open_parameters.{wildcards.parameter}"),
+        amounts=lambda wildcards: amounts(VARIED_CASE),
+        number=lambda wildcards: {
+            "measurement.paper_draws": min(
+                STUDY.settings.measurement.paper_draws, MOST_VARIED_DRAWS
+            )
+        },
+        threshold=setting("identification.paper.threshold"),
+        kinematics=setting("identification.paper.kinematics"),
+        degree=setting("identification.degree"),
+        seed=setting("measurement.seed"),
+        code=lambda wildcards: code("vary_parameter.py"),
     message:
         "Claims of the paper along {wildcards.parameter}"
     script:
@@ -114,15 +166,18 @@ rule vary_parameter:
 
 rule animate_line:
     output:
-        animation=PATHS.animation,
+        animation="<results>/figures/galloping.gif",
     log:
-        log_of("animate_line"),
+        "<logs>/animate_line.log",
     benchmark:
-        benchmark_of("animate_line")
+        "<benchmarks>/animate_line.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("animate_line"),
+        case={"case": FIRST},
+        line=lambda wildcards: {f"cases.{FIRST}": STUDY.case(FIRST).released},
+        wind=setting("assessment.design_wind"),
+        code=lambda wildcards: code("animate_line.py"),
     message:
         "The first line, moving"
     script:

@@ -15,13 +15,13 @@ try:
 except ModuleNotFoundError as error:  # a workflow that was read from a host
     sys.exit(f"{error}: install the library of this workflow with pip, or use a clone")
 from galloping.field import OUTPUTS
-from galloping.figures import registry as figures
-from galloping.reproducibility.digest import code
-from galloping.study import jobs
+from galloping.field import SHOWN as SHOWN_OF_FIELD
+from galloping.paper.printed import needed
+from galloping.reproducibility import digest
+from galloping.study import shown
 from galloping.study.cells import Study
-from galloping.study.kinds import OPEN_PARAMETERS
-from galloping.study.paths import CELL
-from galloping.tables import registry as tables
+from galloping.study.kinds import OPEN_PARAMETERS, OURS_FAMILY
+from galloping.study.sweeps import without
 from galloping.configuration.trials import PAPER
 
 try:
@@ -30,14 +30,24 @@ try:
 except ConfigurationError as error:
     sys.exit(str(error))
 
-PATHS = STUDY.paths
-TABLES = [table.name for table in tables.of_study(STUDY)]
-FIGURES = [figure.name for figure in figures.of_study(STUDY)]
-RESULTS = STUDY.settings.results
+LINES = [case.name for case in STUDY.cases]
+FIRST = LINES[0] if LINES else "none"  # shown where one case has to do
+CONTINUOUS = [case.name for case in STUDY.cases if case.is_continuous]
+REDRAWN = shown.redrawn_cases(STUDY)  # cases of the paper, with many draws of its own method
+VARIED_CASE = REDRAWN[0] if REDRAWN else "none"  # with other settings of what it leaves open
+DEGREE = STUDY.settings.identification.degree
+SEED = STUDY.settings.measurement.seed
+WINDOW = list(STUDY.settings.simulation.steady_window)
+
+
+pathvars:
+    results=STUDY.settings.results,
+    logs="<results>/logs",
+    benchmarks="<results>/benchmarks",
 
 
 wildcard_constraints:
-    case="|".join(case.name for case in STUDY.cases) or "none",
+    case="|".join(LINES) or "none",
     protocol="|".join(protocol.name for protocol in STUDY.protocols),
     cell="|".join(dict.fromkeys(cell.name for cell in STUDY.cells)) or "none",
     family="|".join(dict.fromkeys(method.family for method in STUDY.methods)),
@@ -47,42 +57,104 @@ wildcard_constraints:
     trial="|".join(trial.name for trial in STUDY.trials) or "none",
     batch="[a-z_0-9]+",
     parameter="|".join(OPEN_PARAMETERS),
-    table="|".join(TABLES) or "none",
-    figure="|".join(FIGURES) or "none",
+
+
+# Params: each is one value under the key of the configuration that it comes from. Snakemake compares
+# values of params without the names that rules give them: two numbers that swap would go unnoticed.
+
+
+def setting(key):
+    """What the configuration says at a dotted key."""
+    value = STUDY.plain
+    for part in key.split("."):
+        value = value[part]
+    return {key: value}
+
+
+def line(wildcards):
+    """The line of a case, without the states that it is released from."""
+    return {f"cases.{wildcards.case}": case(wildcards).line}
+
+
+def released(wildcards):
+    """The line of a case with the state that it is first released from."""
+    return {f"cases.{wildcards.case}": case(wildcards).released}
+
+
+def line_without(case, parameters):
+    """The same but for its own values of what a sweep varies, on which the sweep cannot depend."""
+    return {f"cases.{case}": without(STUDY.case(case).released, *parameters)}
+
+
+def amounts(case):
+    """How much of what the paper's study measures the claims about a case need."""
+    measurement, simulation = STUDY.plain["measurement"], STUDY.plain["simulation"]
+    subsets = measurement["subsets"]
+    levels, points = needed(case, measurement["levels"], subsets["points"])
+    recorded = {key: simulation[key] for key in ("duration", "sampling_rate", "steady_window")}
+    return {
+        "amounts": {"levels": levels, "points": points, "subset_level": subsets["level"]} | recorded
+    }
+
+
+# What the wildcards of a path name: see `galloping.study`.
+
+
+def case(wildcards):
+    return STUDY.case(wildcards.case)
+
+
+def cell(wildcards):
+    return STUDY.cell(wildcards.case, wildcards.protocol, wildcards.cell)
+
+
+def methods_of(wildcards):
+    """The methods of a family that can use the recordings of a cell."""
+    return cell(wildcards).families[wildcards.family]
+
+
+def sweep(wildcards):
+    return STUDY.sweep(wildcards.sweep)
+
+
+def block(wildcards):
+    """The values of a sweep that one job simulates."""
+    blocks = sweep(wildcards).blocks
+    return next(each for each in blocks if each.name == wildcards.block)
+
+
+def trial(wildcards):
+    return STUDY.trial(wildcards.trial)
+
+
+def batch(wildcards):
+    """One case of a trial, and the numbers of the replicates that one job tries."""
+    return next(each for each in trial(wildcards).batches if each.name == wildcards.batch)
+
+
+def recording(wildcards):
+    """A section of `recordings`."""
+    return STUDY.plain["recordings"][wildcards.recording]
+
+
+# Inputs of which there are others in another study.
+
+
+def models_of_a_line(wildcards):
+    """Those that say how sure an assessment is, where the study has such."""
+    cell = shown.assessed_cell(STUDY, wildcards.case)
+    return [f"<results>/identified/{cell.id}/{OURS_FAMILY}.npz"] if cell else []
+
+
+def recorded(wildcards):
+    """The cell whose models predict the motion of a case at other wind speeds."""
+    return shown.predicted_cells(STUDY, wildcards.case)[wildcards.protocol]
 
 
 @cache
-def job(rule, *wildcards):
-    return getattr(jobs, rule)(STUDY, **dict(wildcards))
-
-
-def inputs(rule):
-    """The files that a rule reads, by name."""
-    return lambda wildcards: dict(job(rule, *wildcards.items()).inputs)
-
-
-@cache
-def script_code(name, *modules):
-    """Digests of what a script runs: in `params`, so that an edit of it reruns the rule."""
-    return code(workflow.source_path(f"../scripts/{name}"), *modules)
-
-
-def settings(rule):
-    """The settings that a rule reads, with its code and that of what it imports by name."""
-
-    def plain(wildcards):
-        described = job(rule, *wildcards.items())
-        return {**described.settings, "code": script_code(f"{rule}.py", *described.modules)}
-
-    return plain
-
-
-def log_of(path):
-    return f"{RESULTS}/logs/{path}.log"
-
-
-def benchmark_of(path):
-    return f"{RESULTS}/benchmarks/{path}.tsv"
+def code(script, *modules):
+    """Digest of what a script runs, and of what it imports by name: an edit of it runs it again."""
+    return digest.code(workflow.source_path(f"../scripts/{script}"), *modules)
 
 
 @cache

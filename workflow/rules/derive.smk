@@ -3,15 +3,16 @@
 
 rule derive_model:
     output:
-        model=PATHS.model,
+        model="<results>/models/{case}.json",
     log:
-        log_of("derive_model/{case}"),
+        "<logs>/derive_model/{case}.log",
     benchmark:
-        benchmark_of("derive_model/{case}")
+        "<benchmarks>/derive_model/{case}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("derive_model"),
+        line=line,
+        code=lambda wildcards: code("derive_model.py"),
     message:
         "Deriving the galloping equations of {wildcards.case}"
     script:

@@ -1,20 +1,26 @@
-# models, motions, tables -> figures
+# models, motions, tables -> figures (figures.smk)
 
 
 rule draw_figure:
     input:
-        unpack(inputs("draw_figure")),
+        unpack(lambda wildcards: files_of(FIGURES[wildcards.figure])),
     output:
-        svg=PATHS.figure.replace("{form}", "svg"),
-        png=PATHS.figure.replace("{form}", "png"),
+        svg="<results>/figures/{figure}.svg",
+        png="<results>/figures/{figure}.png",
     log:
-        log_of("draw_figure/{figure}"),
+        "<logs>/draw_figure/{figure}.log",
     benchmark:
-        benchmark_of("draw_figure/{figure}")
+        "<benchmarks>/draw_figure/{figure}.tsv"
+    wildcard_constraints:
+        figure="|".join(FIGURES) or "none",
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("draw_figure"),
+        function=lambda wildcards: {"function": FIGURES[wildcards.figure].function},
+        names=lambda wildcards: names_of(FIGURES[wildcards.figure]),
+        settings=lambda wildcards: {"settings": FIGURES[wildcards.figure].settings},
+        look=setting("figures"),
+        code=lambda wildcards: code("draw_figure.py", FIGURES[wildcards.figure].function),
     message:
         "Figure {wildcards.figure}"
     script:

@@ -1,21 +1,33 @@
 # identified models, the Cramer-Rao bound, and oracles of pysindy's settings -> scores
+ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
 
 
 rule evaluate_cell:
     input:
-        unpack(inputs("evaluate_cell")),
+        model="<results>/models/{case}.json",
+        trajectory="<results>/trajectories/{case}.npz",
+        identified=lambda wildcards: expand(
+            "<results>/identified/{case}/{protocol}/{cell}/{family}.npz",
+            **wildcards,
+            family=cell(wildcards).families,
+        ),
     output:
-        bounds=PATHS.bounds,
-        scores=PATHS.scores,
-        reconstructions=PATHS.reconstructions,
+        bounds="<results>/bounds/{case}/{protocol}/{cell}.npz",
+        scores="<results>/scores/{case}/{protocol}/{cell}.csv",
+        reconstructions="<results>/reconstructions/{case}/{protocol}/{cell}.npz",
     log:
-        log_of(f"evaluate_cell/{CELL}"),
+        "<logs>/evaluate_cell/{case}/{protocol}/{cell}.log",
     benchmark:
-        benchmark_of(f"evaluate_cell/{CELL}")
+        "<benchmarks>/evaluate_cell/{case}/{protocol}/{cell}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("evaluate_cell"),
+        columns=lambda wildcards: {"columns": cell(wildcards).columns},
+        measurement=lambda wildcards: {"measurement": cell(wildcards).measurement},
+        degree=setting("identification.degree"),
+        steady_window=setting("simulation.steady_window"),
+        is_own_model=lambda wildcards: {"is_own_model": not cell(wildcards).case.is_continuous},
+        code=lambda wildcards: code("evaluate_cell.py"),
     message:
         "Evaluating {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
     script:
@@ -24,17 +36,26 @@ rule evaluate_cell:
 
 rule find_oracle:
     input:
-        unpack(inputs("find_oracle")),
+        model="<results>/models/{case}.json",
+        trajectory="<results>/trajectories/{case}.npz",
     output:
-        scores=PATHS.oracle,
+        scores="<results>/oracles/{case}/{protocol}/{cell}.csv",
     log:
-        log_of(f"find_oracle/{CELL}"),
+        "<logs>/find_oracle/{case}/{protocol}/{cell}.log",
     benchmark:
-        benchmark_of(f"find_oracle/{CELL}")
+        "<benchmarks>/find_oracle/{case}/{protocol}/{cell}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("find_oracle"),
+        columns=lambda wildcards: {"columns": cell(wildcards).columns},
+        measurement=lambda wildcards: {
+            "measurement": cell(wildcards).measurement
+            | {"replicates": min(ORACLE_REPLICATES, cell(wildcards).replicates)}
+        },
+        degree=setting("identification.degree"),
+        path_length=setting("identification.stlsq.path_length"),
+        steady_window=setting("simulation.steady_window"),
+        code=lambda wildcards: code("find_oracle.py"),
     message:
         "Best settings of pysindy for {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
     script:

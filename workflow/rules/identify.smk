@@ -3,17 +3,24 @@
 
 rule identify_models:
     input:
-        unpack(inputs("identify_models")),
+        trajectory="<results>/trajectories/{case}.npz",
     output:
-        models=PATHS.identified,
+        models="<results>/identified/{case}/{protocol}/{cell}/{family}.npz",
     log:
-        log_of(f"identify_models/{CELL}/{{family}}"),
+        "<logs>/identify_models/{case}/{protocol}/{cell}/{family}.log",
     benchmark:
-        benchmark_of(f"identify_models/{CELL}/{{family}}")
+        "<benchmarks>/identify_models/{case}/{protocol}/{cell}/{family}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("identify_models"),
+        measurement=lambda wildcards: {"measurement": cell(wildcards).measurement},
+        degree=setting("identification.degree"),
+        methods=lambda wildcards: {
+            "identification": {m.name: STUDY.options(m) for m in methods_of(wildcards)}
+        },
+        code=lambda wildcards: code(
+            "identify_models.py", *(each for m in methods_of(wildcards) for each in m.modules)
+        ),
     message:
         "Identifying {wildcards.case} from {wildcards.protocol}, {wildcards.cell}: {wildcards.family}"
     script:
@@ -25,17 +32,29 @@ rule identify_models:
 
 rule identify_recordings:
     input:
-        unpack(inputs("identify_recordings")),
+        files=lambda wildcards: recording(wildcards)["files"],
+        mapping=lambda wildcards: recording(wildcards)["mapping"],
+        beside=lambda wildcards: (  # the line of a case, where the recording names one
+            f"<results>/models/{recording(wildcards)['case']}.json"
+            if recording(wildcards)["case"]
+            else []
+        ),
     output:
-        expand(PATHS.field, file=OUTPUTS, allow_missing=True),
+        made=expand("<results>/recordings/{recording}/{file}", file=OUTPUTS, allow_missing=True),
     log:
-        log_of("identify_recordings/{recording}"),
+        "<logs>/identify_recordings/{recording}.log",
     benchmark:
-        benchmark_of("identify_recordings/{recording}")
+        "<benchmarks>/identify_recordings/{recording}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("identify_recordings"),
+        question=lambda wildcards: {
+            f"recordings.{wildcards.recording}": {
+                key: recording(wildcards)[key] for key in ("degree", "method", "known", "seed")
+            }
+        },
+        case=lambda wildcards: {"case": recording(wildcards)["case"]},
+        code=lambda wildcards: code("identify_recordings.py"),
     message:
         "Identifying the recordings of {wildcards.recording}"
     script:

@@ -3,17 +3,18 @@
 
 rule measure_motion:
     input:
-        unpack(inputs("measure_motion")),
+        trajectory="<results>/trajectories/{case}.npz",
     output:
-        recordings=PATHS.recordings,
+        recordings="<results>/recordings/{case}/{protocol}/{cell}.npz",
     log:
-        log_of(f"measure_motion/{CELL}"),
+        "<logs>/measure_motion/{case}/{protocol}/{cell}.log",
     benchmark:
-        benchmark_of(f"measure_motion/{CELL}")
+        "<benchmarks>/measure_motion/{case}/{protocol}/{cell}.tsv"
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("measure_motion"),
+        measurement=lambda wildcards: {"measurement": cell(wildcards).measurement},
+        code=lambda wildcards: code("measure_motion.py"),
     message:
         "Measuring {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
     script:

@@ -3,36 +3,77 @@
 
 rule simulate_line:
     input:
-        unpack(inputs("simulate_line")),
+        model="<results>/models/{case}.json",
     output:
-        trajectory=PATHS.trajectory,
+        trajectory="<results>/trajectories/{case}.npz",
     log:
-        log_of("simulate_line/{case}"),
+        "<logs>/simulate_line/{case}.log",
     benchmark:
-        benchmark_of("simulate_line/{case}")
+        "<benchmarks>/simulate_line/{case}.tsv"
+    wildcard_constraints:
+        case="|".join(name for name in LINES if name not in CONTINUOUS) or "none",
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("simulate_line"),
+        releases=lambda wildcards: {
+            f"cases.{wildcards.case}.releases": list(case(wildcards).releases)
+        },
+        duration=setting("simulation.duration"),
+        sampling_rate=setting("simulation.sampling_rate"),
+        code=lambda wildcards: code("simulate_line.py"),
     message:
         "Simulating {wildcards.case}"
     script:
         "../scripts/simulate_line.py"
 
 
-rule rank_releases:
-    input:
-        unpack(inputs("rank_releases")),
+# a line of many modes, whose motion is that of no model of two
+
+
+rule simulate_many_modes:
     output:
-        ranking=PATHS.ranking,
+        trajectory="<results>/trajectories/{case}.npz",
     log:
-        log_of("rank_releases/{case}"),
+        "<logs>/simulate_many_modes/{case}.log",
     benchmark:
-        benchmark_of("rank_releases/{case}")
+        "<benchmarks>/simulate_many_modes/{case}.tsv"
+    wildcard_constraints:
+        case="|".join(CONTINUOUS) or "none",
     conda:
         "../envs/galloping.yaml"
     params:
-        settings=settings("rank_releases"),
+        line=line,
+        truth=lambda wildcards: {"truth": case(wildcards).truth},
+        releases=lambda wildcards: {
+            f"cases.{wildcards.case}.releases": list(case(wildcards).releases)
+        },
+        duration=setting("simulation.duration"),
+        sampling_rate=setting("simulation.sampling_rate"),
+        seed=lambda wildcards: {  # where the wind is steady nothing is drawn
+            "measurement.seed": SEED if case(wildcards).truth["gusts"]["intensity"] > 0 else 0
+        },
+        code=lambda wildcards: code("simulate_many_modes.py"),
+    message:
+        "Simulating {wildcards.case} by many modes"
+    script:
+        "../scripts/simulate_many_modes.py"
+
+
+rule rank_releases:
+    input:
+        model="<results>/models/{case}.json",
+        trajectory="<results>/trajectories/{case}.npz",
+    output:
+        ranking="<results>/bounds/{case}/further_recordings.csv",
+    log:
+        "<logs>/rank_releases/{case}.log",
+    benchmark:
+        "<benchmarks>/rank_releases/{case}.tsv"
+    conda:
+        "../envs/galloping.yaml"
+    params:
+        level=setting("measurement.subsets.level"),
+        code=lambda wildcards: code("rank_releases.py"),
     message:
         "Which further recording of {wildcards.case} would help most"
     script:

@@ -15,13 +15,10 @@ from galloping.reproducibility.job import run
 from galloping.simulation import Simulator
 
 
-def main() -> None:
-    settings = snakemake.params.settings
-    case, wind = settings["case"], settings["wind"]
-    family = line_family(case, "wind_speed")
-    start = np.array(initial_state(case))
-    motion = settle(Simulator(STATES, LIBRARY), family.model(wind), start)
-    title = f"{spoken(settings['name'])}, wind {wind:g} m/s"
+def animate_line(animation, case, line, wind):
+    family = line_family(line, "wind_speed")
+    motion = settle(Simulator(STATES, LIBRARY), family.model(wind), np.array(initial_state(line)))
+    title = f"{spoken(case)}, wind {wind:g} m/s"
     orbit = None
     if motion.kind == "cycle":
         with suppress(ValueError):  # none near enough
@@ -30,7 +27,8 @@ def main() -> None:
     if orbit is None:
         orbit = circle(np.zeros(len(STATES)), np.zeros(len(STATES), complex), 1.0, wind, 8)
         title += f": no limit cycle ({motion.kind})"
-    write_animation(snakemake.output.animation, case, orbit, title)
+    write_animation(animation, line, orbit, title)
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(animate_line, snakemake)

@@ -15,9 +15,8 @@ from galloping.reproducibility.job import run
 from galloping.seeds import generator
 from galloping.simulation import Simulator
 from galloping.storage import write_rows
-from galloping.study.files import orbits
+from galloping.study.files import read_families, write_orbits
 from galloping.study.kinds import OURS
-from galloping.study.loading import load
 
 
 def _measure(configured):
@@ -25,31 +24,32 @@ def _measure(configured):
     return measure(given.pop("kind"), **given)
 
 
-def main() -> None:
-    settings, output, name = snakemake.params.settings, snakemake.output, snakemake.wildcards.case
-    case, distance, limit = (settings[k] for k in ("case", "phase_distance", "clearance"))
-    read = load(settings["reads"], dict(snakemake.input.items()))
-    simulator = Simulator(STATES, LIBRARY)
-    winds = sorted({*settings["winds"], settings["design_wind"]})
-    rows = clearance_rows(name, case, winds, tuple(distance), limit, simulator)
-    write_rows(output.clearance, rows)
-    family, start = line_family(case, "wind_speed"), np.array(initial_state(case))
+def assess_line(
+    case, identified, clearance, measures, orbits, line, winds, design_wind, phase_distance, limit,
+    chosen, seed,
+):  # fmt: skip
+    simulator, distance = Simulator(STATES, LIBRARY), tuple(phase_distance)
+    winds = sorted({*winds, design_wind})
+    write_rows(clearance, clearance_rows(case, line, winds, distance, limit, simulator))
+    family, start = line_family(line, "wind_speed"), np.array(initial_state(line))
     settled = {wind: settle(simulator, family.model(wind), start) for wind in winds}
     finite = {wind: motion for wind, motion in settled.items() if motion.kind == "cycle"}
-    orbits.write(output.orbits, {wind: places(motion) for wind, motion in finite.items()})
-    parts = derived(case)
+    write_orbits(orbits, {wind: places(motion) for wind, motion in finite.items()})
+    parts = derived(line)
     draws = np.zeros((0, len(parts.values)))
-    identified = read["identified"][OURS][settings["replicate"]] if read else None
-    if identified is not None and len(identified.covariance):
-        damping = {state: case["damping"][key] for state, key in DAMPING}
+    for model in read_families(identified).get(OURS, [])[:1]:  # of the first replicate
+        if not len(model.covariance):
+            continue
+        damping = {state: line["damping"][key] for state, key in DAMPING}
         with suppress(ValueError, np.linalg.LinAlgError):  # a model that tells no stiffness
-            told = split([identified], [case["wind"]["speed"]], damping)
-            draws = told.sampled(generator(settings["seed"], "measures", name), SAMPLES)
+            told = split([model], [line["wind"]["speed"]], damping)
+            draws = told.sampled(generator(seed, "measures", case), SAMPLES)
             parts = told
-    chosen = [_measure(each) for each in settings["measures"]] or usual(case)
-    design = Design(settings["design_wind"], start, tuple(distance), limit)
-    outcomes = ranked(parts, case, chosen, design, simulator, draws)
-    write_rows(output.measures, measure_rows(name, outcomes, design))
+    asked = [_measure(each) for each in chosen.values()] or usual(line)
+    design = Design(design_wind, start, distance, limit)
+    outcomes = ranked(parts, line, asked, design, simulator, draws)
+    write_rows(measures, measure_rows(case, outcomes, design))
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(assess_line, snakemake)

@@ -39,7 +39,7 @@ from galloping.recording import Recording
 from galloping.simulation import Simulator, time_grid
 from galloping.storage import write_rows
 from galloping.study.cells import Study
-from galloping.study.files import models, trajectories
+from galloping.study.files import read_model, read_trajectories
 
 ROOT = Path(__file__).parents[2]
 CASE = "internal_resonance"
@@ -70,10 +70,10 @@ def row(quantity: str, value: float, unit: str, peer: str = "", ratio: float = n
 
 def simulation(results: Path) -> list[dict]:
     """A re-simulation of an identified model against pysindy's, and integrators compared."""
-    line = models.read(results / f"models/{CASE}.json").model
+    line = read_model(results / f"models/{CASE}.json").model
     terms = library(len(line.states), 3)
     full = line.on_library(terms)
-    motion = trajectories.read(results / f"trajectories/{CASE}.npz")[0]
+    motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
     grid, exact = motion.time, motion.states
     simulator = Simulator(full.states, terms)
     ours = seconds(lambda: simulator(full, exact[0], grid), 15)
@@ -137,7 +137,7 @@ def identification(results: Path) -> list[dict]:
         row("stlsq with threshold selection, 30,001 x 4", ours, "s",
             "pysindy SINDy.fit on raw columns at one threshold", raw / ours, ">= 10"),
     ]  # fmt: skip
-    line = models.read(results / f"models/{CASE}.json").model
+    line = read_model(results / f"models/{CASE}.json").model
     simulator = Simulator(line.states, line.terms)
     previous = None
     for n in (10_000, 100_000, 1_000_000):
@@ -203,8 +203,8 @@ def sensitivity(results: Path) -> list[dict]:
 
     Both of the whole library's free coefficients and of the initial state, over 300 s.
     """
-    line = models.read(results / f"models/{CASE}.json").model.on_library(library(4, 3))
-    start = trajectories.read(results / f"trajectories/{CASE}.npz")[0].states[0]
+    line = read_model(results / f"models/{CASE}.json").model.on_library(library(4, 3))
+    start = read_trajectories(results / f"trajectories/{CASE}.npz")[0].states[0]
     free, steps = posed(line.states, line.terms).candidates, 2048
     compiled = system(tables(line.terms), line.coefficients, free)
     functionals = np.ones((steps, len(line.states), 2, ORDER + 1))
@@ -249,7 +249,7 @@ def sensitivity(results: Path) -> list[dict]:
 def recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
     """Those of the default study at noise level 0.05, by replicate."""
     cell = Study(load({})).cell(CASE, protocol, "noise_0.05")
-    motions = trajectories.read(results / f"trajectories/{CASE}.npz")
+    motions = read_trajectories(results / f"trajectories/{CASE}.npz")
     return measure(motions, name=tuple(cell.wildcards.values()), **cell.measurement)
 
 

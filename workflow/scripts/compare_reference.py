@@ -1,20 +1,20 @@
 """The study's tables beside the reference."""
 
+from pathlib import Path
+
 from galloping.reproducibility.job import run
-from galloping.study.files import tables
-from galloping.study.loading import load
-from galloping.tables.reference import Origin, compare_study, processor
+from galloping.study.files import read_as_written, write_table
+from galloping.tables.reference import Origin, compare_study, processor, read_origin
 
 
-def main() -> None:
-    settings, output = snakemake.params.settings, snakemake.output
-    read = load(settings["reads"], dict(snakemake.input.items()))
-    present = Origin(settings=settings["study"], processor=processor())
-    summary, differences = compare_study(
-        read["reference"], read.get("origin"), read["tables"], present
-    )
-    tables.write(output.summary, summary)
-    tables.write(output.differences, differences)
+def compare_reference(tables, reference, origin, summary, differences, study):
+    before, now = ({Path(p).stem: read_as_written(p) for p in of} for of in (reference, tables))
+    made_with = read_origin(origin[0]) if origin else None
+    present = Origin(settings=study, processor=processor())
+    rows, beyond = compare_study(before, made_with, now, present)
+    write_table(summary, rows)
+    write_table(differences, beyond)
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(compare_reference, snakemake)

@@ -1,12 +1,13 @@
-"""Equations of the galloping of one case."""
+"""Equations of the galloping of one line."""
 
 from galloping.physics.galerkin import derive
 from galloping.reproducibility.job import run
-from galloping.study.files import models
+from galloping.study.files import write_model
 
 
-def main() -> None:
-    models.write(snakemake.output.model, derive(snakemake.params.settings["line"]))
+def derive_model(line, model):
+    write_model(model, derive(line))
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(derive_model, snakemake)

@@ -1,21 +1,15 @@
-"""One figure of `galloping.figures.registry`."""
+"""One figure: `workflow/rules/draw.smk` says by which function and of what."""
 
 from galloping.figures.style import write_figure
 from galloping.importing import imported
 from galloping.reproducibility.job import run
-from galloping.study.loading import load
+from galloping.study.files import read_all
 
 
-def main() -> None:
-    settings, output = snakemake.params.settings, snakemake.output
-    read = load(settings["reads"], dict(snakemake.input.items()))
-    draw = imported(settings["function"])
-    write_figure(
-        output.svg,
-        output.png,
-        lambda: draw(**read, settings=settings["shown"]),
-        **settings["look"],
-    )
+def draw_figure(svg, png, function, settings, look, names, **files):
+    read = read_all(files, names)
+    write_figure(svg, png, lambda: imported(function)(**read, settings=settings), **look)
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(draw_figure, snakemake)

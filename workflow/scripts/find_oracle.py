@@ -1,30 +1,27 @@
 """Scores of the oracles of STLSQ, FROLS and the weak form in one cell, chosen with the truth."""
 
-import pandas as pd
-
 from galloping.evaluation.oracle import oracle_rows
 from galloping.evaluation.score import Truth
 from galloping.measurement.measuring import measure
 from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run
-from galloping.study.files import tables
-from galloping.study.loading import load
+from galloping.storage import write_rows
+from galloping.study.files import read_model, read_trajectories
 
 
-def main() -> None:
-    settings, cell = snakemake.params.settings, snakemake.wildcards
-    read = load(settings["reads"], dict(snakemake.input.items()))
-    line, motions = read["model"].model, read["trajectory"]
+def find_oracle(
+    case, protocol, cell, model, trajectory, scores,
+    columns, measurement, degree, path_length, steady_window,
+):  # fmt: skip
+    line, motions = read_model(model).model, read_trajectories(trajectory)
     # the oracle also knows of terms that the library lacks
-    line = line.on_library(extended(library(len(line.states), settings["degree"]), line))
+    line = line.on_library(extended(library(len(line.states), degree), line))
     first = motions[0]
-    truth = Truth(line, first.time, first.states, tuple(settings["steady_window"]), first.status)
-    name = (cell.case, cell.protocol, cell.cell)
-    replicates = measure(motions, name=name, **settings["measurement"])
-    rows = oracle_rows(truth, replicates, settings["path_length"])
-    tables.write(
-        snakemake.output.scores, pd.DataFrame([{**settings["columns"], **r} for r in rows])
-    )
+    truth = Truth(line, first.time, first.states, tuple(steady_window), first.status)
+    replicates = measure(motions, name=(case, protocol, cell), **measurement)
+    rows = oracle_rows(truth, replicates, path_length)
+    write_rows(scores, [{**columns, **row} for row in rows])
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(find_oracle, snakemake)

@@ -13,13 +13,11 @@ COLUMNS = [  # of a line that never gallops, too
 ]  # fmt: skip
 
 
-def main() -> None:
-    settings, output = snakemake.params.settings, snakemake.output
-    case, name = snakemake.wildcards.case, settings["parameter"]
-    simulator = Simulator(STATES, LIBRARY)
-    along = line_diagram(settings["case"], name, *settings["range"], simulator)
-    write_rows(output.cycles, limit_cycle_rows(case, name, along), COLUMNS)
-    write_rows(output.bifurcations, bifurcation_rows(case, name, along, settings["case"]))
+def follow_cycles(case, cycles, bifurcations, line, parameter, ends):
+    along = line_diagram(line, parameter, *ends, Simulator(STATES, LIBRARY))
+    write_rows(cycles, limit_cycle_rows(case, parameter, along), COLUMNS)
+    write_rows(bifurcations, bifurcation_rows(case, parameter, along, line))
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(follow_cycles, snakemake)

@@ -4,18 +4,15 @@ from galloping.identification.cell import identify
 from galloping.measurement.measuring import measure
 from galloping.polynomial import library
 from galloping.reproducibility.job import run
-from galloping.study.files import identified, trajectories
+from galloping.study.files import read_trajectories, write_identified
 
 
-def main() -> None:
-    settings, cell = snakemake.params.settings, snakemake.wildcards
-    motions = trajectories.read(snakemake.input.trajectory)
-    name = (cell.case, cell.protocol, cell.cell)
-    recordings = measure(motions, name=name, **settings["measurement"])
-    terms = library(len(motions[0].names), settings["degree"])
-    identified.write(
-        snakemake.output.models, identify(settings["methods"], recordings, terms, name)
-    )
+def identify_models(case, protocol, cell, trajectory, models, measurement, degree, methods):
+    motions, name = read_trajectories(trajectory), (case, protocol, cell)
+    recordings = measure(motions, name=name, **measurement)
+    terms = library(len(motions[0].names), degree)
+    write_identified(models, identify(methods, recordings, terms, name))
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(identify_models, snakemake)

@@ -5,19 +5,15 @@ from pathlib import Path
 from galloping.field.mapping import read_mapping
 from galloping.field.study import Question, analyse, read_field
 from galloping.reproducibility.job import run
-from galloping.study.loading import load
+from galloping.study.files import read_model
 
 
-def main() -> None:
-    settings = snakemake.params.settings
-    question = Question(
-        settings["degree"], settings["method"], tuple(settings["known"]), settings["seed"]
-    )
-    folder = Path(snakemake.output[0]).parent
-    read = load(settings["reads"], dict(snakemake.input.items()))
-    beside = (settings["case"], read["model"].model) if "model" in read else None
-    field = read_field(settings["files"], read_mapping(settings["mapping"]))
-    analyse(field, question, folder, beside=beside)
+def identify_recordings(files, mapping, beside, made, question, case):
+    asked = Question(**{**question, "known": tuple(question["known"])})
+    line = (case, read_model(beside).model) if beside else None
+    field = read_field(files, read_mapping(mapping))
+    analyse(field, asked, Path(made[0]).parent, beside=line)
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(identify_recordings, snakemake)

@@ -1,16 +1,13 @@
-"""One table of `galloping.tables.registry`."""
+"""One table: `workflow/rules/tabulate.smk` says by which function and of what."""
 
 from galloping.importing import imported
 from galloping.reproducibility.job import run
-from galloping.study.files import tables
-from galloping.study.loading import load
+from galloping.study.files import read_all, write_table
 
 
-def main() -> None:
-    settings = snakemake.params.settings
-    read = load(settings["reads"], dict(snakemake.input.items()))
-    make = imported(settings["function"])
-    tables.write(snakemake.output.table, make(**read, settings=settings["shown"]))
+def make_table(table, function, settings, names, **files):
+    write_table(table, imported(function)(**read_all(files, names), settings=settings))
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(make_table, snakemake)

@@ -2,15 +2,13 @@
 
 from galloping.measurement.measuring import measure
 from galloping.reproducibility.job import run
-from galloping.study.files import recordings, trajectories
+from galloping.study.files import read_trajectories, write_recordings
 
 
-def main() -> None:
-    cell = snakemake.wildcards
-    motions = trajectories.read(snakemake.input.trajectory)
-    name = (cell.case, cell.protocol, cell.cell)
-    measured = measure(motions, name=name, **snakemake.params.settings["measurement"])
-    recordings.write(snakemake.output.recordings, measured)
+def measure_motion(case, protocol, cell, trajectory, recordings, measurement):
+    motions = read_trajectories(trajectory)
+    write_recordings(recordings, measure(motions, name=(case, protocol, cell), **measurement))
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(measure_motion, snakemake)

@@ -13,7 +13,7 @@ from galloping.reproducibility.job import run
 from galloping.seeds import generator
 from galloping.simulation import Simulator
 from galloping.storage import write_rows
-from galloping.study.loading import load
+from galloping.study.files import read_families
 
 
 def _predicted(identified, case, winds, rng) -> Prediction:
@@ -36,20 +36,17 @@ def _simulator(terms) -> Simulator:
     return Simulator(STATES, terms)
 
 
-def main() -> None:
-    settings, names = snakemake.params.settings, dict(snakemake.wildcards.items())
-    case, winds = settings["case"], settings["winds"]
-    read = load(settings["reads"], dict(snakemake.input.items()))
-    models = {method: of for family in read["identified"].values() for method, of in family.items()}
-    true = steady_truth(case, winds, Simulator(STATES, LIBRARY))
+def predict_winds(case, protocol, identified, prediction, line, winds, methods, seed):
+    models = read_families(identified)
+    true = steady_truth(line, winds, Simulator(STATES, LIBRARY))
     rows = []
-    for method in settings["methods"]:
-        for k, identified in enumerate(models[method]):
-            rng = generator(settings["seed"], "prediction", *names.values(), method, k)
-            cell = {**names, "method": method, "replicate": k}
-            predicted = _predicted(identified, case, winds, rng)
-            rows += prediction_rows(cell, predicted, true, identified.verdict)
-    write_rows(snakemake.output.prediction, rows)
+    for method in methods:
+        for k, model in enumerate(models[method]):
+            rng = generator(seed, "prediction", case, protocol, method, k)
+            cell = {"case": case, "protocol": protocol, "method": method, "replicate": k}
+            rows += prediction_rows(cell, _predicted(model, line, winds, rng), true, model.verdict)
+    write_rows(prediction, rows)
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(predict_winds, snakemake)

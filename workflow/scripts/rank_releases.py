@@ -3,18 +3,18 @@
 from galloping.bounds.releases import ranked_releases
 from galloping.reproducibility.job import run
 from galloping.storage import write_rows
-from galloping.study.files import models, trajectories
+from galloping.study.files import read_model, read_trajectories
 
 COLUMNS = ("case", "release", "level", "weakest_t", "weakest_term", "identifiable")
+HEIGHTS = (1.0, 2.0, 3.0)  # m, of the further releases that are compared
 
 
-def main() -> None:
-    settings = snakemake.params.settings
-    line = models.read(snakemake.input.model).model
-    first = trajectories.read(snakemake.input.trajectory)[0]
-    ranked = ranked_releases(line, first, settings["level"], settings["heights"])
-    rows = [{"case": snakemake.wildcards.case, **row} for row in ranked]
-    write_rows(snakemake.output.ranking, rows, COLUMNS)  # there may be none
+def rank_releases(case, model, trajectory, ranking, level, heights=HEIGHTS):
+    ranked = ranked_releases(
+        read_model(model).model, read_trajectories(trajectory)[0], level, heights
+    )
+    write_rows(ranking, [{"case": case, **row} for row in ranked], COLUMNS)  # there may be none
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(rank_releases, snakemake)

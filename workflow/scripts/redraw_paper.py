@@ -3,15 +3,16 @@
 from galloping.paper.amounts import Amounts
 from galloping.paper.draws import paper_draws
 from galloping.reproducibility.job import run
-from galloping.study.files import tables
+from galloping.study.files import write_table
 
 
-def main() -> None:
-    settings = snakemake.params.settings
-    plan = dict(settings["plan"])
-    amounts = Amounts(**plan.pop("amounts"))
-    drawn = paper_draws(settings["case"], name=(settings["name"],), amounts=amounts, **plan)
-    tables.write(snakemake.output.draws, drawn)
+def redraw_paper(case, draws, line, amounts, number, threshold, kinematics, degree, seed):
+    drawn = paper_draws(
+        line, name=(case,), amounts=Amounts(**amounts), draws=number, threshold=threshold,
+        kinematics=kinematics, degree=degree, seed=seed,
+    )  # fmt: skip
+    write_table(draws, drawn)
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(redraw_paper, snakemake)

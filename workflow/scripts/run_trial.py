@@ -4,15 +4,13 @@ import pandas as pd
 
 from galloping.importing import imported
 from galloping.reproducibility.job import run
-from galloping.study.files import tables
+from galloping.study.files import write_table
 
 
-def main() -> None:
-    settings = snakemake.params.settings
-    trial = imported(settings["function"])
-    of_all = (settings[key] for key in ("seed", "case", "replicates", "methods"))
-    rows = trial(*of_all, **settings["options"])
-    tables.write(snakemake.output.fits, pd.DataFrame(rows))
+def run_trial(fits, function, seed, case, replicates, methods, options):
+    rows = imported(function)(seed, case, replicates, methods, **options)
+    write_table(fits, pd.DataFrame(rows))
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(run_trial, snakemake)

@@ -1,42 +1,27 @@
-"""Trajectories of one case on its sampling grid, one for each release.
+"""Trajectories of one line on its sampling grid, one for each release.
 
 A line that diverges has no motion to measure: its states are all NaN, its status says why.
 """
 
-from functools import partial
-
 import numpy as np
 
-from galloping.importing import imported
-from galloping.measurement.measuring import Motion
 from galloping.reproducibility.job import run
-from galloping.seeds import generator
+from galloping.results import Motion
 from galloping.simulation import Simulator, time_grid
-from galloping.study.files import models, trajectories
+from galloping.study.files import read_model, write_trajectories
 
 
-def _modelled(line, simulator, time, release):
-    start = np.array([release[name] for name in line.states])
-    trajectory = simulator(line, start, time)
-    states = trajectory.states
-    if trajectory.status != "ok":
-        states = np.full_like(states, np.nan)
-    return Motion(line.states, time, states, line(states), trajectory.status)
+def simulate_line(model, trajectory, releases, duration, sampling_rate):
+    line, time = read_model(model).model, time_grid(duration, sampling_rate)
+    simulator = Simulator(line.states, line.terms)
+
+    def motion(release):
+        moved = simulator(line, np.array([release[name] for name in line.states]), time)
+        states = moved.states if moved.status == "ok" else np.full_like(moved.states, np.nan)
+        return Motion(line.states, time, states, line(states), moved.status)
+
+    write_trajectories(trajectory, [motion(release) for release in releases])
 
 
-def main() -> None:
-    settings, case = snakemake.params.settings, snakemake.wildcards.case
-    time = time_grid(settings["duration"], settings["sampling_rate"])
-    releases = settings["releases"]
-    if "continuous" in settings:
-        moved = partial(imported(settings["continuous"]), settings["line"], settings["truth"])
-        draws = [generator(settings["seed"], "gusts", case, k) for k in range(len(releases))]
-        motions = [moved(start, time, rng) for start, rng in zip(releases, draws, strict=True)]
-    else:
-        line = models.read(snakemake.input.model).model
-        simulator = Simulator(line.states, line.terms)
-        motions = [_modelled(line, simulator, time, release) for release in releases]
-    trajectories.write(snakemake.output.trajectory, motions)
-
-
-run(main, snakemake)
+if __name__ == "__main__":
+    run(simulate_line, snakemake)

@@ -1,6 +1,7 @@
 """Long simulations of one line at some values of a sweep; of a range that grows, the new ones."""
 
 import csv
+from functools import partial
 from pathlib import Path
 
 from galloping.cycles.family import LIBRARY
@@ -12,26 +13,24 @@ from galloping.simulation import Simulator
 from galloping.storage import write_rows
 
 
-def _simulated(name: str, settings: dict, values: list[float]) -> list[dict]:
-    simulator = Simulator(STATES, LIBRARY)
-    line, parameter = settings["case"], settings["parameter"]
-    if not settings["second"]:
-        return simulation_rows(name, line, parameter, values, simulator)
-    up = (settings["second"], [settings["second_value"]])
-    return map_rows(name, line, (parameter, values), up, simulator)
-
-
-def main() -> None:
-    settings, path = snakemake.params.settings, snakemake.output.block
-    values, column = settings["values"], "x" if settings["second"] else "value"
-    rows = {}
-    if grows(path, settings, "values"):
-        with Path(path).open(encoding="utf-8", newline="") as file:
+def simulate_sweep(case, simulated, line, parameter, values, second, second_value, is_grown=False):
+    """is_grown: whether the file is here, made with the same settings but fewer values."""
+    column, rows = "x" if second else "value", {}
+    if is_grown:
+        with Path(simulated).open(encoding="utf-8", newline="") as file:
             rows = {float(row[column]): row for row in csv.DictReader(file)}
     new = [value for value in values if value not in rows]
     print(f"{len(values) - len(new)} of {len(values)} values are known")
-    rows |= {row[column]: row for row in _simulated(snakemake.wildcards.case, settings, new)}
-    write_rows(path, [rows[value] for value in values])
+    simulator = Simulator(STATES, LIBRARY)
+    if second:
+        up = (second, [second_value])
+        made = map_rows(case, line, (parameter, new), up, simulator)
+    else:
+        made = simulation_rows(case, line, parameter, new, simulator)
+    rows |= {row[column]: row for row in made}
+    write_rows(simulated, [rows[value] for value in values])
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    is_grown = grows(snakemake.output.simulated, dict(snakemake.params.items()), "values")
+    run(partial(simulate_sweep, is_grown=is_grown), snakemake)

@@ -37,7 +37,7 @@ def main() -> None:
     for path in tables:
         with replacing(reference / path.name) as partial:
             shutil.copyfile(path, partial)
-    origin = Origin(settings=comparison.settings["study"], processor=processor())
+    origin = Origin(settings=comparison.settings["study"]["study"], processor=processor())
     write_json(reference / "origin.json", asdict(origin))
     print(f"{reference}: {len(tables)} tables of {results} are the reference now")
 

@@ -3,17 +3,22 @@
 from galloping.paper.amounts import Amounts
 from galloping.paper.variations import variation_rows
 from galloping.reproducibility.job import run
-from galloping.study.files import tables
-from galloping.study.loading import load
+from galloping.study.files import read_table, write_table
 
 
-def main() -> None:
-    settings = snakemake.params.settings
-    plan = dict(settings["plan"])
-    amounts, values = Amounts(**plan.pop("amounts")), {settings["parameter"]: settings["values"]}
-    drawn = load(settings["reads"], dict(snakemake.input.items()))["drawn"]
-    rows = variation_rows(settings["case"], plan, amounts, values, settings["name"], drawn)
-    tables.write(snakemake.output.table, rows)
+def vary_parameter(
+    parameter, drawn, claims, case, line, values, amounts, number, threshold, kinematics,
+    degree, seed,
+):  # fmt: skip
+    plan = {
+        "draws": number, "threshold": threshold, "kinematics": kinematics, "degree": degree,
+        "seed": seed,
+    }  # fmt: skip
+    own = read_table(drawn)
+    write_table(
+        claims, variation_rows(line, plan, Amounts(**amounts), {parameter: values}, case, own)
+    )
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(vary_parameter, snakemake)

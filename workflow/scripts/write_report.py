@@ -2,15 +2,17 @@
 
 from pathlib import Path
 
-from galloping.report.headline import headline, inferred, verdicts
+from galloping.report.headline import headline as found
+from galloping.report.headline import inferred, verdicts
 from galloping.report.page import Item, Page, RecordingSection, render
 from galloping.report.paper import section
 from galloping.report.settings import described, made_by, versions
 from galloping.reproducibility.job import run
 from galloping.storage import write_text
-from galloping.study.loading import load
+from galloping.study.files import read_table
 
 FIRST = ("overview", "trust", "paper_region")  # the figures that may stand first
+FOUND = ("efficiency", "noise_coefficients", "limit_cycles", "bifurcations")  # in the first case
 CAPTIONS_OF_FIELD = {
     "quality": "The samples, with gaps, and their spectra.",
     "fit": "The samples and the model's motion, which begins anew in each stretch.",
@@ -18,54 +20,63 @@ CAPTIONS_OF_FIELD = {
 }
 
 
-def main() -> None:
-    settings = snakemake.params.settings
-    captions = settings["captions"]
-    paths = dict(snakemake.input.items())
-    read = load(settings["reads"], paths)
+def _items(paths: list[str], captions: dict[str, str], labels: dict[str, str]) -> dict[str, Item]:
+    by_name = {Path(path).stem: Path(path) for path in paths}
+    return {
+        name: Item(name, labels.get(name, name.replace("_", " ")), text, by_name[name])
+        for name, text in captions.items()
+    }
 
-    def items(kind: str, labels: dict[str, str]) -> dict[str, Item]:
-        return {
-            name: Item(name, labels.get(name, name.replace("_", " ")), text, Path(path))
-            for name, text in captions[kind].items()
-            if (path := paths.get(f"{kind}/{name}"))
-        }
 
-    further = (read.pop(name, None) for name in ("trust", "paper", "varied", "region"))
-    trust, printed, varied, region = further
-    sentences = headline(**read, **settings["headline"]) if read else []
+def _recording(name: str, paths: list[str]) -> RecordingSection:
+    files = {path.name: path for path in map(Path, paths) if path.parent.name == name}
+    return RecordingSection(
+        name,
+        files["summary.md"].read_text(encoding="utf-8"),
+        [
+            Item(figure, f"{name}: {figure}", caption, files[f"{figure}.svg"])
+            for figure, caption in CAPTIONS_OF_FIELD.items()
+        ],
+    )
 
-    def recordings(name: str) -> RecordingSection:
-        shown = {
-            figure: Path(paths[f"recordings/{name}/{figure}.svg"]) for figure in CAPTIONS_OF_FIELD
-        }
-        return RecordingSection(
-            name,
-            Path(paths[f"recordings/{name}/summary.md"]).read_text(encoding="utf-8"),
-            [Item(k, f"{name}: {k}", CAPTIONS_OF_FIELD[k], path) for k, path in shown.items()],
-        )
 
-    figures = items("figures", settings["labels"])
-    first = next((figures.pop(name) for name in FIRST if name in figures), None)
+def write_report(
+    figures, animation, tables, recordings, report, labels, introduction, captions, headline, study
+):
+    drawn = _items([*figures, *animation], captions["figures"], labels)
+    shown = _items(tables, captions["tables"], {})
+
+    def told(sentences, *names: str, **options) -> list[str]:
+        """Sentences about tables, where the study has these."""
+        if not all(name in shown for name in names):
+            return []
+        return sentences(*(read_table(shown[name].path) for name in names), **options)
+
+    paper, varied = (
+        read_table(shown[name].path) if name in shown else None
+        for name in ("paper", "reproduction")
+    )
+    first = next((drawn.pop(name) for name in FIRST if name in drawn), None)
     page = Page(
         title="Galloping of iced overhead lines",
-        paper=section(printed, varied) if printed is not None else None,
-        printed=figures.pop("printed", None),
+        paper=section(paper, varied) if paper is not None else None,
+        printed=drawn.pop("printed", None),
         made=made_by(),
         headline=[
-            *sentences,
-            *(verdicts(trust) if trust is not None else []),
-            *(inferred(region) if region is not None else []),
+            *told(found, *FOUND, **headline),
+            *told(verdicts, "trust"),
+            *told(inferred, "paper_region"),
         ],
         first=first,
-        settings=described(settings["study"]),
-        introduction=settings["introduction"],
-        figures=list(figures.values()),
-        tables=list(items("tables", {}).values()),
-        recordings=[recordings(name) for name in settings["study"]["recordings"]],
+        settings=described(study),
+        introduction=introduction,
+        figures=list(drawn.values()),
+        tables=list(shown.values()),
+        recordings=[_recording(name, recordings) for name in study["recordings"]],
         versions=versions(),
     )
-    write_text(snakemake.output.report, render(page))
+    write_text(report, render(page))
 
 
-run(main, snakemake)
+if __name__ == "__main__":
+    run(write_report, snakemake)

@@ -18,7 +18,6 @@ from galloping.physics.galerkin import coefficients
 from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.study.cells import Study
-from galloping.study.jobs import run_trial
 from galloping.tables.trials import model_error
 from galloping.trials.model_error import (
     TRUTHS,
@@ -140,10 +139,11 @@ def test_trial_has_a_row_for_each_replicate_and_method():
             "methods": ["maximum_likelihood", "weak"],
         }}})
     )  # fmt: skip
-    (batch,) = study.trial("small").batches
-    job = run_trial(study, "small", batch.name).settings
-    of_all = (job[key] for key in ("seed", "case", "replicates", "methods"))
-    fits = pd.DataFrame(imported(job["function"])(*of_all, **job["options"]))
+    small = study.trial("small")
+    (batch,) = small.batches
+    methods = {method.name: study.options(method) for method in small.methods}
+    rows = imported(small.kind.function)(small.seed, batch.case, batch.replicates, methods)
+    fits = pd.DataFrame(rows)
     table = model_error({"small": fits}, {}).set_index("method")
     ours = table.loc["maximum_likelihood"]
     assert ours[["replicates", "answered"]].to_list() == [1, 1]

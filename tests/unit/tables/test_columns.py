@@ -6,13 +6,12 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from galloping.configuration.load import load
+from galloping.configuration.trials import KINDS
 from galloping.report.columns import columns, meaning
-from galloping.study.cells import Study
-from galloping.tables import claims, registry
+from galloping.tables import claims
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference"
-TABLES = {table.name for table in registry.TABLES} | {*registry.COMPARISONS}
+TRIALS = f"trials: {{{', '.join(f'{kind}: {{kind: {kind}}}' for kind in KINDS)}}}"
 UNITS = {"m": "m", "s": "s", "percent": "%", "m_s": "m/s", "hz": "Hz"}
 
 
@@ -34,8 +33,13 @@ def test_every_column_of_the_claims_has_a_meaning(table, names):
     assert all(meaning(table, column) for column in names)
 
 
-def test_rows_are_of_tables_there_are_once_and_with_the_unit_of_their_name():
-    rows = columns({"tables": TABLES})
+def told(jobs):
+    """The data dictionary of a study."""
+    return columns(jobs["results/tables/columns.csv"]["settings"]["settings"]["settings"])
+
+
+def test_rows_are_of_tables_there_are_once_and_with_the_unit_of_their_name(jobs_of):
+    rows = told(jobs_of(TRIALS))
     assert not rows.duplicated(["table", "column"]).any()
     assert (rows["meaning"].str.len() > 3).all()
     for row in rows.to_dict("records"):
@@ -45,9 +49,8 @@ def test_rows_are_of_tables_there_are_once_and_with_the_unit_of_their_name():
             assert row["unit"] in ends, row
 
 
-def test_a_study_is_told_of_its_own_tables():
-    settings = registry.BY_NAME["columns"].settings(Study(load({})))
-    own = columns(settings)
+def test_a_study_is_told_of_its_own_tables(jobs_of):
+    own = told(jobs_of())
     assert {"scores", "reduction", "reference_summary"} <= set(own["table"])
     assert "trust" not in set(own["table"])
     assert isinstance(own, pd.DataFrame) and list(own) == ["table", "column", "unit", "meaning"]

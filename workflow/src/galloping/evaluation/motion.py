@@ -1,12 +1,12 @@
 """Motions: steady amplitude and frequency, how well one follows another, those of a cell."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from galloping.intervals import QUANTILES_90
 from galloping.polynomial import PolynomialModel
+from galloping.results import Reconstruction
 
 
 def gallops(model: PolynomialModel) -> bool:
@@ -54,19 +54,6 @@ def r_squared(true: np.ndarray, model: np.ndarray) -> np.ndarray:
 
 
 PLOT_RATE = 20.0  # Hz, an order of magnitude above the fastest harmonic that matters
-
-
-@dataclass(frozen=True)
-class Reconstruction:
-    """Motion of the replicate with the median R2, and the band that 90 % of replicates stay in.
-
-    time: (n,) s. representative, low, high: (n, n_states), NaN where motions ended early.
-    """
-
-    time: np.ndarray
-    representative: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
 
 
 def summarise(

@@ -1,28 +1,13 @@
 """What instruments would have recorded of a motion."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from galloping.measurement.protocols import BY_NAME, DERIVATIVES, Noise
 from galloping.recording import Recording
+from galloping.results import Motion
 from galloping.seeds import generator
-
-
-@dataclass(frozen=True)
-class Motion:
-    """The motion of a line after one release.
-
-    names: of the n_states states. time: (n,) s. states: (n, n_states), SI units.
-    derivatives: (n, n_states), per second. status: `ok`, or why the motion ended early.
-    """
-
-    names: tuple[str, ...]
-    time: np.ndarray
-    states: np.ndarray
-    derivatives: np.ndarray
-    status: str = "ok"
 
 
 def measure(

@@ -1,14 +1,13 @@
 """From the continuous line to the coefficients gamma and kappa of two coupled oscillators."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
 
 from galloping.physics.equations import model
 from galloping.physics.line import MODES, Line, Mode, integrate, irvine_root, sine_mode
-from galloping.polynomial import PolynomialModel
+from galloping.results import Derived
 
 # The paper's digits are damaged; each reading restores them in one way (docs: config/README.md).
 # Coefficients of alpha, alpha^2, alpha^3; the static ones drop out of the dynamic equations.
@@ -16,19 +15,6 @@ READINGS = {
     "swapped": ((0.442, 2.126, -4.432), (3.330, 0.0, 0.0)),
     "milli": ((0.442, 0.1262, -0.4324), (0.00333, 0.0, 0.0)),
 }
-
-
-@dataclass(frozen=True)
-class Derived:
-    """A true model.
-
-    model: its equations. coefficients: by the paper's symbols, SI units, on the left-hand side.
-    quantities: such as the sag, by name with unit.
-    """
-
-    model: PolynomialModel
-    coefficients: Mapping[str, float]
-    quantities: Mapping[str, float]
 
 
 def ice_coefficients(ice: Mapping) -> tuple[tuple[float, ...], tuple[float, ...]]:

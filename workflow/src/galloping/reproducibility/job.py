@@ -12,6 +12,7 @@ import traceback
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from datetime import UTC, datetime
+from inspect import signature
 from pathlib import Path
 
 from galloping.reproducibility.receipts import (
@@ -24,13 +25,17 @@ from galloping.reproducibility.receipts import (
 
 # How the last line of a log begins; that of a job which was killed begins otherwise.
 FINISHED, FAILED = "Finished: ", "Failed: "
+CODE = "code"  # the param with the digest of a job's code, see `digest`
 
 
-def run(work: Callable[[], None], job) -> None:
-    """Call `work`; what it prints and warns goes to the job's log, whole tracebacks too.
+def run(function: Callable[..., None], job) -> None:
+    """Call a script's function with what its rule names; what it prints goes to the job's log.
 
-    job: the `snakemake` object of the script. Its inputs must be what their jobs wrote; its outputs
-    get receipts. An error ends the process with exit code 1 and one line on the terminal.
+    function: takes the files of the rule's inputs and outputs, the values of its params and, as far
+    as it asks for them, its wildcards, each by the name that it has in the rule. A param is one
+    value under its configuration key, `code` is of no concern to it. job: the `snakemake` object of
+    the script. Its inputs must be what their jobs wrote; its outputs get receipts. An error ends
+    the process with exit code 1 and one line on the terminal; its traceback is in the log.
     """
     log = Path(job.log[0])
     try:
@@ -38,7 +43,7 @@ def run(work: Callable[[], None], job) -> None:
         with log.open("w", encoding="utf-8") as file:
             try:
                 with redirect_stdout(file), redirect_stderr(file):
-                    seconds = _run(work, job)
+                    seconds = _run(function, job)
                 print(f"{FINISHED}{seconds:.3f} s of work", file=file)
             except Exception as error:
                 traceback.print_exc(file=file)
@@ -64,15 +69,23 @@ def failures(results: str, since: int) -> list[str]:
     return lines
 
 
-def _run(work: Callable[[], None], job) -> float:
-    """Check the inputs, work, write receipts; the seconds of work."""
+def arguments(function: Callable[..., None], job) -> dict:
+    """What `run` calls the function of a script with."""
+    asked = signature(function).parameters
+    values = {name: next(iter(of.values())) for name, of in job.params.items() if name != CODE}
+    wildcards = {name: value for name, value in job.wildcards.items() if name in asked}
+    return {**wildcards, **dict(job.input.items()), **dict(job.output.items()), **values}
+
+
+def _run(function: Callable[..., None], job) -> float:
+    """Check the inputs, call the function, write receipts; the seconds of work."""
     inputs = {str(path): digest(path) for path in job.input}
     for path, present in inputs.items():
         receipt = read_receipt(path)
         if receipt and receipt.sha256 != present:
             raise ValueError(f"{path} is not what its job wrote: repair the study")
     start = time.perf_counter()
-    work()
+    function(**arguments(function, job))
     seconds = round(time.perf_counter() - start, 3)
     finished = datetime.now(UTC).isoformat(timespec="seconds")
     for path in job.output:
@@ -81,7 +94,7 @@ def _run(work: Callable[[], None], job) -> float:
             rule=job.rule,
             wildcards=dict(job.wildcards.items()),
             log=str(job.log[0]),
-            settings=as_written(job.params.settings),
+            settings=as_written(dict(job.params.items())),
             inputs=inputs,
             sha256=digest(path),
             size=Path(path).stat().st_size,

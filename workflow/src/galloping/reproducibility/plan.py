@@ -6,9 +6,9 @@ This module is an executor plugin of Snakemake's for dry runs, which keeps the j
 
 from __future__ import annotations
 
-import ast
 import csv
 import io
+import json
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
@@ -31,7 +31,7 @@ from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from snakemake_interface_executor_plugins.settings import CommonSettings
 
 from galloping.configuration.load import configured, plain
-from galloping.reproducibility.receipts import Receipt, as_written
+from galloping.reproducibility.receipts import Receipt
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
 CONFIGURATION = "config/config.yaml"
@@ -39,7 +39,7 @@ CONFIGURATION = "config/config.yaml"
 
 @dataclass(frozen=True)
 class PlannedJob:
-    """One job. settings: as its receipts hold them. Paths are relative to the working folder."""
+    """One job. settings: its params. Paths are relative to the working folder."""
 
     rule: str
     settings: dict
@@ -151,9 +151,9 @@ class Executor(AbstractExecutor):
 
     def run_job(self, job) -> None:
         if job.output:  # all but the rule that only collects
-            settings = ast.literal_eval(job.format_wildcards("{params.settings!r}"))
+            settings = json.loads(job.properties())["params"]
             inputs, outputs = (tuple(map(str, files)) for files in (job.input, job.output))
-            self.jobs.append(PlannedJob(job.name, as_written(settings), inputs, outputs))
+            self.jobs.append(PlannedJob(job.name, settings, inputs, outputs))
         submitted = SubmittedJobInfo(job=job)
         self.report_job_submission(submitted)
         self.report_job_success(submitted)

@@ -13,7 +13,6 @@ from galloping.identification.registry import Method
 from galloping.measurement import protocols
 from galloping.measurement.protocols import Protocol
 from galloping.study.kinds import JOINT, NOISE, SUBSET
-from galloping.study.paths import Paths
 from galloping.study.sweeps import Sweep, sweep
 from galloping.study.trials import Trial, trial
 
@@ -49,7 +48,7 @@ class Cell:
     kind: NOISE (a whole record), SUBSET (random samples of it) or JOINT (all recordings of the case
     together). level: of the noise. relative: whether it is in units of the states' deviations.
     samples: of each recording. recordings: how many share a model. methods: those that can use
-    them.
+    them, in the order of the registry: in which order a study names them is of no concern to jobs.
     """
 
     case: Case
@@ -99,7 +98,7 @@ class Cell:
 
     @property
     def families(self) -> dict[str, tuple[Method, ...]]:
-        """Its methods by the job that they share, in the order of the study."""
+        """Its methods by the job that they share."""
         names = dict.fromkeys(method.family for method in self.methods)
         return {name: tuple(m for m in self.methods if m.family == name) for name in names}
 
@@ -114,10 +113,6 @@ class Study:
     def plain(self) -> dict:
         """The settings as nested dict, list, str, int, float, bool and None."""
         return plain(self.settings)
-
-    @property
-    def paths(self) -> Paths:
-        return Paths.below(self.settings.results)
 
     @cached_property
     def cases(self) -> tuple[Case, ...]:
@@ -186,7 +181,11 @@ class Study:
             recordings=recordings,
             replicates=measurement.replicates if drawn else 1,
             seed=measurement.seed if drawn else 0,
-            methods=tuple(m for m in self.methods if m.can_use(protocol, uniform=kind != SUBSET)),
+            methods=tuple(
+                method
+                for method in registry.METHODS
+                if method in self.methods and method.can_use(protocol, uniform=kind != SUBSET)
+            ),
         )
 
     @cached_property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from galloping.configuration.parameters import departures
 from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
@@ -19,16 +19,6 @@ from galloping.study.kinds import (
 )
 
 Pair = tuple[Protocol, Method]
-
-
-def has_lines(study: Study) -> bool:
-    """Whether a study is of lines; one of trials alone is not."""
-    return bool(study.cases)
-
-
-def has_trials(*tables: str) -> Callable[[Study], bool]:
-    """Whether a study has trials that one of the tables sums up."""
-    return lambda study: any(trial.kind.table in tables for trial in study.trials)
 
 
 def first_case(study: Study) -> Case:
@@ -95,7 +85,7 @@ def our_pair(study: Study) -> Pair:
 def has_ours(study: Study) -> bool:
     """Whether our method runs on lines, and is not what stands for the paper's."""
     names = [method.name for method in study.methods]
-    return has_lines(study) and OURS in names and our_pair(study) != paper_pair(study)
+    return bool(study.cases) and OURS in names and our_pair(study) != paper_pair(study)
 
 
 def claim_pairs(study: Study) -> list[Pair]:
@@ -168,6 +158,16 @@ def families_of(cell: Cell) -> list[str]:
     """Of the methods that predict."""
     names = predicting_methods(cell)
     return list(dict.fromkeys(m.family for m in cell.methods if m.name in names))
+
+
+def ahead_cells(study: Study) -> list[Cell]:
+    """Whole records of the first case that ours can use."""
+    return [
+        cell
+        for cell in study.cells
+        if (cell.case, cell.kind) == (first_case(study), NOISE)
+        and any(method.name == OURS for method in cell.methods)
+    ]
 
 
 def oracle_cells(study: Study) -> list[Cell]:

@@ -2,9 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from galloping.configuration import assessment
+
+# Where a line has what a sweep can vary, for what is a key of its own there.
+KEYS = {
+    "wind_speed": (("wind", "speed"),),
+    "tension": (("line", "tension"),),
+    "damping_ratio": (("damping", "vertical"), ("damping", "horizontal")),
+    "damping_vertical": (("damping", "vertical"),),
+    "damping_horizontal": (("damping", "horizontal"),),
+    "spacer_mass": (("spacers", "mass"),),
+    "bundle_dimension": (("bundle", "dimension"),),
+}
+
+
+def without(line: Mapping, *parameters: str | None) -> dict:
+    """A line without its own values of what is varied, on which nothing of a sweep depends."""
+    gone = {place for parameter in parameters for place in KEYS.get(parameter, ())}
+    return {
+        section: {key: value for key, value in of.items() if (section, key) not in gone}
+        if isinstance(of, Mapping)
+        else of
+        for section, of in line.items()
+    }
 
 
 @dataclass(frozen=True)
@@ -29,6 +52,11 @@ class Sweep:
     @property
     def is_map(self) -> bool:
         return self.second is not None
+
+    @property
+    def ends(self) -> list[float]:
+        """The first and the last value."""
+        return [self.values[0], self.values[-1]]
 
     @property
     def blocks(self) -> tuple[Block, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from galloping.configuration.settings import TrialSection
 from galloping.configuration.trials import KINDS, Kind
+from galloping.identification.registry import BY_NAME, Method
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Batch:
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial. methods: names. options: keywords of the kind's function, in plain values."""
+    """One trial. options: keywords of the kind's function, in plain values."""
 
     name: str
     kind: Kind
@@ -29,7 +30,7 @@ class Trial:
     replicates: int
     batch: int
     cases: tuple[str, ...]
-    methods: tuple[str, ...]
+    methods: tuple[Method, ...]
     options: Mapping[str, list]
 
     @property
@@ -55,7 +56,7 @@ def trial(name: str, configured: TrialSection) -> Trial:
         configured.replicates,
         configured.batch,
         configured.cases or kind.cases,
-        configured.methods or kind.methods,
+        tuple(BY_NAME[name] for name in configured.methods or kind.methods),
         {key: list(values) for key, values in options.items()},
     )
 

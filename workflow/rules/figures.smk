@@ -1,0 +1,323 @@
+# models, motions, tables -> figures
+#
+# A figure: its label in the report, and how it is made, as a table is (tabulate.smk).
+from galloping.study.kinds import BOUND, NOISE, SUBSET
+
+COEFFICIENT_LEVELS = (0.01, 0.03, 0.05)
+HISTORY_LEVELS = (0.05, 0.1, 0.15)
+OPEN_LABELS = {
+    "wind_speed": "wind, m/s",
+    "damping_vertical": "$\\zeta_v$",
+    "damping_horizontal": "$\\zeta_w$",
+    "bundle_dimension": "$D$, m",
+    "release_vertical": "$q_v(0)$, m",
+    "release_horizontal": "$q_w(0)$, m",
+    "threshold": "threshold",
+}
+
+
+def table_of(name):
+    return f"<results>/tables/{name}.csv"
+
+
+def unit(protocol):
+    """Of its noise levels."""
+    return protocol.noise_unit(STUDY.settings.measurement.state_noise == "relative")
+
+
+def names(pair):
+    protocol, method = pair
+    return {"protocol": protocol.name, "method": method.name}
+
+
+def against_noise(*quantities):
+    """Scores of whole records."""
+    labels = {p.name: f"noise level, {unit(p)}" for p in STUDY.protocols}
+    return {"kind": NOISE, "x": "level", "labels": labels, "quantities": list(quantities)}
+
+
+def against_points(*quantities):
+    """Scores of random samples."""
+    labels = {p.name: "points" for p in STUDY.protocols}
+    return {"kind": SUBSET, "x": "points", "labels": labels, "quantities": list(quantities)}
+
+
+def noisy_histories(pair):
+    """Time histories at several noise levels: the cells, each with its label."""
+    cells = shown.noise_cells(STUDY, shown.paper_pair(STUDY), HISTORY_LEVELS)
+    return {each.name: f"noise level {each.level:g} ({unit(pair[0])})" for each in cells}
+
+
+def sampled_histories(pair):
+    """The same by amount of data, in the paper's order."""
+    cells = reversed(shown.amount_cells(STUDY, shown.paper_pair(STUDY)))
+    return {each.name: f"{each.samples} points" for each in cells}
+
+
+def drawn(label, function, settings=None, **reads):
+    """How a figure is made. label: in the report."""
+    return SimpleNamespace(label=label, **vars(made(f"figures.{function}", settings, **reads)))
+
+
+def histories(label, labels, pair):
+    """Time histories of the first case by a protocol and a method, in the cells with labels."""
+    cells = {f"{FIRST}/{pair[0].name}/{name}": text for name, text in labels(pair).items()}
+    return drawn(
+        label,
+        "histories:draw_histories",
+        {"case": FIRST, **names(pair), "cells": cells, "window": WINDOW},
+        trajectory=f"<results>/trajectories/{FIRST}.npz",
+        reconstructions=every("<results>/reconstructions/{cell}.npz", cell=cells),
+    )
+
+
+FIGURES = {}
+if DEPARTURES:
+    FIGURES["printed"] = drawn(
+        "the paper's printed numbers beside ours",
+        "against_paper:draw_printed",
+        {"case": next(iter(DEPARTURES))},
+        table=table_of("paper"),
+    )
+if LINES:
+    first_line = {"case": FIRST, "line": first_case.line}
+    trajectory = f"<results>/trajectories/{FIRST}.npz"
+    by_paper = shown.paper_pair(STUDY)
+    papers = {"case": FIRST, **names(by_paper)}  # the paper's method on the first case
+    draws = {  # its scores, and its many draws where the study has them
+        "table": SCORES,
+        **(
+            {"draws": f"<results>/paper/{FIRST}.csv"}
+            if shown.is_papers(by_paper) and FIRST in REDRAWN
+            else {}
+        ),
+    }
+    everything = {  # in the study's order
+        "cases": LINES,
+        "protocols": [protocol.name for protocol in STUDY.protocols],
+        "methods": [*(method.name for method in STUDY.methods), BOUND],
+    }
+    noisy_cells = (  # without noise, and where no coefficients are true, there are none to show
+        {}
+        if first_case.is_continuous
+        else {
+            each.name: each.level for each in shown.noise_cells(STUDY, by_paper, COEFFICIENT_LEVELS)
+        }
+    )
+    coefficients_at = f"<results>/identified/{FIRST}/{by_paper[0].name}"
+    levels, points = STUDY.settings.measurement.levels, STUDY.settings.measurement.subsets.points
+    sensors = shown.sensor_protocol(STUDY)
+    FIGURES |= {
+        "figure01": drawn(
+            "01 line and coordinates",
+            "schematics:draw_line",
+            first_line,
+            model=f"<results>/models/{FIRST}.json",
+        ),
+        "figure02": drawn(
+            "02 aerodynamic load",
+            "schematics:draw_aerodynamic_load",
+            first_line,
+            trajectory=trajectory,
+        ),
+        "figure03": drawn(
+            "03 flow chart",
+            "schematics:draw_flow",
+            {
+                "degree": DEGREE,
+                "protocols": everything["protocols"],
+                "methods": everything["methods"][:-1],
+                "levels": [min(levels), max(levels)],
+                "points": [min(points), max(points)],
+                "replicates": STUDY.settings.measurement.replicates,
+            },
+        ),
+        "figure04": drawn(
+            "04 motion without noise",
+            "histories:draw_recovery",
+            {"cases": LINES, **names(by_paper), "level": min(levels)},
+            trajectories=every("<results>/trajectories/{case}.npz", case=LINES),
+            reconstructions={
+                case: f"<results>/reconstructions/{cell}.npz" for case, cell in least_noise.items()
+            },
+        ),
+        "figure05": drawn(
+            "05 coefficients under noise",
+            "each_term:draw_coefficients",
+            {**papers, "levels": noisy_cells, "unit": unit(by_paper[0]), "degree": DEGREE},
+            model=f"<results>/models/{FIRST}.json",
+            identified=every(
+                f"{coefficients_at}/{{cell}}/{by_paper[1].family}.npz", cell=noisy_cells
+            ),
+        ),
+        "figure06": drawn(
+            "06 coefficient error against noise",
+            "errors:draw_draws",
+            papers | against_noise("coefficients"),
+            **draws,
+        ),
+        "figure06_methods": drawn(
+            "06, all methods: coefficient error against noise",
+            "errors:draw_methods",
+            everything | against_noise("coefficients") | {"values": "noise_coefficients.csv"},
+            table=SCORES,
+        ),
+        "figure07": drawn(
+            "07 R2 against noise", "errors:draw_draws", papers | against_noise("r2"), **draws
+        ),
+        "figure07_methods": drawn(
+            "07, all methods: R2 against noise",
+            "errors:draw_methods",
+            everything | against_noise("r2") | {"values": "noise_r2.csv"},
+            table=SCORES,
+        ),
+        "figure08": histories("08 time histories under noise", noisy_histories, by_paper),
+    }
+if shown.has_ours(STUDY):
+    FIGURES["figure08_methods"] = histories(
+        "08, our method: time histories under noise", noisy_histories, shown.our_pair(STUDY)
+    )
+if LINES:
+    FIGURES["figure09"] = histories(
+        "09 time histories by amount of data", sampled_histories, by_paper
+    )
+if shown.has_ours(STUDY):
+    FIGURES["figure09_methods"] = histories(
+        "09, our method: time histories by amount of data",
+        sampled_histories,
+        shown.our_pair(STUDY),
+    )
+if LINES:
+    predicted = shown.predicted_cells(STUDY, FIRST)
+    predicting = [shown.predicting_methods(each) for each in predicted.values()][:1] or [[""]]
+    FIGURES |= {
+        "figure10": drawn(
+            "10 R2 and amplitude by amount of data",
+            "errors:draw_draws",
+            papers | against_points("r2", "amplitude"),
+            **draws,
+        ),
+        "figure10_methods": drawn(
+            "10, all methods: amplitude by amount of data",
+            "errors:draw_methods",
+            everything | against_points("amplitude") | {"values": "data_amount.csv"},
+            table=SCORES,
+        ),
+        "claims": drawn(
+            "claims of the paper",
+            "against_paper:draw_claims",
+            {"combinations": [[p.name, m.name] for p, m in shown.claim_pairs(STUDY)]},
+            table=table_of("claims"),
+        ),
+        "overview": drawn(
+            "overview: error against noise, and the bound",
+            "errors:draw_overview",
+            {
+                "case": FIRST,
+                "protocol": sensors.name,
+                "label": against_noise()["labels"][sensors.name],
+            },
+            table=SCORES,
+            peers=table_of("peers"),
+        ),
+        "efficiency": drawn(
+            "efficiency against noise",
+            "errors:draw_efficiency",
+            everything | {"labels": against_noise()["labels"]},
+            table=table_of("efficiency"),
+        ),
+        "identifiability": drawn(
+            "identifiability of each term",
+            "each_term:draw_identifiability",
+            everything | {"level": STUDY.settings.measurement.subsets.level},
+            table=table_of("identifiability"),
+        ),
+        "limit_cycles": drawn(
+            "from which wind on, and how far",
+            "settled_motion:draw_limit_cycles",
+            {
+                "cases": {case.name: case.line for case in STUDY.cases},
+                "parameter": "wind_speed",
+                "label": "wind speed, m/s",
+            },
+            cycles=table_of("limit_cycles"),
+            bifurcations=table_of("bifurcations"),
+        ),
+        "resonance_map": drawn(
+            "where the 2:1 resonance lies",
+            "settled_motion:draw_resonance_map",
+            {
+                "case": FIRST,
+                "x_label": "wind speed, m/s",
+                "y_label": "tension of a sub-conductor, kN",
+                "y_scale": 1000,
+            },
+            table=table_of("resonance_map"),
+        ),
+        "orbits": drawn(
+            "orbits at mid-span",
+            "engineering:draw_orbits",
+            {"cases": {case.name: case.released for case in STUDY.cases}},
+            orbits=every("<results>/assessment/{case}/orbits.npz", case=LINES),
+        ),
+        "prediction": drawn(
+            "other wind speeds, from an identified model",
+            "settled_motion:draw_prediction",
+            {
+                "case": FIRST,
+                "protocols": list(predicted),
+                **dict(zip(("method", "peer"), predicting[0], strict=False)),
+                "replicate": 0,
+                "recorded": first_case.line["wind"]["speed"],
+            },
+            table=table_of("prediction"),
+        ),
+        "limit_cycle_ahead": drawn(
+            "the limit cycle ahead of its time",
+            "settled_motion:draw_limit_cycle_ahead",
+            {"window": WINDOW},
+            table=table_of("limit_cycle_ahead"),
+        ),
+        "reduction": drawn(
+            "what two modes are worth", "verdicts:draw_reduction", table=table_of("reduction")
+        ),
+        "measures": drawn(
+            "what stops it",
+            "engineering:draw_measures",
+            {"cases": LINES},
+            table=table_of("measures"),
+        ),
+    }
+if REDRAWN:
+    FIGURES["reproduction"] = drawn(
+        "what the missing parameters decide",
+        "against_paper:draw_reproduction",
+        {"labels": OPEN_LABELS},
+        table=table_of("reproduction"),
+    )
+if has_trials(TRUST):
+    FIGURES["trust"] = drawn(
+        "how often each status is right", "verdicts:draw_trust", table=table_of("fits")
+    )
+if has_trials(MODEL_ERROR):
+    FIGURES["model_error"] = drawn(
+        "what a recording of a real line gives",
+        "verdicts:draw_model_error",
+        table=table_of("model_error"),
+    )
+if has_trials(EXACT_TERMS):
+    FIGURES["published_terms"] = drawn(
+        "exact terms beside published methods",
+        "verdicts:draw_published_terms",
+        table=table_of("published_terms"),
+    )
+if has_trials(INTERVALS):
+    FIGURES["published_intervals"] = drawn(
+        "intervals after selection beside published ones",
+        "verdicts:draw_published_intervals",
+        table=table_of("published_intervals"),
+    )
+if has_trials(PAPER):
+    FIGURES["paper_region"] = drawn(
+        "what the paper leaves out", "against_paper:draw_region", samples=SAMPLES, readings=READINGS
+    )

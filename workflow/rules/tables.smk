@@ -1,0 +1,262 @@
+# scores, bounds -> tables, and their differences from the reference
+#
+# A table: the function that makes it, its settings where it has such, and by the names of the
+# function's arguments the files that it reads, one or several by name; each comes as
+# `galloping.study.files.read` returns it.
+from types import SimpleNamespace
+
+from galloping.study.kinds import OURS
+from galloping.configuration.trials import EXACT_TERMS, INTERVALS, MODEL_ERROR, SYSTEMS, TRUST
+
+SCORES = "<results>/tables/scores.csv"
+SAMPLES = "<results>/tables/paper_samples.csv"
+READINGS = "<results>/tables/paper_readings.csv"
+REGION = "results/reference/paper/paper_region.csv"  # what `make paper` found, kept
+
+DEPARTURES = shown.departures_from_paper(STUDY)  # empty without a case of the paper
+
+
+def made(function, settings=None, **reads):
+    """How a table or a figure is made. settings: its own, by key, in plain values."""
+    return SimpleNamespace(function=f"galloping.{function}", settings=settings or {}, reads=reads)
+
+
+def files_of(what):
+    """Inputs of a table or a figure: a list where it reads several files by name."""
+    return {
+        name: list(files.values()) if isinstance(files, dict) else files
+        for name, files in what.reads.items()
+    }
+
+
+def names_of(what):
+    """The names of the files in these lists."""
+    return {
+        "names": {
+            name: list(files) for name, files in what.reads.items() if isinstance(files, dict)
+        }
+    }
+
+
+def every(pattern, **wildcards):
+    """A file for each value of one wildcard, by that value."""
+    ((name, values),) = wildcards.items()
+    return {value: expand(pattern, **{name: value}, allow_missing=True)[0] for value in values}
+
+
+def swept(pattern, cases=LINES, maps=False):
+    """Files of sweeps of one parameter, or of two, of each case."""
+    return {
+        path: path
+        for case in cases
+        for sweep in STUDY.sweeps
+        if sweep.is_map == maps
+        for name in pattern
+        for path in expand(
+            f"<results>/sweeps/{case}/{sweep.name}/{name}.csv",
+            block=[block.name for block in sweep.blocks],
+        )
+    }
+
+
+def fits_of(*tables):
+    """Of all trials that one of the tables sums up."""
+    return {
+        f"{trial.name}/{batch.name}": f"<results>/trials/{trial.name}/{batch.name}.csv"
+        for trial in STUDY.trials
+        if trial.kind.table in tables
+        for batch in trial.batches
+    }
+
+
+def has_trials(*tables):
+    return any(trial.kind.table in tables for trial in STUDY.trials)
+
+
+TABLES = {}
+if DEPARTURES:
+    TABLES["readings"] = made("tables.parameters:readings")
+if LINES:
+    first_case = STUDY.cases[0]
+    paper_protocol, paper_method = shown.paper_pair(STUDY)
+    least_noise = {case.name: shown.least_noise(STUDY, case).id for case in STUDY.cases}
+    noisy = {each.id: each.columns for each in STUDY.cells if each.level > 0}  # have a bound
+    ahead = {each.id: each.columns for each in shown.ahead_cells(STUDY)}
+    TABLES |= {
+        "table1_conductor": made(
+            "tables.parameters:conductor",
+            {"cases": STUDY.plain["cases"]},
+            **({"region": REGION} if Path(REGION).exists() else {}),
+        ),
+        "table3_as_printed": made(
+            "tables.coefficients:as_printed",
+            table3="<results>/tables/table3_coefficients.csv",
+        ),
+        "table2_spacers": made("tables.parameters:spacers", {"cases": STUDY.plain["cases"]}),
+        "table3_coefficients": made(
+            "tables.coefficients:table3",
+            {
+                "cases": LINES,
+                "continuous": CONTINUOUS,
+                "protocol": paper_protocol.name,
+                "method": paper_method.name,
+                "level": min(STUDY.settings.measurement.levels),
+                "degree": DEGREE,
+            },
+            models=every("<results>/models/{case}.json", case=LINES),
+            identified={
+                case: f"<results>/identified/{cell}/{paper_method.family}.npz"
+                for case, cell in least_noise.items()
+            },
+        ),
+        "noise_coefficients": made("tables.scores:noise_coefficients", scores=SCORES),
+        "noise_r2": made("tables.scores:noise_r2", scores=SCORES),
+        "data_amount": made("tables.scores:data_amount", scores=SCORES),
+        "claims": made(
+            "tables.claims:claims_table",
+            {
+                "cases": shown.judged_cases(STUDY),
+                "pairs": [[p.name, m.name] for p in STUDY.protocols for m in STUDY.methods],
+                "steady_window": WINDOW,
+            },
+            scores=SCORES,
+            draws=every("<results>/paper/{case}.csv", case=REDRAWN),
+            trajectories=every("<results>/trajectories/{case}.npz", case=shown.judged_cases(STUDY)),
+        ),
+    }
+if DEPARTURES:
+    TABLES["paper"] = made(
+        "tables.claims:paper_table",
+        {"departures": DEPARTURES},
+        draws=every("<results>/paper/{case}.csv", case=REDRAWN),
+        claims="<results>/tables/claims.csv",
+    )
+if LINES:
+    TABLES |= {
+        "efficiency": made(
+            "tables.bounds:efficiency",
+            scores=SCORES,
+            identifiability="<results>/tables/identifiability.csv",
+        ),
+        "peers": made(
+            "tables.scores:peers",
+            scores=SCORES,
+            oracles=every(
+                "<results>/oracles/{cell}.csv",
+                cell=[each.id for each in shown.oracle_cells(STUDY)],
+            ),
+        ),
+        "identifiability": made(
+            "tables.bounds:identifiability",
+            {"degree": DEGREE, "cells": noisy},
+            models=every("<results>/models/{case}.json", case=LINES),
+            bounds=every("<results>/bounds/{cell}.npz", cell=noisy),
+        ),
+        "further_recordings": made(
+            "tables.scores:together",
+            parts=every(
+                "<results>/bounds/{case}/further_recordings.csv",
+                case=[case.name for case in STUDY.cases if not case.is_continuous],
+            ),
+        ),
+        "limit_cycles": made(
+            "tables.scores:together", parts=swept(["cycles", "simulated/{block}"])
+        ),
+        "bifurcations": made("tables.scores:together", parts=swept(["bifurcations"])),
+        # of the first case: lines that differ in what is varied have the same map
+        "resonance_map": made(
+            "tables.scores:together",
+            parts=swept(["simulated/{block}"], cases=LINES[:1], maps=True),
+        ),
+        "prediction": made(
+            "tables.scores:together",
+            parts=every(
+                f"<results>/assessment/{FIRST}/prediction_{{protocol}}.csv",
+                protocol=shown.predicted_cells(STUDY, FIRST),
+            ),
+        ),
+        "limit_cycle_ahead": made(
+            "tables.ahead:limit_cycles_ahead",
+            {
+                "method": OURS,
+                "seed": SEED,
+                "steady_window": WINDOW,
+                "is_continuous": first_case.is_continuous,
+                "cells": ahead,
+            },
+            model=f"<results>/models/{FIRST}.json",
+            trajectory=f"<results>/trajectories/{FIRST}.npz",
+            identified=every(f"<results>/identified/{{cell}}/{OURS_FAMILY}.npz", cell=ahead),
+        ),
+        "reduction": made(
+            "evaluation.reduction:reduction_table",
+            {
+                "case": first_case.released,
+                "seed": SEED,
+                "length_scale": first_case.truth["gusts"]["length_scale"],
+                "spectrum": first_case.truth["gusts"]["spectrum"],
+            },
+        ),
+        "clearance": made(
+            "tables.scores:together",
+            parts=every("<results>/assessment/{case}/clearance.csv", case=LINES),
+        ),
+        "measures": made(
+            "tables.scores:together",
+            parts=every("<results>/assessment/{case}/measures.csv", case=LINES),
+        ),
+    }
+if REDRAWN:
+    opened = STUDY.plain["assessment"]["open_parameters"]
+    TABLES["reproduction"] = made(
+        "tables.scores:together",
+        parts=every(
+            "<results>/reproduction/{parameter}.csv",
+            parameter=[name for name in OPEN_PARAMETERS if opened[name]],
+        ),
+    )
+if LINES:
+    TABLES["scores"] = made(
+        "tables.scores:all_scores",
+        cells=every("<results>/scores/{cell}.csv", cell=[each.id for each in STUDY.cells]),
+    )
+TABLES["columns"] = made("report.columns:columns")  # its settings, all tables: below
+if has_trials(TRUST):
+    TABLES |= {
+        "fits": made("tables.scores:together", parts=fits_of(TRUST)),
+        "trust": made("tables.trials:trust", fits="<results>/tables/fits.csv"),
+    }
+if has_trials(SYSTEMS):
+    TABLES["systems"] = made("tables.trials:systems", parts=fits_of(SYSTEMS))
+if has_trials(MODEL_ERROR):
+    TABLES["model_error"] = made("tables.trials:model_error", parts=fits_of(MODEL_ERROR))
+if has_trials(TRUST, SYSTEMS, MODEL_ERROR):
+    TABLES["paths"] = made(
+        "tables.trials:paths",
+        {"kinds": {name: of.kind for name, of in STUDY.settings.trials.items()}},
+        parts=fits_of(TRUST, SYSTEMS, MODEL_ERROR),
+    )
+if has_trials(EXACT_TERMS):
+    TABLES["published_terms"] = made("tables.trials:published_terms", parts=fits_of(EXACT_TERMS))
+if has_trials(INTERVALS):
+    TABLES["published_intervals"] = made(
+        "tables.trials:published_intervals", parts=fits_of(INTERVALS)
+    )
+if has_trials(PAPER):
+    TABLES |= {
+        "paper_region": made("tables.inference:region_table", samples=SAMPLES, readings=READINGS),
+        "paper_readings": made("tables.inference:readings", parts=fits_of(PAPER)),
+        "paper_left_out": made("tables.inference:left_out", samples=SAMPLES),
+        "paper_exclusions": made("tables.inference:exclusions", parts=fits_of(PAPER)),
+        "paper_samples": made(
+            "tables.inference:region_samples", {"seed": SEED}, parts=fits_of(PAPER)
+        ),
+    }
+
+COMPARISONS = ["reference_summary", "reference_differences"]
+TABLES["columns"].settings["tables"] = [*TABLES, *COMPARISONS]
+NOT_SHOWN = {"scores", "fits", "paper_samples"}  # in the report: too long
+NOT_COMPARED = NOT_SHOWN | {  # with the reference
+    "readings", "table3_as_printed", "reproduction", "columns",
+    "limit_cycles", "bifurcations",  # where a branch has its points is decided by rounding
+}  # fmt: skip

@@ -1,0 +1,52 @@
+"""What the stages of a study hand on beside recordings and identified models.
+
+Without what computes it: files are read and written whatever becomes of that.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from galloping.polynomial import PolynomialModel
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A true model.
+
+    model: its equations. coefficients: by the paper's symbols, SI units, on the left-hand side.
+    quantities: such as the sag, by name with unit.
+    """
+
+    model: PolynomialModel
+    coefficients: Mapping[str, float]
+    quantities: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The motion of a line after one release.
+
+    names: of the n_states states. time: (n,) s. states: (n, n_states), SI units.
+    derivatives: (n, n_states), per second. status: `ok`, or why the motion ended early.
+    """
+
+    names: tuple[str, ...]
+    time: np.ndarray
+    states: np.ndarray
+    derivatives: np.ndarray
+    status: str = "ok"
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """Motion of the replicate with the median R2, and the band that 90 % of replicates stay in.
+
+    time: (n,) s. representative, low, high: (n, n_states), NaN where motions ended early.
+    """
+
+    time: np.ndarray
+    representative: np.ndarray
+    low: np.ndarray
+    high: np.ndarray

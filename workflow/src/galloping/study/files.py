@@ -1,0 +1,285 @@
+"""Every kind of file of a study: how it is written, and how it is read again.
+
+`read` knows a kind by where the file lies, which `workflow/rules` says.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, fields
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from galloping.identification.model import BY_TERM, IdentifiedModel
+from galloping.polynomial import PolynomialModel
+from galloping.recording import Recording
+from galloping.results import Derived, Motion, Reconstruction
+from galloping.storage import read_json, write_arrays, write_json, write_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BY_STATE = (*BY_TERM, "thresholds")  # of an identified model: by state, and by term or not
+TEXTS = ("status", "reason")
+CHANNELS = ("time", "values", "derivatives", "rates")  # of a recording
+
+
+def read(path: str | os.PathLike) -> object:
+    """What a file of a study holds, as the reader of its kind below returns it.
+
+    Raises ValueError for a file of no kind.
+    """
+    for pattern, reader in READERS.items():
+        if PurePath(path).match(pattern):
+            return reader(path)
+    raise ValueError(f"{path}: is of no kind that a study has; must be {', '.join(READERS)}")
+
+
+def read_all(files: Mapping[str, str | Sequence], names: Mapping[str, Sequence[str]]) -> dict:
+    """What files hold, by name; of a list of files a dict, by those of `names`."""
+    return {
+        key: dict(zip(names[key], map(read, of), strict=True)) if key in names else read(of)
+        for key, of in files.items()
+    }
+
+
+# --- tables: scores, sweeps, assessments, tables/{table}.csv ---
+
+
+def write_table(path: str | os.PathLike, table: pd.DataFrame) -> None:
+    """One observation a row, ten significant digits a number."""
+    write_rows(path, table.to_dict("records"), list(table))
+
+
+def read_table(path: str | os.PathLike) -> pd.DataFrame:
+    import pandas as pd  # here: most jobs read no table
+
+    return pd.read_csv(path)
+
+
+def read_as_written(path: str | os.PathLike) -> pd.DataFrame:
+    """All cells as text: empty cells and the word "nan" are not the same."""
+    import pandas as pd
+
+    return pd.read_csv(path, dtype=str, keep_default_na=False)
+
+
+# --- models/{case}.json: the true equations of a line, and what else its parameters tell ---
+
+
+def write_model(path: str | os.PathLike, derived: Derived) -> None:
+    """Human-readable, and exact to the last bit."""
+    model = asdict(derived.model) | {"coefficients": derived.model.coefficients.tolist()}
+    content = {**derived.quantities, "coefficients": dict(derived.coefficients), "model": model}
+    write_json(path, content)
+
+
+def read_model(path: str | os.PathLike) -> Derived:
+    content = read_json(path)
+    model = content.pop("model")
+    equations = PolynomialModel(
+        tuple(model["states"]), tuple(map(tuple, model["terms"])), np.array(model["coefficients"])
+    )
+    return Derived(equations, content.pop("coefficients"), content)
+
+
+# --- trajectories/{case}.npz: the true motion of a line after each of its releases ---
+
+
+def write_trajectories(path: str | os.PathLike, motions: Sequence[Motion]) -> None:
+    """Motions of one system on one time grid."""
+    write_arrays(
+        path,
+        names=np.array(motions[0].names),
+        time=motions[0].time,
+        states=np.stack([motion.states for motion in motions]),
+        derivatives=np.stack([motion.derivatives for motion in motions]),
+        status=np.array([motion.status for motion in motions]),
+    )
+
+
+def read_trajectories(path: str | os.PathLike) -> tuple[Motion, ...]:
+    """The motion of each release; the first one is what models are judged by."""
+    with np.load(path) as file:
+        names, time = tuple(map(str, file["names"])), file["time"]
+        motions = zip(file["states"], file["derivatives"], file["status"].tolist(), strict=True)
+        return tuple(Motion(names, time, *motion) for motion in motions)
+
+
+# --- recordings/{case}/{protocol}/{cell}.npz: the recordings of a cell ---
+
+
+def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Recording]]) -> None:
+    """Recordings by replicate and release; what all replicates share is stored once."""
+    arrays: dict[str, np.ndarray] = {
+        "states": np.array(replicates[0][0].states),
+        "shape": np.array([len(replicates), len(replicates[0])]),
+    }
+    for release, copies in enumerate(zip(*replicates, strict=True)):
+        for channel in CHANNELS:
+            if getattr(copies[0], channel) is not None:
+                arrays[f"{channel}_{release}"] = _stack([getattr(c, channel) for c in copies])
+    write_arrays(path, **arrays)
+
+
+def read_recordings(path: str | os.PathLike) -> list[tuple[Recording, ...]]:
+    """The recordings of each replicate."""
+    with np.load(path) as file:
+        arrays = dict(file)
+    states = tuple(map(str, arrays.pop("states")))
+    replicates, releases = arrays.pop("shape")
+
+    def recording(replicate: int, release: int) -> Recording:
+        channels = {
+            channel: arrays[key][replicate % len(arrays[key])]
+            for channel in CHANNELS
+            if (key := f"{channel}_{release}") in arrays
+        }
+        return Recording(states=states, **channels)
+
+    return [tuple(recording(r, i) for i in range(releases)) for r in range(replicates)]
+
+
+def _stack(arrays: list[np.ndarray]) -> np.ndarray:
+    """All replicates, or one in place of all that are equal."""
+    shared = all(np.array_equal(arrays[0], a, equal_nan=True) for a in arrays[1:])
+    return arrays[0][np.newaxis] if shared else np.stack(arrays)
+
+
+# --- identified/{case}/{protocol}/{cell}/{family}.npz: the models of a family of methods ---
+
+
+def write_identified(
+    path: str | os.PathLike, models: Mapping[str, Sequence[IdentifiedModel]]
+) -> None:
+    """Replicates of one cell by method; what belongs to single recordings is left out."""
+    first = next(iter(models.values()))[0].model
+    arrays = {"states": np.array(first.states), "terms": np.array(first.terms)}
+    for method, replicates in models.items():
+        columns = {name: [getattr(r, name) for r in replicates] for name in (*BY_STATE, *TEXTS)}
+        columns["coefficients"] = [r.model.coefficients for r in replicates]
+        columns["chi2"] = [r.chi2 for r in replicates]
+        columns["covariance"] = _padded([r.covariance for r in replicates])
+        columns["known"] = [np.isin(np.arange(len(first.states)), r.known) for r in replicates]
+        arrays |= {f"{method}/{name}": np.array(column) for name, column in columns.items()}
+    write_arrays(path, **arrays)
+
+
+def read_identified(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]:
+    """The model of each replicate, by method."""
+    with np.load(path) as file:
+        arrays = dict(file)
+    states = tuple(arrays.pop("states").tolist())
+    terms = tuple(map(tuple, arrays.pop("terms").tolist()))
+
+    def model(method: str, replicate: int) -> IdentifiedModel:
+        part = {
+            name: arrays[f"{method}/{name}"][replicate]
+            for name in (*BY_STATE, *TEXTS, "coefficients", "chi2", "known", "covariance")
+        }
+        return IdentifiedModel(
+            model=PolynomialModel(states, terms, part["coefficients"]),
+            chi2=float(part["chi2"]),
+            known=tuple(np.flatnonzero(part["known"]).tolist()),
+            covariance=_stated(part["covariance"]),
+            **{name: part[name] for name in BY_STATE},
+            **{name: str(part[name]) for name in TEXTS},
+        )
+
+    methods = dict.fromkeys(name.partition("/")[0] for name in arrays)
+    return {
+        method: [model(method, k) for k in range(len(arrays[f"{method}/status"]))]
+        for method in methods
+    }
+
+
+def read_families(paths: Iterable[str | os.PathLike]) -> dict[str, list[IdentifiedModel]]:
+    """The models of several families of methods, by method."""
+    return {method: of for path in paths for method, of in read_identified(path).items()}
+
+
+def _padded(covariances: Sequence[np.ndarray]) -> np.ndarray:
+    """(n_replicates, n, n) with the largest n, NaN beyond the own size of each."""
+    size = max(len(each) for each in covariances)
+    padded = np.full((len(covariances), size, size), np.nan)
+    for k, each in enumerate(covariances):
+        padded[k, : len(each), : len(each)] = each
+    return padded
+
+
+def _stated(padded: np.ndarray) -> np.ndarray:
+    size = int(np.isfinite(np.diag(padded)).sum())
+    return padded[:size, :size]
+
+
+# --- bounds/{case}/{protocol}/{cell}.npz: the Cramer-Rao bound of a cell ---
+
+
+def write_bounds(path: str | os.PathLike, deviations: np.ndarray) -> None:
+    """Least standard deviation of each coefficient on the candidate library.
+
+    deviations: (n_samplings, n_states, n_terms), NaN without noise and for terms without a bound.
+    There is one sampling where all replicates share their times, else one for each replicate.
+    """
+    write_arrays(path, std=deviations)
+
+
+def read_bounds(path: str | os.PathLike) -> np.ndarray:
+    with np.load(path) as file:
+        return file["std"]
+
+
+# --- reconstructions/{case}/{protocol}/{cell}.npz: motions of identified models, for figures ---
+
+
+def write_reconstructions(
+    path: str | os.PathLike, reconstructions: Mapping[str, Reconstruction]
+) -> None:
+    """What the models of each method do, by its name."""
+    write_arrays(
+        path,
+        **{
+            f"{method}/{name}": values
+            for method, reconstruction in reconstructions.items()
+            for name, values in asdict(reconstruction).items()
+        },
+    )
+
+
+def read_reconstructions(path: str | os.PathLike) -> dict[str, Reconstruction]:
+    """Reconstructions by method."""
+    names = [field.name for field in fields(Reconstruction)]
+    with np.load(path) as file:
+        methods = dict.fromkeys(key.partition("/")[0] for key in file)
+        return {
+            method: Reconstruction(*(file[f"{method}/{name}"] for name in names))
+            for method in methods
+        }
+
+
+# --- assessment/{case}/orbits.npz: settled orbits at mid-span ---
+
+
+def write_orbits(path: str | os.PathLike, orbits: Mapping[float, np.ndarray]) -> None:
+    """orbits: by wind speed in m/s, (n, 2) places (w, v) in m about rest."""
+    write_arrays(path, **{f"{wind:.12g}": places for wind, places in orbits.items()})
+
+
+def read_orbits(path: str | os.PathLike) -> dict[float, np.ndarray]:
+    with np.load(path) as file:
+        return {float(wind): file[wind] for wind in file}
+
+
+READERS = {
+    "*.csv": read_table,
+    "models/*.json": read_model,
+    "trajectories/*.npz": read_trajectories,
+    "recordings/*/*/*.npz": read_recordings,
+    "identified/*/*/*/*.npz": read_identified,
+    "bounds/*/*/*.npz": read_bounds,
+    "reconstructions/*/*/*.npz": read_reconstructions,
+    "assessment/*/orbits.npz": read_orbits,
+}

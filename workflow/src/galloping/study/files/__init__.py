@@ -1,1 +1,0 @@
-"""Every kind of file of a study: one module each, which alone knows what is in it."""
