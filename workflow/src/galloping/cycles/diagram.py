@@ -7,17 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from galloping.cycles import limit_cycles
 from galloping.cycles.continuation import Branch, Range
 from galloping.cycles.equilibria import equilibrium_branch, hopf_points
 from galloping.cycles.family import Family
-from galloping.cycles.limit_cycles import (
-    BRANCH_POINT,
-    ENDED_DOUBLED,
-    PERIOD_DOUBLING,
-    from_branching,
-    from_hopf,
-    from_motion,
-)
 
 PLACE = ("value", "period")
 
@@ -68,11 +61,15 @@ def diagram(
     equilibria = equilibrium_branch(family, begin, span.low, span)
     hopfs = enumerate(hopf_points(equilibria), start=1)
     queue = [
-        _Start(f"Hopf {k}", 0, lambda at=hopf: (from_hopf(family, at, span, ceiling=ceiling),))
+        _Start(
+            f"Hopf {k}",
+            0,
+            lambda at=hopf: (limit_cycles.from_hopf(family, at, span, ceiling=ceiling),),
+        )
         for k, hopf in hopfs
     ]
     if not queue and motion is not None:
-        follow = partial(from_motion, family, *motion, span, ceiling=ceiling)
+        follow = partial(limit_cycles.from_motion, family, *motion, span, ceiling=ceiling)
         queue = [_Start(f"from {motion[0]:g}", 0, follow)]
     cycles, failures = [], []
     while queue:
@@ -106,21 +103,21 @@ def _leaving(
     family: Family, branch: Branch, name: str, level: int, depth: int, span: Range, ceiling: float
 ) -> Iterator[_Start]:
     """Branches that leave a branch, and the one on which a doubled branch ends."""
-    if branch.reason == ENDED_DOUBLED:
+    if branch.reason == limit_cycles.ENDED_DOUBLED:
         last = branch.points[-1].solution
         phase = np.linspace(0, 1, 401)
         both = (last.at(phase) + last.at(phase + 0.5)) / 2  # two turns of one orbit
         turns = last.value, phase * last.period, both
-        follow = partial(from_motion, family, *turns, span, ceiling=ceiling)
+        follow = partial(limit_cycles.from_motion, family, *turns, span, ceiling=ceiling)
         yield _Start(f"{name}, halved", level, follow, last.value, last.period / 2)
     if level == depth:
         return
-    for kind in (PERIOD_DOUBLING, BRANCH_POINT):
+    for kind in (limit_cycles.PERIOD_DOUBLING, limit_cycles.BRANCH_POINT):
         places = [b for b in branch.bifurcations if b.name == kind]
         for k, at in enumerate(places, start=1):
-            follow = partial(from_branching, family, at, span, ceiling=ceiling)
+            follow = partial(limit_cycles.from_branching, family, at, span, ceiling=ceiling)
             orbit = at.point.solution
-            known = (orbit.value, 2 * orbit.period) if kind == PERIOD_DOUBLING else ()
+            known = (orbit.value, 2 * orbit.period) if kind == limit_cycles.PERIOD_DOUBLING else ()
             yield _Start(f"{name}, {kind} {k}", level + 1, follow, *known)
 
 

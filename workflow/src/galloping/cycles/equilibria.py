@@ -6,16 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from galloping.cycles.continuation import (
-    Bifurcation,
-    Branch,
-    Change,
-    NotConverged,
-    Range,
-    corrected,
-    follow,
-    point_at,
-)
+from galloping.cycles import continuation
 from galloping.cycles.family import Family, VectorField
 
 HOPF, FOLD, BRANCH_POINT = "Hopf", "fold", "branch point"
@@ -50,14 +41,14 @@ class _Linearisation:
     jacobian: np.ndarray
     by_value: np.ndarray
 
-    def bordered(self, border: Change) -> np.ndarray:
+    def bordered(self, border: continuation.Change) -> np.ndarray:
         upper = np.column_stack([self.jacobian, self.by_value])
         return np.vstack([upper, [*border.parts["state"], border.value]])
 
-    def solve(self, border: Change, value: float, newton: bool) -> Change:
+    def solve(self, border: continuation.Change, value: float, newton: bool) -> continuation.Change:
         side = np.append(-self.rates if newton else 0 * self.rates, value)
         *state, parameter = np.linalg.solve(self.bordered(border), side)
-        return Change({"state": np.array(state), "value": parameter})
+        return continuation.Change({"state": np.array(state), "value": parameter})
 
 
 @dataclass(frozen=True)
@@ -74,15 +65,15 @@ class EquilibriumProblem:
         parts = self.field(solution.state[np.newaxis], coefficients, slope)
         return _Linearisation(*(part[0] for part in parts))
 
-    def across(self, change: Change) -> Change:
+    def across(self, change: continuation.Change) -> continuation.Change:
         state, value = change.parts["state"] / self.size**2, change.value / self.resolution**2
-        return Change({"state": state, "value": value})
+        return continuation.Change({"state": state, "value": value})
 
-    def along_parameter(self) -> Change:
-        return Change({"state": np.zeros(self.field.n_states), "value": 1.0})
+    def along_parameter(self) -> continuation.Change:
+        return continuation.Change({"state": np.zeros(self.field.n_states), "value": 1.0})
 
     def examine(
-        self, solution: Equilibrium, linearisation: _Linearisation, tangent: Change
+        self, solution: Equilibrium, linearisation: _Linearisation, tangent: continuation.Change
     ) -> tuple[Eigenvalues, dict[str, float]]:
         values, modes = np.linalg.eig(linearisation.jacobian)
         pair = min(
@@ -125,8 +116,13 @@ class EquilibriumProblem:
 
 
 def equilibrium_branch(
-    family: Family, state: np.ndarray, value: float, span: Range, size: float = 1.0, upward=True
-) -> Branch:
+    family: Family,
+    state: np.ndarray,
+    value: float,
+    span: continuation.Range,
+    size: float = 1.0,
+    upward=True,
+) -> continuation.Branch:
     """Equilibria from the one near `state` (n_states,) at `value`, along the parameter.
 
     size: of a change of the states that matters. upward: whether the parameter grows at first.
@@ -136,14 +132,14 @@ def equilibrium_branch(
     problem = EquilibriumProblem(VectorField(family, value), resolution, size)
     along = problem.along_parameter()
     try:
-        at = corrected(problem, Equilibrium(np.asarray(state, float), value), along)
-    except NotConverged as failure:
+        at = continuation.corrected(problem, Equilibrium(np.asarray(state, float), value), along)
+    except continuation.NotConverged as failure:
         message = f"no equilibrium near the given state at {value:g} {family.unit}: {failure}"
         raise ValueError(message) from None
     orientation = along if upward else along.scaled(-1.0)
-    return follow(problem, point_at(problem, *at, orientation), span)
+    return continuation.follow(problem, continuation.point_at(problem, *at, orientation), span)
 
 
-def hopf_points(branch: Branch) -> list[Bifurcation]:
+def hopf_points(branch: continuation.Branch) -> list[continuation.Bifurcation]:
     """The Hopf bifurcations of a branch of equilibria, in its order."""
     return [b for b in branch.bifurcations if b.name == HOPF and b.located]

@@ -9,20 +9,8 @@ from typing import Self
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from galloping.cycles import continuation
 from galloping.cycles.collocation import STAGES, C, Linearisation, Orbit, circle
-from galloping.cycles.continuation import (
-    Bifurcation,
-    Branch,
-    Change,
-    NotConverged,
-    Point,
-    Range,
-    corrected,
-    follow,
-    length,
-    point_at,
-    resolved,
-)
 from galloping.cycles.family import Family, VectorField
 
 FOLD, BRANCH_POINT = "fold of cycles", "branch point"
@@ -92,19 +80,19 @@ class CycleProblem:
         coefficients = self.field.coefficients(orbit.value)
         return Linearisation(self.field, orbit, self.reference, coefficients, self.slope)
 
-    def across(self, change: Change) -> Change:
+    def across(self, change: continuation.Change) -> continuation.Change:
         weights = self.reference.stage_weights[..., np.newaxis]
         stages = weights * change.parts["stage_states"] / (STEP * self.reference.spread) ** 2
         period = change.parts["period"] / (STEP * self.reference.period) ** 2
         value = change.value / self.resolution**2
-        return Change({"stage_states": stages, "period": period, "value": value})
+        return continuation.Change({"stage_states": stages, "period": period, "value": value})
 
-    def along_parameter(self) -> Change:
+    def along_parameter(self) -> continuation.Change:
         nothing = np.zeros_like(self.reference.stage_states)
-        return Change({"stage_states": nothing, "period": 0.0, "value": 1.0})
+        return continuation.Change({"stage_states": nothing, "period": 0.0, "value": 1.0})
 
     def examine(
-        self, orbit: Orbit, linearisation: Linearisation, tangent: Change
+        self, orbit: Orbit, linearisation: Linearisation, tangent: continuation.Change
     ) -> tuple[Floquet, dict[str, float]]:
         stability = floquet(linearisation)
         mu = stability.multipliers
@@ -132,12 +120,12 @@ class CycleProblem:
         return replace(self, reference=orbit, slope=slope, largest=largest)
 
     def refined(
-        self, orbit: Orbit, tangent: Change, stability: Floquet
-    ) -> tuple[Orbit, Change] | None:
+        self, orbit: Orbit, tangent: continuation.Change, stability: Floquet
+    ) -> tuple[Orbit, continuation.Change] | None:
         intervals = len(orbit.widths)
         if stability.trivial_defect > DEFECT:
             if intervals == MOST_INTERVALS:
-                raise NotConverged(
+                raise continuation.NotConverged(
                     f"{intervals} intervals do not resolve the orbit: its trivial multiplier is "
                     f"off by {stability.trivial_defect:.1e}"
                 )
@@ -163,10 +151,12 @@ class CycleProblem:
         return np.array([orbit.period, orbit.spread])
 
 
-def _through(done: Callable[[Orbit], Orbit], orbit: Orbit, change: Change) -> Change:
+def _through(
+    done: Callable[[Orbit], Orbit], orbit: Orbit, change: continuation.Change
+) -> continuation.Change:
     """A change of an orbit after what is done, linearly, to the orbit itself."""
     changed = done(replace(orbit, **change.parts))
-    return Change({name: getattr(changed, name) for name in change.parts})
+    return continuation.Change({name: getattr(changed, name) for name in change.parts})
 
 
 def _halves(orbit: Orbit) -> np.ndarray:
@@ -181,12 +171,12 @@ def _halves(orbit: Orbit) -> np.ndarray:
 
 def from_hopf(
     family: Family,
-    hopf: Bifurcation,
-    span: Range,
+    hopf: continuation.Bifurcation,
+    span: continuation.Range,
     size: float = 1e-3,
     resolution: float = 0.0,
     ceiling: float = np.inf,
-) -> Branch:
+) -> continuation.Branch:
     """The limit cycles that leave a Hopf bifurcation of `equilibrium_branch`.
 
     size: of the first one, in units of the states. resolution: longest step of the parameter, a
@@ -200,18 +190,18 @@ def from_hopf(
     resolution = resolution or (span.high - span.low) / 50
     problem = CycleProblem.about(field, orbit, resolution, ceiling)
     growth = {"stage_states": orbit.stage_states - at.state, "period": 0.0, "value": 0.0}
-    start = _first(problem, orbit, problem.across(Change(growth)), family)
-    return follow(problem, start, span)
+    start = _first(problem, orbit, problem.across(continuation.Change(growth)), family)
+    return continuation.follow(problem, start, span)
 
 
 def from_branching(
     family: Family,
-    at: Bifurcation,
-    span: Range,
+    at: continuation.Bifurcation,
+    span: continuation.Range,
     size: float = 1e-2,
     resolution: float = 0.0,
     ceiling: float = np.inf,
-) -> tuple[Branch, ...]:
+) -> tuple[continuation.Branch, ...]:
     """The limit cycles that leave a branch at a period doubling or a branch point.
 
     size: of their first departure, relative to the orbit. Two branches leave a branch point; those
@@ -230,10 +220,10 @@ def from_branching(
     direction = problem.linearise(orbit).other_direction(border)
     branches = []
     for sign in (1.0,) if doubled else (1.0, -1.0):
-        away = direction.scaled(sign * size / (STEP * length(problem, direction)))
+        away = direction.scaled(sign * size / (STEP * continuation.length(problem, direction)))
         guess = away.applied(orbit)
         start = _first(problem, guess, problem.across(away), family)
-        branches.append(follow(problem, start, span))
+        branches.append(continuation.follow(problem, start, span))
     return tuple(branches)
 
 
@@ -242,10 +232,10 @@ def from_motion(
     value: float,
     time: np.ndarray,
     states: np.ndarray,
-    span: Range,
+    span: continuation.Range,
     resolution: float = 0.0,
     ceiling: float = np.inf,
-) -> tuple[Branch, Branch]:
+) -> tuple[continuation.Branch, continuation.Branch]:
     """The limit cycles below and above the one that a motion has settled on.
 
     time: (n,) s, states: (n, n_states) of the settled motion at `value` of the parameter; several
@@ -256,25 +246,29 @@ def from_motion(
     problem = replace(problem, ceiling=ceiling).moved(start.solution)
     linearisation = problem.linearise(start.solution)
     back = problem.across(start.tangent.scaled(-1.0))
-    down = point_at(problem, start.solution, linearisation, back)
-    return follow(problem, down, span), follow(problem, start, span)
+    down = continuation.point_at(problem, start.solution, linearisation, back)
+    return continuation.follow(problem, down, span), continuation.follow(problem, start, span)
 
 
 def settled(
     family: Family, value: float, time: np.ndarray, states: np.ndarray, resolution: float
-) -> tuple[CycleProblem, Point]:
+) -> tuple[CycleProblem, continuation.Point]:
     """The limit cycle on which a motion has settled, as in `from_motion`."""
     orbit = _last_turn(time, states, value)
     problem = CycleProblem.about(VectorField(family, value), orbit, resolution)
     return problem, _first(problem, orbit, problem.along_parameter(), family)
 
 
-def _first(problem: CycleProblem, orbit: Orbit, border: Change, family: Family) -> Point:
+def _first(
+    problem: CycleProblem, orbit: Orbit, border: continuation.Change, family: Family
+) -> continuation.Point:
     """The limit cycle near a guess. Raises ValueError where there is none."""
     try:
-        point = point_at(problem, *corrected(problem, orbit, border), border)
-        return resolved(problem, point)
-    except NotConverged as failure:
+        point = continuation.point_at(
+            problem, *continuation.corrected(problem, orbit, border), border
+        )
+        return continuation.resolved(problem, point)
+    except continuation.NotConverged as failure:
         raise ValueError(
             f"no limit cycle near the given motion at {orbit.value:g} {family.unit}: {failure}"
         ) from None
@@ -303,7 +297,7 @@ def _last_turn(time: np.ndarray, states: np.ndarray, value: float) -> Orbit:
     )
 
 
-def at_value(family: Family, branch: Branch, value: float) -> list[Point]:
+def at_value(family: Family, branch: continuation.Branch, value: float) -> list[continuation.Point]:
     """The limit cycles of a branch at a value of the parameter, one for each time it passes there.
 
     Raises ValueError where one cannot be computed from its neighbours.

@@ -8,16 +8,7 @@ import pandas as pd
 
 from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
-from galloping.physics import galerkin
-from galloping.physics.continuous import (
-    QUARTERS,
-    Span,
-    continuous_line,
-    readings,
-    release,
-    simulate,
-    span,
-)
+from galloping.physics import continuous, galerkin
 from galloping.physics.gusts import wind_speed
 from galloping.physics.line import Line
 from galloping.seeds import generator
@@ -77,16 +68,18 @@ def reduction_table(settings: Mapping) -> pd.DataFrame:
 def two_mode_motion(case: Mapping) -> SpanMotion:
     """The paper's model in steady wind, up to its limit cycle."""
     phi, psi = galerkin.modes(case, Line.from_case(case))
-    return _motion(span(case, [phi], [psi]), np.array(initial_state(case)))
+    return _motion(continuous.span(case, [phi], [psi]), np.array(initial_state(case)))
 
 
 def line_motion(
     case: Mapping, variant: Variant, *, length_scale: float, spectrum: str, seed: int
 ) -> SpanMotion:
     """The continuous line, released as the two-mode model is. The rest is that of the gusts."""
-    line = continuous_line(case, variant.modes, aerodynamic=variant.aerodynamics, drag=variant.drag)
+    line = continuous.continuous_line(
+        case, variant.modes, aerodynamic=variant.aerodynamics, drag=variant.drag
+    )
     start = initial_state(case)
-    state = release(line, start[:2], start[2:], antisymmetric=variant.antisymmetric)
+    state = continuous.release(line, start[:2], start[2:], antisymmetric=variant.antisymmetric)
     speed = None
     if variant.intensity:
         speed = wind_speed(
@@ -100,11 +93,15 @@ def _time() -> np.ndarray:
     return np.arange(LIMIT_CYCLE[1] * RATE + 1) / RATE
 
 
-def _motion(line: Span, start: np.ndarray, speed: np.ndarray | None = None) -> SpanMotion:
+def _motion(
+    line: continuous.Span, start: np.ndarray, speed: np.ndarray | None = None
+) -> SpanMotion:
     time = _time()
-    where = [share * line.line.span for share in QUARTERS]
-    states = simulate(line, start, time, speed, STEP)
-    left, middle, right = np.moveaxis(readings(line, states, where, "displacement"), 1, 0)
+    where = [share * line.line.span for share in continuous.QUARTERS]
+    states = continuous.simulate(line, start, time, speed, STEP)
+    left, middle, right = np.moveaxis(
+        continuous.readings(line, states, where, "displacement"), 1, 0
+    )
     return SpanMotion(time, middle, (left - right) / 2.0)
 
 

@@ -5,14 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from galloping.measurement.measuring import Motion
-from galloping.physics.continuous import (
-    QUANTITIES,
-    continuous_line,
-    first_modes,
-    readings,
-    release,
-    simulate,
-)
+from galloping.physics import continuous
 from galloping.physics.equations import STATES
 from galloping.physics.gusts import wind_speed
 
@@ -30,22 +23,24 @@ def motion(
     Readings of the sensors become the coordinates of as many sine modes, of which the first are
     the states; nothing else is known of the others. A motion that is not finite is all NaN.
     """
-    line = continuous_line(
+    line = continuous.continuous_line(
         case, truth["modes"], aerodynamic=truth["aerodynamics"], drag=truth["drag"]
     )
     displaced, moving = [start[s] for s in STATES[:2]], [start[s] for s in STATES[2:]]
-    begun = release(line, displaced, moving, antisymmetric=truth["antisymmetric"])
+    begun = continuous.release(line, displaced, moving, antisymmetric=truth["antisymmetric"])
     speed = np.full(len(time), line.speed)
     if truth["gusts"]["intensity"]:
         speed = wind_speed(time, mean=line.speed, rng=rng, **truth["gusts"])
-    states = simulate(line, begun, time, speed)
+    states = continuous.simulate(line, begun, time, speed)
     if not np.all(np.isfinite(states)):
         nowhere = np.full((len(time), len(STATES)), np.nan)
         return Motion(STATES, time, nowhere, nowhere, "diverged: not finite")
     where = [share * line.line.span for share in truth["sensors"]]
     displacement, velocity, acceleration = (
-        first_modes(readings(line, states, where, quantity, speed), where, line.line.span)[:, 0]
-        for quantity in QUANTITIES
+        continuous.first_modes(
+            continuous.readings(line, states, where, quantity, speed), where, line.line.span
+        )[:, 0]
+        for quantity in continuous.QUANTITIES
     )
     return Motion(
         STATES, time, np.hstack([displacement, velocity]), np.hstack([velocity, acceleration])

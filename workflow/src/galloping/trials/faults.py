@@ -10,14 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from galloping.identification.likelihood.instrument import (
-    CLOCK,
-    DELAYED,
-    FORCES,
-    GROWING,
-    JITTER,
-    SCALE,
-)
+from galloping.identification.likelihood import instrument
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
 from galloping.physics.gusts import wind_speed
@@ -146,13 +139,13 @@ def _driven(
 
 FAULTS = {
     "none": InjectedFault("", (0.0, 0.0), _none),
-    "clock": InjectedFault(CLOCK, (0.001, 0.005), _clock),
-    "velocity scale": InjectedFault(SCALE, (1.005, 1.005), _scale),
-    "late channels": InjectedFault(DELAYED, (0.02, 0.2), _delay),
-    "random force": InjectedFault(FORCES, (0.005, 0.02), _forced),
-    "gusts": InjectedFault(FORCES, (0.001, 0.005), _gusts),
-    "jitter": InjectedFault(JITTER, (4.0, 4.0), _jitter),
-    "multiplicative noise": InjectedFault(GROWING, (0.01, 0.01), _multiplicative),
+    "clock": InjectedFault(instrument.CLOCK, (0.001, 0.005), _clock),
+    "velocity scale": InjectedFault(instrument.SCALE, (1.005, 1.005), _scale),
+    "late channels": InjectedFault(instrument.DELAYED, (0.02, 0.2), _delay),
+    "random force": InjectedFault(instrument.FORCES, (0.005, 0.02), _forced),
+    "gusts": InjectedFault(instrument.FORCES, (0.001, 0.005), _gusts),
+    "jitter": InjectedFault(instrument.JITTER, (4.0, 4.0), _jitter),
+    "multiplicative noise": InjectedFault(instrument.GROWING, (0.01, 0.01), _multiplicative),
 }
 
 

@@ -16,18 +16,7 @@ from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95, drawn
-from galloping.physics import galerkin
-from galloping.physics.continuous import (
-    QUARTERS,
-    Span,
-    continuous_line,
-    eigenvalues,
-    first_modes,
-    readings,
-    release,
-    simulate,
-    span,
-)
+from galloping.physics import continuous, galerkin
 from galloping.physics.equations import STATES
 from galloping.physics.gusts import wind_speed
 from galloping.physics.line import Line
@@ -55,7 +44,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-LAYOUTS = {"projected": QUARTERS, "mid-span": (0.5,), "states": ()}  # places, in spans
+LAYOUTS = {"projected": continuous.QUARTERS, "mid-span": (0.5,), "states": ()}  # places, in spans
 
 
 @dataclass(frozen=True)
@@ -86,44 +75,51 @@ TRUTHS = {
 }
 
 
-def line_of(case: Mapping, truth: SensedLine) -> Span:
+def line_of(case: Mapping, truth: SensedLine) -> continuous.Span:
     """The line of a truth in the wind of a `cases` section."""
     if truth.modes:
-        return continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
+        return continuous.continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
     phi, psi = galerkin.modes(case, Line.from_case(case))
-    return span(case, [phi], [psi], aerodynamic=truth.aerodynamics)
+    return continuous.span(case, [phi], [psi], aerodynamic=truth.aerodynamics)
 
 
 def motion(
-    case: Mapping, line: Span, truth: SensedLine, time: np.ndarray, rng: np.random.Generator | None
+    case: Mapping,
+    line: continuous.Span,
+    truth: SensedLine,
+    time: np.ndarray,
+    rng: np.random.Generator | None,
 ) -> np.ndarray:
     """(n, n_sensors, 4): q_v, q_w, dq_v, dq_w as each sensor reads them, without noise.
 
     In gusts drawn by `rng`, or in steady wind. The modal states count as one sensor.
     """
-    start = release(line, [case["initial_state"][state] for state in STATES[:2]])
+    start = continuous.release(line, [case["initial_state"][state] for state in STATES[:2]])
     speed = None
     if rng is not None and truth.intensity:
         speed = wind_speed(
             time, mean=line.speed, rng=rng,
             **{**case["truth"]["gusts"], "intensity": truth.intensity},
         )  # fmt: skip
-    states = simulate(line, start, time, speed)
+    states = continuous.simulate(line, start, time, speed)
     if truth.sensors == "states":
         return states[:, np.newaxis]
     where = _places(line, truth)
-    both = [readings(line, states, where, quantity) for quantity in ("displacement", "velocity")]
+    both = [
+        continuous.readings(line, states, where, quantity)
+        for quantity in ("displacement", "velocity")
+    ]
     return np.concatenate(both, axis=2)
 
 
-def combined(line: Span, truth: SensedLine, values: np.ndarray) -> np.ndarray:
+def combined(line: continuous.Span, truth: SensedLine, values: np.ndarray) -> np.ndarray:
     """(n, 4): the states that are made of the sensors' readings (n, n_sensors, 4)."""
     if truth.sensors == "states":
         return values[:, 0]
-    return first_modes(values, _places(line, truth), line.line.span)[:, 0]
+    return continuous.first_modes(values, _places(line, truth), line.line.span)[:, 0]
 
 
-def _places(line: Span, truth: SensedLine) -> list[float]:
+def _places(line: continuous.Span, truth: SensedLine) -> list[float]:
     return [share * line.line.span for share in LAYOUTS[truth.sensors]]
 
 
@@ -258,16 +254,16 @@ def _judged(said: Answer, true: np.ndarray) -> dict[str, float]:
     }
 
 
-def _true_quantities(line: Span, steady: np.ndarray) -> np.ndarray:
+def _true_quantities(line: continuous.Span, steady: np.ndarray) -> np.ndarray:
     """(6,) QUANTITIES of a line whose motion in its steady window is `steady` (n, 4)."""
     vertical, horizontal = _symmetric_modes(line)
     modes = (-2.0 * vertical.real, vertical.imag, -2.0 * horizontal.real, horizontal.imag)
     return np.array([*steady_amplitude(steady)[:2], *modes])
 
 
-def _symmetric_modes(line: Span) -> tuple[complex, complex]:
+def _symmetric_modes(line: continuous.Span) -> tuple[complex, complex]:
     """Eigenvalues of the first symmetric modes in plane and out of plane."""
-    values, vectors = eigenvalues(line)
+    values, vectors = continuous.eigenvalues(line)
     found = []
     for direction in (0, 1):
         own = slice(direction * line.modes, (direction + 1) * line.modes)

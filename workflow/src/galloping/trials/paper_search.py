@@ -25,16 +25,9 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.measurement.measuring import Motion
+from galloping.paper import likelihood
 from galloping.paper.amounts import Amounts
 from galloping.paper.draws import line_motion
-from galloping.paper.likelihood import (
-    CASE,
-    NUMBERS,
-    STILL,
-    log_probabilities,
-    one_draw,
-    shares,
-)
 from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
 from galloping.paper.unknowns import BY_NAME, HIGH, LOW, NAMES, Variant
 from galloping.physics.galerkin import coefficients
@@ -148,7 +141,7 @@ def evaluated(
     summed: with the shares of draws of each claim instead of one draw.
     """
     row = {**values, "change": np.nan, "log_probability": np.nan, "height": 10 * IMPOSSIBLE}
-    case, setting = variant.case(_line(CASE), values), variant.method(values)
+    case, setting = variant.case(_line(likelihood.CASE), values), variant.method(values)
     weakest = _weakest(variant, values) / setting.threshold if _is_raw(setting) else np.inf
     if weakest < 1:  # no recovery without noise, in either case
         return {**row, "height": 2 * IMPOSSIBLE + 100 * np.log(weakest)}
@@ -159,24 +152,30 @@ def evaluated(
     if variant.steady and row["change"] >= STEADY:
         return {**row, "height": IMPOSSIBLE - 100 * np.log(row["change"] / STEADY)}
     scores = _scores(motion, line, setting, draws, rng)
-    logs = log_probabilities(scores)
+    logs = likelihood.log_probabilities(scores)
     row["log_probability"] = row["height"] = sum(logs.values())
-    row["without_amplitudes"] = sum(log_probabilities(scores, left_out=("amplitude",)).values())
+    row["without_amplitudes"] = sum(
+        likelihood.log_probabilities(scores, left_out=("amplitude",)).values()
+    )
     if summed:
-        return row | logs | dict(shares(scores))
+        return row | logs | dict(likelihood.shares(scores))
     # those that share no random subset
-    return row | logs | {"draws": [one_draw(scores, k) for k in range(0, draws, SHARING)]}
+    return (
+        row | logs | {"draws": [likelihood.one_draw(scores, k) for k in range(0, draws, SHARING)]}
+    )
 
 
 def _scores(motion, line, setting, draws, rng) -> pd.DataFrame:
-    return QuickStudy(motion, line, AMOUNTS).draws(setting, draws, rng, still=STILL)
+    return QuickStudy(motion, line, AMOUNTS).draws(setting, draws, rng, still=likelihood.STILL)
 
 
 def evaluated_scores(
     variant: Variant, values: Mapping[str, float], draws: int, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Draws of the paper's study at one setting, whatever its motion."""
-    moved = line_motion(variant.case(_line(CASE), values), AMOUNTS.duration, AMOUNTS.sampling_rate)
+    moved = line_motion(
+        variant.case(_line(likelihood.CASE), values), AMOUNTS.duration, AMOUNTS.sampling_rate
+    )
     return _scores(*moved, variant.method(values), draws, rng)
 
 
@@ -186,7 +185,7 @@ def _is_raw(setting) -> bool:
 
 def _weakest(variant: Variant, values: Mapping[str, float]) -> float:
     """The smallest coefficient of both of the paper's lines."""
-    both = [coefficients(variant.case(_line(n), values)) for n in (CASE, "non_resonant")]
+    both = [coefficients(variant.case(_line(n), values)) for n in (likelihood.CASE, "non_resonant")]
     return min(abs(value) for each in both for value in each.values() if value)
 
 
@@ -218,7 +217,7 @@ def _at_random(
         if _is_raw(variant.method(values)) and values["threshold"] > weakest:
             continue
         case = variant.case(
-            _line(CASE), {**values, "release_vertical": 0.5, "release_horizontal": 0.5}
+            _line(likelihood.CASE), {**values, "release_vertical": 0.5, "release_horizontal": 0.5}
         )
         if coefficients(case)["gamma_1"] >= 0:
             continue  # the line does not gallop in this wind
@@ -282,7 +281,8 @@ def predicted(
         evaluated_scores(variant, values, draws, rng) for values in settings.to_dict("records")
     ]
     return {
-        claim.name: np.concatenate([claim.values(table) for table in tables]) for claim in NUMBERS
+        claim.name: np.concatenate([claim.values(table) for table in tables])
+        for claim in likelihood.NUMBERS
     }
 
 
