@@ -25,14 +25,14 @@ from galloping.identification.likelihood.gauss_newton import Fit, is_close
 from galloping.identification.likelihood.inputs import check_question, checked_recordings, driven
 from galloping.identification.likelihood.instrument import FORCES, Fault, faults
 from galloping.identification.likelihood.matching import match, unseen_mixtures
-from galloping.identification.likelihood.model_error import approximation
+from galloping.identification.likelihood.model_error import approximation, whole_approximation
 from galloping.identification.likelihood.prior import Prior
 from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.rest import from_rest
 from galloping.identification.likelihood.result import by, judged, refused
-from galloping.identification.likelihood.shooting import Segments, residuals
+from galloping.identification.likelihood.shooting import Segments, forgets_start, residuals
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import Start, begin, largest_terms, rough_fit
 from galloping.identification.model import NO_MODEL, IdentifiedModel
@@ -107,7 +107,7 @@ def _from_states(
     problem: Problem, recordings: list[Recording], begin: Callable[..., Start]
 ) -> IdentifiedModel:
     begun = begin(problem, recordings)
-    if (forced := moved_at_random(problem, begun)) is not None:
+    if not problem.inputs and (forced := moved_at_random(problem, begun)) is not None:
         return forced
     rescaled = scaled(recordings, begun)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
@@ -185,6 +185,14 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
         causes = _causes(problem, condensed, step.segments, fit, penalty)
         objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
         if objection and (not causes or causes[0].or_model):
+            if problem.inputs and forgets_start(
+                problem, condensed, fit.sigma, step.segments, fit.free, fit.starts
+            ):
+                near = whole_approximation(
+                    problem, condensed, step.segments, fit, step.information, remaining, sigma,
+                    penalty, objection,
+                )  # fmt: skip
+                return by(path, near)
             raise FloatingPointError(objection)
     else:  # what it leaves in the residuals is that it is not the best fit
         objection, doubt = "", "many models follow the data alike"

@@ -22,10 +22,11 @@ from galloping.identification.likelihood.ambiguity import detection_limits
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.fluctuation import fluctuating
 from galloping.identification.likelihood.further_modes import further_modes
+from galloping.identification.likelihood.gauss_newton import Fit
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.result import by, refused
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
-from galloping.identification.likelihood.shooting import Segments
+from galloping.identification.likelihood.shooting import Segments, coefficient_pulls
 from galloping.identification.likelihood.weak_constraint import (
     Joint,
     Linear,
@@ -53,6 +54,7 @@ WORTH = 0.25  # of a term: fall of the forecast error, in standard errors of the
 WHOLE_PASSES, CHOOSING_PASSES, SETTLING_PASSES = 1, 6, 4
 ERROR_CONVERGED = 0.05  # squared length of a step, in standard deviations
 MOST_GROUPS = 12  # of stretches left out together
+MOST_PULLS = 40  # stretches of a free run, long enough to be independent of each other
 # Total variance over that between stretches: what errs alike in all may be as large.
 SYSTEMATIC = 2.0
 FIRST_JUMP = 0.05  # relative to each state
@@ -120,20 +122,85 @@ def approximation(
         raise FloatingPointError(f"{objection}; {error}") from error
     if not made.skill > 0.0:
         return by(made.path, refused(problem, f"{objection}; what comes near it predicts nothing"))
-    shares = error_shares(made, condensed)
-    names = condensed.names(problem.states)
     noise = np.full((len(condensed.counts), len(problem.states)), np.nan)
     inside = np.where(condensed.counts > 0, np.sqrt(condensed.noise_variance), np.nan)
     noise[:, condensed.observed[~condensed.is_rate]] = inside[:, ~condensed.is_rate]
     if made.fluctuates:
         objection += "; its linear coefficients fluctuate, as in gusts"
     stretch = np.median(np.diff(segments.first)) * condensed.step
+    followed = predictions(record, made.free, made.starts)
+    return _stated(
+        problem, condensed, segments, made, condensed.targets - followed, noise, penalty,
+        f"{objection}; forecasts over {stretch:.2g} s leave",
+    )  # fmt: skip
+
+
+def whole_approximation(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    fit: Fit,
+    information: np.ndarray,
+    residual: np.ndarray,
+    noise: np.ndarray,
+    penalty: float,
+    objection: str,
+) -> IdentifiedModel:
+    """The model that errs least when it runs freely over the recording, which inputs drive.
+
+    The phase of its motion is theirs: what the model misses does not add up. segments: in the
+    chains, the free runs, in which `fit` matches them. information: of the candidates. residual:
+    (n_windows, n_observed, n_rows) of the free runs. noise: (n_recordings, n_states) root mean
+    square of what they leave of a sample. The rest as in `approximation`, as are the diagnostics,
+    of the free runs in place of forecasts. Intervals hold for residuals of any spectrum: they are
+    as wide as the pulls of MOST_PULLS stretches on the coefficients differ (sandwich; P. J. Huber,
+    1967), and a factor wider for what errs alike in all.
+    """
+    pulls = np.concatenate(
+        [
+            np.add.reduceat(pull, np.linspace(0, len(pull), count, endpoint=False).astype(int))
+            for pull in coefficient_pulls(
+                problem, condensed, fit.sigma, segments, fit.free, fit.starts,
+                problem.candidates[fit.support], residual,
+            )
+            if (count := min(len(pull), MOST_PULLS))
+        ]
+    )  # fmt: skip
+    _, covariance = solve_support(information, np.zeros(len(fit.free)), fit.support)
+    moved = pulls @ covariance
+    covariance = SYSTEMATIC * _few(len(moved)) * moved.T @ moved
+    made = Approximation(
+        fit.free, fit.support, fit.starts, information, covariance,
+        _forecast(condensed, segments, residual), residual[:, :, 0], path=("whole",),
+    )  # fmt: skip
+    return _stated(
+        problem, condensed, segments, made, residual, noise, penalty,
+        f"{objection}; over the whole recording it leaves",
+    )  # fmt: skip
+
+
+def _stated(
+    problem: Problem,
+    condensed: Condensed,
+    segments: Segments,
+    made: Approximation,
+    residual: np.ndarray,
+    noise: np.ndarray,
+    penalty: float,
+    reason: str,
+) -> IdentifiedModel:
+    """The approximation as an identified model.
+
+    residual: (n_windows, n_observed, n_rows) of its motion, in which further modes are looked for.
+    noise: (n_recordings, n_states). reason: what the shares of the channels that are left end.
+    """
+    shares = error_shares(made, condensed)
+    names = condensed.names(problem.states)
     named = ", ".join(
         f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
     )
     firsts = np.unique(segments.recording, return_index=True)[1]
-    followed = predictions(record, made.free, made.starts)
-    besides = further_modes(problem.states, condensed, condensed.targets - followed)
+    besides = further_modes(problem.states, condensed, residual)
     noise_power = np.sum(made.forecast[2])
     errors = added_deviation(made.information, made.support)
     errors[made.support] = np.sqrt(np.diag(made.covariance))
@@ -147,8 +214,7 @@ def approximation(
         sigma=noise,
         chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
         status="approximate",
-        reason=f"{objection}; forecasts over {stretch:.2g} s leave {named}"
-        + _in_words(besides),
+        reason=f"{reason} {named}" + _in_words(besides),
         further_modes=besides,
         diagnostics={
             "forecast_r2": made.skill,
@@ -338,8 +404,20 @@ def _judged(record: Record, fit: StretchFit) -> Approximation:
         residual[own] = condensed.targets[own] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
-    few = (stdtrit(freedom, QUANTILES_95[1]) / NORMAL_95) ** 2  # so that normal intervals hold
-    covariance = SYSTEMATIC * few * freedom / len(groups) * spread.T @ spread
+    covariance = SYSTEMATIC * _few(len(groups)) * freedom / len(groups) * spread.T @ spread
+    return Approximation(
+        fit.free, fit.support, fit.starts, joint(record, linear, fit.starts, precision).information,
+        covariance, _forecast(condensed, segments, residual), residual[:, :, 0],
+    )  # fmt: skip
+
+
+def _few(groups: int) -> float:
+    """By how much a variance from so few groups is to be larger for normal intervals to hold."""
+    return float((stdtrit(max(groups - 1, 1), QUANTILES_95[1]) / NORMAL_95) ** 2)
+
+
+def _forecast(condensed: Condensed, segments: Segments, residual: np.ndarray) -> np.ndarray:
+    """(3, n_segments, n_observed) as in `Approximation`, by the residual of the forecasts."""
     windows = np.diff(segments.first)[:, None]
     squares = [
         np.add.reduceat(np.sum(values**2, axis=2), segments.first[:-1]) / windows
@@ -348,10 +426,7 @@ def _judged(record: Record, fit: StretchFit) -> Approximation:
     noise = (condensed.noise_variance * condensed.rows / np.diff(condensed.first)[:, None])[
         segments.recording
     ]
-    return Approximation(
-        fit.free, fit.support, fit.starts, joint(record, linear, fit.starts, precision).information,
-        covariance, np.array([*squares, noise]), residual[:, :, 0],
-    )  # fmt: skip
+    return np.array([*squares, noise])
 
 
 def error_shares(approximation: Approximation, condensed: Condensed) -> np.ndarray:
