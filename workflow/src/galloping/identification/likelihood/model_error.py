@@ -282,7 +282,7 @@ def _of_penalties(
     made: list[Approximation] = []
     fit = whole
     for times in PENALTIES:
-        choose = partial(_chosen, penalty=times * penalty)
+        choose = partial(_chosen, record.problem, penalty=times * penalty)
         try:
             fit = _iterate(record, fit, misfit_of, CHOOSING_PASSES, choose, whole.jump)
             if not fit.support.any():
@@ -380,9 +380,16 @@ def _as_before(solved: Joint, right: np.ndarray, support: np.ndarray) -> np.ndar
     return support
 
 
-def _chosen(solved: Joint, right: np.ndarray, support: np.ndarray, penalty: float) -> np.ndarray:
-    """The terms that are worth their penalty, looked for from all and from those before."""
-    return select(solved.information, right, [np.ones(len(right), bool), support], penalty)
+def _chosen(
+    problem: Problem, solved: Joint, right: np.ndarray, support: np.ndarray, penalty: float
+) -> np.ndarray:
+    """The terms that are worth their penalty, looked for from all and from those before.
+
+    With a term comes what the library has of it with other powers of the inputs: a recording about
+    one mean wind hardly tells them apart, and to leave one out would claim a law for other winds.
+    """
+    tried = [np.ones(len(right), bool), support]
+    return problem.alike(select(solved.information, right, tried, penalty))
 
 
 def _judged(record: Record, fit: StretchFit) -> Approximation:

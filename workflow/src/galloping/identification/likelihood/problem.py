@@ -66,6 +66,12 @@ class Problem:
         """Index of the term that is this state alone."""
         return self.terms.index(tuple(int(k == state) for k in range(len(self.names))))
 
+    def alike(self, support: np.ndarray) -> np.ndarray:
+        """(n_candidates,) those of a support, and those that differ from one in the inputs alone."""
+        names = [(i, *self.of_states[j]) for i, j in self.candidates]
+        found = {name for name, present in zip(names, support, strict=True) if present}
+        return np.array([name in found for name in names])
+
     def signals(self, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
         """(n, n_states + n_factors) what the integrator multiplies; inputs: (n, n_inputs)."""
         if not self.inputs:
