@@ -34,14 +34,13 @@ BIN := $(VENV)/bin
 SCRIPT := PYTHONPATH=workflow/src $(BIN)/python workflow/scripts
 OPTIONS := $(if $(CONFIG),--configfile $(CONFIG))
 WHERE := $(if $(PROFILE),--workflow-profile workflow/profiles/$(PROFILE),--cores '$(CORES)')
-RICH = $(shell [ -t 1 ] && echo --logger rich)
 DIGEST := $(if $(SHA256),--sha256 '$(SHA256)')
 
 .PHONY: all study smoke trust reality published paper test browser repair verify publish restore prune test-faults test-slurm lint bench reference docs pages lock help
 all: study
 
 study: $(VENV)/made
-	@$(SCRIPT)/run_study.py $(WHERE) $(RICH) $(OPTIONS)
+	@$(SCRIPT)/run_study.py $(WHERE) $(OPTIONS)
 
 smoke:
 	@$(MAKE) --no-print-directory study CONFIG=config/smoke.yaml
@@ -50,7 +49,7 @@ trust reality published paper:
 	@$(MAKE) --no-print-directory study CONFIG=config/$@.yaml
 
 repair: $(VENV)/made
-	@$(SCRIPT)/run_study.py --repair $(WHERE) $(RICH) $(OPTIONS)
+	@$(SCRIPT)/run_study.py --repair $(WHERE) $(OPTIONS)
 
 verify: $(VENV)/made
 	@$(SCRIPT)/$(if $(ARCHIVE),verify_archive.py '$(ARCHIVE)' $(DIGEST),verify_results.py) $(OPTIONS)
@@ -123,4 +122,4 @@ lock: $(VENV)/made
 	  --generate-hashes --custom-compile-command "make lock" --upgrade -o requirements.lock
 
 help:
-	@sed -n 's/^# make/make/p' Makefile
+	@sed -n '/^# make/,/^#* PROFILE/ s/^# \{0,1\}//p' Makefile

@@ -172,7 +172,7 @@ def test_damage_is_told_and_mended_and_edits_are_kept(harmed):
 
 def test_a_lost_receipt_is_told(harmed):
     status, said = harmed.run()
-    assert status == 0 and "Nothing to be done" in said
+    assert status == 0 and "Nothing to do" in said
     harmed.take("tables/.noise_r2.csv.receipt")
     status, said = harmed.run()
     assert status != 0

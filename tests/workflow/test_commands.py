@@ -70,3 +70,38 @@ def test_pruning_shows_what_it_would_remove(fresh, tmp_path):
     status, said = script(folder, "prune_results", "--delete", *options)
     assert status == 0 and said[0].split() == [path, str(receipt_path(path)), log]
     assert not old.exists()
+    status, said = script(folder, "prune_results", *options)
+    assert (status, said) == (
+        0, ["results/smoke: nothing is left over; the settings ask for every result"]
+    )  # fmt: skip
+
+
+def test_help_names_every_variable_with_a_line_each(root):
+    run = subprocess.run(["make", "help"], cwd=root, capture_output=True, text=True, check=True)
+    first = [line.partition(" ")[0].partition("=")[0] for line in run.stdout.splitlines()]
+    for name in ("CONFIG", "CORES", "PROFILE", "ALLOW", "SHA256", "REPLACE", "DELETE"):
+        assert first.count(name) == 1, name
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (None, "config/config.yaml: No such file or directory"),
+        ("cases: {\n", "config/config.yaml:2: expected the node content"),
+        ("measurement: {replicates: many}\n", "measurement.replicates: 'many' is text"),
+    ],
+    ids=["missing", "broken", "wrong"],
+)
+def test_plain_snakemake_says_of_a_bad_configuration_what_make_says(root, tmp_path, content, line):
+    (tmp_path / "workflow").symlink_to(root / "workflow")
+    (tmp_path / "config").mkdir()
+    if content is not None:
+        (tmp_path / "config" / "config.yaml").write_text(content, encoding="utf-8")
+    status, made = script(tmp_path, "run_study")
+    assert status == 1 and made[0].startswith(line)
+    command = [sys.executable, "-m", "snakemake", "-n", "--workflow-profile", "none"]
+    run = subprocess.run(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        check=False,
+    )  # fmt: skip
+    assert run.returncode != 0 and run.stdout.splitlines() == made, run.stdout

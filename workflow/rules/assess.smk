@@ -166,7 +166,9 @@ rule vary_parameter:
 
 rule animate_line:
     output:
-        animation="<results>/figures/galloping.gif",
+        animation=report(
+            "<results>/figures/galloping.gif", category="Figures", labels={"figure": "galloping"}
+        ),
     log:
         "<logs>/animate_line.log",
     benchmark:

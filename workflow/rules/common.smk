@@ -1,23 +1,11 @@
 # The study that the settings describe, and what its rules share.
-import os
-import sys
 from functools import cache
-from pathlib import Path
 
-if isinstance(workflow.current_basedir, os.PathLike):  # a clone: its library is beside it
-    LIBRARY = str(Path(workflow.current_basedir).parent / "src")
-    sys.path.insert(0, LIBRARY)
-    inherited = os.getenv("PYTHONPATH")
-    os.environ.update(PYTHONPATH=f"{LIBRARY}{os.pathsep}{inherited}" if inherited else LIBRARY)
-
-try:
-    from galloping.configuration.load import ConfigurationError, load, merged, read
-except ModuleNotFoundError as error:  # a workflow that was read from a host
-    sys.exit(f"{error}: install the library of this workflow with pip, or use a clone")
 from galloping.field import OUTPUTS
 from galloping.field import SHOWN as SHOWN_OF_FIELD
 from galloping.paper.printed import needed
 from galloping.reproducibility import digest
+from galloping.reproducibility.lock import OF_STUDY
 from galloping.study import shown
 from galloping.study.cells import Study
 from galloping.study.kinds import OPEN_PARAMETERS, OURS_FAMILY
@@ -29,6 +17,8 @@ try:
     STUDY = Study(load(merged(config, files[-1:] + files[:-1])))
 except ConfigurationError as error:
     sys.exit(str(error))
+if OF_STUDY not in os.environ:  # `make` has said so itself
+    print(*STUDY.doubts, sep="\n", end="\n" * bool(STUDY.doubts), file=sys.stderr)
 
 LINES = [case.name for case in STUDY.cases]
 FIRST = LINES[0] if LINES else "none"  # shown where one case has to do

@@ -5,7 +5,9 @@ rule draw_figure:
     input:
         unpack(lambda wildcards: files_of(FIGURES[wildcards.figure])),
     output:
-        svg="<results>/figures/{figure}.svg",
+        svg=report(
+            "<results>/figures/{figure}.svg", category="Figures", labels={"figure": "{figure}"}
+        ),
         png="<results>/figures/{figure}.png",
     log:
         "<logs>/draw_figure/{figure}.log",

@@ -5,7 +5,7 @@ rule make_table:
     input:
         unpack(lambda wildcards: files_of(TABLES[wildcards.table])),
     output:
-        table="<results>/tables/{table}.csv",
+        table=report("<results>/tables/{table}.csv", category="Tables", labels={"table": "{table}"}),
     log:
         "<logs>/make_table/{table}.log",
     benchmark:

@@ -25,8 +25,11 @@ def main() -> None:
                 print(*(remove(receipt) if options.delete else [receipt.path]))
     except Obstacle as error:
         sys.exit(str(error))
+    if not left_over:
+        print(f"{plan.results}: nothing is left over; the settings ask for every result")
+        return
     size = sum(receipt.size for receipt in left_over) / 1e6
-    done = "removed" if options.delete or not left_over else "to be removed by DELETE=yes"
+    done = "removed" if options.delete else "to be removed by DELETE=yes"
     print(f"{plan.results}: {len(left_over)} left over files, {size:.1f} MB, {done}")
 
 

@@ -5,12 +5,17 @@ Usage: run_study.py [--repair] [options for snakemake]
 """
 
 import argparse
+import os
+import re
 import signal
 import subprocess
 import sys
+import sysconfig
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
-from galloping.configuration.load import ConfigurationError, results_folder
+from galloping.configuration.load import ConfigurationError, configured
 from galloping.reproducibility.inspection import inspect, make_command, remember
 from galloping.reproducibility.job import failures
 from galloping.reproducibility.lock import (
@@ -23,7 +28,16 @@ from galloping.reproducibility.lock import (
     marked_environment,
     sweep,
 )
-from galloping.reproducibility.receipts import receipts
+from galloping.reproducibility.receipts import Receipt, receipt_path, receipts
+from galloping.study.cells import Study
+
+WORKFLOW = Path(__file__).parents[1]
+STEPS = re.compile(r"^(\d+) of (\d+) steps", re.MULTILINE)  # as Snakemake says after each job
+
+
+SAID = Path("logs", "snakemake.txt")  # below the results: Snakemake's own words, off a terminal
+EVERY = 60.0  # s, between two lines on how far a run is
+LAST_WORDS = 20  # lines of Snakemake's that are shown where no job says what went wrong
 
 
 def main(*arguments: str) -> int:
@@ -32,26 +46,35 @@ def main(*arguments: str) -> int:
     own, options = parser.parse_known_args(arguments)
     parser.add_argument("--configfile", nargs="+", default=[])
     parser.add_argument("--cores", nargs="?", const="")
+    parser.add_argument("--workflow-profile")
     known, _ = parser.parse_known_args(options)
     check_cores(known.cores)
     files, repair = known.configfile, make_command(known.configfile, "repair")
     try:
-        results = results_folder(["config/config.yaml", *files])
+        settings = configured(["config/config.yaml", *files])
+        results = settings.results
         with locked(results, repair, repairing=own.repair) as began:
             targets = mend(results, files) if own.repair else check(results, files, repair)
+            before, start = receipts(results), time.monotonic()
+            for line in [*Study(settings).doubts, *announced(results, files, before, known)]:
+                print(line, flush=True)
             status, interrupted = snakemake(results, *targets, *options)
             for line in sweep(results):
                 print(line, file=sys.stderr)
-            remember(results, inspect(results, receipts(results)))
-            if status and interrupted:
+            remember(results, inspect(results, after := receipts(results)))
+            if interrupted and status:
                 sys.exit("Interrupted. Finished jobs are kept; run it again to go on.")
-            if status:
-                check_disk(results)
             if not status:
-                tell(results)
-            if status and (reasons := "; ".join(failures(results, began))):
+                made = sum(before.get(path) != receipt for path, receipt in after.items())
+                tell(results, made, time.monotonic() - start)
+                return 0
+            check_disk(results)
+            if reasons := "; ".join(failures(results, began)):
                 told = f"The study stopped: {reasons}. Finished jobs are kept"
                 print(f"{told}; run it again to go on.", file=sys.stderr)
+            elif not sys.stdout.isatty():
+                words = Path(results, SAID).read_text(encoding="utf-8", errors="replace")
+                print(*words.splitlines()[-LAST_WORDS:], sep="\n", file=sys.stderr)
             return status
     except (ConfigurationError, Obstacle) as error:
         sys.exit(str(error))
@@ -59,8 +82,30 @@ def main(*arguments: str) -> int:
         sys.exit(killed(repair))
 
 
-def tell(results: str) -> None:
-    """Where the report is, and how many of the paper's claims hold."""
+def announced(
+    results: str, configfiles: list[str], known: dict[str, Receipt], options: argparse.Namespace
+) -> Iterator[str]:
+    """What the run will do; nothing, and no time spent, where nothing is newer than the report."""
+    report = receipt_path(Path(results, "report.html"))
+    made = report.stat().st_mtime if report.exists() else 0.0
+    read = [path for path in WORKFLOW.rglob("*") if path.is_file() and path.suffix != ".pyc"]
+    read += map(Path, ["config/config.yaml", *configfiles, sysconfig.get_path("purelib")])
+    if any(path.stat().st_mtime > made for path in read):
+        from galloping.reproducibility.outlook import outlook  # Snakemake: seldom needed
+        from galloping.reproducibility.plan import planning
+
+        cores = int(options.cores) if str(options.cores).isdecimal() else os.cpu_count()
+        yield from outlook(
+            planning(configfiles), known, None if options.workflow_profile else cores
+        )
+
+
+def tell(results: str, made: int, seconds: float) -> None:
+    """What was made, where the report is, and how many of the paper's claims hold."""
+    from galloping.reproducibility.outlook import spoken
+
+    files = f"{made} files made in {spoken(seconds)}"
+    print(f"{files}: {results}" if made else "Nothing to do: all results are as configured.")
     report, table = Path(results, "report.html"), Path(results, "tables", "paper.csv")
     if table.exists():
         import pandas as pd
@@ -134,15 +179,41 @@ def mend(results: str, configfiles: list[str]) -> list[str]:
 
 
 def snakemake(results: str, *arguments: str) -> tuple[int, bool]:
-    """Run Snakemake; its exit code, and whether Ctrl-C came. Raises Killed if a signal ended it."""
+    """Run Snakemake; its exit code, and whether Ctrl-C came. Raises Killed if a signal ended it.
+
+    On a terminal it shows its own bars; elsewhere its words go to a file, and a line a minute says
+    how far it is.
+    """
     interrupts = []
     # Ctrl-C goes to Snakemake and its jobs as well: wait until they have ended.
     signal.signal(signal.SIGINT, lambda *_: interrupts.append(True))
     command = [sys.executable, "-m", "snakemake", *arguments]
-    status = subprocess.Popen(command, env=marked_environment(results)).wait()
+    environment = marked_environment(results)
+    if sys.stdout.isatty():
+        status = subprocess.Popen([*command, "--logger", "rich"], env=environment).wait()
+    else:
+        said = Path(results, SAID)
+        said.parent.mkdir(parents=True, exist_ok=True)
+        with said.open("w", encoding="utf-8") as file:
+            process = subprocess.Popen(command, env=environment, stdout=file, stderr=file)
+            status = followed(process, said)
     if status < 0 and not interrupts:
         raise Killed
     return status, bool(interrupts)
+
+
+def followed(process: subprocess.Popen, said: Path) -> int:
+    """Wait for Snakemake, and say now and then how far it is; its exit code."""
+    told = ""
+    while True:
+        try:
+            return process.wait(EVERY)
+        except subprocess.TimeoutExpired:
+            done = STEPS.findall(said.read_text(encoding="utf-8", errors="replace"))
+            line = "{} of {} jobs done".format(*done[-1]) if done else ""
+            if line != told:
+                told = line
+                print(line, flush=True)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,138 @@
+"""Which cells a study has, and what is in its files."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from galloping.configuration.load import load
+from galloping.polynomial import PolynomialModel
+from galloping.results import Derived, Motion
+from galloping.study import files, sweeps
+from galloping.study.cells import Study
+
+
+def study(**settings):
+    return Study(load(settings))
+
+
+@pytest.fixture(scope="module")
+def default():
+    return study()
+
+
+def test_the_cells_of_the_default_study(default):
+    assert len(default.cells) == 2 * 3 * (6 + 4) + 3
+    cell = default.cell("non_resonant", "state", "joint_0.05")
+    assert (cell.kind, cell.recordings, cell.samples, cell.level) == ("joint", 2, 30001, 0.05)
+    assert default.cell("non_resonant", "state", "points_1000").samples == 1000
+    families = default.cell("internal_resonance", "state", "noise_0").families
+    assert {name: len(methods) for name, methods in families.items()} == {
+        "sparse": 5, "likelihood": 2,
+    }  # fmt: skip
+    assert "weak" not in [m.name for m in default.cells[0].methods]  # exact states need none
+
+
+def test_without_noise_replicates_are_one_and_draw_nothing(default):
+    cell = default.cell("internal_resonance", "state", "noise_0")
+    assert (cell.replicates, cell.seed, cell.relative) == (1, 0, False)
+    seeded = study(measurement={"seed": 5}).cell("internal_resonance", "state", "noise_0")
+    assert seeded.measurement == cell.measurement
+
+
+@pytest.mark.parametrize(
+    ("settings", "reads"),
+    [
+        ({"measurement": {"state_noise": "absolute"}}, {"state", "displacement"}),
+        ({"measurement": {"replicates": 3}}, {"derivative", "state", "displacement"}),
+        ({"identification": {"stlsq": {"threshold": 0.1}}}, set()),
+    ],
+)
+def test_recordings_depend_on_nothing_but_their_own_settings(default, settings, reads):
+    cells = [("internal_resonance", p.name, "noise_0.05") for p in default.protocols]
+    other = study(**settings)
+    changed = {c[1] for c in cells if default.cell(*c).measurement != other.cell(*c).measurement}
+    assert changed == reads
+
+
+def test_the_order_of_methods_is_of_no_concern_to_a_cell(default):
+    named = [method.name for method in default.methods]
+    other = study(identification={"methods": named[::-1]})
+    assert [m.name for m in other.methods] == named[::-1]
+    assert [cell.methods for cell in other.cells] == [cell.methods for cell in default.cells]
+
+
+def test_more_replicates_of_a_trial_are_further_batches():
+    def batches(replicates):
+        trial = {"kind": "sensor_faults", "cases": ["late channels"], "replicates": replicates}
+        described = study(trials={"a": trial})
+        return {batch.name: batch for batch in described.trials[0].batches}
+
+    few, more = batches(20), batches(25)
+    assert list(few) == ["late_channels_0_to_9", "late_channels_10_to_19"]
+    assert few == {name: more[name] for name in few}
+    assert set(more) - set(few) == {"late_channels_20_to_24"}
+    assert list(more["late_channels_20_to_24"].replicates) == [20, 21, 22, 23, 24]
+
+
+def test_rules_import_neither_figures_nor_methods():
+    code = (
+        "import sys; import galloping.field, galloping.paper.printed;"
+        "from galloping.study import cells, shown, sweeps, trials;"
+        "print([m for m in ('matplotlib', 'pysindy', 'pandas', 'heyoka', 'numba', 'snakemake')"
+        " if m in sys.modules])"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "[]"
+
+
+def test_a_sweep_does_not_read_what_it_varies(default):
+    line = default.cases[0].released
+    told = sweeps.without(line, "wind_speed", "tension", None, "span")
+    assert "speed" not in told["wind"] and "tension" not in told["line"]
+    assert told["line"]["span"] == line["line"]["span"]  # its spacers move with it
+    ratios = sweeps.without(line, "damping_ratio")
+    assert ratios["damping"] == {} and ratios["initial_state"] == line["initial_state"]
+
+
+def test_a_file_is_read_as_its_place_says(tmp_path):
+    motion = Motion(("a", "b"), np.arange(3.0), np.eye(3)[:, :2], np.ones((3, 2)), "ok")
+    path = tmp_path / "trajectories" / "line.npz"
+    files.write_trajectories(path, [motion, motion])
+    read = files.read_all({"one": path, "many": [path], "none": []}, {"many": ["x"], "none": []})
+    assert read["none"] == {}
+    for motions in (read["one"], read["many"]["x"]):
+        assert len(motions) == 2 and motions[0].names == ("a", "b")
+        assert np.array_equal(motions[1].states, motion.states)
+    with pytest.raises(ValueError, match="is of no kind that a study has"):
+        files.read(tmp_path / "trajectories" / "line.txt")
+
+
+def test_a_model_comes_back_to_the_last_bit(tmp_path):
+    """Also one that is not the two-mode line."""
+    values = np.array([[0.0, 1 / 3], [-1e-17, np.pi]])
+    written = Derived(PolynomialModel(("x", "y"), ((1, 0), (0, 3)), values), {"a": 1 / 7}, {"m": 2})
+    files.write_model(tmp_path / "model.json", written)
+    read = files.read_model(tmp_path / "model.json")
+    assert (read.model.states, read.model.terms) == (written.model.states, written.model.terms)
+    assert np.array_equal(read.model.coefficients, values)
+    assert (read.coefficients, read.quantities) == ({"a": 1 / 7}, {"m": 2})
+
+
+@pytest.mark.parametrize(
+    ("measurement", "asked"),
+    [
+        ({}, False),
+        ({"levels": [0, 1, 3, 5]}, True),
+        ({"subsets": {"level": 5}}, True),
+        ({"levels": [1, 3], "state_noise": "absolute"}, False),
+        ({"levels": [1, 3], "protocols": ["derivative"]}, False),
+    ],
+)
+def test_noise_that_looks_like_percent_is_questioned_in_one_line(measurement, asked):
+    doubts = study(measurement=measurement).doubts
+    assert len(doubts) == asked
+    assert all("write 0.05" in line for line in doubts)

@@ -73,11 +73,6 @@ def configured(configfiles: Iterable[str | Path]) -> Settings:
     return load(merged(reduce(_overridden, files), files))
 
 
-def results_folder(configfiles: Iterable[str | Path]) -> str:
-    """The folder that the study of these files writes. Raises as `configured`."""
-    return configured(configfiles).results
-
-
 def _overridden(mapping: dict, over: dict) -> dict:
     """Sections merged and all else replaced, as Snakemake does."""
     both = {
@@ -91,21 +86,13 @@ def _overridden(mapping: dict, over: dict) -> dict:
 def merged(mapping: dict, files: Sequence[dict]) -> dict:
     """The mapping that Snakemake merged from files, as the study takes it.
 
-    Its keys stand in the order in which the files name them, see `ordered`, and a case that one
-    file describes and another sets to null is removed.
+    Its keys stand in the order in which the files name them, see `ordered`, and a case that is set
+    to null is left out.
     """
     mapping = ordered(mapping, files)
     cases = mapping.get("cases")
     if isinstance(cases, dict):
-        described = {
-            name
-            for file in files
-            if isinstance(sections := file.get("cases"), dict)
-            for name, case in sections.items()
-            if case is not None
-        }
-        kept = {k: v for k, v in cases.items() if v is not None or k not in described}
-        mapping = mapping | {"cases": kept}
+        mapping = mapping | {"cases": {k: v for k, v in cases.items() if v is not None}}
     return mapping
 
 

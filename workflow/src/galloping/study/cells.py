@@ -114,6 +114,20 @@ class Study:
         """The settings as nested dict, list, str, int, float, bool and None."""
         return plain(self.settings)
 
+    @property
+    def doubts(self) -> list[str]:
+        """What may be meant otherwise, a line each."""
+        measurement = self.settings.measurement
+        levels = {*measurement.levels, *measurement.joint_levels, measurement.subsets.level}
+        scaled = any(protocol.is_scaled for protocol in self.protocols)
+        if measurement.state_noise != "relative" or not scaled or max(levels) < 1:
+            return []
+        level = max(levels)
+        return [
+            f"measurement: noise level {level:g} is {level:.0%} of the deviation of a state; if "
+            f"{level:g} % is meant, write {level / 100:g}"
+        ]
+
     @cached_property
     def cases(self) -> tuple[Case, ...]:
         return tuple(
