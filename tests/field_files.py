@@ -118,3 +118,42 @@ def restarted(path: Path, seed: int = 8) -> Path:
     _, second = motion(12.0, 150.0, (-0.2, 0.6, 0.0, 0.0))
     values = seen(np.concatenate([first, second]), seed)
     return write(path, np.concatenate([time, time]), values)
+
+
+def accelerations(path: Path, seed: int = 9, noise: float = 0.05) -> Path:
+    """Two accelerometers alone, of unknown offsets."""
+    time, states = motion()
+    rates = line()(states)[:, 2:]
+    rng = np.random.default_rng(seed)
+    values = rates + noise * rates.std(axis=0) * rng.standard_normal(rates.shape) + (0.3, -0.2)
+    return write(path, time, values / 9.80665, "t [s],acc vertical [g],acc horizontal [g]")
+
+
+def below_onset(path: Path, seed: int = 10) -> Path:
+    """A release in a wind in which the line does not gallop."""
+    time, states = motion(5.0)
+    return write(path, time, seen(states, seed, 0.005))
+
+
+def settled(path: Path, seed: int = 11) -> Path:
+    """The limit cycle alone, reached long before."""
+    time, states = motion(12.0, 1500.0)
+    return write(path, time[:7501], seen(states[-7501:], seed))
+
+
+def short(path: Path, seed: int = 12) -> Path:
+    """Eight periods."""
+    time, states = motion(duration=20.0)
+    return write(path, time, seen(states, seed))
+
+
+def seldom(path: Path, seed: int = 13) -> Path:
+    """Three samples a period."""
+    time, states = motion()
+    return write(path, time[::20], seen(states[::20], seed))
+
+
+def noisy(path: Path, seed: int = 14) -> Path:
+    """A camera that errs by more than the line moves."""
+    time, states = motion()
+    return write(path, time, seen(states, seed, 1.5))

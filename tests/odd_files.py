@@ -276,7 +276,7 @@ QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "twice.csv": (lines("t [s],v [m],v [m],w [m]", columns=(TIME, V, V, W)), (),
         ("column 'v' is there twice, with the same samples",)),
     "gravity.csv": (lines("t [s],acc_v [g],w [m]"), (),
-        ("'acc_v' is read as the vertical acceleration ddq_v", "deviation 6.9")),
+        ("'acc_v' is read as the vertical acceleration ddq_v", "-9.81 m/s^2 to 9.81 m/s^2")),
     "not_used.csv": (lines("t [s],vertical [m],w [m],Temp [°C]", columns=(TIME, V, W, W)), (),
         ("columns that are not used: Temp",)),
     "clipped.csv": (lines(columns=(TIME, np.clip(V, -0.3, 2), W)), PLAIN, ("clipped at -0.3",)),

@@ -10,14 +10,14 @@ from click.testing import CliRunner
 
 from galloping import IdentifiedModel, Recording
 from galloping.cli import main
-from galloping.field.dynamics import Surroundings, dynamics, sentences
+from galloping.field.dynamics import Surroundings, dynamics
 from galloping.field.forcing import kept_up, unmoved, wavers
 from galloping.field.forecast import check_followed, forecast, held_out, with_factors
 from galloping.field.homogeneity import difference
 from galloping.field.mapping import validated
 from galloping.field.objections import objected
 from galloping.field.study import read_field
-from galloping.field.summary import longest_period
+from galloping.field.summary import Summary, longest_period
 from galloping.field.tables import FileError
 from galloping.identification.likelihood.screening import smooth_without_outliers
 from galloping.polynomial import PolynomialModel, design_matrix, library
@@ -93,8 +93,8 @@ def test_a_model_without_rest_inside_the_motion_has_no_natural_frequencies():
     around = Surroundings(np.zeros(2), -np.ones(2), np.ones(2))
     found = dynamics(exact, around, np.random.default_rng(0))
     assert not found.rest and np.isnan(found.frequencies["x"].value)
-    said = " ".join(sentences(found))
-    assert "no position of rest" in said and "where the motion ends is not told" in said
+    said = str(Summary(exact, (recorded(),), found))
+    assert "no position of rest" in said and "does not tell where the motion ends" in said
 
 
 @pytest.mark.parametrize("jump", [20.0, 150.0, 3600.0, 1e8])
@@ -319,15 +319,19 @@ def test_a_file_is_answered_right_or_refused_for_its_fault(tmp_path, name):
     for words in said:
         assert words in summary
     if status != RIGHT:
-        assert summary.startswith(f"# Summary\n\n**{status}")
+        assert f"\n**{status}**: " in summary
         return
-    assert re.match(r"# Summary\s+\*\*(ok|not identifiable)", summary)
+    assert re.search(r"\n\*\*(ok|not identifiable)\*\*: ", summary)
     assert "Its forecasts" not in summary
     for state, (frequency, damping) in ABOUT_REST.items():
-        told = re.search(rf"{state} oscillates at ([\d.]+) Hz.*net damping (\S+) %", summary)
+        own = {"q_v": "vertical", "q_w": "horizontal"}[state]
+        told = re.search(rf"{own}: natural frequency \| ([\d.]+) Hz", summary)
         assert float(told[1]) == pytest.approx(frequency, rel=1e-3)
-        assert float(told[2]) == pytest.approx(damping, abs=0.02)
-        size = re.search(rf"{state} ± ([\d.]+) m \(([\d.]+) to ([\d.]+)\)", summary)
+        told = re.search(rf"{own}: net damping \| (\S+) % of critical", summary)
+        assert float(told[1]) == pytest.approx(damping, abs=0.02)
+        size = re.search(
+            rf"{own}: amplitude in the end \| ±([\d.]+) m \| ([\d.]+) to ([\d.]+)", summary
+        )
         value, low, high = map(float, size.groups())
         assert value == pytest.approx(LIMIT_CYCLE[state], rel=0.01)
         assert low - 0.01 < LIMIT_CYCLE[state] < high + 0.01

@@ -57,7 +57,12 @@ def test_the_parts_of_a_summary_are_had_alone(summary, recorded):
 
 def test_a_summary_is_text_and_figures(summary):
     text = str(summary)
-    assert text.startswith("# Summary") and "## The line" in text and "7501 samples" in text
+    assert text.startswith("# Summary\n\n## What was found\n\n**As recorded, the line gallops**")
+    assert (
+        "| vertical: natural frequency | 0.4" in text
+        and "### The line" in text
+        and "7501 samples" in text
+    )
     assert repr(summary).splitlines()[0] == "Summary of IdentifiedModel of q_v, q_w, dq_v, dq_w"
     assert len(summary.draw_fit().axes) == 4 * len(summary.motions)
     assert len(summary.draw_forecast().axes) == 4 * 2
@@ -66,7 +71,7 @@ def test_a_summary_is_text_and_figures(summary):
 def test_a_refused_model_says_so_and_no_more(recorded):
     refused = galloping.IdentifiedModel.refused(recorded.states, ((1, 0, 0, 0),), "no luck")
     summary = galloping.summarise(refused, recorded)
-    assert "**refused: no luck.**" in str(summary) and "## The line" not in str(summary)
+    assert "**refused: no luck**" in str(summary) and "### The line" not in str(summary)
     assert summary.dynamics is summary.held_out is summary.forecast is summary.advice is None
     with pytest.raises(ValueError, match="no model to forecast with: no luck"):
         galloping.forecast(refused, recorded)

@@ -262,8 +262,8 @@ def _forced(text: str | None, method: str) -> tuple[str, ...] | None:
 @click.option("--json", "as_json", is_flag=True, help="Print the report for machines.")
 def inspect(file, write_map, as_json, **mapping):
     """What a recording is worth: sampling, gaps, noise, spectrum, problems."""
-    from galloping.field.outputs import report_lines
     from galloping.field.study import read_field
+    from galloping.field.wording import report_lines
 
     if write_map and not _written_map(file, write_map, mapping):
         return

@@ -16,11 +16,6 @@ from galloping.recording import Recording
 
 LARGER = 1.5  # times the largest displacement from rest that was recorded
 LONGEST = 60  # periods, of a further recording
-OF_APPROXIMATE = (
-    "None of the same kind: what the model misses is no noise that more samples would average out. "
-    "Sensors at more places along the span, which tell further modes apart, would; or a library of "
-    "a higher degree, if the motion is larger than cubic terms describe."
-)
 PER_PERIOD = 40  # samples that information is summed over: more are weighed, not integrated
 
 
@@ -97,7 +92,12 @@ def _options(
     pairs = velocity_pairs(states)
     around = Surroundings.of([recording])
     rest = around.middle if (found := around.rest(identified.model)) is None else found
-    options = {"another one that begins like the first": first}
+    twice = np.arange(0.0, 2.0 * first.time[-1], first.time[1])
+    options = {
+        "another one that begins like the first": first,
+        "such a one, twice as long": replace(first, time=twice),
+        "such a one, sampled twice as often": replace(first, sigma=first.sigma / np.sqrt(2.0)),
+    }
     last = identified.simulate(first.initial_state, first.time).states[-1]
     if np.all(np.isfinite(last)):
         options["going on where such a one ends"] = replace(first, initial_state=last)
@@ -124,17 +124,3 @@ def _options(
             first, sigma=sigma
         )
     return options
-
-
-def sentences(of: Advice | None, status: str) -> list[str]:
-    """The same in words, for a model of that status."""
-    if of is None:
-        return [OF_APPROXIMATE] if status == "approximate" else []
-    share = 100.0 / abs(of.coefficient)
-    said = [
-        f"The term known worst is {of.term}: {of.coefficient:.3g} {of.unit}, standard error "
-        f"{share * of.error:.2g} %. After one more recording of {of.duration:.0f} s at the same "
-        "wind it would be:",
-        "",
-    ]
-    return said + [f"- {name}: {share * error:.2g} %" for name, error in of.options]

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from galloping.field.assess import Assessment, Condition, Cycle, Equilibrium, Mode
-from galloping.field.dynamics import ENDS, Value, in_words
+from galloping.field.dynamics import Value
 from galloping.field.units import state_unit
+from galloping.field.wording import ENDS, in_words
 
 
 def assessment_text(of: Assessment, units: Mapping[str, str]) -> str:

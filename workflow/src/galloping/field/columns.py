@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from galloping.field.units import behind, measures, named
+from galloping.field.units import (
+    DIRECTION,
+    LENGTH_OF_ORDER,
+    behind,
+    meaning,
+    measures,
+    named,
+)
 
 if TYPE_CHECKING:
     from galloping.field.tables import FileTable
@@ -41,17 +48,8 @@ UP, ACROSS = ({letter, f"d{letter}", f"a{letter}", f"acc{letter}"} for letter in
 ROWS = 2000  # of a text file, that its columns are told from
 NO_UNIT = "the file says no unit"
 STATE = re.compile(r"(d{0,2})q_?([vw])", re.IGNORECASE)
-MEANING = {"q_v": "vertical", "q_w": "horizontal"}
-ORDERS = ("m", "m/s", "m/s^2")
-KIND = ("displacement", "velocity", "acceleration")
+ORDERS = tuple(LENGTH_OF_ORDER.values())
 DATED = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d")
-
-
-def meaning(target: str) -> str:
-    """In words, what is measured: `q_v`, a vertical displacement; '' where no span has it."""
-    stem = target.lstrip("d")
-    order = len(target) - len(stem)
-    return f"{MEANING[stem]} {KIND[order]}" if stem in MEANING and order < len(KIND) else ""
 
 
 def _words(header: str) -> set[str]:
@@ -178,7 +176,7 @@ class Proposal:
 def states_of(targets: Iterable[str]) -> list[str]:
     """The states of a span that channels tell of: displacements, then velocities."""
     stems = {name.lstrip("d") for name in targets}
-    own = [stem for stem in MEANING if stem in stems]
+    own = [stem for stem in DIRECTION if stem in stems]
     return own + [f"d{stem}" for stem in own]
 
 
@@ -227,7 +225,7 @@ def proposal(
         likely = {name: _order(table.unit(name) or said(name)) for name in _by_axis(others)
                   if table.is_numeric(name) and not _among(_words(name), *OTHERS)}  # fmt: skip
         likely = {name: order for name, order in likely.items() if order is not None}
-        for stem, (name, order) in zip(MEANING, likely.items(), strict=False):
+        for stem, (name, order) in zip(DIRECTION, likely.items(), strict=False):
             channels.append(channel(name, "d" * order + stem))
             doubts[name] = "a guess, from its place among the columns"
     used = {clock, *(each["column"] for each in channels)}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import floor, log10
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +27,6 @@ from galloping.simulation import Simulator
 DRAWS = 39  # of which the least and the greatest are then the ends of the band
 DIFFERENCE = 1e-2  # of coefficients, in standard errors
 ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in units of the states
-ENDS = {
-    "rest": "the motion dies out",
-    "forced": "random forces keep it moving; without them it would end at rest where every net "
-    "damping is above zero",
-    "irregular": "the motion ends in no limit cycle: it never repeats, or settles too slowly",
-}
 DURATION, FROM_NEARBY, WINDOW = 2000.0, 800.0, 200.0  # s, of the motion that settles on the cycle
 
 
@@ -230,45 +223,3 @@ def _linear(model: PolynomialModel, pairs: dict[int, int], around: Surroundings)
         size = np.abs(values[mode])
         result[1:, k] = size / (2 * np.pi), -values[mode].real / size
     return result
-
-
-def sentences(of: Dynamics) -> list[str]:
-    """The same in words."""
-    if of.rest:
-        places = ", ".join(f"{state} = {in_words(value, 'm')}" for state, value in of.rest.items())
-        said = [f"small motions are those about the position of rest that is recorded, {places}"]
-        said += [_mode(of, state) for state in of.frequencies]
-    else:
-        said = ["the model has no position of rest inside the motion, so no natural frequencies"]
-    halves = ", ".join(f"{name} ± {in_words(half, 'm')}" for name, half in of.half_range.items())
-    if of.kind == "cycle":
-        last = (
-            f", period {in_words(of.period, 's')}"
-            if of.period
-            else "; the cycle itself was not computed, so nothing tells how sure these are"
-        )
-        return [*said, f"the motion ends in a limit cycle: {halves}{last}"]
-    untold = f"where the motion ends is not told by this model: its simulation {of.kind}"
-    return [*said, ENDS.get(of.kind, untold)]
-
-
-def _mode(of: Dynamics, state: str) -> str:
-    frequency, damping = of.frequencies[state], of.damping[state]
-    if np.isnan(frequency.value):
-        return f"{state} does not oscillate by itself"
-    if abs(damping.value) < ROUNDING:
-        return f"{state} oscillates at {in_words(frequency, 'Hz')}, without damping of its own"
-    grows = ": it grows" if damping.value < 0 else ""
-    share = in_words(damping, "% of critical", 100)
-    return f"{state} oscillates at {in_words(frequency, 'Hz')}, net damping {share}{grows}"
-
-
-def in_words(of: Value, unit: str, factor: float = 1.0) -> str:
-    """A value times a factor with its interval, to the digits that it tells."""
-    value, low, high = (factor * number for number in (of.value, of.low, of.high))
-    if low == high:
-        return f"{value:.5g} {unit}"
-    if not np.isfinite(low):
-        return f"{value:.4g} {unit} (interval unknown)"
-    digits = max(0, 1 - floor(log10((high - low) / 2))) if high > low else 6
-    return f"{value:.{digits}f} {unit} ({low:.{digits}f} to {high:.{digits}f})"

@@ -19,13 +19,13 @@ from galloping.field.outputs import (
     describe_tables,
     forecast_rows,
     model_rows,
-    summary_text,
 )
 from galloping.field.project import PERIODS, parted, recording
 from galloping.field.quality import quality
 from galloping.field.read import Series, check_apart, read_series
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
 from galloping.field.units import state_unit
+from galloping.field.wording import summary_text
 from galloping.identification.model import IdentifiedModel
 from galloping.importing import imported
 from galloping.passes import part, passing

@@ -28,9 +28,9 @@ from galloping.field.forecast import (
 )
 from galloping.field.homogeneity import Identify
 from galloping.field.objections import objected
-from galloping.field.outputs import summary_text
 from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import peaks_of, sampled, spectrum
+from galloping.field.wording import summary_text
 from galloping.identification.likelihood.inputs import checked_recordings
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces

@@ -25,6 +25,8 @@ SPELLINGS = (  # as loggers write units, and as pint reads them
     (r"(?<=[a-z0-9])[.·](?=[a-z])", "*"),
     (r"\b([cmµμu]?m)s\^-([12])", r"\1/s^\2"),  # ms^-2 is m s^-2: nothing is measured per ms^2
 )
+DIRECTION = {"q_v": "vertical", "q_w": "horizontal"}
+KIND = ("displacement", "velocity", "acceleration")
 LENGTH_OF_ORDER = {0: "m", 1: "m/s", 2: "m/s^2"}
 
 
@@ -125,10 +127,17 @@ def amount(text: str | float, unit: str, wanted: str) -> float:
     return float(number) * factor(own or unit, wanted)
 
 
+def meaning(target: str) -> str:
+    """In words, what is measured: of `q_v` a vertical displacement; '' where no span has it."""
+    stem = target.lstrip("d")
+    order = len(target) - len(stem)
+    return f"{DIRECTION[stem]} {KIND[order]}" if stem in DIRECTION and order < len(KIND) else ""
+
+
 def state_unit(name: str) -> str:
     """The SI unit of a state of a line, by its name: q_v m, dq_v m/s, ddq_v m/s^2; else `1`."""
     stem = name.lstrip("d")
-    if stem in ("q_v", "q_w"):
+    if stem in DIRECTION:
         return LENGTH_OF_ORDER.get(len(name) - len(stem), "1")
     return "1"
 

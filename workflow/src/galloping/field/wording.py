@@ -1,0 +1,489 @@
+"""What recordings and their model tell, in the words of an engineer: the text of `summary.md`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from math import floor, log, log10
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from galloping.field.advice import Advice
+from galloping.field.dynamics import ROUNDING, Dynamics, Value
+from galloping.field.excerpt import excerpts
+from galloping.field.forecast import HeldOut, Sensed
+from galloping.field.inputs import input_lines
+from galloping.field.quality import peaks_of, spectrum
+from galloping.field.units import coefficient_unit, meaning, state_unit
+from galloping.identification.model import IdentifiedModel
+from galloping.polynomial import term_name
+from galloping.recording import Recording
+
+if TYPE_CHECKING:
+    from galloping.field.summary import Summary
+
+MEANING = {
+    "ok": "The equations below follow the recording down to the noise of its sensors, and no other "
+    "terms do as well: its numbers can be used, within their intervals, for winds and motions like "
+    "those recorded.",
+    "not identifiable": "The model follows the recording down to the noise of its sensors, so what "
+    "it says of motions like the recorded ones can be used; but the recording leaves open which "
+    "terms the equations have, and with others larger motions would be different.",
+    "approximate": "No equations of this kind follow the recording exactly, and these come near: "
+    "take them for how far and how fast the line moves, within the intervals, which are widened by "
+    "what the model misses, and read no meaning into single terms.",
+    "refused": "No equations could be found that may be trusted, so there are no damping, no "
+    "amplitude in the end and no forecast; what is said above comes from the samples alone.",
+    "unjudged": "This method does not judge its model, and nothing here says whether it holds.",
+}
+ENDS = {
+    "rest": "the motion dies out",
+    "forced": "random forces keep the motion up; without them the line would come to rest where "
+    "every net damping is above zero",
+    "irregular": "the motion never repeats, or settles too slowly to tell",
+}
+WIND = "the wind speed, recorded beside the motion (`--input`)"
+PLACES = (
+    "sensors at more places along the span, which tell its modes apart (`position` in a mapping)"
+)
+CLOCKS = "one clock for all sensors, and samples at regular times"
+# Part of a reason: what it means, and what would help; those that weigh more first.
+REASONS = (
+    (r"clipped at", "A sensor's range ends below the motion: its largest samples are cut off.",
+     "a sensor with a larger range"),
+    (r"^moved by random forces", "Random forces, such as those of gusts, move the line, and the "
+     "model has them.", "a longer recording: its errors fall with the root of the time"),
+    (r"random forces", "The motion is kept up by random forces, such as gusts or traffic, where "
+     "the line by itself would come to rest: it is no galloping, and no model here has such "
+     "forces.", "a recording of galloping, or of a motion that dies out after a release"),
+    (r"parts of the recording .* do not share one model", "The line was not the same all through "
+     "the recording, as where the wind changes or gusts.", f"a shorter stretch in a steady wind; "
+     f"or {WIND}"),
+    (r"do not share one model", "The recordings are not of one line in one wind.",
+     f"each wind by itself; or {WIND}"),
+    (r"as in gusts|forces besides the model act|followed in pieces", "Forces that the model does "
+     "not have acted on the line, such as gusts.", WIND),
+    (r"delayed against|clock", "The sensors do not share one clock, or one of them lags.", CLOCKS),
+    (r"is not the rate of|scale", "Two sensors contradict each other: the scale of one of them is "
+     "off.", "a check of the scale and unit of each sensor"),
+    (r"drifts", "A sensor drifts.", "a sensor whose zero holds still"),
+    (r"noise grows with the signal", "The sensors err more where the motion is larger.",
+     "a check of the sensors at large motions"),
+    (r"has a line at|besides it there oscillates", "The line also moves at a frequency in which "
+     "the model has no part, mostly that of a higher mode of the span.", PLACES),
+    (r"times jitter", "What the model misses is largest where the line moves fastest, as where the "
+     "times of the samples are not exact.", CLOCKS),
+    (r"noise larger than it was said", "The sensors are noisier than was said, or terms are "
+     "missing.", "the noise of the sensors, measured while the line is still"),
+    (r"outliers", "Many samples lie far from those beside them.", "a check of the sensor"),
+    (r"free of gaps|too few complete samples", "The recording has too many gaps.",
+     "a recording without gaps for some ten periods"),
+    (r"out of the noise|above its noise", "The motion hardly stands out of the noise of the "
+     "sensors.", "a larger motion, or better sensors"),
+    (r"not measured", "Not all that moves was measured.",
+     "displacements in both directions, beside what was measured"),
+    (r"the data cannot tell|the data alone cannot tell|data alike|plausible|may be missing",
+     "Several sets of terms explain the recording about equally well.", ""),
+    (r"diverge|no model found|predicts nothing|no oscillat|time scale",
+     "No equations of this kind could be made to follow the recording.",
+     "a longer recording of one steady motion; sensors in both directions"),
+    (r"model inadequate", "The line also moves in a way that the model has no part in.", PLACES),
+)  # fmt: skip
+PROBLEMS = (  # part of what is wrong with samples, and what would help
+    ("is the unit", "the right units: the recorded motion is none that a span has"),
+    ("less than 10 periods", "a longer recording, of ten periods of the motion or more"),
+    ("less than 10 samples", "a higher sampling rate, of ten samples in a period or more"),
+    ("hardly more than noise", "a larger motion, or better sensors"),
+    ("the mean drifts", "a sensor whose zero holds still"),
+    ("clipped", "a sensor with a larger range"),
+)
+MOST_PROBLEMS = 5  # of samples, that are told before the technical part
+NEAR = 0.9  # of the samples, that a band of 90 % should hold
+
+
+def summary_text(
+    of: Summary,
+    reports: Sequence[dict] = (),
+    beside: tuple[str, Dynamics | None] | None = None,
+) -> str:
+    """summary.md: what was found, how far to believe it, what would help most; technical part.
+
+    reports: of `quality`, where the recordings come from files. beside: a name, and what is known
+    of the line by that name.
+    """
+    found, known = of.found, of.dynamics
+    parts = {
+        "# Summary": [],
+        "## What was found": [*_outcome(of), "", *_table(known, of.recordings)],
+        "## How far it may be believed": _belief(of, reports),
+        "## What would help most": [f"- {each}" for each in _helps(of, reports)],
+        "## Technical part": [f"**{found.verdict}**"],
+    }
+    if found.status != "refused":
+        parts["### Equations"] = ["```", *found.equations(), "```"]
+    said = _about_rest(known) if known else []
+    if beside and beside[1]:
+        said += [f"By case {beside[0]}:", "", *_table(beside[1], ())]
+    if said:
+        parts["### The line"] = said
+    if of.held_out:
+        parts["### Forecast"] = [_skill(of.held_out)]
+    described = [report_lines(report) for report in reports]
+    parts["### Recordings"] = [
+        line
+        for head, *rest in described or [repr(each).splitlines() for each in of.recordings]
+        for line in (f"- {head}", *(f"  - {each.strip()}" for each in rest))
+    ] + _used(of.recordings)
+    if found.status != "refused":
+        parts["### What the recordings cannot tell"] = _untold(found)
+    if of.advice:
+        parts["### Further recordings"] = _options(of.advice)
+    return "\n\n".join("\n\n".join([head, *_block(lines)]) for head, lines in parts.items()) + "\n"
+
+
+def _block(lines: Sequence[str]) -> list[str]:
+    return ["\n".join(lines).strip("\n")] if lines else []
+
+
+def in_words(of: Value, unit: str, factor: float = 1.0) -> str:
+    """A value times a factor with its interval, to the digits that it tells."""
+    number, interval = _numbers(of, factor)
+    return f"{number} {unit}".strip() + (f" ({interval})" if interval else "")
+
+
+def _numbers(of: Value, factor: float = 1.0) -> tuple[str, str]:
+    value, low, high = (factor * number for number in (of.value, of.low, of.high))
+    if low == high:
+        return f"{value:.5g}", ""
+    if not np.isfinite(low):
+        return f"{value:.4g}", "interval unknown"
+    digits = max(0, 1 - floor(log10((high - low) / 2))) if high > low else 6
+    return f"{value:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}"
+
+
+def _name(state: str) -> str:
+    """`vertical`, of q_v; of other systems the state."""
+    return meaning(state).partition(" ")[0] or state
+
+
+def _unit(state: str) -> str:
+    return state_unit(state).removeprefix("1")
+
+
+def _and(parts: Iterable[str]) -> str:
+    *most, last = parts
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def _outcome(of: Summary) -> list[str]:
+    """In a sentence or two: whether the line gallops, and where that ends."""
+    known = of.dynamics
+    if known is None:
+        none = of.found.status == "refused"
+        return ["The recording gives no model of the line." if none else "A model was found."]
+    if not known.rest:
+        return [f"The model has no position of rest inside the motion. {_end(known)}"]
+    damped = {state: value for state, value in known.damping.items() if np.isfinite(value.value)}
+    grow = {s: v for s, v in damped.items() if v.value < -ROUNDING}
+    unsure = [s for s, v in damped.items() if v.low < -ROUNDING and v.high > ROUNDING]
+    line = "the line" if any(meaning(state) for state in damped) else "the system"
+    if unsure:
+        return [
+            f"**Whether small {_and(map(_name, unsure))} motions grow or die out is not told**: "
+            f"the interval of their damping holds zero, so {line} may be near its onset. "
+            f"{_end(known)}"
+        ]
+    if grow:
+        pace = _and(f"{_name(s)} ones double in {_doubling(known.frequencies[s], v)}"
+                    for s, v in grow.items())  # fmt: skip
+        verb = "gallops" if line == "the line" else "oscillates by itself"
+        return [f"**As recorded, {line} {verb}**: small motions grow, {pace}. {_end(known)}"]
+    if of.found.is_forced:
+        return [
+            f"**As recorded, {line} does not gallop**: {_end(known)[0].lower()}{_end(known)[1:]} "
+            "What is below is of the line in that wind, without these forces."
+        ]
+    least = min(damped, key=lambda state: damped[state].value, default=None)
+    if least is None:
+        return [f"No small motion oscillates. {_end(known)}"]
+    margin = in_words(damped[least], "% of critical damping", 100)
+    if known.kind == "cycle":
+        return [
+            f"**As recorded, small motions of {line} die out, and larger ones go on**: it gallops "
+            f"where something pushes it far enough. {_end(known)}"
+        ]
+    return [
+        f"**As recorded, {line} does not gallop**: small motions die out. Its margin is the net "
+        f"damping of the {_name(least)} motion, {margin}: it gallops where the wind takes that "
+        f"much more. {_end(known)}"
+    ]
+
+
+def _doubling(frequency: Value, damping: Value) -> str:
+    """The time in which a motion that grows doubles."""
+    own, *ends = (
+        log(2.0) / (2.0 * np.pi * frequency.value * -ratio) if ratio < 0 else np.inf
+        for ratio in (damping.value, damping.low, damping.high)
+    )
+    return in_words(Value(own, *ends), "s")
+
+
+def _end(of: Dynamics) -> str:
+    if of.kind != "cycle":
+        untold = f"the model does not tell where the motion ends: its simulation {of.kind}"
+        said = ENDS.get(of.kind, untold)
+        return said[0].upper() + said[1:] + "."
+    halves = _and(
+        f"±{in_words(half, _unit(state))} {_name(state)}" for state, half in of.half_range.items()
+    )
+    sure = "" if of.period else "; nothing tells how sure that is, for it was not computed exactly"
+    return f"In a steady wind it settles on a motion that repeats, a limit cycle: {halves}{sure}."
+
+
+def _table(known: Dynamics | None, recordings: Sequence[Recording]) -> list[str]:
+    """Rows of what was recorded and found, with 95 % intervals."""
+    rows = []
+    if recordings:
+        names = Sensed.by(recordings[-1]).names
+        for k, name in enumerate(names):
+            size, pace = _recorded(recordings, k)
+            if np.isfinite(size):
+                what = f"{meaning(name) or name} {name}".removesuffix(f" {name}") or name
+                rows.append((f"{what}, recorded", f"±{size:.3g} {_unit(name)}", ""))
+                if known is None and np.isfinite(pace):
+                    rows.append((f"{what}, frequency of most of it", f"{pace:.3g} Hz", ""))
+    if known:
+        for state in known.half_range or known.frequencies:
+            own = _name(state)
+            frequency, damping = known.frequencies[state], known.damping[state]
+            if np.isfinite(frequency.value):
+                rows.append((f"{own}: natural frequency", *_cells(frequency, "Hz")))
+                none = abs(damping.value) < ROUNDING
+                rows.append(
+                    (f"{own}: net damping", *(("none", "") if none
+                     else _cells(damping, "% of critical", 100)))
+                )  # fmt: skip
+            if state in known.half_range:
+                size, interval = _cells(known.half_range[state], _unit(state))
+                rows.append((f"{own}: amplitude in the end", f"±{size}", interval))
+        if known.period:
+            rows.append(("period in the end", *_cells(known.period, "s")))
+    if not rows:
+        return []
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    return ["| | | 95 % interval |", "| --- | --- | --- |", *lines]
+
+
+def _cells(of: Value, unit: str, factor: float = 1.0) -> tuple[str, str]:
+    number, interval = _numbers(of, factor)
+    return f"{number} {unit}".strip(), interval
+
+
+def _recorded(recordings: Sequence[Recording], k: int) -> tuple[float, float]:
+    """Half of the range of a channel, and the frequency of most of its motion, Hz."""
+    channels = [
+        (own.time[known], values[known])
+        for own in recordings
+        for values in [Sensed.by(own).samples(own)[:, k]]
+        if np.count_nonzero(known := np.isfinite(values)) > 1
+    ]
+    if not channels:
+        return np.nan, np.nan
+    values = np.concatenate([values for _, values in channels])
+    time, longest = max(channels, key=lambda channel: len(channel[0]))
+    frequency, share = spectrum(time, longest, float(np.median(np.diff(time))))
+    peaks = peaks_of(share)[1]
+    return float(np.ptp(values) / 2), float(frequency[peaks[0]]) if len(peaks) else np.nan
+
+
+def _about_rest(of: Dynamics) -> list[str]:
+    if not of.rest:
+        return ["The model has no position of rest inside the motion, so no natural frequencies."]
+    places = ", ".join(f"{s} = {in_words(value, _unit(s))}" for s, value in of.rest.items())
+    still = [state for state, value in of.frequencies.items() if np.isnan(value.value)]
+    return [
+        f"Small motions are those about the position of rest that is recorded, {places}; net "
+        "damping is that of the line less what the wind puts in.",
+        *(f"{state} does not oscillate by itself." for state in still),
+    ]
+
+
+def plain_reasons(reason: str) -> list[tuple[str, str]]:
+    """What the parts of a verdict's reason mean, and what would help; none where it has none."""
+    fitting = [
+        next((k for k, (pattern, *_) in enumerate(REASONS) if re.search(pattern, clause)), None)
+        for clause in reason.split("; ")
+    ]
+    return [REASONS[k][1:] for k in sorted(set(fitting) - {None})]
+
+
+def _belief(of: Summary, reports: Sequence[dict]) -> list[str]:
+    why = " ".join(why for why, _ in plain_reasons(of.found.reason))
+    lines = [f"**{of.found.status}**: {MEANING[of.found.status]}" + (f" {why}" if why else "")]
+    lines += [line for said in [*_tried(of.held_out), *_cautions(of)] for line in ("", said)]
+    problems = [
+        f"- {report['file']}, {p['column']}, from row {p['row']} on: {p['what']}"
+        for report in reports
+        for p in report["problems"]
+    ]
+    if problems:
+        more = len(problems) - MOST_PROBLEMS
+        lines += ["", "What is odd about the samples:", "", *problems[:MOST_PROBLEMS]]
+        lines += [f"- and {more} more, below"] if more > 0 else []
+    return lines
+
+
+def _tried(of: HeldOut | None) -> list[str]:
+    """How a forecast of the end of the recording went, which was hidden from the method."""
+    if of is None or not of.useful:
+        return []
+    length = of.forecast.time[-1] - of.forecast.time[0]
+    told = [
+        (_name(name) if name == name.lstrip("d") or not meaning(name) else meaning(name),
+         np.sqrt(1.0 - min(skill, 1.0)), held)
+        for name, skill, held in zip(of.forecast.names, of.skill, of.held, strict=True)
+        if np.isfinite(skill)
+    ]  # fmt: skip
+    missed = _and(f"{100 * miss:.0f} % of the {name}" for name, miss, _ in told)
+    held = _and(f"{100 * share:.0f}" for *_, share in told)
+    return [
+        f"As a test the last {length:.0f} s were hidden from the method and forecast from the "
+        f"rest: the forecast missed {missed} motion, and its 90 % band held {held} % of the "
+        "samples."
+    ]
+
+
+def _cautions(of: Summary) -> list[str]:
+    """What must be known of the forecasts before any is used."""
+    if of.untried:
+        return [
+            "**Whether its forecasts hold is not known**: without its last part the recording "
+            "gives none."
+        ]
+    trial = of.held_out
+    if trial is None:
+        return []
+    each = list(zip(trial.forecast.names, trial.held, trial.factors, strict=True))
+    if not trial.useful:
+        worse = _and(_name(name) for name, _, factor in each if np.isinf(factor))
+        return [
+            "**It gives no forecast**: the end of the recording, hidden as a test, was missed by "
+            f"more than a line at rest would miss it, in the {worse} motion."
+        ]
+    return [
+        f"**Its forecasts are less sure than the model says**: {_name(name)}, all bands are "
+        f"{factor:.2g} times as wide as the model's, so that the hidden end lies in them as it "
+        "should."
+        for name, _, factor in each
+        if factor > 1.0
+    ]
+
+
+def _helps(of: Summary, reports: Sequence[dict]) -> list[str]:
+    """What would help, that which helps most first."""
+    said = [problem["what"] for report in reports for problem in report["problems"]]
+    helps = [help_ for part, help_ in PROBLEMS if any(part in what for what in said)]
+    helps += [helps for _, helps in plain_reasons(of.found.reason) if helps]
+    if of.advice and of.advice.options:
+        name, error = of.advice.options[0]
+        now, then = (100.0 * e / abs(of.advice.coefficient) for e in (of.advice.error, error))
+        helps.append(
+            f"of further recordings at the same wind, {name}: the term known worst would then be "
+            f"known to {then:.2g} % instead of {now:.2g} %"
+        )
+    if of.found.status == "approximate" and PLACES not in helps:
+        helps.append(f"{PLACES}; more of the same kind would not, for what the model misses is no "
+                     "noise that averages out")  # fmt: skip
+    if not of.found.model.inputs and WIND not in " ".join(helps):
+        helps.append(f"{WIND}, in several winds: one wind alone does not tell at which wind "
+                     "galloping begins")  # fmt: skip
+    return list(dict.fromkeys(helps))
+
+
+def _options(of: Advice) -> list[str]:
+    share = 100.0 / abs(of.coefficient)
+    return [
+        f"The term known worst is {of.term}: {of.coefficient:.3g} {of.unit}, standard error "
+        f"{share * of.error:.2g} %. After one more recording of {of.duration:.0f} s at the same "
+        "wind it would be:",
+        "",
+        *(f"- {name}: {share * error:.2g} %" for name, error in of.options),
+    ]
+
+
+def _skill(of: HeldOut) -> str:
+    said = [
+        f"{name}: R2 {skill:.3f}, {100 * held:.0f} % of the samples inside the 90 % band (chance "
+        f"allows {100 * least:.0f} % or more)"
+        for name, skill, held, least in zip(
+            of.forecast.names, of.skill, of.held, of.forecast.chance, strict=True
+        )
+        if np.isfinite(skill)
+    ]
+    length = of.forecast.time[-1] - of.forecast.time[0]
+    return f"The last {length:.0f} s, which were held out: {'; '.join(said)}."
+
+
+def _used(recordings: Sequence[Recording]) -> list[str]:
+    stretches = excerpts(list(recordings))
+    if all(one is other for one, other in zip(stretches, recordings, strict=False)):
+        return []
+    duration = sum(one.time[-1] - one.time[0] for one in recordings)
+    share = 100 * sum(one.time[-1] - one.time[0] for one in stretches) / duration
+    return [
+        "",
+        f"The model comes from {len(stretches)} stretches, {share:.2g} % of the time: those in "
+        "which the motion grows or decays most, and those in which it is largest.",
+    ]
+
+
+def report_lines(report: dict) -> list[str]:
+    """A report of `quality` as text: the file, then a line for each channel, note and problem."""
+    sampling = report["sampling"]
+    gaps = sampling["gaps_total"]
+    lines = [
+        f"{report['file']}: {sampling['samples']} samples over {sampling['duration_s']:.1f} s "
+        f"({sampling['rate_hz']:.3g} Hz), {gaps or 'no'} gap{'' if gaps == 1 else 's'}"
+    ]
+    for column, channel in report["channels"].items():
+        target = channel["measures"]
+        unit = _unit(target)
+        frequencies = ", ".join(f"{f:.3g}" for f in channel["dominant_frequencies_hz"])
+        lowest, highest, noise = (
+            f"{channel[key]:.3g} {unit}".strip() for key in ("lowest", "highest", "noise")
+        )
+        lines.append(
+            f"  {column} measures {target}{', the ' * bool(meaning(target))}{meaning(target)}: "
+            f"{lowest} to {highest}, noise {noise}, {channel['missing_percent']:.1f} % missing, "
+            f"mostly at {frequencies or 'no'} Hz"
+        )
+    lines += [f"  {line}" for line in input_lines(report.get("inputs", {}))]
+    lines += [f"  {note}" for note in report["notes"]]
+    return lines + [f"  {p['column']}, row {p['row']}: {p['what']}" for p in report["problems"]]
+
+
+def _untold(identified: IdentifiedModel) -> list[str]:
+    """What the model does not say: other conditions, and the absent terms with most room."""
+    model = identified.model
+    limits = np.where(np.isfinite(identified.detection_limits), identified.detection_limits, -1.0)
+    flat = np.argsort(-limits, axis=None)[:3]
+    inputs = dict.fromkeys(model.inputs, "")
+    room = [
+        f"- {term_name(model.terms[j], model.names)} in d({model.states[i]})/dt: absent, or as "
+        f"large as {limits[i, j]:.3g} "
+        f"{coefficient_unit(model.states[i], model.terms[j], model.names, inputs)}"
+        for i, j in zip(*np.unravel_index(flat, limits.shape), strict=True)
+        if limits[i, j] > 0
+    ]
+    scales = [
+        f"- The scale of {name.removeprefix('scale_')}: it was told from its rate, as {value:.4g} "
+        "times the true one"
+        for name, value in identified.diagnostics.items()
+        if name.startswith("scale_")
+    ]
+    return [
+        "- What holds at other winds, and at motions much larger than those recorded",
+        *scales,
+        *room,
+    ]
