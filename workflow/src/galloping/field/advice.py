@@ -9,7 +9,7 @@ import numpy as np
 
 from galloping.bounds.information import Experiment, bound_of, information
 from galloping.field.dynamics import Surroundings
-from galloping.field.units import coefficient_unit
+from galloping.field.units import coefficient_unit, state_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import term_name, velocity_pairs
 from galloping.recording import Recording
@@ -94,13 +94,13 @@ def _options(
     rest = around.middle if (found := around.rest(identified.model)) is None else found
     twice = np.arange(0.0, 2.0 * first.time[-1], first.time[1])
     options = {
-        "another one that begins like the first": first,
-        "such a one, twice as long": replace(first, time=twice),
-        "such a one, sampled twice as often": replace(first, sigma=first.sigma / np.sqrt(2.0)),
+        "the same motion again": first,
+        "the same motion, twice as long": replace(first, time=twice),
+        "the same motion, sampled twice as often": replace(first, sigma=first.sigma / np.sqrt(2.0)),
     }
     last = identified.simulate(first.initial_state, first.time).states[-1]
     if np.all(np.isfinite(last)):
-        options["going on where such a one ends"] = replace(first, initial_state=last)
+        options["what follows on the same motion"] = replace(first, initial_state=last)
     for k in pairs or range(len(states)):
         if np.isfinite(recording.values[:, k]).any():
             away = LARGER * np.nanmax(np.abs(recording.values[:, k] - rest[k]))
@@ -110,9 +110,8 @@ def _options(
                              first.initial_state)  # fmt: skip
             start[k] = height
             at_rest = " at rest" if pairs else ""
-            options[f"a release from {states[k]} = {height:g}{at_rest}"] = replace(
-                first, initial_state=start
-            )
+            place = f"{states[k]} = {height:g} {state_unit(states[k])}".removesuffix(" 1")
+            options[f"a release from {place}{at_rest}"] = replace(first, initial_state=start)
     unseen = [v for k, v in pairs.items() if not np.isfinite(first.sigma[v])]
     if unseen and np.all(np.isfinite(last)):
         # as well as displacements are: the same share of the motion is noise
@@ -120,7 +119,7 @@ def _options(
         sigma = first.sigma.copy()
         for k, v in pairs.items():
             sigma[v] = min(sigma[v], motion[v] * sigma[k] / motion[k])
-        options["velocities measured beside, as well as displacements"] = replace(
+        options["the same motion, its velocities measured as well as its displacements"] = replace(
             first, sigma=sigma
         )
     return options

@@ -52,7 +52,10 @@ def _forced(identified: IdentifiedModel, recordings: Sequence[Recording], period
     own = excerpts(list(recordings))
     if identified.status != "refused":
         if still := unmoved(identified):
-            return f"nothing recorded tells what accelerates {', '.join(still)}: {FORCED}"
+            return (
+                f"nothing recorded tells what accelerates {', '.join(still)}: it does not stand "
+                "out of the noise, or random forces keep it up"
+            )
         for parts in (own, recordings):  # whichever the model was found from
             if len(parts) == len(identified.initial_states) and kept_up(identified, parts):
                 return FORCED

@@ -18,6 +18,7 @@ OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 
 GAP = 3.0  # median steps without a sample
 CLIPPED = 5  # equal samples in a row at an end of the range
 PERIODS = 10  # fewer tell no damping
+PER_PERIOD = 10  # samples: where there are fewer, nothing here tells noise from motion
 APART = 0.02  # of the time with samples: gaps that are longer part what lies on their sides
 SIGNAL = 3.0  # motion over noise below which terms can hardly be told
 # What no span does; beyond it a unit is most likely wrong. From the lowest to the highest sample:
@@ -139,16 +140,17 @@ def _channel(
         "standard_deviation_of_thirds": [float(np.std(part)) for part in thirds],
     }
     problems = []
-    if outliers.any():
+    coarse = len(peaks) > 0 and frequency[peaks[0]] * step > 1.0 / PER_PERIOD
+    if outliers.any() and not coarse:
         problems.append({"row": int(row[outliers][0]), "what": f"{outliers.sum()} outliers"})
     if (flat := _clipped(y)) is not None:
         problems.append({"row": int(row[flat]), "what": f"clipped at {y[flat]:g}"})
     if len(peaks) and sampled(t) * frequency[peaks[0]] < PERIODS:
         problems.append({"row": int(row[0]), "what": f"less than {PERIODS} periods of the motion"})
-    if motion < SIGNAL * sigma:
+    if motion < SIGNAL * sigma and not coarse:
         problems.append({"row": int(row[0]), "what": "hardly more than noise"})
-    if len(peaks) and frequency[peaks[0]] * step > 0.1:
-        problems.append({"row": int(row[0]), "what": "less than 10 samples in a period"})
+    if coarse:
+        problems.append({"row": int(row[0]), "what": f"less than {PER_PERIOD} samples in a period"})
     means = np.array([part.mean() for part in thirds])
     if np.ptp(means) > max(motion, 10 * sigma):
         problems.append({"row": int(row[0]), "what": "the mean drifts by more than the motion"})

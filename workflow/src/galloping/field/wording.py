@@ -15,6 +15,7 @@ from galloping.field.excerpt import excerpts
 from galloping.field.forecast import HeldOut, Sensed
 from galloping.field.inputs import input_lines
 from galloping.field.quality import peaks_of, spectrum
+from galloping.field.reasons import PARTS, PLACES, PROBLEMS, WIND, plain_reasons
 from galloping.field.units import coefficient_unit, meaning, state_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import term_name
@@ -43,63 +44,7 @@ ENDS = {
     "every net damping is above zero",
     "irregular": "the motion never repeats, or settles too slowly to tell",
 }
-WIND = "the wind speed, recorded beside the motion (`--input`)"
-PLACES = (
-    "sensors at more places along the span, which tell its modes apart (`position` in a mapping)"
-)
-CLOCKS = "one clock for all sensors, and samples at regular times"
-# Part of a reason: what it means, and what would help; those that weigh more first.
-REASONS = (
-    (r"clipped at", "A sensor's range ends below the motion: its largest samples are cut off.",
-     "a sensor with a larger range"),
-    (r"^moved by random forces", "Random forces, such as those of gusts, move the line, and the "
-     "model has them.", "a longer recording: its errors fall with the root of the time"),
-    (r"random forces", "The motion is kept up by random forces, such as gusts or traffic, where "
-     "the line by itself would come to rest: it is no galloping, and no model here has such "
-     "forces.", "a recording of galloping, or of a motion that dies out after a release"),
-    (r"parts of the recording .* do not share one model", "The line was not the same all through "
-     "the recording, as where the wind changes or gusts.", f"a shorter stretch in a steady wind; "
-     f"or {WIND}"),
-    (r"do not share one model", "The recordings are not of one line in one wind.",
-     f"each wind by itself; or {WIND}"),
-    (r"as in gusts|forces besides the model act|followed in pieces", "Forces that the model does "
-     "not have acted on the line, such as gusts.", WIND),
-    (r"delayed against|clock", "The sensors do not share one clock, or one of them lags.", CLOCKS),
-    (r"is not the rate of|scale", "Two sensors contradict each other: the scale of one of them is "
-     "off.", "a check of the scale and unit of each sensor"),
-    (r"drifts", "A sensor drifts.", "a sensor whose zero holds still"),
-    (r"noise grows with the signal", "The sensors err more where the motion is larger.",
-     "a check of the sensors at large motions"),
-    (r"has a line at|besides it there oscillates", "The line also moves at a frequency in which "
-     "the model has no part, mostly that of a higher mode of the span.", PLACES),
-    (r"times jitter", "What the model misses is largest where the line moves fastest, as where the "
-     "times of the samples are not exact.", CLOCKS),
-    (r"noise larger than it was said", "The sensors are noisier than was said, or terms are "
-     "missing.", "the noise of the sensors, measured while the line is still"),
-    (r"outliers", "Many samples lie far from those beside them.", "a check of the sensor"),
-    (r"free of gaps|too few complete samples", "The recording has too many gaps.",
-     "a recording without gaps for some ten periods"),
-    (r"out of the noise|above its noise", "The motion hardly stands out of the noise of the "
-     "sensors.", "a larger motion, or better sensors"),
-    (r"not measured", "Not all that moves was measured.",
-     "displacements in both directions, beside what was measured"),
-    (r"the data cannot tell|the data alone cannot tell|data alike|plausible|may be missing",
-     "Several sets of terms explain the recording about equally well.", ""),
-    (r"diverge|no model found|predicts nothing|no oscillat|time scale",
-     "No equations of this kind could be made to follow the recording.",
-     "a longer recording of one steady motion; sensors in both directions"),
-    (r"model inadequate", "The line also moves in a way that the model has no part in.", PLACES),
-)  # fmt: skip
-PROBLEMS = (  # part of what is wrong with samples, and what would help
-    ("is the unit", "the right units: the recorded motion is none that a span has"),
-    ("less than 10 periods", "a longer recording, of ten periods of the motion or more"),
-    ("less than 10 samples", "a higher sampling rate, of ten samples in a period or more"),
-    ("hardly more than noise", "a larger motion, or better sensors"),
-    ("the mean drifts", "a sensor whose zero holds still"),
-    ("clipped", "a sensor with a larger range"),
-)
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
-NEAR = 0.9  # of the samples, that a band of 90 % should hold
 
 
 def summary_text(
@@ -115,7 +60,7 @@ def summary_text(
     found, known = of.found, of.dynamics
     parts = {
         "# Summary": [],
-        "## What was found": [*_outcome(of), "", *_table(known, of.recordings)],
+        "## What was found": [_outcome(of), "", *_table(known, of.recordings)],
         "## How far it may be believed": _belief(of, reports),
         "## What would help most": [f"- {each}" for each in _helps(of, reports)],
         "## Technical part": [f"**{found.verdict}**"],
@@ -127,8 +72,8 @@ def summary_text(
         said += [f"By case {beside[0]}:", "", *_table(beside[1], ())]
     if said:
         parts["### The line"] = said
-    if of.held_out:
-        parts["### Forecast"] = [_skill(of.held_out)]
+    if of.held_out or of.untried:
+        parts["### Forecast"] = [_skill(of.held_out) if of.held_out else f"None: {of.untried}."]
     described = [report_lines(report) for report in reports]
     parts["### Recordings"] = [
         line
@@ -157,7 +102,7 @@ def _numbers(of: Value, factor: float = 1.0) -> tuple[str, str]:
     if low == high:
         return f"{value:.5g}", ""
     if not np.isfinite(low):
-        return f"{value:.4g}", "interval unknown"
+        return f"{value:.3g}", "interval unknown"
     digits = max(0, 1 - floor(log10((high - low) / 2))) if high > low else 6
     return f"{value:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}"
 
@@ -176,48 +121,60 @@ def _and(parts: Iterable[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
-def _outcome(of: Summary) -> list[str]:
+def _outcome(of: Summary) -> str:
     """In a sentence or two: whether the line gallops, and where that ends."""
-    known = of.dynamics
-    if known is None:
-        none = of.found.status == "refused"
-        return ["The recording gives no model of the line." if none else "A model was found."]
+    if of.dynamics:
+        mixed = re.search(PARTS, of.found.reason) is not None
+        first = "The line was not the same all through the recording; this is of its mean. "
+        return first * mixed + _of_line(of.dynamics, of.found.is_forced)
+    if of.found.status == "refused":
+        return "The recording gives no model of the line; what it shows by itself:"
+    return "A model was found; its equations are below."
+
+
+def _of_line(known: Dynamics, forced: bool) -> str:
     if not known.rest:
-        return [f"The model has no position of rest inside the motion. {_end(known)}"]
+        return (
+            "The model has no position of rest inside the motion, and so no natural frequencies "
+            f"and no damping. {_end(known)}"
+        )
     damped = {state: value for state, value in known.damping.items() if np.isfinite(value.value)}
     grow = {s: v for s, v in damped.items() if v.value < -ROUNDING}
     unsure = [s for s, v in damped.items() if v.low < -ROUNDING and v.high > ROUNDING]
-    line = "the line" if any(meaning(state) for state in damped) else "the system"
+    line, gallops, gallop = (
+        ("the line", "gallops", "gallop")
+        if any(map(meaning, damped))
+        else ("the system", "oscillates by itself", "oscillate by itself")
+    )
+    if not damped:
+        return f"No small motion oscillates. {_end(known)}"
     if unsure:
-        return [
+        return (
             f"**Whether small {_and(map(_name, unsure))} motions grow or die out is not told**: "
             f"the interval of their damping holds zero, so {line} may be near its onset. "
             f"{_end(known)}"
-        ]
+        )
     if grow:
         pace = _and(f"{_name(s)} ones double in {_doubling(known.frequencies[s], v)}"
                     for s, v in grow.items())  # fmt: skip
-        verb = "gallops" if line == "the line" else "oscillates by itself"
-        return [f"**As recorded, {line} {verb}**: small motions grow, {pace}. {_end(known)}"]
-    if of.found.is_forced:
-        return [
-            f"**As recorded, {line} does not gallop**: {_end(known)[0].lower()}{_end(known)[1:]} "
-            "What is below is of the line in that wind, without these forces."
-        ]
-    least = min(damped, key=lambda state: damped[state].value, default=None)
-    if least is None:
-        return [f"No small motion oscillates. {_end(known)}"]
-    margin = in_words(damped[least], "% of critical damping", 100)
+        return f"**As recorded, {line} {gallops}**: small motions grow, {pace}. {_end(known)}"
+    if forced:
+        return (
+            f"**As recorded, {line} does not {gallop}**: random forces keep the motion up, and "
+            "without them it would die out. What follows is of the line in that wind."
+        )
     if known.kind == "cycle":
-        return [
-            f"**As recorded, small motions of {line} die out, and larger ones go on**: it gallops "
-            f"where something pushes it far enough. {_end(known)}"
-        ]
-    return [
-        f"**As recorded, {line} does not gallop**: small motions die out. Its margin is the net "
-        f"damping of the {_name(least)} motion, {margin}: it gallops where the wind takes that "
-        f"much more. {_end(known)}"
-    ]
+        return (
+            f"**As recorded, small motions of {line} die out, and larger ones go on**: it "
+            f"{gallops} where something pushes it far enough. {_end(known)}"
+        )
+    least = min(damped, key=lambda state: damped[state].value)
+    margin = in_words(damped[least], "% of critical damping", 100)
+    return (
+        f"**As recorded, {line} does not {gallop}**: small motions die out. Its margin is the net "
+        f"damping of the {_name(least)} motion, {margin}: it would {gallop} where the wind takes "
+        "that much more." + ("" if known.kind in ENDS else f" {_end(known)}")
+    )
 
 
 def _doubling(frequency: Value, damping: Value) -> str:
@@ -231,7 +188,7 @@ def _doubling(frequency: Value, damping: Value) -> str:
 
 def _end(of: Dynamics) -> str:
     if of.kind != "cycle":
-        untold = f"the model does not tell where the motion ends: its simulation {of.kind}"
+        untold = "the model does not tell where the motion ends: in simulation it runs away"
         said = ENDS.get(of.kind, untold)
         return said[0].upper() + said[1:] + "."
     halves = _and(
@@ -261,7 +218,7 @@ def _table(known: Dynamics | None, recordings: Sequence[Recording]) -> list[str]
                 rows.append((f"{own}: natural frequency", *_cells(frequency, "Hz")))
                 none = abs(damping.value) < ROUNDING
                 rows.append(
-                    (f"{own}: net damping", *(("none", "") if none
+                    (f"{own}: net damping", *(("none found", "") if none
                      else _cells(damping, "% of critical", 100)))
                 )  # fmt: skip
             if state in known.half_range:
@@ -309,19 +266,14 @@ def _about_rest(of: Dynamics) -> list[str]:
     ]
 
 
-def plain_reasons(reason: str) -> list[tuple[str, str]]:
-    """What the parts of a verdict's reason mean, and what would help; none where it has none."""
-    fitting = [
-        next((k for k, (pattern, *_) in enumerate(REASONS) if re.search(pattern, clause)), None)
-        for clause in reason.split("; ")
-    ]
-    return [REASONS[k][1:] for k in sorted(set(fitting) - {None})]
-
-
 def _belief(of: Summary, reports: Sequence[dict]) -> list[str]:
     why = " ".join(why for why, _ in plain_reasons(of.found.reason))
     lines = [f"**{of.found.status}**: {MEANING[of.found.status]}" + (f" {why}" if why else "")]
-    lines += [line for said in [*_tried(of.held_out), *_cautions(of)] for line in ("", said)]
+    lines += [
+        line
+        for said in [*_tried(of.held_out, of.found.is_forced), *_cautions(of)]
+        for line in ("", said)
+    ]
     problems = [
         f"- {report['file']}, {p['column']}, from row {p['row']} on: {p['what']}"
         for report in reports
@@ -334,23 +286,25 @@ def _belief(of: Summary, reports: Sequence[dict]) -> list[str]:
     return lines
 
 
-def _tried(of: HeldOut | None) -> list[str]:
+def _tried(of: HeldOut | None, forced: bool) -> list[str]:
     """How a forecast of the end of the recording went, which was hidden from the method."""
     if of is None or not of.useful:
         return []
     length = of.forecast.time[-1] - of.forecast.time[0]
     told = [
-        (_name(name) if name == name.lstrip("d") or not meaning(name) else meaning(name),
-         np.sqrt(1.0 - min(skill, 1.0)), held)
+        (meaning(name).replace("displacement", "motion") or name, skill, held)
         for name, skill, held in zip(of.forecast.names, of.skill, of.held, strict=True)
         if np.isfinite(skill)
-    ]  # fmt: skip
-    missed = _and(f"{100 * miss:.0f} % of the {name}" for name, miss, _ in told)
+    ]
+    missed = _and(
+        f"{100 * np.sqrt(1.0 - min(skill, 1.0)):.0f} % of the {name}" for name, skill, _ in told
+    )
     held = _and(f"{100 * share:.0f}" for *_, share in told)
     return [
         f"As a test the last {length:.0f} s were hidden from the method and forecast from the "
-        f"rest: the forecast missed {missed} motion, and its 90 % band held {held} % of the "
-        "samples."
+        f"rest: the forecast missed {missed}, and its 90 % band held {held} % of the samples."
+        + " Nothing foretells random forces."
+        * forced
     ]
 
 
@@ -384,13 +338,14 @@ def _helps(of: Summary, reports: Sequence[dict]) -> list[str]:
     """What would help, that which helps most first."""
     said = [problem["what"] for report in reports for problem in report["problems"]]
     helps = [help_ for part, help_ in PROBLEMS if any(part in what for what in said)]
-    helps += [helps for _, helps in plain_reasons(of.found.reason) if helps]
+    for _, more in plain_reasons(of.found.reason):
+        helps += [more] if more and more not in " ".join(helps) else []
     if of.advice and of.advice.options:
         name, error = of.advice.options[0]
         now, then = (100.0 * e / abs(of.advice.coefficient) for e in (of.advice.error, error))
         helps.append(
-            f"of further recordings at the same wind, {name}: the term known worst would then be "
-            f"known to {then:.2g} % instead of {now:.2g} %"
+            f"of one more recording at the same wind, best {name}: the term known worst would then "
+            f"be known to {then:.2g} % instead of {now:.2g} %"
         )
     if of.found.status == "approximate" and PLACES not in helps:
         helps.append(f"{PLACES}; more of the same kind would not, for what the model misses is no "
