@@ -161,9 +161,9 @@ def test_model_keeps_its_forces(ambient, tmp_path):
 def test_summary_says_first_what_an_engineer_asks(ambient):
     recording, found, _ = ambient
     text = str(summarise(found, recording))
-    first = text.index("## Natural frequencies and damping")
+    first = text.index("**Random forces keep the motion up.**")
     assert first < text.index("## Equations")
-    assert "no: at least this much damping is left" in text
+    assert "of critical damping is left" in text
     assert "m/s² per √Hz" in text
 
 

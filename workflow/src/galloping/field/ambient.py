@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from galloping.field.dynamics import Dynamics, Value, in_words
+from galloping.field.dynamics import Dynamics, Value
+from galloping.field.units import meaning
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import velocity_pairs
 
@@ -16,37 +17,27 @@ MEANING = {
 }
 
 
-def lines(found: IdentifiedModel, of: Dynamics) -> list[str]:
-    """Frequencies, damping, margin to galloping and strength of the forces, as Markdown."""
-    said = [
-        "## Natural frequencies and damping",
-        "",
-        "Each with its 95 % interval; damping is net, that of the wind included.",
-        "",
-        "| mostly moves | frequency [Hz] | net damping [% of critical] | decay of the amplitude "
-        "[1/s] | galloping |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    for state, frequency in of.frequencies.items():
-        damping = of.damping[state]
-        rate = 2.0 * np.pi * frequency.value
-        decay = Value(*(rate * end for end in (damping.value, damping.low, damping.high)))
-        cells = (in_words(frequency, ""), in_words(damping, "", 100), in_words(decay, ""))
-        row = " | ".join(cell.replace("  ", " ") for cell in cells)
-        said.append(f"| {state} | {row} | {margin(damping)} |")
-    if of.rest:
-        places = ", ".join(f"{state} = {in_words(value, 'm')}" for state, value in of.rest.items())
-        said += ["", f"About the position of rest {places}."]
-    return [*said, "", f"The forces, for each kg of modal mass: {strengths(found)}."]
+def outcome(of: Dynamics) -> str:
+    """In a sentence, whether the line gallops."""
+    told = "; ".join(
+        f"{meaning(state).partition(' ')[0] or state} motion: {margin(damping)}"
+        for state, damping in of.damping.items()
+    )
+    return f"**Random forces keep the motion up.** Whether it gallops as well: {told}."
+
+
+def row(found: IdentifiedModel) -> tuple[str, str, str]:
+    """Of the table of what was found: how strong the forces are."""
+    return "random forces, for each kg of modal mass", strengths(found), ""
 
 
 def margin(damping: Value) -> str:
     """Whether a mode gallops, as far as its net damping tells."""
     if damping.low > 0.0:
-        return "no: at least this much damping is left, " + f"{100 * damping.low:.2g} %"
+        return f"no, at least {100 * damping.low:.2g} % of critical damping is left"
     if damping.high < 0.0:
-        return "yes: small motions grow"
-    return "open: the recording is too short to tell whether small motions grow"
+        return "yes, small motions grow"
+    return "open, the recording is too short to tell whether small motions grow"
 
 
 def strengths(found: IdentifiedModel) -> str:

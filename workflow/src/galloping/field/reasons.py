@@ -16,8 +16,7 @@ REASONS = (
      "a sensor with a larger range"),
     (r"tells what accelerates", "The motion hardly stands out of the noise of the sensors, or "
      "random forces keep it up.", "a larger motion, or better sensors"),
-    (r"^moved by random forces", "Random forces, such as those of gusts, move the line, and the "
-     "model has them.", "a longer recording: its errors fall with the root of the time"),
+    (r"^moved by random forces", "", "a longer recording: errors fall with the root of its length"),
     (r"random forces", "The motion is kept up by random forces, such as gusts or traffic, where "
      "the line by itself would come to rest: it is no galloping, and no model here has such "
      "forces.", "a recording of galloping, or of a motion that dies out after a release"),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from galloping.field import ambient
 from galloping.field.advice import Advice
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
 from galloping.field.excerpt import excerpts
@@ -40,8 +41,7 @@ MEANING = {
 }
 ENDS = {
     "rest": "the motion dies out",
-    "forced": "random forces keep the motion up; without them the line would come to rest where "
-    "every net damping is above zero",
+    "forced": "random forces keep it moving",
     "irregular": "the motion never repeats, or settles too slowly to tell",
 }
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
@@ -58,9 +58,10 @@ def summary_text(
     of the line by that name.
     """
     found, known = of.found, of.dynamics
+    forces = [ambient.row(found)] if found.is_forced else []
     parts = {
         "# Summary": [],
-        "## What was found": [_outcome(of), "", *_table(known, of.recordings)],
+        "## What was found": [_outcome(of), "", *_table(known, of.recordings, forces)],
         "## How far it may be believed": _belief(of, reports),
         "## What would help most": [f"- {each}" for each in _helps(of, reports)],
         "## Technical part": [f"**{found.verdict}**"],
@@ -79,7 +80,7 @@ def summary_text(
         line
         for head, *rest in described or [repr(each).splitlines() for each in of.recordings]
         for line in (f"- {head}", *(f"  - {each.strip()}" for each in rest))
-    ] + _used(of.recordings)
+    ] + ([] if found.is_forced else _used(of.recordings))
     if found.status != "refused":
         parts["### What the recordings cannot tell"] = _untold(found)
     if of.advice:
@@ -126,13 +127,15 @@ def _outcome(of: Summary) -> str:
     if of.dynamics:
         mixed = re.search(PARTS, of.found.reason) is not None
         first = "The line was not the same all through the recording; this is of its mean. "
-        return first * mixed + _of_line(of.dynamics, of.found.is_forced)
+        if of.found.is_forced:
+            return ambient.outcome(of.dynamics)
+        return first * mixed + _of_line(of.dynamics)
     if of.found.status == "refused":
         return "The recording gives no model of the line; what it shows by itself:"
     return "A model was found; its equations are below."
 
 
-def _of_line(known: Dynamics, forced: bool) -> str:
+def _of_line(known: Dynamics) -> str:
     if not known.rest:
         return (
             "The model has no position of rest inside the motion, and so no natural frequencies "
@@ -141,10 +144,11 @@ def _of_line(known: Dynamics, forced: bool) -> str:
     damped = {state: value for state, value in known.damping.items() if np.isfinite(value.value)}
     grow = {s: v for s, v in damped.items() if v.value < -ROUNDING}
     unsure = [s for s, v in damped.items() if v.low < -ROUNDING and v.high > ROUNDING]
-    line, gallops, gallop = (
-        ("the line", "gallops", "gallop")
-        if any(map(meaning, damped))
-        else ("the system", "oscillates by itself", "oscillate by itself")
+    of_span = any(map(meaning, damped))
+    line, gallop, gallops = (
+        ("the line", "gallop", "gallops")
+        if of_span
+        else ("the system", "oscillate by itself", "oscillates by itself")
     )
     if not damped:
         return f"No small motion oscillates. {_end(known)}"
@@ -158,11 +162,6 @@ def _of_line(known: Dynamics, forced: bool) -> str:
         pace = _and(f"{_name(s)} ones double in {_doubling(known.frequencies[s], v)}"
                     for s, v in grow.items())  # fmt: skip
         return f"**As recorded, {line} {gallops}**: small motions grow, {pace}. {_end(known)}"
-    if forced:
-        return (
-            f"**As recorded, {line} does not {gallop}**: random forces keep the motion up, and "
-            "without them it would die out. What follows is of the line in that wind."
-        )
     if known.kind == "cycle":
         return (
             f"**As recorded, small motions of {line} die out, and larger ones go on**: it "
@@ -198,7 +197,11 @@ def _end(of: Dynamics) -> str:
     return f"In a steady wind it settles on a motion that repeats, a limit cycle: {halves}{sure}."
 
 
-def _table(known: Dynamics | None, recordings: Sequence[Recording]) -> list[str]:
+def _table(
+    known: Dynamics | None,
+    recordings: Sequence[Recording],
+    more: Sequence[tuple[str, str, str]] = (),
+) -> list[str]:
     """Rows of what was recorded and found, with 95 % intervals."""
     rows = []
     if recordings:
@@ -226,6 +229,7 @@ def _table(known: Dynamics | None, recordings: Sequence[Recording]) -> list[str]
                 rows.append((f"{own}: amplitude in the end", f"±{size}", interval))
         if known.period:
             rows.append(("period in the end", *_cells(known.period, "s")))
+    rows += more
     if not rows:
         return []
     lines = [f"| {' | '.join(row)} |" for row in rows]
@@ -267,8 +271,9 @@ def _about_rest(of: Dynamics) -> list[str]:
 
 
 def _belief(of: Summary, reports: Sequence[dict]) -> list[str]:
-    why = " ".join(why for why, _ in plain_reasons(of.found.reason))
-    lines = [f"**{of.found.status}**: {MEANING[of.found.status]}" + (f" {why}" if why else "")]
+    why = " ".join(why for why, _ in plain_reasons(of.found.reason) if why)
+    meanings = ambient.MEANING if of.found.is_forced else MEANING
+    lines = [f"**{of.found.status}**: {meanings[of.found.status]}" + (f" {why}" if why else "")]
     lines += [
         line
         for said in [*_tried(of.held_out, of.found.is_forced), *_cautions(of)]
