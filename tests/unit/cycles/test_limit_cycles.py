@@ -1,6 +1,7 @@
 """Limit cycles and their bifurcations against published systems and closed forms."""
 
 import time
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -42,9 +43,7 @@ def van_der_pol(mu):
         lambda _, x: model(x[np.newaxis])[0], (0, 100), [2, 0], t_eval=grid, rtol=1e-9, atol=1e-9
     )
     late = grid > 60
-    _, up = from_motion(
-        VAN_DER_POL, 0.5, grid[late], motion.y.T[late], Range(0.1, mu), resolution=0.5
-    )
+    _, up = from_motion(VAN_DER_POL, 0.5, grid[late], motion.y.T[late], Range(0.1, mu, longest=0.5))
     assert up.complete and up.reason == f"reached {mu:g}"
     return up.points[-1]
 
@@ -213,7 +212,7 @@ def test_a_hundred_points_within_five_seconds():
     span = Range(1, 25, max_points=100)
     hopf = hopf_points(equilibrium_branch(line, np.zeros(4), 1.0, span))[0]
     begin = time.process_time()
-    branch = from_hopf(line, hopf, span, resolution=0.25)
+    branch = from_hopf(line, hopf, replace(span, longest=0.25))
     assert time.process_time() - begin < 5
     assert len(branch.points) == 100
     assert max(p.stability.trivial_defect for p in branch.points) <= 1e-6

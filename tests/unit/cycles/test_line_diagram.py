@@ -39,7 +39,7 @@ def case(name):
 
 @cache
 def wind_diagram(name):
-    return diagram(line_family(case(name), "wind_speed"), Range(1, 25), 4, ceiling=20)
+    return diagram(line_family(case(name), "wind_speed"), Range(1, 25, ceiling=20), 4)
 
 
 @cache

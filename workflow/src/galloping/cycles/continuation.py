@@ -117,15 +117,22 @@ class Branch:
 
 @dataclass(frozen=True)
 class Range:
-    """Where a branch is followed: low <= parameter <= high, in at most max_points points."""
+    """Where a branch is followed: low <= parameter <= high, in at most max_points points.
+
+    longest: step of the parameter; a fiftieth of the range by default. ceiling: size of an orbit
+    (root mean square about its mean, units of the states) beyond which cycles are not followed.
+    """
 
     low: float
     high: float
     max_points: int = 400
+    longest: float = 0.0
+    ceiling: float = np.inf
 
     def __post_init__(self) -> None:
         if not self.low < self.high:
             raise ValueError(f"range: low {self.low:g} must be below high {self.high:g}")
+        object.__setattr__(self, "longest", self.longest or (self.high - self.low) / 50)
 
 
 def corrected(problem: ContinuationProblem, solution: Any, border: Change) -> tuple[Any, Any]:

@@ -45,31 +45,24 @@ def diagram(
     span: Range,
     n_states: int,
     depth: int = 1,
-    ceiling: float = np.inf,
     motion: tuple[float, np.ndarray, np.ndarray] | None = None,
     rest: np.ndarray | None = None,
 ) -> Diagram:
     """The diagram of the equilibrium near `rest`, or the origin, over the range `span`.
 
-    depth: how many period doublings and branch points in a row are followed. ceiling: size (root
-    mean square, units of the states) beyond which orbits are not followed. motion: where no Hopf
+    depth: how many period doublings and branch points in a row are followed. motion: where no Hopf
     bifurcation lies in the range, a settled motion to start from: the parameter's value, times
-    (n,) in s and states (n, n_states). Raises ValueError where
-    there is no equilibrium near that.
+    (n,) in s and states (n, n_states). Raises ValueError where there is no equilibrium near that.
     """
     begin = np.zeros(n_states) if rest is None else rest
     equilibria = equilibrium_branch(family, begin, span.low, span)
     hopfs = enumerate(hopf_points(equilibria), start=1)
     queue = [
-        _Start(
-            f"Hopf {k}",
-            0,
-            lambda at=hopf: (limit_cycles.from_hopf(family, at, span, ceiling=ceiling),),
-        )
+        _Start(f"Hopf {k}", 0, lambda at=hopf: (limit_cycles.from_hopf(family, at, span),))
         for k, hopf in hopfs
     ]
     if not queue and motion is not None:
-        follow = partial(limit_cycles.from_motion, family, *motion, span, ceiling=ceiling)
+        follow = partial(limit_cycles.from_motion, family, *motion, span)
         queue = [_Start(f"from {motion[0]:g}", 0, follow)]
     cycles, failures = [], []
     while queue:
@@ -84,7 +77,7 @@ def diagram(
         for side, branch in enumerate(branches, start=1):
             name = start.name if len(branches) == 1 else f"{start.name}, side {side}"
             cycles.append(Named(name, branch))
-            queue += _leaving(family, branch, name, start.level, depth, span, ceiling)
+            queue += _leaving(family, branch, name, start.level, depth, span)
     return Diagram(family, equilibria, tuple(cycles), tuple(failures))
 
 
@@ -100,7 +93,7 @@ class _Start:
 
 
 def _leaving(
-    family: Family, branch: Branch, name: str, level: int, depth: int, span: Range, ceiling: float
+    family: Family, branch: Branch, name: str, level: int, depth: int, span: Range
 ) -> Iterator[_Start]:
     """Branches that leave a branch, and the one on which a doubled branch ends."""
     if branch.reason == limit_cycles.ENDED_DOUBLED:
@@ -108,14 +101,14 @@ def _leaving(
         phase = np.linspace(0, 1, 401)
         both = (last.at(phase) + last.at(phase + 0.5)) / 2  # two turns of one orbit
         turns = last.value, phase * last.period, both
-        follow = partial(limit_cycles.from_motion, family, *turns, span, ceiling=ceiling)
+        follow = partial(limit_cycles.from_motion, family, *turns, span)
         yield _Start(f"{name}, halved", level, follow, last.value, last.period / 2)
     if level == depth:
         return
     for kind in (limit_cycles.PERIOD_DOUBLING, limit_cycles.BRANCH_POINT):
         places = [b for b in branch.bifurcations if b.name == kind]
         for k, at in enumerate(places, start=1):
-            follow = partial(limit_cycles.from_branching, family, at, span, ceiling=ceiling)
+            follow = partial(limit_cycles.from_branching, family, at, span)
             orbit = at.point.solution
             known = (orbit.value, 2 * orbit.period) if kind == limit_cycles.PERIOD_DOUBLING else ()
             yield _Start(f"{name}, {kind} {k}", level + 1, follow, *known)

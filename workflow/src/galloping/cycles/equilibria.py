@@ -128,8 +128,7 @@ def equilibrium_branch(
     size: of a change of the states that matters. upward: whether the parameter grows at first.
     Raises ValueError where there is no equilibrium near the state.
     """
-    resolution = (span.high - span.low) / 50
-    problem = EquilibriumProblem(VectorField(family, value), resolution, size)
+    problem = EquilibriumProblem(VectorField(family, value), span.longest, size)
     along = problem.along_parameter()
     try:
         at = continuation.corrected(problem, Equilibrium(np.asarray(state, float), value), along)

@@ -170,37 +170,24 @@ def _halves(orbit: Orbit) -> np.ndarray:
 
 
 def from_hopf(
-    family: Family,
-    hopf: continuation.Bifurcation,
-    span: continuation.Range,
-    size: float = 1e-3,
-    resolution: float = 0.0,
-    ceiling: float = np.inf,
+    family: Family, hopf: continuation.Bifurcation, span: continuation.Range, size: float = 1e-3
 ) -> continuation.Branch:
     """The limit cycles that leave a Hopf bifurcation of `equilibrium_branch`.
 
-    size: of the first one, in units of the states. resolution: longest step of the parameter, a
-    fiftieth of the range where 0. ceiling: as in `CycleProblem`.
+    size: of the first one, in units of the states.
     """
     at, mode = hopf.point.solution, hopf.point.stability
     period = 2 * np.pi / mode.frequency
     swing = mode.mode * (size * np.sqrt(2) / np.linalg.norm(mode.mode))
     orbit = circle(at.state, swing, period, at.value, INTERVALS)
-    field = VectorField(family, at.value)
-    resolution = resolution or (span.high - span.low) / 50
-    problem = CycleProblem.about(field, orbit, resolution, ceiling)
+    problem = CycleProblem.about(VectorField(family, at.value), orbit, span.longest, span.ceiling)
     growth = {"stage_states": orbit.stage_states - at.state, "period": 0.0, "value": 0.0}
     start = _first(problem, orbit, problem.across(continuation.Change(growth)), family)
     return continuation.follow(problem, start, span)
 
 
 def from_branching(
-    family: Family,
-    at: continuation.Bifurcation,
-    span: continuation.Range,
-    size: float = 1e-2,
-    resolution: float = 0.0,
-    ceiling: float = np.inf,
+    family: Family, at: continuation.Bifurcation, span: continuation.Range, size: float = 1e-2
 ) -> tuple[continuation.Branch, ...]:
     """The limit cycles that leave a branch at a period doubling or a branch point.
 
@@ -214,8 +201,8 @@ def from_branching(
     doubled = at.name == PERIOD_DOUBLING
     if doubled:
         orbit, tangent = orbit.twice(), _through(Orbit.twice, orbit, tangent)
-    resolution = resolution or (span.high - span.low) / 50
-    problem = CycleProblem.about(VectorField(family, orbit.value), orbit, resolution, ceiling)
+    field = VectorField(family, orbit.value)
+    problem = CycleProblem.about(field, orbit, span.longest, span.ceiling)
     border = problem.across(tangent)
     direction = problem.linearise(orbit).other_direction(border)
     branches = []
@@ -228,22 +215,15 @@ def from_branching(
 
 
 def from_motion(
-    family: Family,
-    value: float,
-    time: np.ndarray,
-    states: np.ndarray,
-    span: continuation.Range,
-    resolution: float = 0.0,
-    ceiling: float = np.inf,
+    family: Family, value: float, time: np.ndarray, states: np.ndarray, span: continuation.Range
 ) -> tuple[continuation.Branch, continuation.Branch]:
     """The limit cycles below and above the one that a motion has settled on.
 
     time: (n,) s, states: (n, n_states) of the settled motion at `value` of the parameter; several
     periods of it. Raises ValueError where it does not come back to itself.
     """
-    resolution = resolution or (span.high - span.low) / 50
-    problem, start = settled(family, value, time, states, resolution)
-    problem = replace(problem, ceiling=ceiling).moved(start.solution)
+    problem, start = settled(family, value, time, states, span.longest)
+    problem = replace(problem, ceiling=span.ceiling).moved(start.solution)
     linearisation = problem.linearise(start.solution)
     back = problem.across(start.tangent.scaled(-1.0))
     down = continuation.point_at(problem, start.solution, linearisation, back)

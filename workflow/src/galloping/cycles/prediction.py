@@ -197,9 +197,9 @@ def predict(
         reason = f"at {recorded:g} m/s the identified model does not settle: {motion.kind}"
         return Prediction(winds, amplitude, low, high, unresolved, reason)
     family = parts.family()
-    span = Range(min(*winds, recorded) - 0.5, max(*winds, recorded) + 0.5)
+    span = Range(min(*winds, recorded) - 0.5, max(*winds, recorded) + 0.5, longest=1.0)
     try:
-        branches = from_motion(family, recorded, motion.time, motion.states, span, resolution=1.0)
+        branches = from_motion(family, recorded, motion.time, motion.states, span)
     except ValueError as failure:
         return Prediction(winds, amplitude, low, high, unresolved, str(failure))
     draws = parts.sampled(rng, samples)

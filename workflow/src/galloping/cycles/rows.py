@@ -39,8 +39,8 @@ def line_diagram(
     ValueError for a parameter that cannot be varied.
     """
     family = line_family(case, name)
-    ceiling = CEILING * Line.from_case(case).sag
-    along = diagram(family, Range(low, high), len(STATES), ceiling=ceiling)
+    span = Range(low, high, ceiling=CEILING * Line.from_case(case).sag)
+    along = diagram(family, span, len(STATES))
     if along.cycles or along.failures:
         return along
     middle = (low + high) / 2
@@ -54,7 +54,7 @@ def line_diagram(
         )
         return replace(along, failures=(reason,))
     motion = middle, settled.time, settled.states
-    return diagram(family, Range(low, high), len(STATES), ceiling=ceiling, motion=motion)
+    return diagram(family, span, len(STATES), motion=motion)
 
 
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:

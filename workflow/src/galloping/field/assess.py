@@ -233,7 +233,8 @@ def _diagram(
     size = np.linalg.norm(motion.half_range) if cycle else np.inf
     start = (middle, motion.time, motion.states) if cycle else None
     try:
-        found = diagram(family, span, len(rest), 0, CEILING * size, start, rest)
+        bounded = replace(span, ceiling=CEILING * size)
+        found = diagram(family, bounded, len(rest), 0, start, rest)
     except ValueError as failure:
         return None, [f"along {along}: {failure}"]
     branches = (found.equilibria, *(each.branch for each in found.cycles))
