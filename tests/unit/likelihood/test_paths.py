@@ -1,12 +1,9 @@
-"""Recordings that take the fallbacks of `maximum_likelihood`.
+"""Recordings of known systems, each of which takes one part of `maximum_likelihood`.
 
-What is tested is the answer, by the truth of the recording. A recording is named after what was
-special about the path to its answer when the test was written; the whole path, as it is now, is a
-property of the test in pytest's report (`--junit-xml`). Recordings of other fallbacks are tested
-where their subject is: derivatives and, of three samples a second, few terms and the sparse try in
-test_maximum_likelihood; accelerations alone in test_integrals; fluctuating coefficients in
-test_model_error; the white misfit, of the README's example, in field/test_command; the start that
-comes after few terms in test_trials.
+What is tested is the answer, by the truth of the recording. A recording is named after the part of
+the method without which it is not answered as well (docs/identification_parts.csv). Recordings of
+other parts are tested where their subject is: derivatives in test_maximum_likelihood;
+accelerations alone in test_integrals; fluctuating coefficients in test_model_error.
 """
 
 import numpy as np
@@ -75,25 +72,19 @@ def noise_correlated_over_samples() -> Known:
 
 
 FOUND = {
-    "time scale 1/4": lambda: published("cubic_damped", 0.01),
-    "time scale 1/2, windows 1/8": lambda: published("cubic_damped", 0.05),
+    "time scale 0.25": lambda: published("cubic_damped", 0.01),
+    "time scale 0.5": lambda: published("cubic_damped", 0.05),
     "few terms": lambda: published("van_der_pol", 0.2),
-    "few terms, of a line": lambda: random_line(2, 0, 0),
     "3 periods": lambda: published("rayleigh", 0.1),
     "0.75 periods": lambda: published("rayleigh", 0.2),
-    "preferred": lambda: random_line(18, 1, 2),
-    "not close, coloured noise": noise_correlated_over_samples,
+    "selected with the prior": lambda: random_line(18, 1, 2),
+    "coloured noise": noise_correlated_over_samples,
     "telling stretch": long_ago_settled,
-    "rest": lambda: velocity_alone({"x": -1.0, "x^2": -0.4, "x^3": -0.2, "dx": 0.1, "dx^3": -0.1}),
-    "rest, patient try": lambda: velocity_alone(
-        {"x": -1.0, "x^2": -0.5, "dx": 0.05, "x^2 dx": -0.1}
-    ),
+    "rest": lambda: velocity_alone({"x": -1.0, "x^2": -0.5, "dx": 0.05, "x^2 dx": -0.1}),
 }
 OPEN = {
-    "all terms": lambda: published("four_species", 0.01),
-    "windows 1/8, 0.1875 periods": lambda: published("three_competitors", 0.01),
-    "unsettled": lambda: published("wake", 0.05),
-    "time scale 1/2, free segments": lambda: published("brusselator", 0.01),
+    "windows 1/4": lambda: published("three_competitors", 0.01),
+    "near a surface": lambda: published("wake", 0.05),
     "no model": lambda: published("relaxation", 0.05),
 }
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from galloping.identification.likelihood.problem import Problem, largest
-from galloping.identification.likelihood.result import by, judged
 from galloping.identification.likelihood.selection import select, solve_support
-from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.likelihood.verdict import Regression, by, judged, refused
+from galloping.identification.model import IdentifiedModel
 from galloping.inputs import at_times
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording
@@ -20,8 +20,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     """Support and coefficients of the unknown equations from measured derivatives.
 
     The noise of each recording's derivatives is estimated from the residuals of the whole
-    library. Rows with a missing value are left out. Raises ValueError where an unknown equation
-    has no more complete rows than the library has terms.
+    library. Rows with a missing value are left out. Refused where an unknown equation has no more
+    complete rows than the library has terms.
     """
     n, n_terms = len(problem.candidates), len(problem.terms)
     information, right, support = np.zeros((n, n)), np.zeros(n), np.zeros(n, bool)
@@ -38,7 +38,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             rate = recording.derivatives[:, i]
             good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
             if good.sum() <= n_terms:
-                raise Unusable(f"too few complete samples for d({problem.states[i]})/dt")
+                few = f"too few complete samples for d({problem.states[i]})/dt"
+                return by(["derivatives"], refused(problem, few))
             rows, rate = theta[good], rate[good]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
             gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
@@ -54,15 +55,16 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         count += samples
     free, _ = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
+    size = largest(
+        problem,
+        np.concatenate(values),
+        np.concatenate([recording.derivatives for recording in recordings]),
+    )
     found = judged(
-        problem, information, right, support, penalty,
-        largest=largest(
-            problem,
-            np.concatenate(values),
-            np.concatenate([recording.derivatives for recording in recordings]),
-        ),
+        problem,
+        Regression(information, right, support, penalty, size),
         initial_states=np.array([recording.values[0] for recording in recordings]),
         sigma=sigma,
         chi2=misfit / max(count - int(support.sum()), 1),
-    )  # fmt: skip
+    )
     return by(["derivatives"], found)

@@ -24,7 +24,7 @@ class Fit:
 
     free: (n_candidates,) coefficients; support: the same, boolean. starts: (n_segments,
     n_states). sigma: (n_recordings, n_observed) noise of the projections, not below `floor`.
-    reference: the same as first estimated. cost: chi^2, by that, of the fit before this one.
+    reference: the same as first estimated. chi2: by that, of the fit before this one.
     """
 
     free: np.ndarray
@@ -33,7 +33,7 @@ class Fit:
     sigma: np.ndarray
     floor: np.ndarray
     reference: np.ndarray
-    cost: float
+    chi2: float
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class Step:
     """A Gauss-Newton step from one `Fit`, `before`, to the next.
 
     information: of the regression on all candidates; right: half the fall of chi^2 with each, at
-    the new fit. covariance: of the supported ones. misfit, cost: chi^2 before the step, by the
-    noise of its fit and by a fixed one. decrement: squared length of the step, in units of its
+    the new fit. covariance: of the supported ones. misfit: chi^2 before the step, by the
+    noise of its fit. decrement: squared length of the step, in units of its
     covariance. gap: largest mismatch of segments before the step. segments: in the chains that
-    were matched. settled: False of the last step of an iteration that did not come to an end.
+    were matched.
     """
 
     before: Fit
@@ -56,12 +56,11 @@ class Step:
     decrement: float
     gap: float
     segments: Segments
-    settled: bool
 
 
 def is_close(condensed: Condensed, fit: Fit) -> bool:
     """Whether a fit is good enough to choose terms by."""
-    return fit.cost < CLOSE * float(np.sum(condensed.rows))
+    return fit.chi2 < CLOSE * float(np.sum(condensed.rows))
 
 
 def guarded_step(
@@ -71,7 +70,7 @@ def guarded_step(
     previous: Fit,
     fit: Fit,
     longest: float | None,
-    penalty: float | None,
+    cost: np.ndarray | None,
 ) -> Step:
     """A step from `fit`, or, where that diverges or raises the misfit, from nearer to `previous`.
 
@@ -82,11 +81,11 @@ def guarded_step(
     close = CLOSE * float(np.sum(condensed.rows))
     for _ in range(MOST_HALVINGS):
         try:
-            step = gauss_newton(problem, condensed, segments, fit, longest, penalty)
+            step = gauss_newton(problem, condensed, segments, fit, longest, cost)
         except FloatingPointError:
             fit = _between(previous, fit)
             continue
-        if step.fit.cost < max(1.5 * fit.cost, close):
+        if step.fit.chi2 < max(1.5 * fit.chi2, close):
             return step
         fit = _between(previous, fit)
     raise FloatingPointError(DIVERGES)
@@ -103,9 +102,9 @@ def gauss_newton(
     segments: Segments,
     fit: Fit,
     longest: float | None,
-    penalty: float | None,
+    cost: np.ndarray | None,
 ) -> Step:
-    """Linearise, choose the terms (unless `penalty` is None), move, re-estimate the noise.
+    """Linearise, choose the terms (unless `cost`, of each, is None), move, re-estimate the noise.
 
     The noise is that of the projections, which hold the information: where the noise is not
     white it differs from the noise between samples. longest: as in `chained`, None to keep the
@@ -116,9 +115,9 @@ def gauss_newton(
         segments = chained(linear, segments, longest)
     quadratic = eliminate(linear, segments, fit.starts)
     support = fit.support
-    if penalty is not None:
+    if cost is not None:
         tried = [np.ones(len(support), bool), fit.support]
-        support = select(quadratic.information, quadratic.right, tried, penalty, fit.free)
+        support = select(quadratic.information, quadratic.right, tried, cost, fit.free)
     # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
     free = np.where(support, fit.free, 0.0)
     rest = quadratic.right + quadratic.information @ (fit.free - free)
@@ -139,7 +138,7 @@ def gauss_newton(
             np.maximum(sigma, fit.floor),
             fit.floor,
             fit.reference,
-            cost=float(np.sum(squares / fit.reference**2)),
+            chi2=float(np.sum(squares / fit.reference**2)),
         ),
         quadratic.information,
         quadratic.right - quadratic.information @ change,
@@ -148,5 +147,4 @@ def gauss_newton(
         float(change @ quadratic.information @ change),
         quadratic.gap,
         segments,
-        settled=True,
     )

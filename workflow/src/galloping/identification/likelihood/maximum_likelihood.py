@@ -1,54 +1,55 @@
 """Maximum likelihood: coefficients, initial states and terms at the limit the data set.
 
-The weak form gives the start; multiple shooting with matched segments, Gauss-Newton on the
-coefficients of the whole library, and selection on the quadratic model do the rest. Intervals
-come from the information at the solution, so they are those of the Cramer-Rao bound.
+The method is on a page, docs/identification.md, in the order of this module: the starts, of which
+each is fitted in free segments and joined over the recording; what the residuals show; the verdict.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.derivative_fit import derivative_fit
-from galloping.identification.likelihood.following import (
-    follow,
-    path_of,
-    prepare,
-    window_states,
-)
-from galloping.identification.likelihood.gauss_newton import Fit, is_close
+from galloping.identification.likelihood.free_fit import FreeFit, free_fit, prepare, window_states
+from galloping.identification.likelihood.gauss_newton import DIVERGES, Fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings, driven
 from galloping.identification.likelihood.instrument import FORCES, Fault, faults
-from galloping.identification.likelihood.matching import match, unseen_mixtures
+from galloping.identification.likelihood.joined_fit import JoinedFit, join, unseen_mixtures
 from galloping.identification.likelihood.model_error import approximation, whole_approximation
-from galloping.identification.likelihood.prior import Prior
+from galloping.identification.likelihood.prior import Prior, costs
 from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
-from galloping.identification.likelihood.rest import from_rest
-from galloping.identification.likelihood.result import by, judged, refused
 from galloping.identification.likelihood.shooting import Segments, forgets_start, residuals
+from galloping.identification.likelihood.starts import (
+    TIME_SCALES,
+    positions_of_rest,
+    rests_at_zero,
+    starts_of_terms,
+    with_constants,
+    without_constants,
+)
+from galloping.identification.likelihood.verdict import (
+    Regression,
+    agree,
+    best_of,
+    by,
+    judged,
+    refused,
+)
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
-from galloping.identification.likelihood.weak_gls import Start, begin, largest_terms, rough_fit
-from galloping.identification.model import NO_MODEL, IdentifiedModel
+from galloping.identification.likelihood.weak_gls import Start, begin, largest_terms
+from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.random_forces import moved_at_random, random_forces
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 from galloping.threads import one_thread
 
-# Time scales that are tried, each half of the one before, which gave no model: the spectrum shows
-# that of most of the power, and a transient or a relaxation is quicker. Measured on systems of
-# `galloping.trials.systems`: a cubic oscillator that slows down as it decays needs a half or a
-# quarter of it, one that relaxes a half; of two that a quarter did not answer, neither did an
-# eighth or a sixteenth.
-TIME_SCALES = 3
-
 PRIOR = Prior()
+MANY_ALIKE = "many models follow the data alike"
 
 
 @one_thread
@@ -58,7 +59,7 @@ def maximum_likelihood(
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
     prior: Prior | None = PRIOR,
-    start: Callable[..., Start] | None = None,
+    start: Start | None = None,
     forced: Sequence[str] | None = None,
 ) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
@@ -71,8 +72,7 @@ def maximum_likelihood(
     all must have; a recording counts in the stretches in which they are there, and `initial_states`
     and `sigma` of the result are those of the stretches. known: model whose equations of
     `known_states` hold; the equation of a state X is known to be dX/dt = dX where a state has that
-    name. start: makes the start, as `weak_gls.begin`, the default; with a shorter time scale where
-    the first gives no model.
+    name. start: of `weak_gls.begin`, where it is made already.
     prior: of the terms (see `prior`); None: the data alone choose them and speak in the verdict.
     forced: names of coordinates or states that unmeasured random forces move, none for all, as
     `random_forces`, which answers; by default it does where the motion shows such forces.
@@ -87,104 +87,106 @@ def maximum_likelihood(
     if forced is not None:
         return random_forces(recordings, terms, known, known_states, forced)
     problem = posed(states, terms, known, known_states, prior, inputs)
+    objections = []
     try:
         recordings = driven(recordings, problem.inputs)
-        if all(recording.derivatives is not None for recording in recordings):
-            return derivative_fit(problem, recordings)
-    except NO_MODEL as error:
-        return by(["derivatives"], refused(problem, str(error)))
-    reasons = []
-    for halvings in range(TIME_SCALES):
+    except Unusable as error:
+        return by(["no model"], refused(problem, str(error)))
+    if all(recording.derivatives is not None for recording in recordings):
+        return derivative_fit(problem, recordings)
+    for share in TIME_SCALES:
         try:
-            found = _from_states(problem, recordings, partial(start or begin, share=0.5**halvings))
-            return by([f"time scale 1/{2**halvings}"] if halvings else [], found)
+            found = _at_time_scale(problem, recordings, share, start if share == 1.0 else None)
         except NO_MODEL as error:
-            reasons.append(str(error))
-    return by(["no model"], refused(problem, reasons[0]))
+            objections.append(str(error))
+            continue
+        return found if share == 1.0 else by([f"time scale {share:g}"], found)
+    return by(["no model"], refused(problem, objections[0]))
 
 
-def _from_states(
-    problem: Problem, recordings: list[Recording], begin: Callable[..., Start]
+def _at_time_scale(
+    problem: Problem, recordings: list[Recording], share: float, begun: Start | None
 ) -> IdentifiedModel:
-    begun = begin(problem, recordings)
-    if not problem.inputs and (forced := moved_at_random(problem, begun)) is not None:
+    """The model from the starts of one time scale. Raises NO_MODEL where none leads to one."""
+    begun = begun or begin(problem, recordings, share)
+    asked = share == 1.0 and not problem.inputs
+    if asked and (forced := moved_at_random(problem, begun)) is not None:
         return forced
     rescaled = scaled(recordings, begun)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
-        begun = begin(problem, rescaled)
-    identified = from_rest(
-        problem,
-        with_rates(begun, rescaled),
-        lambda problem, start: _exact_or_near(problem, recordings, start),
-    )
+        begun = begin(problem, rescaled, share)
+    begun = with_rates(begun, rescaled)
+    if rests_at_zero(problem, begun):
+        moving, found, objections = without_constants(problem), [], []
+        positions = positions_of_rest(moving, begun)
+        for k, position in enumerate(positions, 1):
+            try:
+                one = _identified(moving, recordings, position)
+            except NO_MODEL as error:
+                objections.append(error)
+                continue
+            found.append(by([f"rest {k} of {len(positions)}"], one))
+            if agree(found):
+                break
+        if not found:
+            raise objections[0]
+        identified = with_constants(problem, best_of(found))
+    else:
+        identified = _identified(problem, recordings, begun)
     told = scales_told(recordings, rescaled)
     return replace(identified, diagnostics={**identified.diagnostics, **told})
 
 
-def _exact_or_near(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
-    try:
-        return _exact(problem, recordings, begun)
-    except FloatingPointError as objection:
-        condensed, segments, fit = prepare(
-            problem, begun.recordings, begun.smoothed, begun.period, begun.fit, STRETCH_PERIODS
-        )
-        states, _ = window_states(condensed, begun.recordings, begun.smoothed)
-        near = approximation(
-            problem, condensed, segments, states, fit.free, fit.sigma, fit.floor, begun.penalty,
-            str(objection),
-        )  # fmt: skip
-        return by(["approximation"], near)
+def _identified(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
+    """The model that follows the data to the noise, or one that is near where none does.
 
-
-def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel:
-    """The model that follows the data to the noise; refused where an instrument is at fault.
-
-    Raises FloatingPointError where no model of the library does.
+    Raises FloatingPointError where there is neither.
     """
-    samples = sum(recording.samples for recording in recordings)
-    recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
-    kept = sum(recording.samples for recording in recordings)
-    penalty, start = begun.penalty, rough_fit(problem, begun)
-    largest = largest_terms(problem, smoothed)
-    for name, (condensed, segments, step) in follow(
-        problem, recordings, smoothed, period, start, penalty, largest
-    ):
-        followed = step.fit
-        part = [] if start is begun.fit else ["telling stretch"]
-        path = [*part, name, *path_of(period, condensed, segments, step)]
-        unseen = unseen_mixtures(step.information, largest) > 0
-        try:
-            fit, step, ended = match(problem, condensed, segments, step, penalty, unseen, largest)
-            path += ended
-            break
-        except FloatingPointError as error:
-            unmatched = error
-    else:
-        causes = _causes_of_none(problem, condensed, segments, followed, penalty)
-        raise FloatingPointError("; ".join([*causes, str(unmatched)])) from unmatched
-    remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
+    try:
+        found = _followed(problem, recordings, begun)
+    except FloatingPointError as error:
+        found = str(error)
+    return _near(problem, begun, found) if isinstance(found, str) else found
+
+
+def _near(problem: Problem, begun: Start, objection: str) -> IdentifiedModel:
+    """The model that is near where no model of the library is right, for the reason `objection`."""
+    condensed, segments, fit = prepare(problem, begun, begun.fit, STRETCH_PERIODS)
+    states, _ = window_states(condensed, begun.recordings, begun.smoothed)
+    near = approximation(
+        problem, condensed, segments, states, fit.free, fit.sigma, fit.floor, begun.penalty,
+        objection,
+    )  # fmt: skip
+    return by(["approximation"], near)
+
+
+def _followed(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel | str:
+    """The model that follows the data to the noise, or why no model of the library is right.
+
+    Raises FloatingPointError where a model that was found diverges over the recording.
+    """
+    largest, penalty = largest_terms(problem, begun.smoothed), begun.penalty
+    joined = _joined(problem, begun, largest)
+    if joined is None:
+        return DIVERGES
+    if joined.objection:
+        return "; ".join([*_causes_of_none(problem, joined.free, penalty), joined.objection])
+    remaining, shown = _remaining(problem, begun, joined)
     if shown.coloured and shown.band < MOST_COLOUR:
-        power = np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2)
-        noise = np.sqrt(power)
-        fit = replace(fit, sigma=noise, floor=noise, reference=noise, cost=np.inf)
-        step = replace(step, before=fit, fit=fit)
-        fit, step, ended = match(problem, condensed, segments, step, penalty, unseen, largest)
-        path += ["coloured noise", *ended]
-        remaining, shown = _remaining(problem, condensed, fit, step.segments, period)
-    squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
-    sigma = np.full((len(recordings), len(problem.states)), np.nan)
-    parameters = int(fit.support.sum()) + (step.segments.chains[-1] + 1) * len(problem.states)
-    share = parameters / max(np.count_nonzero(condensed.counts), 1)
-    total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
-    total = np.where(condensed.is_known, condensed.noise_variance, total)
-    total = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
-    sigma[:, condensed.observed[~condensed.is_rate]] = total[:, ~condensed.is_rate]
-    names = condensed.names(problem.states)
-    objection, doubt = shown.objection(names), ""
-    if step.settled:
+        joined = _with_coloured_noise(problem, begun, joined, shown)
+        if joined.objection:
+            return joined.objection
+        remaining, shown = _remaining(problem, begun, joined)
+    condensed, step, fit = joined.free.condensed, joined.step, joined.fit
+    sigma, noise = _noise(problem, joined, remaining)
+    doubt = MANY_ALIKE
+    if joined.settled:  # else what it leaves in the residuals is that it is not the best fit
         causes = _causes(problem, condensed, step.segments, fit, penalty)
+        objection = shown.objection(condensed.names(problem.states))
         objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
-        if objection and (not causes or causes[0].or_model):
+        if objection:
+            if causes and not causes[0].or_model:
+                return by(joined.path, refused(problem, objection))
             if problem.inputs and forgets_start(
                 problem, condensed, fit.sigma, step.segments, fit.free, fit.starts
             ):
@@ -192,17 +194,15 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
                     problem, condensed, step.segments, fit, step.information, remaining, sigma,
                     penalty, objection,
                 )  # fmt: skip
-                return by(path, near)
-            raise FloatingPointError(objection)
-    else:  # what it leaves in the residuals is that it is not the best fit
-        objection, doubt = "", "many models follow the data alike"
+                return by(joined.path, near)
+            return objection
+        doubt = ""
+    kept = sum(recording.samples for recording in begun.recordings)
     found = judged(
-        problem, step.information, step.right, fit.support, penalty,
-        about=step.fit.free,
-        largest=largest,
-        objection=objection,
-        doubt=doubt,
-        initial_states=fit.starts[_first_segments(segments)],
+        problem,
+        Regression(step.information, step.right, fit.support, penalty, largest, step.fit.free),
+        doubt,
+        initial_states=fit.starts[np.unique(joined.free.segments.recording, return_index=True)[1]],
         sigma=sigma,
         chi2=shown.chi2,
         diagnostics={
@@ -211,23 +211,60 @@ def _exact(problem: Problem, recordings: list[Recording], begun: Start) -> Ident
             "residual_band_allowed": shown.band_allowed,
             "residual_line": shown.line,
             "residual_line_allowed": shown.line_allowed,
-            "removed_share": 1.0 - kept / samples,
-            **{f"noise_{names[o]}": total[-1, o] for o in np.flatnonzero(condensed.is_rate)},
+            "removed_share": 1.0 - kept / sum(recording.samples for recording in recordings),
+            **noise,
         },
-    )  # fmt: skip
-    return by(path, found)
+    )
+    return by(joined.path, found)
 
 
-def _causes_of_none(
-    problem: Problem, condensed: Condensed, segments: Segments, fit: Fit, penalty: float
-) -> list[str]:
-    """What may be why no model follows the whole recording; `fit` is of free segments."""
-    rows = float(np.sum(condensed.rows))
-    close = is_close(condensed, fit)
+def _joined(problem: Problem, begun: Start, largest: np.ndarray) -> JoinedFit | None:
+    """The fit of the first start that settles, else of the first that follows the data, else of
+    the first that can be integrated; None where none can.
+    """
+    prices = costs(problem.prior, problem.degrees, begun.penalty)
+    best = None
+    for start in starts_of_terms(problem, begun, prices):
+        free = free_fit(problem, begun, start.fit)
+        if free is None:
+            continue
+        unseen = unseen_mixtures(free.step.information, largest) > 0
+        joined = join(problem, free, prices, start.dear, unseen)
+        path = (start.name, *free.path(begun.period), *joined.path)
+        joined = replace(joined, path=path)
+        if start.dear > 1.0 and joined.settled and unseen:
+            # a limit cycle looks like one of fewer terms
+            told = unseen_mixtures(joined.step.information, largest) < joined.fit.support.sum()
+            joined = replace(joined, settled=told)
+        if joined.settled:
+            return joined
+        if best is None or (best.objection and not joined.objection):
+            best = joined
+    return best
+
+
+def _with_coloured_noise(
+    problem: Problem, begun: Start, joined: JoinedFit, shown: Residue
+) -> JoinedFit:
+    """Joined again, the noise as strong as it is at the frequencies of the motion."""
+    power = np.where(np.isfinite(shown.band_power), shown.band_power, joined.fit.sigma**2)
+    noise = np.sqrt(power)
+    fit = replace(joined.fit, sigma=noise, floor=noise, reference=noise, chi2=np.inf)
+    free = replace(joined.free, step=replace(joined.step, before=fit, fit=fit))
+    again = join(problem, free, costs(problem.prior, problem.degrees, begun.penalty), 1.0, False)
+    path = (*joined.path, "coloured noise", *again.path)
+    return replace(again, free=joined.free, path=path)
+
+
+def _causes_of_none(problem: Problem, free: FreeFit, penalty: float) -> list[str]:
+    """What may be why no model follows the whole recording."""
+    condensed, segments, fit = free.condensed, free.segments, free.step.fit
     # where nothing follows the data, a fault must explain most of what is left
-    causes = _causes(problem, condensed, segments, fit, penalty, 0.0 if close else rows / 2)
-    named = [fault.cause for fault in causes[:1]]
-    if close and FORCES not in named:  # a small fault does not keep the pieces from joining
+    least = 0.0 if free.is_close else float(np.sum(condensed.rows)) / 2
+    named = [
+        fault.cause for fault in _causes(problem, condensed, segments, fit, penalty, least)[:1]
+    ]
+    if free.is_close and FORCES not in named:  # a small fault does not keep the pieces from joining
         named.append(f"followed in pieces, not as a whole: {FORCES}")
     return named
 
@@ -247,21 +284,33 @@ def _causes(
     return [fault for fault in shown if fault.z**2 >= least]
 
 
-def _remaining(
-    problem: Problem, condensed: Condensed, fit: Fit, segments: Segments, period: float
-) -> tuple[np.ndarray, Residue]:
+def _remaining(problem: Problem, begun: Start, joined: JoinedFit) -> tuple[np.ndarray, Residue]:
     """Residuals of single shooting over every chain, and what they show.
 
     Raises FloatingPointError where the model diverges over a chain.
     """
+    condensed, fit, segments = joined.free.condensed, joined.fit, joined.step.segments
     begins = np.unique(segments.chains, return_index=True)[1]
     windows = np.append(segments.first[begins], segments.first[-1])
     whole = Segments(windows, segments.recording[begins], np.arange(len(begins)))
     firsts = fit.starts[begins]
     remaining, _ = residuals(problem, condensed, whole, fit.free, firsts)
-    return remaining, residue(condensed, remaining, int(fit.support.sum()) + firsts.size, period)
+    parameters = int(fit.support.sum()) + firsts.size
+    return remaining, residue(condensed, remaining, parameters, begun.period)
 
 
-def _first_segments(segments: Segments) -> np.ndarray:
-    """(n_recordings,) the first segment of each recording."""
-    return np.unique(segments.recording, return_index=True)[1]
+def _noise(
+    problem: Problem, joined: JoinedFit, remaining: np.ndarray
+) -> tuple[np.ndarray, dict[str, float]]:
+    """(n_recordings, n_states) noise of a sample of each state, and of each rate by its name."""
+    condensed, fit, step = joined.free.condensed, joined.fit, joined.step
+    squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
+    parameters = int(fit.support.sum()) + (step.segments.chains[-1] + 1) * len(problem.states)
+    share = parameters / max(np.count_nonzero(condensed.counts), 1)
+    total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
+    total = np.where(condensed.is_known, condensed.noise_variance, total)
+    total = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
+    sigma = np.full((len(total), len(problem.states)), np.nan)
+    sigma[:, condensed.observed[~condensed.is_rate]] = total[:, ~condensed.is_rate]
+    names = condensed.names(problem.states)
+    return sigma, {f"noise_{names[o]}": total[-1, o] for o in np.flatnonzero(condensed.is_rate)}

@@ -18,15 +18,15 @@ from functools import partial
 import numpy as np
 from scipy.special import stdtrit
 
-from galloping.identification.likelihood.ambiguity import detection_limits
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.fluctuation import fluctuating
 from galloping.identification.likelihood.further_modes import further_modes
 from galloping.identification.likelihood.gauss_newton import Fit
+from galloping.identification.likelihood.plausible import detection_limits
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.result import by, refused
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.shooting import Segments, coefficient_pulls
+from galloping.identification.likelihood.verdict import by, refused
 from galloping.identification.likelihood.weak_constraint import (
     Joint,
     Linear,

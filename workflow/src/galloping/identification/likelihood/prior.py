@@ -45,10 +45,16 @@ class Prior:
             if not isinstance(value, int | float) or not 0.0 < value <= 1.0:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
-    def of_terms(self, degrees: NDArray[np.int_]) -> NDArray[np.float64]:
-        """-2 ln odds of terms of such degrees (n,)."""
-        return -2.0 * np.log(self.term) + self.of_degrees(degrees)
-
     def of_degrees(self, degrees: NDArray[np.int_]) -> NDArray[np.float64]:
         """How much dearer than a term of the first degree they are, (n,)."""
         return -2.0 * np.log(self.degree) * np.maximum(degrees - 1, 0)
+
+
+def costs(prior: Prior | None, degrees: NDArray[np.int_], penalty: float) -> NDArray[np.float64]:
+    """(n,) what terms of such degrees have to bring, in units of chi^2, to be chosen.
+
+    penalty: 2 ln N. Without a prior all of it, so that what noise makes up is kept out.
+    """
+    if prior is None:
+        return np.full(len(degrees), penalty)
+    return penalty / 2.0 - 2.0 * np.log(prior.term) + prior.of_degrees(degrees)

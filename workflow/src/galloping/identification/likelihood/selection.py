@@ -42,22 +42,22 @@ def select(
     information: np.ndarray,
     right: np.ndarray,
     starts: list[np.ndarray],
-    penalty: float,
+    cost: np.ndarray | float,
     about: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The best support found: least chi^2 plus `penalty` for each term.
+    """The best support found: least chi^2 plus what its terms cost.
 
-    From each of `starts`, (n,) boolean: removes the term with the smallest Wald statistic while
-    that is below the penalty; then, while it pays, adds a term or two, or exchanges one for one,
-    one for two or two for one. Shapes as in `solve_support`; about: as in `whiten`. Returns the
-    (n,) boolean support.
+    From each of `starts`, (n,) boolean: removes the term that is least worth its cost while there
+    is one that is not; then, while it pays, adds a term or two, or exchanges one for one, one for
+    two or two for one. cost: of each term (n,), in units of chi^2, or one of all. Shapes as in
+    `solve_support`; about: as in `whiten`. Returns the (n,) boolean support.
     """
-    whitened = whiten(information, right, about)
-    known_best: dict[bytes, tuple[float, np.ndarray]] = {}
+    whitened, cost = whiten(information, right, about), np.broadcast_to(cost, len(right))
+    ends: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
-        value, support = _descend(whitened, start & whitened.usable, penalty, known_best)
-        known_best[support.tobytes()] = (value, support)
-    return min(known_best.values(), key=lambda entry: entry[0])[1]
+        value, support = _descend(whitened, start & whitened.usable, cost, ends)
+        ends[support.tobytes()] = (value, support)
+    return min(ends.values(), key=lambda end: end[0])[1]
 
 
 @dataclass(frozen=True)
@@ -194,62 +194,66 @@ def _pairs(gradient: np.ndarray, information: np.ndarray) -> np.ndarray:
     return np.divide(gain, determinant, out=np.zeros_like(gain), where=good)
 
 
+def moves(
+    here: Tableau, support: np.ndarray, cost: np.ndarray, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The `most` best small moves from a support (n,): the rise of chi^2 plus `cost` (n,) with
+    each, (m,), increasing, and the supports that they lead to, (m, n).
+
+    A term leaves; one or two enter; one is exchanged for one or for two, or two for one.
+    """
+    kept, out, nothing = here.kept, here.out, np.array([-1])
+    i, j = np.triu_indices(len(out), 1)
+    options = [
+        (here.wald, kept, nothing, nothing, nothing),
+        (-here.additions(), nothing, nothing, out, nothing),
+        (-here.pairs()[i, j], nothing, nothing, out[i], out[j]),
+        (here.exchanges(), kept[:, None], nothing, out, nothing),
+        (here.exchanges_for_two()[:, i, j], kept[:, None], nothing, out[i], out[j]),
+    ]
+    if len(kept) > 1:
+        rises, pairs = here.exchanges_of_two()
+        first, second = kept[pairs].T[:, :, None]
+        options.append((rises, first, second, out, nothing))
+    rows = [np.stack([x.ravel() for x in np.broadcast_arrays(*option)]) for option in options]
+    rise, *terms = np.concatenate(rows, axis=1)
+    leave, leave_too, enter, enter_too = np.array(terms).astype(int)
+    price = np.append(cost, 0.0)  # the last place takes `nothing`
+    rise = rise + price[enter] + price[enter_too] - price[leave] - price[leave_too]
+    best = np.argsort(rise, kind="stable")[:most]
+    row, others = np.arange(len(best)), np.zeros((len(best), len(support) + 1), bool)
+    others[:, :-1] = support
+    for place, present in ((leave, False), (leave_too, False), (enter, True), (enter_too, True)):
+        others[row, place[best]] = present
+    return rise[best], others[:, :-1]
+
+
 def _descend(
-    whitened: Whitened, support: np.ndarray, penalty: float, known_best: dict[bytes, tuple]
+    whitened: Whitened, support: np.ndarray, cost: np.ndarray, ends: dict[bytes, tuple]
 ) -> tuple[float, np.ndarray]:
     """Removal, then the best small move while one lowers the criterion; with the criterion.
 
-    known_best: supports from which no move does.
+    ends: supports from which no move does.
     """
-    support = _remove(whitened, support, penalty)
-    while support.tobytes() not in known_best:
+    support = _remove(whitened, support, cost)
+    while support.tobytes() not in ends:
         here = tableau(whitened, support)
-        value = here.chi2 + penalty * len(here.kept)
-        change, leaving, entering = _best_move(here, penalty)
-        if change > -1e-6:
-            return value, support
-        support = support.copy()
-        support[leaving], support[entering] = False, True
-        support = _remove(whitened, support, penalty)
-    return known_best[support.tobytes()]
+        rise, others = moves(here, support, cost, 1)
+        if not len(rise) or rise[0] > -1e-6:
+            return here.chi2 + cost[here.kept].sum(), support
+        support = _remove(whitened, others[0], cost)
+    return ends[support.tobytes()]
 
 
-def _best_move(here: Tableau, penalty: float) -> tuple[float, np.ndarray, np.ndarray]:
-    """Change of the criterion, terms that leave and terms that enter; cheap moves come first."""
-    none = np.zeros(0, int)
-    if not len(here.out):
-        return 0.0, none, none
-    best = int(np.argmax(here.additions()))
-    change = penalty - here.additions()[best]
-    if change < 0.0:
-        return change, none, here.out[[best]]
-    options = []
-    pair_gain = here.pairs()
-    i, j = np.unravel_index(np.argmax(pair_gain), pair_gain.shape)
-    options.append((2.0 * penalty - pair_gain[i, j], none, here.out[[i, j]]))
-    if len(here.kept):
-        rises = here.exchanges()
-        k, i = np.unravel_index(np.argmin(rises), rises.shape)
-        options.append((rises[k, i], here.kept[[k]], here.out[[i]]))
-        rises = here.exchanges_for_two()
-        k, i, j = np.unravel_index(np.argmin(rises), rises.shape)
-        options.append((rises[k, i, j] + penalty, here.kept[[k]], here.out[[i, j]]))
-    if len(here.kept) > 1:
-        rises, pairs = here.exchanges_of_two()
-        k, i = np.unravel_index(np.argmin(rises), rises.shape)
-        options.append((rises[k, i] - penalty, here.kept[pairs[k]], here.out[[i]]))
-    return min(options, key=lambda option: option[0])
-
-
-def _remove(whitened: Whitened, support: np.ndarray, penalty: float) -> np.ndarray:
+def _remove(whitened: Whitened, support: np.ndarray, cost: np.ndarray) -> np.ndarray:
     """Backward elimination; the inverse is updated by one rank at each removal, then made anew."""
     while True:
         here = tableau(whitened, support)
         kept, c, inverse = here.kept, here.coefficients, here.covariance
         while len(kept):
-            wald = c**2 / np.diag(inverse)
-            worst = int(np.argmin(wald))
-            if wald[worst] >= penalty:
+            worth = c**2 / np.diag(inverse) - cost[kept]
+            worst = int(np.argmin(worth))
+            if worth[worst] >= 0.0:
                 break
             column = inverse[:, worst] / inverse[worst, worst]
             c = np.delete(c - column * c[worst], worst)

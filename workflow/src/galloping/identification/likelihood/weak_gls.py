@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -16,10 +16,10 @@ from galloping.identification.likelihood.constants import (
 from galloping.identification.likelihood.inputs import check_question, checked_recordings, driven
 from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.problem import Problem, largest, posed
-from galloping.identification.likelihood.result import judged, refused
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.smoothing import Smooth, shortest_period
+from galloping.identification.likelihood.verdict import Regression, judged, refused
 from galloping.identification.likelihood.weak_form import whitened_weak_form
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.passes import passing
@@ -155,13 +155,13 @@ def weak_gls(
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
-    start: Callable[[Problem, list[Recording]], Start] | None = None,
+    start: Start | None = None,
 ) -> IdentifiedModel:
     """Identify one model from noisy states by the weak form, in generalised least squares.
 
     recordings: of one system, any sampling, NaN where missing. terms: the library. known: model
-    whose equations of `known_states` hold; dX/dt = `dX` is known by its name. start: makes the
-    start, as `begin` does, which is the default.
+    whose equations of `known_states` hold; dX/dt = `dX` is known by its name. start: of
+    `begin`, where it is made already.
     The intervals are those of the linearised weak form, inflated by the misfit where it is above
     one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
     """
@@ -171,22 +171,21 @@ def weak_gls(
     problem = posed(states, terms, known, known_states, inputs=inputs)
     try:
         recordings = driven(recordings, problem.inputs)
-        return _fitted(problem, (start or begin)(problem, recordings))
+        return _fitted(problem, start or begin(problem, recordings))
     except NO_MODEL as error:
         return refused(problem, str(error))
 
 
 def _fitted(problem: Problem, start: Start) -> IdentifiedModel:
-    smoothed, penalty, fit = start.smoothed, start.penalty, start.fit
-    inflation = max(fit.misfit, 1.0)
-    objection = ""
+    smoothed, fit = start.smoothed, start.fit
     if fit.misfit >= MOST_MISFIT:
-        objection = f"model inadequate or noise correlated: misfit {fit.misfit:.2f}"
+        return refused(problem, f"model inadequate or noise correlated: misfit {fit.misfit:.2f}")
+    information, right = (each / max(fit.misfit, 1.0) for each in (fit.information, fit.right))
+    size = largest_terms(problem, smoothed)
     return judged(
-        problem, fit.information / inflation, fit.right / inflation, fit.support, penalty,
-        largest=largest_terms(problem, smoothed),
-        objection=objection,
+        problem,
+        Regression(information, right, fit.support, start.penalty, size),
         initial_states=np.array([one.states[0] for one in smoothed]),
         sigma=np.array([one.noise for one in smoothed]),
         chi2=fit.misfit,
-    )  # fmt: skip
+    )

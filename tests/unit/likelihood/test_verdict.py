@@ -3,16 +3,11 @@
 import numpy as np
 import pytest
 
-from galloping.identification.likelihood.ambiguity import (
-    Plausible,
-    costs,
-    preferred,
-    with_prior,
-)
-from galloping.identification.likelihood.prior import Prior
+from galloping.identification.likelihood.plausible import Plausible, with_prior
+from galloping.identification.likelihood.prior import Prior, costs
 from galloping.identification.likelihood.problem import Problem, posed
-from galloping.identification.likelihood.result import judged
-from galloping.identification.likelihood.selection import select, whiten
+from galloping.identification.likelihood.selection import select
+from galloping.identification.likelihood.verdict import Regression, judged
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 
@@ -26,11 +21,8 @@ def verdict_on(true: np.ndarray, columns: np.ndarray, rng: np.random.Generator) 
     information, right = columns.T @ columns, columns.T @ observed
     support = select(information, right, [np.ones(len(true), bool)], PENALTY)
     size = np.sqrt(np.mean(columns**2, axis=0))
-    return judged(
-        PROBLEM, information, right, support, PENALTY,
-        largest=np.sqrt(np.mean(observed**2)) / size,
-        initial_states=np.zeros((1, 1)), sigma=np.ones((1, 1)), chi2=1.0,
-    )  # fmt: skip
+    largest = np.sqrt(np.mean(observed**2)) / size
+    return judged(PROBLEM, Regression(information, right, support, PENALTY, largest))
 
 
 def imitating(rng: np.random.Generator) -> np.ndarray:
@@ -115,17 +107,15 @@ def alike(
 
 
 def chosen(problem: Problem, columns: np.ndarray, rates: np.ndarray) -> IdentifiedModel:
-    """By selection about the false term, the prior's choice, and the verdict on it."""
+    """By selection from the false term, and the verdict on it."""
     information, right = columns.T @ columns, columns.T @ rates
     penalty = 2.0 * np.log(len(rates))
     start = np.isin(np.arange(6), [1, XY])
-    support = preferred(whiten(information, right), start, costs(problem, penalty))
+    worth = costs(problem.prior, problem.degrees, penalty)
+    support = select(information, right, [start], worth)
     size = np.sqrt(np.mean(columns**2, axis=0))
-    return judged(
-        problem, information, right, support, penalty,
-        largest=np.sqrt(np.mean(rates**2)) / size,
-        initial_states=np.zeros((1, 2)), sigma=np.ones((1, 2)), chi2=1.0,
-    )  # fmt: skip
+    largest = np.sqrt(np.mean(rates**2)) / size
+    return judged(problem, Regression(information, right, support, penalty, largest))
 
 
 def test_between_terms_that_the_data_cannot_tell_apart_the_prior_takes_the_simpler() -> None:
@@ -162,7 +152,7 @@ def test_a_simple_term_that_the_data_would_not_show_is_never_under_an_ok() -> No
 
 def test_the_prior_costs_the_same_in_any_unit_and_its_odds_are_checked() -> None:
     problem, *_ = alike(Prior(term=0.5, degree=0.1))
-    paid = costs(problem, 2.0 * np.log(400)) - np.log(400)
+    paid = costs(problem.prior, problem.degrees, 2.0 * np.log(400)) - np.log(400)
     assert np.allclose(paid[[0, 1, Y]], 2.0 * np.log(2.0))
     assert np.allclose(paid[3:] - paid[1], 2.0 * np.log(10.0))
     for odds in ({"term": 0.0}, {"degree": 1.5}, {"degree": "small"}):

@@ -1,0 +1,100 @@
+"""Where an identification starts from, in order: time scales, positions of rest, terms.
+
+The spectrum shows the time scale of most of the power, and a transient or a relaxation is quicker.
+Moved along a displacement that no channel measures, a polynomial model is another one that follows
+velocities and accelerations as well: that which rests at zero, without constants, is meant, and
+how far the middle of the motion lies from there is tried. The weak form gives the terms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from galloping.identification.likelihood.integrals import undisplaced
+from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.likelihood.weak_gls import Start, WeakFit, rough_fit, weak_fit
+from galloping.identification.model import BY_TERM, IdentifiedModel
+
+# Shares of the time scale that the spectrum shows; each for where the one before gave no model.
+# Measured on systems of `galloping.trials.systems`: a cubic oscillator that slows down as it decays
+# needs a half or a quarter, one that relaxes a half; of two that a quarter did not answer, neither
+# did an eighth or a sixteenth.
+TIME_SCALES = (1.0, 1 / 2, 1 / 4)
+# How far the middle of a motion may lie from rest, in deviations of the displacement. Measured on
+# accelerations of the study's line, whose is 0.15: starts 0.0 to 0.1 off lead to the model always.
+OFF_REST = 0.2
+# How many times as much terms cost in a start of few terms, which moves no faster than the samples
+# tell. Measured: of twenty recordings of the displacements of a line, three samples a second,
+# starts of 25 to 70 terms left fourteen without a model; from 4 to 10 terms all are followed.
+DEAR = 16.0
+
+
+class Terms(NamedTuple):
+    """A start of some terms: its name, the weak fit, and what terms cost at first (see `join`)."""
+
+    name: str
+    fit: WeakFit
+    dear: float
+
+
+def starts_of_terms(problem: Problem, begun: Start, costs: np.ndarray) -> list[Terms]:
+    """The starts, in order. costs: (n_candidates,) of the terms, in units of chi^2."""
+    rough = rough_fit(problem, begun)
+    support = select(rough.information, rough.right, [rough.support], DEAR * costs)
+    free, _ = solve_support(rough.information, rough.right, support)
+    few = replace(rough, free=free, support=support)
+    name = "weak form" if rough is begun.fit else "weak form of a telling stretch"
+    return [Terms(name, rough, 1.0), Terms("few terms", few, DEAR)]
+
+
+def rests_at_zero(problem: Problem, begun: Start) -> bool:
+    """Whether each unknown equation is of the velocity of a displacement that is not measured."""
+    return set(problem.unknown) <= {velocity for _, velocity in _pairs(begun)}
+
+
+def _pairs(begun: Start) -> set[tuple[int, int]]:
+    """Indices of each state X that no recording measures, with that of its velocity dX."""
+    return set.intersection(*(set(undisplaced(one).items()) for one in begun.recordings))
+
+
+def without_constants(problem: Problem) -> Problem:
+    moving = np.any(problem.terms, axis=1)
+    terms = tuple(term for term in problem.terms if any(term))
+    return replace(problem, terms=terms, known=problem.known[:, moving])
+
+
+def positions_of_rest(problem: Problem, begun: Start) -> list[Start]:
+    """The start as it is, and with its curves moved along each displacement that is not measured.
+
+    Raises what `weak_fit` raises.
+    """
+    units = OFF_REST * np.eye(len(problem.states))[sorted(state for state, _ in _pairs(begun))]
+    moved = []
+    for offset in (0.0 * units[0], *units, *-units):
+        curves = [
+            replace(one, states=one.states + offset * one.states.std(axis=0))
+            for one in begun.smoothed
+        ]
+        fit = weak_fit(problem, curves, begun.penalty)
+        moved.append(replace(begun, smoothed=curves, fit=fit))
+    return moved
+
+
+def with_constants(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
+    """What was identified `without_constants`, on the terms of the problem."""
+
+    def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
+        whole = np.full((len(values), len(problem.terms)), elsewhere)
+        whole[:, np.any(problem.terms, axis=1)] = values
+        return whole
+
+    coefficients = spread(identified.model.coefficients, 0.0)
+    return replace(
+        identified,
+        model=replace(identified.model, terms=problem.terms, coefficients=coefficients),
+        **{name: spread(getattr(identified, name), np.nan) for name in BY_TERM},
+    )
