@@ -25,7 +25,7 @@ from galloping.figures.histories import draw_histories, draw_recovery
 from galloping.figures.overview import best_of_pysindy, draw_overview
 from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_line
 from galloping.figures.style import METHODS, method_style, styled, write_figure
-from galloping.figures.verdicts import draw_trust
+from galloping.figures.verdicts import draw_reduction, draw_trust
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement.measuring import Motion
 from galloping.measurement.protocols import BY_NAME as PROTOCOLS
@@ -105,8 +105,9 @@ def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
-@pytest.mark.parametrize("error", [0.0, 5.0, np.inf])
-@pytest.mark.parametrize("levels", [(0,), (0.05,), (0, 0.01, 0.05)])
+@pytest.mark.parametrize(
+    ("levels", "error"), [((0,), 5.0), ((0.05,), 0.0), ((0, 0.01), np.inf), ((0, 0.01, 0.05), 5.0)]
+)
 def test_noise_levels_of_any_number_and_errors_of_any_size(levels, error, quantity):
     table, settings = scores(levels, error=error), {**NAMES, **NOISE, "quantities": [quantity]}
     drawn(lambda: draw_methods(table, settings))
@@ -165,23 +166,18 @@ def efficiencies(methods=("weak", "maximum_likelihood", "bound"), joint=True, le
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("joint", [False, True])
-def test_efficiency_with_failures_and_joint_recordings(joint):
+def test_efficiency_with_failures_and_joint_recordings():
     settings = {"cases": ["line", "other"], "protocols": ["state", "displacement"],
                 "methods": ["weak", "maximum_likelihood", "absent", "bound"],
                 "labels": NOISE["labels"]}  # fmt: skip
-    drawn(lambda: draw_efficiency(efficiencies(joint=joint), settings))
-    drawn(lambda: draw_efficiency(efficiencies(["bound"]), settings))
-    drawn(lambda: draw_efficiency(efficiencies()[:0], settings))
-
-
-def test_efficiency_of_joint_recordings_alone():
-    # as of a study whose whole records have no noise
-    settings = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "bound"],
-                "labels": NOISE["labels"]}  # fmt: skip
-    both, table = efficiencies(), efficiencies().query("recordings == 2")
-    alone = drawn(lambda: draw_efficiency(table, settings))
-    assert alone != drawn(lambda: draw_efficiency(both, settings))
+    figure = draw_efficiency(efficiencies(), settings)
+    written = [text.get_text() for text in figure.axes[0].texts]
+    assert written == ["1 of 20"] * 2  # beside the triangles of the methods that lost a draw
+    ticks = [label.get_text() for label in figure.axes[0].get_xticklabels()]
+    assert ticks == ["0.01", "0.05", "0.05\n2 rec."]
+    joint = efficiencies().query("recordings == 2")  # of a study whose whole records have no noise
+    for table in (efficiencies(joint=False), efficiencies(["bound"]), efficiencies()[:0], joint):
+        drawn(lambda table=table: draw_efficiency(table, settings))
 
 
 def identifiable(t, recordings=(1, 2)):
@@ -270,36 +266,29 @@ def test_eight_cases_keep_to_a_page_without_labels_upon_each_other(draw, table, 
     assert len(placed) > 20 and upon == [] and outside == []
 
 
-@pytest.mark.parametrize("error", [5.0, np.inf])
 @pytest.mark.parametrize(
-    "methods",
+    ("methods", "error"),
     [
-        ["paper", "weak", "maximum_likelihood", "bound"],
-        ["weak", "paper"],
-        ["stlsq", "maximum_likelihood"],
-        ["bound"],
-        ["new_method"],
+        (["paper", "weak", "maximum_likelihood", "bound"], 5.0),
+        (["paper", "weak", "maximum_likelihood", "bound"], np.inf),
+        (["weak", "paper"], 5.0),
+        (["bound"], np.inf),
+        (["new_method"], 5.0),
     ],
 )
 def test_overview_with_the_methods_there_are(methods, error):
     settings = {"case": "line", "protocol": "state", "label": "noise"}
     table = scored(methods, error).fillna(0.0)
-    drawn(lambda: draw_overview(table, settings))
-    one_level = table[table["level"] < 0.05]
-    drawn(lambda: draw_overview(one_level, settings))
-    drawn(lambda: draw_overview(table[table["level"] == 0], settings))
+    for levels in ([0, 0.01, 0.05], [0, 0.01], [0]):
+        of_levels = table[table["level"].isin(levels)]
+        drawn(lambda of_levels=of_levels: draw_overview(of_levels, settings))
 
 
 def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
-    def errors(method, medians):
-        return pd.DataFrame({"method": method, "median": medians})
-
-    table = pd.concat(
-        [
-            errors("weak", [1.0, 4.0, np.inf]),
-            errors("stlsq", [3.0, 5.0, 6.0]),
-            errors("maximum_likelihood", [0.1, 0.1, 0.1]),
-        ]
+    medians = {"weak": [1.0, 4.0, np.inf], "stlsq": [3.0, 5.0, 6.0], "maximum_likelihood": [0.1]}
+    table = pd.DataFrame(
+        [(method, value) for method, values in medians.items() for value in values],
+        columns=["method", "median"],
     )
     assert best_of_pysindy(table) == "weak"
     assert best_of_pysindy(table[table["method"] == "maximum_likelihood"]) is None
@@ -376,3 +365,16 @@ def test_a_status_is_right_where_its_claim_holds_or_its_doubt_is_due():
     figure = draw_trust(fits.assign(group="lines"), {})
     written = [text.get_text() for text in figure.axes[0].texts]
     assert written == ["1 of 2", "1 of 2", "0 of 1", "1 of 1"]
+
+
+def test_no_point_of_the_reduction_is_cut_off():
+    stretches = dict.fromkeys(("r2_0_100_s", "r2_100_200_s", "r2_200_300_s"), 0.5)
+    table = pd.DataFrame(
+        {"line": line, "direction": direction, "amplitude_m": amplitude, "limit_cycle_m": 1.0,
+         "amplitude_error_percent": error, "limit_cycle_error_percent": error, **stretches}
+        for direction in ("vertical", "horizontal")
+        for line, amplitude, error in (("two modes", 1.0, 0.0), ("9 modes", 3.0, np.nan))
+    )  # fmt: skip
+    axes = draw_reduction(table, {}).axes[0]
+    assert axes.get_ylim()[0] == 0 and axes.get_ylim()[1] > 3.2
+    assert "another motion" in axes.get_legend_handles_labels()[1]
