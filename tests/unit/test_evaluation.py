@@ -1,13 +1,9 @@
 """Metrics and tables on cases whose answer is known."""
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
-import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from galloping.evaluation.coefficients import (
     coverage,
@@ -23,15 +19,12 @@ from galloping.evaluation.score import Truth, evaluate, reconstruct, score
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
-from galloping.intervals import interval
 from galloping.measurement.measuring import Motion, measure
 from galloping.physics.equations import model
-from galloping.physics.galerkin import Derived, coefficients
+from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, extended, library
 from galloping.simulation import Simulator, Trajectory
-from galloping.tables.coefficients import identified_terms, table3
-from galloping.tables.parameters import conductor, spacers
-from galloping.tables.scores import all_scores, data_amount, noise_coefficients, noise_r2
+from galloping.tables.coefficients import identified_terms
 
 INF = float("inf")
 
@@ -293,176 +286,3 @@ def test_representative_motion_is_the_median_one():
     assert np.diff(summary.time) == pytest.approx(np.full(199, 0.05))
     assert np.all(summary.representative == 3)
     assert summary.low[0] == pytest.approx(0.2) and summary.high[0] == pytest.approx(3.8)
-
-
-# --- intervals ---
-
-
-def test_interval_is_median_and_percentiles_that_occurred():
-    assert interval(range(21)) == (10.0, 1.0, 19.0)
-    assert interval([3.0]) == (3.0, 3.0, 3.0)
-
-
-def test_failures_count_as_the_worst_value_in_intervals():
-    assert interval([1.0, 2.0, INF]) == (2.0, 1.0, INF)
-    assert interval([1.0, INF, INF]) == (INF, 1.0, INF)
-    assert interval([INF] * 4) == (INF, INF, INF)
-    assert interval([-INF, 0.5, 0.6]) == (0.5, -INF, 0.6)
-
-
-@given(st.lists(st.floats(allow_nan=False), min_size=1, max_size=30))
-@pytest.mark.filterwarnings("ignore")  # the middle of two huge numbers
-def test_intervals_do_not_depend_on_order(values):
-    low, high = interval(values)[1:]
-    assert interval(sorted(values))[1:] == (low, high)
-    assert low <= high and {low, high} <= set(values)
-
-
-# --- tables over replicates ---
-
-CASES = ["internal_resonance", "non_resonant"]
-
-
-def study_scores(replicates=4):
-    """Scores of a small study with numbers that differ from row to row, and some failures."""
-    cells = [
-        ("noise_0", 0.0, 30001),
-        ("noise_0.05", 0.05, 30001),
-        ("points_1000", 0.05, 1000),
-        ("joint_0.05", 0.05, 30001),
-    ]
-    rng = np.random.default_rng(4)
-    rows = []
-    for case, method, (cell, level, points), replicate in product(
-        CASES, ["stlsq", "weak"], cells, range(replicates)
-    ):
-        if method == "weak" and cell.startswith("points"):
-            continue
-        failed = (replicate, level) == (2, 0.05)
-        error, r2 = rng.uniform(1, 30, 6), rng.uniform(0.5, 1, 2)
-        rows.append(
-            {
-                "case": case,
-                "protocol": "state",
-                "cell": cell,
-                "kind": cell.partition("_")[0],
-                "level": level,
-                "points": points,
-                "method": method,
-                "replicate": replicate,
-                "motion": "diverged: far away" if failed else "ok",
-                "mean_error_linear_percent": error[0],
-                "mean_error_quadratic_percent": error[1],
-                "mean_error_cubic_percent": error[2],
-                "e2": 1e-9 if level == 0 else error[3],
-                "missing": 0 if level == 0 else 1,
-                "spurious": 0,
-                "true_positive_ratio": 1.0 if level == 0 else 0.9,
-                "r2_q_v": -INF if failed else r2[0],
-                "r2_q_w": -INF if failed else r2[1],
-                "amplitude_error_q_v_percent": INF if failed else error[4],
-                "amplitude_error_q_w_percent": INF if failed else error[5],
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-@pytest.mark.parametrize("table", [noise_coefficients, noise_r2, data_amount])
-def test_tables_do_not_depend_on_the_order_of_replicates(table):
-    settings = {
-        "cases": CASES, "subset_level": 0.05, "pairs": [("state", "stlsq"), ("state", "weak")],
-    }  # fmt: skip
-    scores = study_scores()
-    expected = table(scores, settings)
-    for seed in range(5):
-        shuffled = scores.sample(frac=1, random_state=seed, ignore_index=True)
-        pd.testing.assert_frame_equal(table(shuffled, settings), expected)
-
-
-def test_noise_tables_hold_whole_records_with_failures_counted():
-    scores = study_scores()
-    errors, r2 = noise_coefficients(scores, {}), noise_r2(scores, {})
-    assert set(errors["order"]) == {"linear", "quadratic", "cubic"}
-    assert set(errors["level"]) == set(r2["level"]) == {0.0, 0.05}
-    assert len(r2) == 2 * 2 * 2 * 2 and len(errors) == 2 * 2 * 2 * 3
-    assert set(r2["replicates"]) == {4}
-    noisy = r2["level"] == 0.05
-    assert (r2["failures"] == noisy).all()
-    assert (r2.loc[noisy, "r2_low"] == -INF).all()
-    row = r2.query("case == 'non_resonant' and method == 'weak' and level == 0 and state == 'q_w'")
-    chosen = (scores["case"] == "non_resonant") & (scores["method"] == "weak")
-    values = scores[chosen & (scores["level"] == 0)]["r2_q_w"]
-    assert row[["r2_median", "r2_low", "r2_high"]].to_numpy().tolist() == [
-        [values.median(), values.min(), values.max()]
-    ]
-
-
-def test_data_amount_holds_subsets():
-    table = data_amount(study_scores(), {})
-    assert set(table["points"]) == {1000} and set(table["method"]) == {"stlsq"}
-    assert len(table) == 2 * 2
-    assert set(table["failures"]) == {1}
-    assert (table["amplitude_error_percent_high"] == INF).all()
-    assert (table["r2_low"] == -INF).all()
-    assert np.isfinite(table[["amplitude_error_percent", "r2"]]).all(axis=None)
-    scores = study_scores()
-    none = data_amount(scores[scores["kind"] != "points"], {})
-    assert none.empty and list(none) == list(table)
-
-
-def test_scores_of_cells_stand_in_one_order():
-    scores = study_scores()
-    cells = {str(k): cell for k, (_, cell) in enumerate(scores.groupby(["case", "method", "cell"]))}
-    forward = all_scores(cells, {})
-    pd.testing.assert_frame_equal(forward, all_scores(dict(reversed(cells.items())), {}))
-    assert len(forward) == len(scores)
-
-
-# --- tables of parameters and coefficients ---
-
-
-def test_table_3_shows_true_and_spurious_terms(cases):
-    true = coefficients(cases["internal_resonance"])
-    terms = library(4, 3)
-    values = model(true).on_library(terms).coefficients
-    off = values.copy()
-    off[2, terms.index((1, 0, 0, 0))] *= 1.1  # gamma_2
-    off[3, terms.index((0, 0, 0, 1))] = 0.0  # kappa_1 missed
-    off[3, terms.index((1, 0, 0, 0))] = -0.5  # kappa_8 spurious
-    off[2, terms.index((0, 0, 0, 3))] = 0.2  # spurious, without a symbol
-    settings = {
-        "cases": ["a"], "continuous": [], "protocol": "state", "method": "stlsq", "level": 0.0,
-        "degree": 3,
-    }  # fmt: skip
-    identified = {"a": {"stlsq": [unjudged(model(true), off, terms)] * 3}}
-    table = table3({"a": Derived(model(true), true, {})}, identified, settings)
-    by_symbol = table.set_index("symbol")
-    assert list(table["equation"].unique()) == ["vertical", "horizontal"]
-    present = [symbol for symbol, value in true.items() if value]
-    assert set(present) | {"kappa_8", "dq_w^3"} == set(by_symbol.index)
-    assert list(by_symbol.index[:9]) == [f"gamma_{i}" for i in range(1, 9)] + ["dq_w^3"]
-    assert by_symbol.loc["gamma_2", "relative_error_percent"] == pytest.approx(10)
-    assert by_symbol.loc["gamma_2", "identified"] == pytest.approx(1.1 * true["gamma_2"])
-    assert by_symbol.loc["kappa_1", "relative_error_percent"] == 100
-    assert by_symbol.loc["kappa_8", "identified"] == 0.5
-    assert by_symbol.loc["kappa_8", "relative_error_percent"] == INF
-    assert by_symbol.loc["kappa_3", "term"] == "q_v q_w"
-    exact = by_symbol.drop(["gamma_2", "kappa_1", "kappa_8", "dq_w^3"])
-    assert (exact["relative_error_percent"] == 0).all()
-    unknown = table3(
-        {"a": Derived(model(true), true, {})}, identified, settings | {"continuous": ["a"]}
-    )
-    assert unknown[["true", "relative_error_percent"]].isna().all(axis=None)
-
-
-def test_parameters_have_units_and_provenance(cases):
-    rows = pd.concat([conductor({"cases": cases}), spacers({"cases": cases})], ignore_index=True)
-    assert set(rows["case"]) == set(CASES)
-    assert set(rows["provenance"]) <= {"seed", "derived", "assumed"}
-    values = rows[rows["case"] == "non_resonant"].set_index("key")["value"]
-    assert values["line.tension"] == 35000
-    assert values["wind.speed"] == 12
-    one = rows[rows["case"] == "internal_resonance"]
-    numbers = [value for value in one["value"] if isinstance(value, float)]
-    assert {0.442, 2.126, -4.432, 3.33} <= set(numbers)
-    assert one.loc[[isinstance(v, float) for v in one["value"]], "unit"].ne("").all()
