@@ -1,7 +1,6 @@
 """Many draws of the paper's study by its own method, in the cells that its claims are about."""
 
-from galloping.paper.amounts import Amounts
-from galloping.paper.draws import paper_draws
+from galloping.paper.draws import Amounts, paper_draws
 from galloping.reproducibility.job import run
 from galloping.study.files import write_table
 

@@ -7,9 +7,8 @@ from drawing import drawn
 
 from galloping.figures.against_paper import draw_printed, draw_reproduction
 from galloping.measurement.measuring import Motion
-from galloping.paper.amounts import Amounts
 from galloping.paper.claims import HELD, judged, together
-from galloping.paper.draws import paper_draws
+from galloping.paper.draws import Amounts, paper_draws
 from galloping.paper.printed import CLAIMS, Claim, needed
 from galloping.paper.variations import variation_rows
 from galloping.report import paper as report
@@ -24,8 +23,7 @@ LEVELS = (0.0, 0.01, 0.03, 0.05, 0.1, 0.15)
 
 
 def claim(kind, printed=10.0, column="error"):
-    return Claim("a claim", CASE, "", "a quantity", column, 0.05, None, "", None, kind, printed,
-                 0.0, "")  # fmt: skip
+    return Claim("a claim", "a quantity", column, 0.05, kind, printed, "", case=CASE)
 
 
 def scores(draws=20, **columns):

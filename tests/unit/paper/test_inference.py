@@ -10,7 +10,7 @@ from drawing import drawn
 from galloping.configuration.load import load, plain
 from galloping.figures.against_paper import draw_region
 from galloping.paper import draws, likelihood, noise
-from galloping.paper.amounts import Amounts
+from galloping.paper.draws import Amounts
 from galloping.paper.quick import QuickStudy, coefficients
 from galloping.paper.unknowns import BASE, BY_NAME, HIGH, LOW, NAMES, UNKNOWNS, Setting
 from galloping.polynomial import library

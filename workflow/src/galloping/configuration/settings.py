@@ -1,5 +1,6 @@
 """The settings of a study; what each key is, `keys/keys.csv` says."""
 
+from collections.abc import Iterator
 from math import inf
 from pathlib import Path
 from typing import Annotated, Self
@@ -227,44 +228,26 @@ class Settings(
         return identification
 
     @model_validator(mode="after")
-    def _something_to_study(self) -> Self:
-        if not (self.cases or self.trials):
-            raise invalid("there is none; must hold at least one, or there must be trials", "cases")
+    def _whole(self) -> Self:
+        for fault in self._faults():
+            raise fault
         return self
 
-    @model_validator(mode="after")
-    def _recordings_beside_cases(self) -> Self:
+    def _faults(self) -> Iterator[Exception]:
+        """What does not fit together, of sections that are right in themselves."""
+        if not (self.cases or self.trials):
+            yield invalid("there is none; must hold at least one, or there must be trials", "cases")
         for name, recordings in self.recordings.items():
             if recordings.case is not None and recordings.case not in self.cases:
-                raise invalid(
-                    f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}",
-                    "recordings",
-                    name,
-                    "case",
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _measures_inside_the_spans(self) -> Self:
+                told = f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}"
+                yield invalid(told, "recordings", name, "case")
         for name, case in self.cases.items():
             for label, measure in self.assessment.measures.items():
                 for place in measure.places:
                     if not 0 < place < case.line.span:
-                        raise invalid(
-                            f"{show(place)} m is outside the span of {name}; "
-                            f"must be inside 0..{show(case.line.span)} m",
-                            "assessment",
-                            "measures",
-                            label,
-                        )
-        return self
-
-    @model_validator(mode="after")
-    def _results_apart_from_the_reference(self) -> Self:
+                        told = f"{show(place)} m is outside the span of {name}; must be inside "
+                        told += f"0..{show(case.line.span)} m"
+                        yield invalid(told, "assessment", "measures", label)
         if Path(self.results).resolve().is_relative_to(Path(self.reference).resolve()):
-            raise invalid(
-                f"{show(self.results)} is in the folder of the reference, {show(self.reference)}; "
-                "must be outside it",
-                "results",
-            )
-        return self
+            told = f"{show(self.results)} is in the folder of the reference, {show(self.reference)}"
+            yield invalid(f"{told}; must be outside it", "results")

@@ -5,7 +5,7 @@ thresholds, its simulator, its scores.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -18,18 +18,36 @@ from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Regression
 from galloping.measurement.measuring import Motion, channel_scale
-from galloping.paper.amounts import Amounts
 from galloping.paper.noise import PROTOCOLS
 from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import extended, library
 from galloping.seeds import generator
 from galloping.simulation import Simulator, time_grid
-from galloping.study.kinds import SUBSET
+from galloping.study.kinds import NOISE, SUBSET
 
 COLUMNS = {"raw": stlsq.raw, "normalised": stlsq.normalised}  # of the library, for thresholds
 PATH_LENGTH = 30  # candidate thresholds, where the data choose
 AT_ONCE = 25  # draws whose motions are kept in memory
+
+
+@dataclass(frozen=True)
+class Amounts:
+    """What is recorded: whole records at `levels`, and subsets of `points` at `subset_level`."""
+
+    levels: Sequence[float] = (0.01, 0.03, 0.05, 0.1)
+    points: Sequence[int] = (1000, 5000, 10000, 30000)
+    subset_level: float = 0.05
+    duration: float = 300.0
+    sampling_rate: float = 100.0
+    steady_window: tuple[float, float] = (200.0, 300.0)
+
+    @property
+    def cells(self) -> list[tuple[str, float, int]]:
+        """(kind, level, points) of each; the number of points of a whole record included."""
+        whole = len(time_grid(self.duration, self.sampling_rate))
+        cells = [(NOISE, level, whole) for level in self.levels]
+        return cells + [(SUBSET, self.subset_level, points) for points in self.points]
 
 
 def line_motion(case: Mapping, duration: float, sampling_rate: float) -> tuple[Motion, object]:

@@ -13,6 +13,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from galloping.study.kinds import NOISE, SUBSET
 
@@ -35,18 +36,18 @@ class Claim:
     """
 
     name: str
-    case: str
-    direction: str
     quantity: str
     column: str
     level: float
-    points: int | None
-    minus: str
-    minus_level: float | None
     kind: str
     paper_value: float
-    tolerance: float
     source: str
+    case: str = ""
+    direction: str = ""
+    points: int | None = None
+    minus: str = ""
+    minus_level: float | None = None
+    tolerance: float = 0.0
 
     @property
     def is_number(self) -> bool:
@@ -92,29 +93,17 @@ class Claim:
         return values <= self.paper_value + (0.0 if self.is_number else self.tolerance)
 
 
-def _read(row: dict[str, str]) -> Claim:
-    def number(name: str, kind: type = float) -> float | int | None:
-        return kind(row[name]) if row[name] else None
-
-    return Claim(
-        name=row["claim"],
-        case=row["case"],
-        direction=row["direction"],
-        quantity=row["quantity"],
-        column=row["column"],
-        level=float(row["level"]),
-        points=number("points", int),
-        minus=row["minus"],
-        minus_level=number("minus_level"),
-        kind=row["kind"],
-        paper_value=float(row["printed"]),
-        tolerance=number("tolerance") or 0.0,
-        source=row["source"],
-    )
+def _read() -> tuple[Claim, ...]:
+    named = {"claim": "name", "printed": "paper_value"}
+    with files(__package__).joinpath("printed.csv").open(encoding="utf-8", newline="") as lines:
+        rows = [
+            {named.get(key, key): value for key, value in row.items() if value}
+            for row in csv.DictReader(lines)
+        ]
+    return TypeAdapter(tuple[Claim, ...]).validate_python(rows)
 
 
-with files(__package__).joinpath("printed.csv").open(encoding="utf-8", newline="") as lines:
-    CLAIMS = tuple(map(_read, csv.DictReader(lines)))
+CLAIMS = _read()
 
 
 def needed(

@@ -23,8 +23,7 @@ from galloping.identification.sparse.supports import (
     thresholded_supports,
 )
 from galloping.measurement.measuring import Motion, channel_scale
-from galloping.paper.amounts import Amounts
-from galloping.paper.draws import PATH_LENGTH
+from galloping.paper.draws import PATH_LENGTH, Amounts
 from galloping.paper.noise import PROTOCOLS, Products
 from galloping.paper.unknowns import Setting
 from galloping.polynomial import Exponents, PolynomialModel, library

@@ -26,8 +26,7 @@ from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.measurement.measuring import Motion
 from galloping.paper import likelihood
-from galloping.paper.amounts import Amounts
-from galloping.paper.draws import line_motion
+from galloping.paper.draws import Amounts, line_motion
 from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
 from galloping.paper.unknowns import BY_NAME, HIGH, LOW, NAMES, Variant
 from galloping.physics.galerkin import coefficients
