@@ -5,6 +5,7 @@ load integrated over the span at every instant and nothing truncated to a polyno
 coordinates, so that no candidate library contains the result.
 """
 
+from collections import namedtuple
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -17,6 +18,11 @@ from galloping.physics.galerkin import ice_coefficients
 from galloping.physics.line import Line, Mode, positions, weights
 
 AERODYNAMICS = ("small_angle", "relative")
+# of a `Span`, what its rates are computed from
+Arrays = namedtuple(
+    "Arrays",
+    "stiffness damping strain quadratic pull stretch shapes loading coefficients pressure relative",
+)
 STEP = 0.005  # s, of the integrator: an eightieth of the shortest period of 13 modes
 
 
@@ -57,15 +63,12 @@ class Span:
     def rates(self, state: np.ndarray, speed: float) -> np.ndarray:
         """d(q, p, dq, dp)/dt, (4 n,), in a wind of `speed` m/s."""
         rate = np.empty_like(state)
-        _rates(state, speed, *self._arrays, rate, np.empty((2, self.shapes.shape[1])))
+        _rates(state, speed, self.arrays, rate, np.empty((2, self.shapes.shape[1])))
         return rate
 
     @property
-    def _arrays(self) -> tuple:
-        return (
-            self.stiffness, self.damping, self.strain, self.quadratic, self.pull, self.stretch,
-            self.shapes, self.loading, self.coefficients, self.pressure, self.relative,
-        )  # fmt: skip
+    def arrays(self) -> Arrays:
+        return Arrays(*(getattr(self, name) for name in Arrays._fields))
 
 
 def sine_modes(line: Line, count: int) -> tuple[Mode, ...]:
@@ -261,32 +264,27 @@ def simulate(
     substeps = max(1, int(np.ceil(interval / step - 1e-9)))
     if speed is None:
         speed = np.full(len(time), line.speed)
-    return _runge_kutta(
-        np.ascontiguousarray(start, float), interval / substeps, substeps,
-        np.ascontiguousarray(speed, float), *line._arrays,
-    )  # fmt: skip
+    start, speed = (np.ascontiguousarray(each, float) for each in (start, speed))
+    return _runge_kutta(start, interval / substeps, substeps, speed, line.arrays)
 
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
-def _rates(
-    state, speed, stiffness, damping, strain, quadratic, pull, stretch, shapes, loading,
-    coefficients, pressure, relative, rate, load,
-):  # fmt: skip
+def _rates(state, speed, line, rate, load):
     """Fill `rate` (4 n,) for `state` in a wind of `speed`; load: (2, n_nodes), room to work in."""
-    n = len(strain)
-    nodes = shapes.shape[1]
+    n, nodes = len(line.strain), line.shapes.shape[1]
+    shapes, coefficients, loading = line.shapes, line.coefficients, line.loading
     tension = 0.0
     for j in range(n):
-        tension += strain[j] * state[j]
+        tension += line.strain[j] * state[j]
         for d in range(2):
             for k in range(n):
-                tension += quadratic[d, j, k] * state[d * n + j] * state[d * n + k]
+                tension += line.quadratic[d, j, k] * state[d * n + j] * state[d * n + k]
     for i in range(nodes):
         up, along = 0.0, 0.0
         for k in range(n):
             up += shapes[0, i, k] * state[2 * n + k]
             along += shapes[1, i, k] * state[3 * n + k]
-        if relative:
+        if line.relative:
             against = speed - along
             square = against * against + up * up
             angle = np.arctan2(up, against)
@@ -298,31 +296,29 @@ def _rates(
         for d in range(2):
             cubic = coefficients[d, 2] + angle * coefficients[d, 3]
             cubic = angle * (coefficients[d, 1] + angle * cubic)
-            load[d, i] = pressure * square * cubic
-        load[1, i] += pressure * drag
+            load[d, i] = line.pressure * square * cubic
+        load[1, i] += line.pressure * drag
     for d in range(2):
         for j in range(n):
-            total = 0.0 if d else -tension * pull[j]
+            total = 0.0 if d else -tension * line.pull[j]
             for i in range(nodes):
                 total += loading[d, j, i] * load[d, i]
             for k in range(n):
-                total -= (stiffness[d, j, k] + tension * stretch[d, j, k]) * state[d * n + k]
-                total -= damping[d, j, k] * state[(2 + d) * n + k]
+                stiff = line.stiffness[d, j, k] + tension * line.stretch[d, j, k]
+                total -= stiff * state[d * n + k]
+                total -= line.damping[d, j, k] * state[(2 + d) * n + k]
             rate[d * n + j] = state[(2 + d) * n + j]
             rate[(2 + d) * n + j] = total
 
 
 @njit(cache=True, error_model="numpy")
-def _runge_kutta(
-    start, step, substeps, wind, stiffness, damping, strain, quadratic, pull, stretch, shapes,
-    loading, coefficients, pressure, relative,
-):  # fmt: skip
+def _runge_kutta(start, step, substeps, wind, line):
     """`simulate`, with the arrays of a `Span`."""
     states = np.empty((len(wind), len(start)))
     states[0] = start
     x = start.copy()
     rate, total, moved = np.empty_like(x), np.empty_like(x), np.empty_like(x)
-    load = np.empty((2, shapes.shape[1]))
+    load = np.empty((2, line.shapes.shape[1]))
     for i in range(1, len(wind)):
         for s in range(substeps):
             total[:] = 0.0
@@ -333,10 +329,7 @@ def _runge_kutta(
                 for j in range(len(x)):
                     moved[j] = x[j] + ahead * step * rate[j]
                 speed = wind[i - 1] + share * (wind[i] - wind[i - 1])
-                _rates(
-                    moved, speed, stiffness, damping, strain, quadratic, pull, stretch, shapes,
-                    loading, coefficients, pressure, relative, rate, load,
-                )  # fmt: skip
+                _rates(moved, speed, line, rate, load)
                 weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
                 for j in range(len(x)):
                     total[j] += weight * rate[j]
