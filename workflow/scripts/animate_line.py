@@ -7,7 +7,7 @@ import numpy as np
 from galloping.cycles.collocation import circle
 from galloping.cycles.family import LIBRARY, initial_state, line_family
 from galloping.cycles.limit_cycles import settled
-from galloping.cycles.motion import settle
+from galloping.cycles.settling import settle
 from galloping.figures.engineering import write_animation
 from galloping.figures.style import spoken
 from galloping.physics.equations import STATES

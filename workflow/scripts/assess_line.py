@@ -5,10 +5,10 @@ from contextlib import suppress
 import numpy as np
 
 from galloping.cycles.family import LIBRARY, initial_state, line_family
-from galloping.cycles.motion import settle
 from galloping.cycles.prediction import SAMPLES, split
 from galloping.cycles.ranking import DAMPING, Design, derived, ranked
 from galloping.cycles.rows import clearance_rows, measure_rows, places
+from galloping.cycles.settling import settle
 from galloping.physics.equations import STATES
 from galloping.physics.measures import measure, usual
 from galloping.reproducibility.job import run

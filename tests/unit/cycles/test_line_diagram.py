@@ -16,7 +16,7 @@ from galloping.cycles.family import (
     line_family,
 )
 from galloping.cycles.limit_cycles import at_value
-from galloping.cycles.motion import settle
+from galloping.cycles.settling import settle
 from galloping.physics.equations import STATES
 from galloping.simulation import Simulator
 

@@ -16,7 +16,7 @@ from galloping.cycles.collocation import Orbit
 from galloping.cycles.continuation import Range, length
 from galloping.cycles.family import Family, VectorField
 from galloping.cycles.limit_cycles import CycleProblem, at_value, from_motion, settled
-from galloping.cycles.motion import settle
+from galloping.cycles.settling import settle
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import Identified, drawn, normal, of_draws
 from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from galloping.cycles.limit_cycles import settled
-from galloping.cycles.motion import settle
 from galloping.cycles.prediction import Split, near, split
+from galloping.cycles.settling import settle
 from galloping.intervals import of_draws
 from galloping.physics.clearance import clearance
 from galloping.physics.equations import STATES, model

@@ -15,9 +15,9 @@ from galloping.cycles.family import (
     line_family,
     parameter,
 )
-from galloping.cycles.motion import Settled, settle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, Outcome
+from galloping.cycles.settling import Settled, settle
 from galloping.physics.clearance import clearance, design_ellipses, envelope
 from galloping.physics.equations import STATES
 from galloping.physics.galerkin import frequencies, modes

@@ -19,7 +19,7 @@ from galloping.cycles.diagram import Diagram, diagram
 from galloping.cycles.equilibria import equilibrium_branch, hopf_points
 from galloping.cycles.family import Family, VectorField
 from galloping.cycles.limit_cycles import VANISHED, CycleProblem, at_value, settled
-from galloping.cycles.motion import Settled, settle
+from galloping.cycles.settling import Settled, settle
 from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value
 from galloping.field.forecast import simulator_of
 from galloping.identification.model import IdentifiedModel

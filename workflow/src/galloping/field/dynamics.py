@@ -12,8 +12,8 @@ from scipy.optimize import root
 from galloping.cycles.collocation import Orbit
 from galloping.cycles.family import Family
 from galloping.cycles.limit_cycles import settled
-from galloping.cycles.motion import settle
 from galloping.cycles.prediction import near
+from galloping.cycles.settling import settle
 from galloping.field.forecast import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.modes import decay_interval
@@ -83,7 +83,7 @@ class Dynamics(Immutable):
     rest: m, of each coordinate, the equilibrium that the recorded motion surrounds; empty where
     there is none. frequencies: Hz, damping: ratio to critical, of small motions about it, wind
     included; below zero they grow. Each by the coordinate that mostly moves. kind: of the motion in
-    the end, as in `cycles.motion`. half_range: by coordinate, of the limit cycle if it is one,
+    the end, as in `cycles.settling`. half_range: by coordinate, of the limit cycle if it is one,
     period: s, of it, None where the motion settles on a cycle that is not found exactly.
     """
 

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.configuration.load import load, plain
-from galloping.cycles.motion import settle
+from galloping.cycles.settling import settle
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, library
