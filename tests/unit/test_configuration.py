@@ -34,10 +34,10 @@ from galloping.configuration.parameters import (
 from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import Settings
 from galloping.cycles import family
-from galloping.paper import variations
+from galloping.names import OPEN_PARAMETERS
 from galloping.physics import continuous, measures
 from galloping.physics.galerkin import derive
-from galloping.study.kinds import OPEN_PARAMETERS
+from galloping.tables import variations
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
 ROOT = Path(__file__).parents[2]

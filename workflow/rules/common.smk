@@ -8,7 +8,7 @@ from galloping.reproducibility import digest
 from galloping.reproducibility.lock import OF_STUDY
 from galloping.study import shown
 from galloping.study.cells import Study
-from galloping.study.kinds import OPEN_PARAMETERS, OURS_FAMILY
+from galloping.names import OPEN_PARAMETERS, OURS_FAMILY
 from galloping.study.sweeps import without
 from galloping.configuration.trials import PAPER
 

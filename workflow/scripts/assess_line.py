@@ -9,6 +9,7 @@ from galloping.cycles.prediction import SAMPLES, split
 from galloping.cycles.ranking import DAMPING, Design, derived, ranked
 from galloping.cycles.rows import clearance_rows, measure_rows, places
 from galloping.cycles.settling import settle
+from galloping.names import OURS
 from galloping.physics.equations import STATES
 from galloping.physics.measures import measure, usual
 from galloping.reproducibility.job import run
@@ -16,7 +17,6 @@ from galloping.seeds import generator
 from galloping.simulation import Simulator
 from galloping.storage import write_rows
 from galloping.study.files import read_families, write_orbits
-from galloping.study.kinds import OURS
 
 
 def _measure(configured):

@@ -29,7 +29,6 @@ from galloping.configuration.load import load
 from galloping.identification.likelihood.condense import ORDER
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.problem import posed
-from galloping.identification.likelihood.taylor import integrate, system, tables
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
@@ -40,6 +39,7 @@ from galloping.simulation import Simulator, time_grid
 from galloping.storage import write_rows
 from galloping.study.cells import Study
 from galloping.study.files import read_model, read_trajectories
+from galloping.taylor import integrate, system, tables
 
 ROOT = Path(__file__).parents[2]
 CASE = "internal_resonance"

@@ -2,6 +2,7 @@
 
 from galloping.bounds.cell import cell_bounds, deviations, models_at, no_models
 from galloping.evaluation.score import Truth, evaluate
+from galloping.names import BOUND
 from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run
@@ -13,7 +14,6 @@ from galloping.study.files import (
     write_bounds,
     write_reconstructions,
 )
-from galloping.study.kinds import BOUND
 
 
 def evaluate_cell(

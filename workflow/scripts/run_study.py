@@ -141,13 +141,13 @@ def check(results: str, configfiles: list[str], repair: str) -> list[str]:
     if findings.new or findings.missing:
         from galloping.reproducibility.plan import planning, recorded  # Snakemake: seldom needed
 
-        if unrecorded := set(findings.new) - recorded(configfiles):
+        planned = planning(configfiles).maker  # a recording may have been asked for beside it
+        if unrecorded := (set(findings.new) & planned.keys()) - recorded(configfiles):
             raise Obstacle(
                 f"{results}: Snakemake's records of {len(unrecorded)} files (.snakemake) are gone, "
                 f"with them what was edited since; `{repair}` compares the receipts instead"
             )
         if findings.missing:
-            planned = planning(configfiles).maker
             targets = ["all", *(path for path in findings.missing if path in planned)]
     remember(results, findings)
     return targets
@@ -170,7 +170,7 @@ def mend(results: str, configfiles: list[str]) -> list[str]:
     unknown = [path for path in plan.maker if path not in known and Path(path).exists()]
     for path in unknown:
         print(f"{path} has no receipt that can be read: set aside as {set_aside(results, path)}")
-    if set(findings.new) - recorded(configfiles):
+    if (set(findings.new) & plan.maker.keys()) - recorded(configfiles):
         print(*adopt(plan), sep="\n", flush=True)
         known = receipts(results)
     findings = inspect(results, known)

@@ -1,9 +1,9 @@
 """Which claims of the paper hold at each value of a setting that it leaves open."""
 
 from galloping.paper.draws import Amounts
-from galloping.paper.variations import variation_rows
 from galloping.reproducibility.job import run
 from galloping.study.files import read_table, write_table
+from galloping.tables.variations import variation_rows
 
 
 def vary_parameter(

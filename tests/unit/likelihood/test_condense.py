@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from galloping.identification.likelihood.condense import condense
-from galloping.identification.likelihood.constants import ORDER, ROWS
+from galloping.identification.likelihood.constants import ROWS
+from galloping.taylor import ORDER
 
 
 def test_projections_keep_the_distance_of_samples_to_a_slow_curve() -> None:

@@ -10,11 +10,11 @@ from galloping.measurement.measuring import Motion
 from galloping.paper.claims import HELD, judged, together
 from galloping.paper.draws import Amounts, paper_draws
 from galloping.paper.printed import CLAIMS, Claim, needed
-from galloping.paper.variations import variation_rows
 from galloping.report import paper as report
 from galloping.tables.claims import claims_table, paper_table
 from galloping.tables.coefficients import as_printed
 from galloping.tables.parameters import conductor
+from galloping.tables.variations import variation_rows
 
 CASE, PAIR = "internal_resonance", ("derivative", "paper")
 INF = np.inf

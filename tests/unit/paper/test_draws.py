@@ -10,9 +10,9 @@ from galloping.evaluation.score import Truth, evaluate
 from galloping.identification import cell, registry
 from galloping.identification.sparse.evidence import reduce
 from galloping.measurement.measuring import measure
+from galloping.names import NOISE, PAPER_METHOD, SUBSET
 from galloping.paper import draws, noise
 from galloping.polynomial import extended, library
-from galloping.study.kinds import NOISE, PAPER_METHOD, SUBSET
 
 LINE = plain(load({}))["cases"]["internal_resonance"]
 CASE = {**LINE, "initial_state": {**LINE["initial_state"], "q_v": 0.7, "q_w": 1.0}}

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from galloping.identification.likelihood.constants import ORDER
-from galloping.identification.likelihood.taylor import integrate, system, tables
 from galloping.inputs import Input, windowed
 from galloping.polynomial import PolynomialModel
+from galloping.taylor import ORDER, integrate, system, tables
 
 # Degree of the polynomial that an input is over a step: a cubic spline is hardly more than that
 # over two of its samples.

@@ -205,11 +205,11 @@ def write_outputs(
 
 def write_figures(folder: Path, field: Field, of: Summary) -> None:
     """quality, fit and forecast, as SVG and PNG."""
-    from galloping.figures import recorded as figures  # matplotlib
+    from galloping.field import drawing  # matplotlib
     from galloping.figures.style import write_figure
 
     drawn = {
-        "quality": lambda: figures.draw_quality(field.series, field.reports, field.mapping),
+        "quality": lambda: drawing.draw_quality(field.series, field.reports, field.mapping),
         "fit": of.draw_fit,
         "forecast": of.draw_forecast,
     }

@@ -93,13 +93,13 @@ class Summary(Immutable):
 
     def draw_fit(self) -> Figure:
         """The model's motion beside the samples. Needs matplotlib, as `draw_forecast` does."""
-        from galloping.figures.recorded import draw_fit
+        from galloping.field.drawing import draw_fit
 
         return draw_fit(self.recordings[-1], self.motions)
 
     def draw_forecast(self) -> Figure:
         """Both forecasts with their bands, beside the samples."""
-        from galloping.figures.recorded import draw_forecast
+        from galloping.field.drawing import draw_forecast
 
         last = self.recordings[-1]
         length = np.ptp(self.motions[0][0]) if self.motions else 0.0

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from galloping.figures import parts
 from galloping.figures.style import DOUBLE, MODEL, PAPER, method_style, spoken
+from galloping.names import BOUND, SUBSET
 from galloping.paper.printed import CLAIMS, Claim
-from galloping.study.kinds import BOUND, SUBSET
 from galloping.tables.scores import ORDERS, mean_error, spread
 
 DECADES = (1e-2, 1e2)  # percent: the axis of errors where there are none

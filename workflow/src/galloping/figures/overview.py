@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from galloping.figures import parts
 from galloping.figures.errors import DECADES, printed
 from galloping.figures.style import PAPER, QUIET, SHADE, SINGLE, method_style, spoken
-from galloping.study.kinds import BOUND, NOISE, OURS, PAPER_METHOD
+from galloping.names import BOUND, NOISE, OURS, PAPER_METHOD
 from galloping.tables.scores import ORACLE, ORDERS, mean_error, of_kind, spread
 
 PYSINDY = (PAPER_METHOD, "stlsq", "lasso", "frols", "ensemble", "weak")

@@ -13,8 +13,8 @@ from pathlib import Path
 import matplotlib.style
 from matplotlib.figure import Figure
 
+from galloping.names import BOUND
 from galloping.storage import replacing
-from galloping.study.kinds import BOUND
 
 SINGLE, DOUBLE = 3.5, 7.2  # inches: one and two columns of a paper
 

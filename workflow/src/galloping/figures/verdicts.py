@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from galloping.configuration.trials import GAMMAS
 from galloping.figures import parts
 from galloping.figures.style import DOUBLE, MODEL, PAPER, QUIET, SERIES, SHADE, method_style, spoken
-from galloping.study.kinds import OURS
+from galloping.names import OURS
 from galloping.trials.published_numbers import METHODS
 
 STATUSES = ("ok", "not identifiable", "approximate", "refused")

@@ -18,13 +18,13 @@ from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Regression
 from galloping.measurement.measuring import Motion, channel_scale
+from galloping.names import NOISE, SUBSET
 from galloping.paper.noise import PROTOCOLS
 from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import extended, library
 from galloping.seeds import generator
 from galloping.simulation import Simulator, time_grid
-from galloping.study.kinds import NOISE, SUBSET
 
 COLUMNS = {"raw": stlsq.raw, "normalised": stlsq.normalised}  # of the library, for thresholds
 PATH_LENGTH = 30  # candidate thresholds, where the data choose

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from galloping.names import NOISE
 from galloping.paper.printed import CLAIMS, Claim
-from galloping.study.kinds import NOISE
 
 CASE = "internal_resonance"
 # A draw is near a printed number within a factor of 1.6; a few may be off by more, so that a

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import TypeAdapter
 
-from galloping.study.kinds import NOISE, SUBSET
+from galloping.names import NOISE, SUBSET
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from galloping.study.kinds import OURS
+from galloping.names import OURS
 
 
 def headline(

@@ -12,7 +12,7 @@ from galloping.identification import registry
 from galloping.identification.registry import Method
 from galloping.measurement import protocols
 from galloping.measurement.protocols import Protocol
-from galloping.study.kinds import JOINT, NOISE, SUBSET
+from galloping.names import JOINT, NOISE, SUBSET
 from galloping.study.sweeps import Sweep, sweep
 from galloping.study.trials import Trial, trial
 

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from galloping.configuration.parameters import departures
 from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
 from galloping.measurement.protocols import ALL_STATES, DERIVATIVES, Protocol
-from galloping.study.cells import Case, Cell, Study
-from galloping.study.kinds import (
+from galloping.names import (
     JOINT,
     NOISE,
     OURS,
@@ -17,6 +16,7 @@ from galloping.study.kinds import (
     PAPER_PROTOCOL,
     SUBSET,
 )
+from galloping.study.cells import Case, Cell, Study
 
 Pair = tuple[Protocol, Method]
 

@@ -7,9 +7,9 @@ import pandas as pd
 
 from galloping.evaluation.motion import steady_amplitude
 from galloping.measurement.measuring import Motion
+from galloping.names import NOISE, PAPER_METHOD, PAPER_PROTOCOL
 from galloping.paper.claims import judged, together, verdict_of_share
 from galloping.paper.printed import CLAIMS, Claim
-from galloping.study.kinds import NOISE, PAPER_METHOD, PAPER_PROTOCOL
 
 COLUMNS = (
     "claim", "source", "case", "direction", "quantity", "paper_value", "study_value", "low", "high",

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import pandas as pd
 
 from galloping.intervals import interval
-from galloping.study.kinds import NOISE, SUBSET
+from galloping.names import NOISE, SUBSET
 
 CELL = ["case", "protocol", "level"]
 ORDERS = ("linear", "quadratic", "cubic")

@@ -14,10 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from galloping.identification.likelihood.constants import (
-    ORDER,
-    ROWS,
-)
+from galloping.identification.likelihood.constants import ROWS
+from galloping.taylor import ORDER
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,8 @@ START_PERIODS = 1000
 MOST_MISFIT = 3.0  # chi^2 per row: linearised errors explain no more
 
 # Projections. Three a window hold all that samples tell of a motion that turns by a twelfth of a
-# period in it; Taylor series of order 12 are then good to TRUNCATION.
-WINDOWS_PER_PERIOD, ROWS, ORDER = 12, 3, 12
+# period in it; Taylor series of `taylor.ORDER` are then good to TRUNCATION.
+WINDOWS_PER_PERIOD, ROWS = 12, 3
 # Degree of the polynomial that an input is over a window. Measured on two modes in gusts sampled 20
 # times a window: with degrees 2 to 5 the model is the same to a hundredth of its errors, and from 4
 # on the series of so jagged an input needs windows of a quarter and less.

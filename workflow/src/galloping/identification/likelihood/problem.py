@@ -10,10 +10,10 @@ import numpy as np
 
 from galloping.identification.likelihood.constants import INPUT_DEGREE
 from galloping.identification.likelihood.prior import Prior
-from galloping.identification.likelihood.taylor import Tables, tables
 from galloping.inputs import windowed
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix, velocity_pairs
 from galloping.recording import Recording
+from galloping.taylor import Tables, tables
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from galloping.identification.likelihood.constants import (
     UNDETERMINED,
 )
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.taylor import integrate, system
+from galloping.taylor import integrate, system
 
 FORGOTTEN = 0.1  # share of a first state's effect on the motion that is left where it is forgotten
 

@@ -19,7 +19,7 @@ from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.constants import HUGE, MOST_HALVINGS
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.shooting import Segments
-from galloping.identification.likelihood.taylor import integrate, system
+from galloping.taylor import integrate, system
 
 # Periods of a stretch. Measured: with 3 to 6 a model's error hides in the jumps, and amplitudes are
 # up to three times as far off; with 20 or more gusts do not, and dampings are.

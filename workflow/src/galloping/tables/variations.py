@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 
 from galloping.cycles.family import PARAMETERS, Parameter, initial_state
+from galloping.names import PAPER_METHOD, PAPER_PROTOCOL
 from galloping.paper.claims import HELD
 from galloping.paper.draws import Amounts, line_motion, paper_draws
 from galloping.physics.galerkin import coefficients
-from galloping.study.kinds import PAPER_METHOD, PAPER_PROTOCOL
 from galloping.tables.claims import COLUMNS, claims_table
 
 

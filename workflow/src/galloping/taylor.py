@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from galloping.identification.likelihood.constants import ORDER
 from galloping.inputs import Factor
 from galloping.polynomial import Exponents
+
+ORDER = 12  # of the series in time
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,55 @@
+"""The order of the rooms in docs/architecture.md is the order of imports."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "workflow" / "src" / "galloping"
+
+
+def rooms():
+    """In the order of the table, the ground first."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    table = page.split("## Who may import whom")[1].split("\n## ")[0]
+    rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    return [name for row in rows for name in re.findall(r"`(\w+)`", row)]
+
+
+def imported(path):
+    """The rooms that a module imports, wherever in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        parts = (name.split(".") for name in names)
+        yield from (own[1] for own in parts if own[0] == SOURCE.name and own[1:])
+
+
+def room_of(path):
+    return path.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def test_every_room_has_its_place():
+    there = {room_of(path) for path in SOURCE.rglob("*.py")} - {"__init__"}
+    assert sorted(rooms()) == sorted(there)
+
+
+@pytest.mark.parametrize("room", rooms())
+def test_a_room_imports_none_below_it(room):
+    order = rooms()
+    allowed = {*order[: order.index(room) + 1], "__version__"}
+    base = SOURCE / room
+    files = base.rglob("*.py") if base.is_dir() else [base.with_suffix(".py")]
+    wrong = {
+        f"{path.relative_to(SOURCE)} imports {name}"
+        for path in files
+        for name in imported(path)
+        if name not in allowed
+    }
+    assert not wrong
