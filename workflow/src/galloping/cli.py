@@ -215,6 +215,7 @@ def identify(
     """
     from galloping.field import OUTPUTS
     from galloping.field.study import Question, analyse, read_field
+    from galloping.field.wording import TECHNICAL
     from galloping.storage import replacing_folder
 
     forced = _forced(random_force, method)
@@ -239,7 +240,8 @@ def identify(
         result = {"status": identified.status, "reason": identified.reason, "output": output}
         click.echo(json_text(result))
     else:
-        click.echo(f"{identified}\nWritten to {output}: begin with summary.md")
+        told, _, _ = (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL)
+        click.echo(f"{told}Written to {output}: summary.md has the equations and the rest")
     if identified.status == "refused":
         raise SystemExit(REFUSED)
 

@@ -44,6 +44,7 @@ ENDS = {
     "forced": "random forces keep it moving",
     "irregular": "the motion never repeats, or settles too slowly to tell",
 }
+TECHNICAL = "## Technical part"
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
 
 
@@ -64,7 +65,7 @@ def summary_text(
         "## What was found": [_outcome(of), "", *_table(known, of.recordings, forces)],
         "## How far it may be believed": _belief(of, reports),
         "## What would help most": [f"- {each}" for each in _helps(of, reports)],
-        "## Technical part": [f"**{found.verdict}**"],
+        TECHNICAL: [f"**{found.verdict}**"],
     }
     if found.status != "refused":
         parts["### Equations"] = ["```", *found.equations(), "```"]
