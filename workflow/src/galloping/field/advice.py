@@ -46,6 +46,8 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
         return None
     if identified.is_forced:  # of forces that are drawn anew, only more time tells more
         return None
+    if identified.model.inputs:  # which nobody knows of another recording
+        return None
     if not np.isfinite(identified.sigma[-1]).any():
         return None
     model, states = identified.model, identified.model.states

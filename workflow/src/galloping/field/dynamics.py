@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +84,8 @@ class Dynamics(Immutable):
     there is none. frequencies: Hz, damping: ratio to critical, of small motions about it, wind
     included; below zero they grow. Each by the coordinate that mostly moves. kind: of the motion in
     the end, as in `cycles.settling`. half_range: by coordinate, of the limit cycle if it is one,
-    period: s, of it, None where the motion settles on a cycle that is not found exactly.
+    period: s, of it, None where the motion settles on a cycle that is not found exactly. at: the
+    inputs that all of this is at, held at their means.
     """
 
     rest: Mapping[str, Value]
@@ -93,6 +94,7 @@ class Dynamics(Immutable):
     kind: str
     period: Value | None
     half_range: Mapping[str, Value]
+    at: Mapping[str, float] = field(default_factory=dict)
 
 
 def dynamics(

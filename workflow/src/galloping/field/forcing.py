@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.polynomial import Legendre
 
-from galloping.field.forecast import Sensed
+from galloping.field.forecast import Sensed, simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
@@ -68,7 +68,9 @@ def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> boo
     kept = []
     for recording, start in zip(recordings, identified.initial_states, strict=True):
         sensed, time = Sensed.by(recording), recording.time
-        motion = sensed.of(identified.model, identified.simulate(start, time).states)
+        driven = simulator_of(identified.model, recording)
+        states = driven(identified.model, start, time).states
+        motion = sensed.of(identified.model, states, driven.at(time))
         last = time > time[-1] - (time[-1] - time[0]) / 3
         for samples, own in zip(sensed.samples(recording).T, motion.T, strict=True):
             known = np.isfinite(samples)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from galloping.field.inputs import known_ahead
+from galloping.field.units import NONE
 from galloping.identification.likelihood.integrals import (
     undisplaced,
     with_integrals,
@@ -17,11 +19,12 @@ from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces
 from galloping.immutable import Immutable
+from galloping.inputs import Input, at_times
 from galloping.intervals import QUANTILES_90, drawn
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
-from galloping.simulation import Simulator
+from galloping.simulation import Simulator, Trajectory
 
 DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
 ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
@@ -78,9 +81,13 @@ class Sensed:
         told = [identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
         return np.append(np.nan_to_num(identified.sigma[-1]), told)
 
-    def of(self, model: PolynomialModel, states: np.ndarray) -> np.ndarray:
-        """(n, n_sensed) of a motion (n, n_states)."""
-        return np.hstack([states, model(states)[:, self.rates]]) if self.rates else states
+    def of(
+        self, model: PolynomialModel, states: np.ndarray, driven: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(n, n_sensed) of a motion (n, n_states); driven: (n, n_inputs) values of its inputs."""
+        if not self.rates:
+            return states
+        return np.hstack([states, model(states, driven)[:, self.rates]])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,6 +120,7 @@ def forecast(
     time: np.ndarray,
     window: float,
     rng: np.random.Generator,
+    inputs: Mapping[str, Input | float] = NONE,
 ) -> Forecast:
     """Forecast the states at `time` from the last `window` seconds of a recording.
 
@@ -132,7 +140,8 @@ def forecast(
     if any(np.isinf(identified.diagnostics.get(f"{WIDER}{name}", 1.0)) for name in sensed.names):
         raise ValueError(f"the model gives no forecast: {USELESS}")
     sigma = sensed.noise(identified)
-    simulator = simulator_of(identified.model)
+    recording = known_ahead(identified.model, recording, time, inputs)
+    simulator = simulator_of(identified.model, recording)
     if identified.is_forced:
         models = drawn(identified, DRAWS, rng)
         states = in_random_forces.motions(identified, models, recording, time, rng)
@@ -246,7 +255,7 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
     if identified.is_forced:
         return in_random_forces.check_followed(identified, recording)
     sensed = Sensed.by(recording)
-    simulator, sigma = simulator_of(identified.model), sensed.noise(identified)
+    simulator, sigma = simulator_of(identified.model, recording), sensed.noise(identified)
     time, values = recording.time, sensed.samples(recording)
     least = FOLLOWS
     if identified.status == "approximate":
@@ -275,7 +284,7 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
 def _motions(
     identified: IdentifiedModel,
     recording: Recording,
-    simulator: Simulator,
+    simulator: Driven,
     time: np.ndarray,
     window: float,
     worst: float,
@@ -317,7 +326,7 @@ def _motions(
 def _missed(
     identified: IdentifiedModel,
     recording: Recording,
-    simulator: Simulator,
+    simulator: Driven,
     ahead: np.ndarray,
     window: float,
 ) -> np.ndarray:
@@ -359,9 +368,25 @@ def _missed(
     return np.where(later > 1.0, np.minimum(inside * later, most), inside)
 
 
-def simulator_of(model: PolynomialModel) -> Simulator:
-    """For the model and others with its terms."""
-    return Simulator(model.states, model.terms, model.coefficients != 0.0)
+@dataclass(frozen=True)
+class Driven:
+    """Motions of a model and others with its terms, in the inputs of a recording if in any."""
+
+    simulator: Simulator
+    inputs: Mapping[str, Input]
+
+    def __call__(self, model: PolynomialModel, start: np.ndarray, time: np.ndarray) -> Trajectory:
+        return self.simulator(model, start, time, self.inputs)
+
+    def at(self, time: np.ndarray) -> np.ndarray | None:
+        """(n, n_inputs) values of the inputs."""
+        return at_times(list(self.inputs.values()), time) if self.inputs else None
+
+
+def simulator_of(model: PolynomialModel, recording: Recording | None = None) -> Driven:
+    """For the model and others with its terms, in the inputs of the recording that it has."""
+    simulator = Simulator(model.states, model.terms, model.coefficients != 0.0, model.inputs)
+    return Driven(simulator, {name: recording.inputs[name] for name in model.inputs})
 
 
 def first_guess(recording: Recording, begin: int) -> np.ndarray:
@@ -393,7 +418,7 @@ class Following:
     time: (n,) s, of the samples. sigma: (n_sensed,) their noise, zero where not measured.
     """
 
-    simulator: Simulator
+    simulator: Driven
     sensed: Sensed
     time: np.ndarray
     sigma: np.ndarray
@@ -427,7 +452,8 @@ class Following:
 
     def motion(self, model: PolynomialModel, start: np.ndarray, time: np.ndarray) -> np.ndarray:
         """(n, n_sensed) of the model from a start, not finite where it diverges."""
-        return self.sensed.of(model, self.simulator(model, start, time).states)
+        states = self.simulator(model, start, time).states
+        return self.sensed.of(model, states, self.simulator.at(time))
 
     def slopes(self, model: PolynomialModel, start: np.ndarray, n: int) -> np.ndarray:
         """(n_states, n, n_sensed): change of n samples with each state at the first."""

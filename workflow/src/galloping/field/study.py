@@ -12,7 +12,7 @@ from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
 from galloping.field.excerpt import by_excerpts
 from galloping.field.forecast import Sensed
-from galloping.field.inputs import check_inputs, described, input_notes
+from galloping.field.inputs import check_inputs, described, input_notes, mean_inputs
 from galloping.field.mapping import ColumnMapping
 from galloping.field.outputs import (
     MODEL_COLUMNS,
@@ -171,7 +171,8 @@ def analyse(
         )
     case = None
     if beside and summary.found.status != "refused":
-        case = beside[0], expected(beside[1], summary.found, Surroundings.of(given))
+        found = summary.found.at(mean_inputs(summary.found.model, given))
+        case = beside[0], expected(beside[1], found, Surroundings.of(given))
     with part("write", until=1.0):
         write_outputs(folder, field, summary, case)
         write_figures(folder, field, summary)

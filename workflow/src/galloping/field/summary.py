@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,15 +27,18 @@ from galloping.field.forecast import (
     with_factors,
 )
 from galloping.field.homogeneity import Identify
+from galloping.field.inputs import mean_inputs
 from galloping.field.objections import objected
 from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import peaks_of, sampled, spectrum
+from galloping.field.units import NONE
 from galloping.field.wording import summary_text
 from galloping.identification.likelihood.inputs import checked_recordings
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces
 from galloping.immutable import Immutable
 from galloping.importing import imported
+from galloping.inputs import Input
 from galloping.passes import part, passing
 from galloping.recording import Recording
 from galloping.threads import one_thread
@@ -186,12 +189,15 @@ def dynamics(
 ) -> Dynamics | None:
     """Position of rest, natural frequencies, damping and limit cycle, with 95 % intervals.
 
-    recordings: from which the model was identified. seed: of the draws behind the intervals. None
-    where no state is the velocity of another one, or where there is no model. Raises ValueError for
-    other input.
+    Of a model with inputs at their means. recordings: from which the model was identified. seed: of
+    the draws behind the intervals. None where no state is the velocity of another one, or where
+    there is no model. Raises ValueError for other input.
     """
-    around = Surroundings.of(_checked(found, recordings))
-    return of_line.dynamics(found, around, np.random.default_rng(seed))
+    given = _checked(found, recordings)
+    at = mean_inputs(found.model, given)
+    around, rng = Surroundings.of(given), np.random.default_rng(seed)
+    said = of_line.dynamics(found.at(at) if at else found, around, rng)
+    return replace(said, at=at) if said and at else said
 
 
 @one_thread
@@ -201,16 +207,18 @@ def forecast(
     time: ArrayLike | None = None,
     *,
     window: float | None = None,
+    inputs: Mapping[str, Input | float] = NONE,
     seed: int = 0,
 ) -> Forecast:
     """Where a recording goes on, with the 90 % band of what its sensors will show.
 
     recording: as new as one likes; its end is used. time: (n,) s, later than its last sample, on
     its clock; by default as long as `window`. window: s of its end, to start from; by default six
-    periods of the motion. seed: of the draws behind the band. A band is as wide as that of the
-    held-out end had to be, where the model is `found` of a `Summary`. Raises ValueError where there
-    is no model, where it does not follow the recording, where most draws of it diverge, and for
-    other input.
+    periods of the motion. inputs: those of the model after the recording, by name, measured or
+    constant, where it does not hold them itself. seed: of the draws behind the band. A band is as
+    wide as that of the held-out end had to be, where the model is `found` of a `Summary`. Raises
+    ValueError where there is no model, where it does not follow the recording, where an input is
+    not known, where most draws of it diverge, and for other input.
     """
     _checked(found, recording)
     if window is None:
@@ -221,7 +229,7 @@ def forecast(
         raise ValueError(f"time: begins at {times[0]:g} s; the recording ends at {end:g} s")
     if found.status != "refused":
         check_followed(found, recording, window)
-    return ahead.forecast(found, recording, times, window, np.random.default_rng(seed))
+    return ahead.forecast(found, recording, times, window, np.random.default_rng(seed), inputs)
 
 
 def _checked(found: object, recordings: object) -> list[Recording]:
@@ -300,7 +308,7 @@ def stretches(
     be followed; it starts where it then follows the samples best.
     """
     time = recording.time
-    simulator = simulator_of(identified.model)
+    simulator = simulator_of(identified.model, recording)
     sensed = Sensed.by(recording)
     told = in_random_forces.followed(identified, recording) if identified.is_forced else None
     samples, sigma = sensed.samples(recording), sensed.noise(identified)

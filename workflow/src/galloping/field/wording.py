@@ -215,6 +215,10 @@ def _table(
                 if known is None and np.isfinite(pace):
                     rows.append((f"{what}, frequency of most of it", f"{pace:.3g} Hz", ""))
     if known:
+        rows += [
+            (f"{name}, at the mean of which is what follows", f"{value:.4g}", "")
+            for name, value in known.at.items()
+        ]
         for state in known.half_range or known.frequencies:
             own = _name(state)
             frequency, damping = known.frequencies[state], known.damping[state]
@@ -443,8 +447,9 @@ def _untold(identified: IdentifiedModel) -> list[str]:
         for name, value in identified.diagnostics.items()
         if name.startswith("scale_")
     ]
+    others = f"values of {_and(model.inputs)} that were not" if model.inputs else "other winds"
     return [
-        "- What holds at other winds, and at motions much larger than those recorded",
+        f"- What holds at {others}, and at motions much larger than those recorded",
         *scales,
         *room,
     ]
