@@ -17,6 +17,26 @@ import pytest
 import yaml
 
 
+def run(folder: Path, *command: object, **variables: str) -> subprocess.CompletedProcess:
+    """What Python says of a script, or `-m` a module, in a folder."""
+    return subprocess.run(
+        [sys.executable, *map(str, command)],
+        cwd=folder,
+        env={**os.environ, **variables},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+
+
+def script(folder: Path, name: str, *options: object) -> tuple[int, list[str]]:
+    """(exit code, lines) of one of the project's scripts."""
+    source = str(folder / "workflow" / "src")
+    done = run(folder, f"workflow/scripts/{name}.py", *options, PYTHONPATH=source)
+    return done.returncode, done.stdout.splitlines()
+
+
 @dataclass(frozen=True)
 class Study:
     """A copy of the repository.
@@ -38,18 +58,8 @@ class Study:
         self, *options: str, config: tuple[str, ...] = (), **variables: str
     ) -> subprocess.CompletedProcess:
         """The smoke study with further configuration files, options and environment variables."""
-        command = [sys.executable, "-m", "snakemake"]
-        command += ["--configfile", "config/smoke.yaml", *config]
-        environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-        return subprocess.run(
-            [*command, "--cores", "2", *options],
-            cwd=self.folder,
-            env={**environment, **variables},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            check=False,
-        )
+        command = ("-m", "snakemake", "--configfile", "config/smoke.yaml", *config, "--cores", "2")
+        return run(self.folder, *command, *options, **{"PYTHONPATH": "", **variables})
 
     def files(self) -> dict[str, tuple[int, int]]:
         """Size and time of every file, but Snakemake's records and compiled Python."""
@@ -83,15 +93,8 @@ def run_configured(root: Path, folder: Path, settings: dict) -> Path:
     """The results of a study with these settings, run in a copy of the repository."""
     copy_repository(root, folder)
     (folder / "mine.yaml").write_text(yaml.safe_dump(settings), encoding="utf-8")
-    run = subprocess.run(
-        [sys.executable, "-m", "snakemake", "--cores", "2", "--configfile", "mine.yaml"],
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stdout[-3000:]
+    done = run(folder, "-m", "snakemake", "--cores", "2", "--configfile", "mine.yaml")
+    assert done.returncode == 0, done.stdout[-3000:]
     return folder / settings["results"]
 
 

@@ -1,28 +1,15 @@
 """What the commands of the Makefile refuse and show before they do it."""
 
-import os
 import shutil
 import subprocess
 import sys
 from dataclasses import asdict
 
 import pytest
+from studies import script
 
 from galloping.reproducibility.receipts import Receipt, receipt_path
 from galloping.storage import write_json
-
-
-def script(folder, name, *options):
-    run = subprocess.run(
-        [sys.executable, f"workflow/scripts/{name}.py", *options],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(folder / "workflow" / "src")},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    return run.returncode, run.stdout.splitlines()
 
 
 def test_an_environment_that_is_a_link_is_refused_and_its_target_left_alone(root, tmp_path):

@@ -6,10 +6,10 @@ Of their lines one diverges and one never gallops.
 import json
 import os
 import subprocess
-import sys
 
 import pandas as pd
 import pytest
+from studies import run
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("module")]
 
@@ -83,17 +83,9 @@ class User:
         (self.folder / "config.yaml").write_text(settings)
 
     def snakemake(self, *options, libraries=(), **environment):
-        kept = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-        paths = [str(path) for path in (self.folder / "lib", *libraries)]
-        return subprocess.run(
-            [sys.executable, "-m", "snakemake", "--cores", "2", *options],
-            cwd=self.folder,
-            env=kept | {"PYTHONPATH": os.pathsep.join(paths)} | environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            check=False,
-        )
+        paths = os.pathsep.join(str(path) for path in (self.folder / "lib", *libraries))
+        command = ("-m", "snakemake", "--cores", "2", *options)
+        return run(self.folder, *command, **{"PYTHONPATH": paths, **environment})
 
     def table(self, name):
         return pd.read_csv(self.folder / "study" / "tables" / f"{name}.csv")

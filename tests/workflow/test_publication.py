@@ -5,11 +5,11 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from dataclasses import replace
 
 import pytest
 import yaml
+from studies import script
 
 from galloping.publication.archive import MANIFEST, unpack
 from galloping.reproducibility.receipts import digest
@@ -30,19 +30,9 @@ TERMS = {
 }
 
 
-def script(folder, name, *options, config=()):
+def smoke(folder, name, *options):
     """(exit code, lines) of one of the project's scripts, on the smoke study in `folder`."""
-    command = [sys.executable, f"workflow/scripts/{name}.py", *map(str, options)]
-    run = subprocess.run(
-        [*command, "--configfile", "config/smoke.yaml", *map(str, config)],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(folder / "workflow" / "src")},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    return run.returncode, run.stdout.splitlines()
+    return script(folder, name, *options, "--configfile", "config/smoke.yaml")
 
 
 def planned(study, *config):
@@ -74,7 +64,7 @@ def clone(study, tmp_path_factory):
 @pytest.fixture(scope="module")
 def archive(clone):
     """The publication of the smoke study."""
-    status, said = script(clone, "publish")
+    status, said = smoke(clone, "publish")
     assert status == 0, said
     (found,) = (clone / RESULTS / "publication").glob("*.zip")
     kept = clone.parent / found.name
@@ -144,29 +134,29 @@ def test_what_is_not_clean_and_complete_is_refused_unless_told_otherwise(clone, 
     try:
         table.rename(aside)
         readme.write_text("edited\n")
-        status, said = script(clone, "publish")
+        status, said = smoke(clone, "publish")
         assert status == 1
         assert said[0] == "dirty: README.md: not as in the commit"
         assert said[1] == f"incomplete: {TABLE}: not here"
         again = clone / RESULTS / "publication" / archive.name
         assert again.read_bytes() == archive.read_bytes()
-        status, said = script(clone, "publish", "--allow", "dirty,incomplete")
+        status, said = smoke(clone, "publish", "--allow", "dirty,incomplete")
         assert status == 0, said
         crate = (again.parent / "ro-crate-metadata.json").read_text()
         assert "Published although: README.md: not as in the commit" in crate
     finally:
         aside.rename(table)
         readme.write_text(text)
-    status, said = script(clone, "publish")
+    status, said = smoke(clone, "publish")
     assert again.read_bytes() == archive.read_bytes()  # same study, same bytes
 
 
 def test_an_archive_agrees_with_its_study_and_its_digest_is_asked_for(clone, archive):
-    status, said = script(clone, "verify_archive", archive)
+    status, said = smoke(clone, "verify_archive", archive)
     assert status == 0
     assert said[0].endswith(f"every file is as in its manifest; SHA-256 {digest(archive)}")
     assert said[2] == f"{RESULTS}: agrees with the archive"
-    status, said = script(clone, "verify_archive", archive, "--sha256", "0" * 64)
+    status, said = smoke(clone, "verify_archive", archive, "--sha256", "0" * 64)
     assert status == 1 and said[0].endswith(f"SHA-256 {digest(archive)}, not {'0' * 64}")
 
 
@@ -178,7 +168,7 @@ def restored(fresh, archive):
     """A copy of the repository in which nothing was run, and the archive restored."""
     folder = archive.parent / "restored"
     shutil.copytree(fresh.folder, folder, ignore=shutil.ignore_patterns(".snakemake"))
-    status, said = script(folder, "restore", archive)
+    status, said = smoke(folder, "restore", archive)
     assert status == 0, said
     return replace(fresh, folder=folder)
 

@@ -3,12 +3,11 @@
 import csv
 import re
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 
 import pandas as pd
 import pytest
+import studies
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 
@@ -51,19 +50,8 @@ def test_another_reference_runs_the_comparison_alone_and_shows(edited, hold_to_r
 
 
 def update_reference(study):
-    return subprocess.run(
-        [
-            sys.executable,
-            "workflow/scripts/update_reference.py",
-            "--configfile",
-            "config/smoke.yaml",
-        ],
-        cwd=study.folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
+    command = ("workflow/scripts/update_reference.py", "--configfile", "config/smoke.yaml")
+    return studies.run(study.folder, *command)
 
 
 def test_only_a_finished_study_becomes_the_reference(edited, study):
