@@ -1,4 +1,5 @@
-# trajectory -> recordings, where they are asked for: identification draws the same by itself
+# trajectory -> recordings, where they are asked for: the jobs that need them draw the same themselves.
+# Read by all of them as a temporary file, it would run all of them again for an edit of one.
 
 
 rule measure_motion:
