@@ -16,7 +16,7 @@ from galloping.measurement.protocols import BY_NAME, Noise
 from galloping.physics.galerkin import Derived
 from galloping.polynomial import library
 from galloping.simulation import Simulator
-from galloping.tables.bounds import efficiency, identifiability
+from galloping.tables.identifiability import efficiency, identifiability
 
 EQUATIONS = (2, 3)
 

@@ -24,7 +24,7 @@ from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import PolynomialModel, extended, library
 from galloping.simulation import Simulator, Trajectory
-from galloping.tables.coefficients import identified_terms
+from galloping.tables.table3 import identified_terms
 
 INF = float("inf")
 

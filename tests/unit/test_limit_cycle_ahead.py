@@ -11,7 +11,7 @@ from galloping.measurement.measuring import Motion
 from galloping.physics.equations import STATES
 from galloping.physics.galerkin import Derived
 from galloping.polynomial import library
-from galloping.tables.ahead import limit_cycles_ahead
+from galloping.tables.limit_cycle_ahead import limit_cycles_ahead
 
 START = np.array([0.1, 0.1, 0.0, 0.0])
 REFUSED = IdentifiedModel.refused(STATES, library(4, 3), "no reason")

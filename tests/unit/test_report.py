@@ -7,7 +7,7 @@ import pytest
 
 from galloping.report.headline import headline
 from galloping.report.page import Item, Page, RecordingSection, as_html, render
-from galloping.report.paper import Cell, Row, Section
+from galloping.report.printed_numbers import Cell, Row, Section
 
 
 @pytest.fixture

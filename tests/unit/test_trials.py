@@ -15,7 +15,7 @@ from galloping.physics.galerkin import coefficients
 from galloping.polynomial import library
 from galloping.report.headline import verdicts
 from galloping.seeds import generator
-from galloping.tables.trials import paths, published_intervals, published_terms, trust
+from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
 from galloping.trials import faults, published, recorded_lines, systems
 from galloping.trials.attempts import claims
 from galloping.trials.faults import FAULTS

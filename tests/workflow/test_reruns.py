@@ -206,14 +206,14 @@ EDITS = {
     "a function body in `evaluation/motion.py`": statement_added(
         "evaluation/motion.py", "r_squared"
     ),
-    "a function body in `figures/methods.py`": statement_added(
-        "figures/methods.py", "draw_methods"
+    "a function body in `figures/errors.py`": statement_added(
+        "figures/errors.py", "draw_methods"
     ),
     "a colour in `figures/style.py`": replaced(
         module("figures/style.py"), 'BAND = "#f2c46d"', 'BAND = "#f2c46e"'
     ),
-    "a function body in `tables/coefficients.py`": statement_added(
-        "tables/coefficients.py", "identified_terms"
+    "a function body in `tables/table3.py`": statement_added(
+        "tables/table3.py", "identified_terms"
     ),
     "a function body in `storage.py`": statement_added("storage.py", "write_text"),
     "a script's own code: `rank_releases.py`": replaced(

@@ -75,7 +75,7 @@ def has_trials(*tables):
 
 TABLES = {}
 if DEPARTURES:
-    TABLES["readings"] = made("tables.parameters:readings")
+    TABLES["readings"] = made("tables.line_parameters:readings")
 if LINES:
     first_case = STUDY.cases[0]
     paper_protocol, paper_method = shown.paper_pair(STUDY)
@@ -84,17 +84,17 @@ if LINES:
     ahead = {each.id: each.columns for each in shown.ahead_cells(STUDY)}
     TABLES |= {
         "table1_conductor": made(
-            "tables.parameters:conductor",
+            "tables.line_parameters:conductor",
             {"cases": STUDY.plain["cases"]},
             **({"region": REGION} if Path(REGION).exists() else {}),
         ),
         "table3_as_printed": made(
-            "tables.coefficients:as_printed",
+            "tables.table3:as_printed",
             table3="<results>/tables/table3_coefficients.csv",
         ),
-        "table2_spacers": made("tables.parameters:spacers", {"cases": STUDY.plain["cases"]}),
+        "table2_spacers": made("tables.line_parameters:spacers", {"cases": STUDY.plain["cases"]}),
         "table3_coefficients": made(
-            "tables.coefficients:table3",
+            "tables.table3:table3",
             {
                 "cases": LINES,
                 "continuous": CONTINUOUS,
@@ -113,7 +113,7 @@ if LINES:
         "noise_r2": made("tables.scores:noise_r2", scores=SCORES),
         "data_amount": made("tables.scores:data_amount", scores=SCORES),
         "claims": made(
-            "tables.claims:claims_table",
+            "tables.judged_claims:claims_table",
             {
                 "cases": shown.judged_cases(STUDY),
                 "pairs": [[p.name, m.name] for p in STUDY.protocols for m in STUDY.methods],
@@ -126,7 +126,7 @@ if LINES:
     }
 if DEPARTURES:
     TABLES["paper"] = made(
-        "tables.claims:paper_table",
+        "tables.judged_claims:paper_table",
         {"departures": DEPARTURES},
         draws=every("<results>/paper/{case}.csv", case=REDRAWN),
         claims="<results>/tables/claims.csv",
@@ -134,7 +134,7 @@ if DEPARTURES:
 if LINES:
     TABLES |= {
         "efficiency": made(
-            "tables.bounds:efficiency",
+            "tables.identifiability:efficiency",
             scores=SCORES,
             identifiability="<results>/tables/identifiability.csv",
         ),
@@ -147,7 +147,7 @@ if LINES:
             ),
         ),
         "identifiability": made(
-            "tables.bounds:identifiability",
+            "tables.identifiability:identifiability",
             {"degree": DEGREE, "cells": noisy},
             models=every("<results>/models/{case}.json", case=LINES),
             bounds=every("<results>/bounds/{cell}.npz", cell=noisy),
@@ -176,7 +176,7 @@ if LINES:
             ),
         ),
         "limit_cycle_ahead": made(
-            "tables.ahead:limit_cycles_ahead",
+            "tables.limit_cycle_ahead:limit_cycles_ahead",
             {
                 "method": OURS,
                 "seed": SEED,
@@ -220,27 +220,27 @@ if LINES:
         "tables.scores:all_scores",
         cells=every("<results>/scores/{cell}.csv", cell=[each.id for each in STUDY.cells]),
     )
-TABLES["columns"] = made("report.columns:columns")  # its settings, all tables: below
+TABLES["columns"] = made("report.data_dictionary:columns")  # its settings, all tables: below
 if has_trials(TRUST):
     TABLES |= {
         "fits": made("tables.scores:together", parts=fits_of(TRUST)),
-        "trust": made("tables.trials:trust", fits="<results>/tables/fits.csv"),
+        "trust": made("tables.trial_summaries:trust", fits="<results>/tables/fits.csv"),
     }
 if has_trials(SYSTEMS):
-    TABLES["systems"] = made("tables.trials:systems", parts=fits_of(SYSTEMS))
+    TABLES["systems"] = made("tables.trial_summaries:systems", parts=fits_of(SYSTEMS))
 if has_trials(MODEL_ERROR):
-    TABLES["model_error"] = made("tables.trials:model_error", parts=fits_of(MODEL_ERROR))
+    TABLES["model_error"] = made("tables.trial_summaries:model_error", parts=fits_of(MODEL_ERROR))
 if has_trials(TRUST, SYSTEMS, MODEL_ERROR):
     TABLES["paths"] = made(
-        "tables.trials:paths",
+        "tables.trial_summaries:paths",
         {"kinds": {name: of.kind for name, of in STUDY.settings.trials.items()}},
         parts=fits_of(TRUST, SYSTEMS, MODEL_ERROR),
     )
 if has_trials(EXACT_TERMS):
-    TABLES["published_terms"] = made("tables.trials:published_terms", parts=fits_of(EXACT_TERMS))
+    TABLES["published_terms"] = made("tables.trial_summaries:published_terms", parts=fits_of(EXACT_TERMS))
 if has_trials(INTERVALS):
     TABLES["published_intervals"] = made(
-        "tables.trials:published_intervals", parts=fits_of(INTERVALS)
+        "tables.trial_summaries:published_intervals", parts=fits_of(INTERVALS)
     )
 if has_trials(PAPER):
     TABLES |= {

@@ -110,7 +110,7 @@ def tell(results: str, made: int, seconds: float) -> None:
     if table.exists():
         import pandas as pd
 
-        from galloping.report.paper import count
+        from galloping.report.printed_numbers import count
 
         print(count(pd.read_csv(table)))
     if report.exists():

@@ -13,7 +13,7 @@ from pathlib import Path
 from galloping.reproducibility.plan import planning
 from galloping.reproducibility.repair import audit
 from galloping.storage import replacing, write_json
-from galloping.tables.reference import Origin, processor
+from galloping.tables.beside_reference import Origin, processor
 
 
 def main() -> None:

@@ -18,7 +18,7 @@ from galloping.physics.galerkin import coefficients
 from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.study.cells import Study
-from galloping.tables.trials import model_error
+from galloping.tables.trial_summaries import model_error
 from galloping.trials.model_error import (
     TRUTHS,
     combined,

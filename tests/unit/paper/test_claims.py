@@ -10,10 +10,10 @@ from galloping.measurement.measuring import Motion
 from galloping.paper.claims import HELD, judged, together
 from galloping.paper.draws import Amounts, paper_draws
 from galloping.paper.printed import CLAIMS, Claim, needed
-from galloping.report import paper as report
-from galloping.tables.claims import claims_table, paper_table
-from galloping.tables.coefficients import as_printed
-from galloping.tables.parameters import conductor
+from galloping.report import printed_numbers as report
+from galloping.tables.judged_claims import claims_table, paper_table
+from galloping.tables.line_parameters import conductor
+from galloping.tables.table3 import as_printed
 from galloping.tables.variations import variation_rows
 
 CASE, PAIR = "internal_resonance", ("derivative", "paper")

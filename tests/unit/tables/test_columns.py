@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from galloping.configuration.trials import KINDS
-from galloping.report.columns import columns, meaning
-from galloping.tables import claims
+from galloping.report.data_dictionary import columns, meaning
+from galloping.tables import judged_claims as claims
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference"
 TRIALS = f"trials: {{{', '.join(f'{kind}: {{kind: {kind}}}' for kind in KINDS)}}}"

@@ -13,9 +13,9 @@ from galloping.intervals import interval
 from galloping.physics.equations import model
 from galloping.physics.galerkin import Derived, coefficients
 from galloping.polynomial import PolynomialModel, library
-from galloping.tables.coefficients import table3
-from galloping.tables.parameters import conductor, spacers
+from galloping.tables.line_parameters import conductor, spacers
 from galloping.tables.scores import all_scores, data_amount, noise_coefficients, noise_r2
+from galloping.tables.table3 import table3
 
 INF = float("inf")
 

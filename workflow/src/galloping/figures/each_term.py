@@ -26,7 +26,7 @@ from galloping.identification.model import IdentifiedModel
 from galloping.physics.equations import EQUATIONS, STATES, TERMS
 from galloping.physics.galerkin import Derived
 from galloping.polynomial import library, term_name
-from galloping.tables.coefficients import identified_terms
+from galloping.tables.table3 import identified_terms
 
 WIDEST = (-0.5, 2.5)  # of identified / true
 ACROSS, TITLE_WIDTH = 4, 20  # panels beside each other; letters in a line of their titles

@@ -14,8 +14,8 @@ from docutils.core import publish_parts
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
-from galloping.report.columns import meaning
-from galloping.report.paper import Section
+from galloping.report.data_dictionary import meaning
+from galloping.report.printed_numbers import Section
 
 PLAIN = " !'()*,/:;=@[]{}|^+"  # may stand in a data URI between double quotes
 # of an SVG: what stands before it, its comments and its metadata

@@ -10,7 +10,7 @@ from galloping.names import PAPER_METHOD, PAPER_PROTOCOL
 from galloping.paper.claims import HELD
 from galloping.paper.draws import Amounts, line_motion, paper_draws
 from galloping.physics.galerkin import coefficients
-from galloping.tables.claims import COLUMNS, claims_table
+from galloping.tables.judged_claims import COLUMNS, claims_table
 
 
 def _released(state: str):

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from galloping.tables.reference import (
+from galloping.tables.beside_reference import (
     AGREES,
     DIFFERENCE_COLUMNS,
     DIFFERS,
