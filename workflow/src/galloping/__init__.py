@@ -75,6 +75,7 @@ __version__ = "0.1.0"
 # name -> module and name there: imported at first use, since some compile
 _PUBLIC = {
     "Assessment": ("galloping.field.assess", "Assessment"),
+    "Coefficient": ("galloping.identification.likelihood.problem", "Coefficient"),
     "ConfigurationError": ("galloping.configuration.load", "ConfigurationError"),
     "Dynamics": ("galloping.field.dynamics", "Dynamics"),
     "Forecast": ("galloping.field.forecast", "Forecast"),

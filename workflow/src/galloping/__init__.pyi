@@ -9,6 +9,7 @@ from galloping.identification.likelihood.maximum_likelihood import (
     maximum_likelihood,
 )
 from galloping.identification.likelihood.prior import Prior
+from galloping.identification.likelihood.problem import Coefficient
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
 from galloping.inputs import Input
@@ -23,6 +24,7 @@ from galloping.terms import parse as library
 __version__: str
 __all__ = [
     "Assessment",
+    "Coefficient",
     "ConfigurationError",
     "Dynamics",
     "Forecast",

@@ -31,27 +31,33 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     ]
     thetas = [design_matrix(one, problem.terms) for one in values]
     squares, count = 0.0, 0
-    for k, i in enumerate(problem.unknown):
-        block = slice(k * n_terms, (k + 1) * n_terms)
+    information, right = problem.with_prior(information, right)
+    for i in problem.unknown:
+        block = np.flatnonzero(problem.candidates[:, 0] == i)
+        columns = problem.candidates[block, 1]
         samples = 0
         for r, (theta, recording) in enumerate(zip(thetas, recordings, strict=True)):
-            rate = recording.derivatives[:, i]
+            rate = recording.derivatives[:, i] - theta @ problem.known[i]
             good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
             if good.sum() <= n_terms:
                 few = f"too few complete samples for d({problem.states[i]})/dt"
                 return by(["derivatives"], refused(problem, few))
             rows, rate = theta[good], rate[good]
+            rows = rows if problem.open is None else rows[:, columns]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
             gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
             floor = SMALLEST_RATE_NOISE * np.abs(rate).max() + np.finfo(float).tiny
-            sigma[r, i] = max(np.sqrt(gap @ gap / (len(rate) - n_terms)), floor)
-            information[block, block] += rows.T @ rows / sigma[r, i] ** 2
+            sigma[r, i] = max(np.sqrt(gap @ gap / (len(rate) - len(block))), floor)
+            information[np.ix_(block, block)] += rows.T @ rows / sigma[r, i] ** 2
             right[block] += rate @ rows / sigma[r, i] ** 2
             squares += float(rate @ rate) / sigma[r, i] ** 2
             samples += len(rate)
-        penalty = 2.0 * np.log(samples)
-        whole = np.ones(n_terms, bool)
-        support[block] = select(information[block, block], right[block], [whole], penalty)
+        penalty, whole = 2.0 * np.log(samples), np.ones(len(block), bool)
+        about = problem.chosen_about()
+        support[block] = select(
+            information[np.ix_(block, block)], right[block], [whole], penalty,
+            None if about is None else about[block],
+        )  # fmt: skip
         count += samples
     free, _ = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)

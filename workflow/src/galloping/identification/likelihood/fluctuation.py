@@ -82,10 +82,12 @@ def fluctuating(
         for settling in reversed(range(VARIANCE_PASSES)):
             precision = _precision(parts, edges, jump, size, variance)
             solved = joint(parts, _stationary(parts, wider, variance), starts, precision)
+            solved = solved.with_prior(record.problem, fine.free)
             right = solved.right + solved.information @ fine.free
             if not settling and 0 < passed < FLUCTUATING_PASSES - 1:
                 tried = [np.ones(len(right), bool), support]
-                support = select(solved.information, right, tried, penalty)
+                about = record.problem.chosen_about()
+                support = select(solved.information, right, tried, penalty, about)
             free, covariance = solve_support(solved.information, right, support)
             change = free - fine.free
             moved = solved.response[:, :, :-1] @ change + solved.response[:, :, -1]

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from numbers import Integral
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from galloping.identification.likelihood.prior import Prior
+from galloping.identification.likelihood.problem import Coefficient
 from galloping.identification.model import Unusable
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
@@ -51,9 +56,11 @@ def check_question(
     known_states: tuple[str, ...],
     prior: Prior | None = None,
     inputs: tuple[str, ...] = (),
+    coefficients: Sequence[Coefficient] = (),
+    allowed: ArrayLike | None = None,
 ) -> None:
-    """Raise ValueError where the library or the known equations are not about `states` and
-    `inputs`, or the prior is none.
+    """Raise ValueError where the library or what is known is not about `states` and `inputs`, or
+    the prior is none.
     """
     n = len(states)
     hint = f"must be tuples of {n} exponents, such as polynomial_library({n}, degree)"
@@ -76,6 +83,12 @@ def check_question(
     for name in known_states:
         if name not in states:
             raise ValueError(f"known_states: {name!r}; must be among {', '.join(states)}")
+    if isinstance(coefficients, Coefficient) or not all(
+        isinstance(one, Coefficient) for one in coefficients
+    ):
+        raise ValueError(f"coefficients: {coefficients!r:.60}; must be a list of Coefficient")
+    if allowed is not None and np.shape(allowed) != (n, len(terms)):
+        raise ValueError(f"allowed: has shape {np.shape(allowed)}; must have ({n}, {len(terms)})")
     if known_states and known is None:
         raise ValueError(f"known_states: {', '.join(known_states)}; needs `known`, their equations")
 

@@ -97,7 +97,9 @@ def faults(
     if doubtful and max(scores) < np.sqrt(penalty):
         quadratic = eliminate(linear(np.ones(len(support), bool)), segments, starts)
         for k in doubtful:
-            z = _instead(quadratic.information, quadratic.right, support, free, tests[k], penalty)
+            z = _instead(
+                problem, quadratic.information, quadratic.right, support, free, tests[k], penalty
+            )
             tested[k] = replace(tested[k], z=max(tested[k].z, z))
     shown = [fault for fault in tested if fault.z > limit]
     return sorted(shown, key=lambda fault: -fault.z)
@@ -191,6 +193,7 @@ def _mixed(
 
 
 def _instead(
+    problem: Problem,
     information: np.ndarray,
     right: np.ndarray,
     support: np.ndarray,
@@ -204,7 +207,8 @@ def _instead(
     information, right = _mixed(information, right, test.mixture)
     about = np.append(free, 0.0)
     without = np.append(support, False)
-    chosen = select(information, right, [without, np.append(support, True)], penalty, about)
+    apart = np.append(problem.chosen_about(free), 0.0)
+    chosen = select(information, right, [without, np.append(support, True)], penalty, apart)
     if not chosen[-1]:
         return 0.0
 

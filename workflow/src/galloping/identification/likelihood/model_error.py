@@ -169,6 +169,7 @@ def whole_approximation(
     _, covariance = solve_support(information, np.zeros(len(fit.free)), fit.support)
     moved = pulls @ covariance
     covariance = SYSTEMATIC * _few(len(moved)) * moved.T @ moved
+    covariance += _of_prior(problem, information, fit.support)
     made = Approximation(
         fit.free, fit.support, fit.starts, information, covariance,
         _forecast(condensed, segments, residual), residual[:, :, 0], path=("whole",),
@@ -208,7 +209,7 @@ def _stated(
         model=problem.model(made.free),
         standard_errors=problem.on_library(np.where(made.support, errors, np.nan)),
         detection_limits=problem.on_library(detection_limits(errors, made.support, penalty)),
-        covariance=made.covariance,
+        covariance=problem.of_model(made.covariance, made.support),
         known=problem.known_equations,
         initial_states=made.starts[firsts],
         sigma=noise,
@@ -343,6 +344,7 @@ def _iterate(
         passing("approximate in stretches")
         linear = linearised(record, fit)
         solved = joint(record, linear, fit.starts, record.precision(fit.jump))
+        solved = solved.with_prior(record.problem, fit.free)
         right = solved.right + solved.information @ fit.free
         support = choose(solved, right, fit.support) if passed < choosing else fit.support
         free, _ = solve_support(solved.information, right, support)
@@ -388,8 +390,8 @@ def _chosen(
     With a term comes what the library has of it with other powers of the inputs: a recording about
     one mean wind hardly tells them apart, and to leave one out would claim a law for other winds.
     """
-    tried = [np.ones(len(right), bool), support]
-    return problem.alike(select(solved.information, right, tried, penalty))
+    tried, about = [np.ones(len(right), bool), support], problem.chosen_about()
+    return problem.alike(select(solved.information, right, tried, penalty, about))
 
 
 def _judged(record: Record, fit: StretchFit) -> Approximation:
@@ -404,6 +406,7 @@ def _judged(record: Record, fit: StretchFit) -> Approximation:
     for k, group in enumerate(groups):
         passing("forecast stretches that are left out")
         solved = joint(record, linear, fit.starts, precision, np.isin(np.arange(count), group))
+        solved = solved.with_prior(record.problem, fit.free)
         change, _ = solve_support(solved.information, solved.right, fit.support)
         changes[k] = change[fit.support]
         own, part = record.part(group)
@@ -412,10 +415,20 @@ def _judged(record: Record, fit: StretchFit) -> Approximation:
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
     covariance = SYSTEMATIC * _few(len(groups)) * freedom / len(groups) * spread.T @ spread
+    solved = joint(record, linear, fit.starts, precision).with_prior(record.problem, fit.free)
+    covariance += _of_prior(record.problem, solved.information, fit.support)
     return Approximation(
-        fit.free, fit.support, fit.starts, joint(record, linear, fit.starts, precision).information,
-        covariance, _forecast(condensed, segments, residual), residual[:, :, 0],
+        fit.free, fit.support, fit.starts, solved.information, covariance,
+        _forecast(condensed, segments, residual), residual[:, :, 0],
     )  # fmt: skip
+
+
+def _of_prior(problem: Problem, information: np.ndarray, support: np.ndarray) -> np.ndarray:
+    """What the means of priors, which are as wrong as they say, add to a covariance."""
+    if problem.precision is None:
+        return np.zeros((support.sum(), support.sum()))
+    _, covariance = solve_support(information, np.zeros(len(support)), support)
+    return covariance * problem.of_candidates(problem.precision)[support] @ covariance
 
 
 def _few(groups: int) -> float:

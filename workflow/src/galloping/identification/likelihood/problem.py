@@ -5,25 +5,62 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 
 from galloping.identification.likelihood.constants import INPUT_DEGREE
 from galloping.identification.likelihood.prior import Prior
 from galloping.inputs import windowed
-from galloping.polynomial import Exponents, PolynomialModel, design_matrix, velocity_pairs
+from galloping.polynomial import (
+    Exponents,
+    PolynomialModel,
+    design_matrix,
+    term_name,
+    velocity_pairs,
+)
 from galloping.recording import Recording
 from galloping.taylor import Tables, tables
+
+# Deviations of a prior by which a coefficient is moved away from zero while terms are chosen, so
+# that it is never left out.
+APART = 1e4
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """What is known beforehand of one coefficient.
+
+    state: of whose equation. term: its exponents. mean, deviation: of a Gaussian prior, in the
+    coefficient's unit; with a deviation of zero it has that value. Raises ValueError where they are
+    not finite or the deviation is below zero.
+    """
+
+    state: str
+    term: Exponents
+    mean: float
+    deviation: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("mean", "deviation"):
+            value = getattr(self, name)
+            sound = isinstance(value, int | float) and isfinite(value)
+            if not sound or (name == "deviation" and value < 0.0):
+                allowed = "a finite number" + (" >= 0" if name == "deviation" else "")
+                raise ValueError(f"coefficient: {name}: {value!r:.60}; must be {allowed}")
 
 
 @dataclass(frozen=True)
 class Problem:
-    """dx/dt = C theta(x, u), with some rows of C known and the others to be identified.
+    """dx/dt = C theta(x, u), with some of C known and the others to be identified.
 
     states: names of the n_states states. terms: exponents of the n_terms candidate monomials, in
     the states and then in the inputs. known: (n_states, n_terms), the coefficients of the known
-    equations, zero elsewhere. unknown: indices of the equations to identify, increasing. prior: of
-    the supports; None: all are as probable. inputs: names of the n_inputs inputs.
+    equations and the single ones that are fixed, zero elsewhere. unknown: indices of the equations
+    to identify, increasing. prior: of the supports; None: all are as probable. inputs: names of the
+    n_inputs inputs. open: (n_states, n_terms) boolean, which coefficients of the unknown equations
+    are candidates; None: all. expected, precision: (n_states, n_terms) means of Gaussian priors of
+    candidates and 1/variance, zero of those without; None without any.
     """
 
     states: tuple[str, ...]
@@ -32,12 +69,16 @@ class Problem:
     unknown: tuple[int, ...]
     prior: Prior | None = None
     inputs: tuple[str, ...] = ()
+    open: np.ndarray | None = None
+    expected: np.ndarray | None = None
+    precision: np.ndarray | None = None
 
     @cached_property
     def candidates(self) -> np.ndarray:
         """(n_candidates, 2) pairs (equation, term), by equation and then by term."""
-        n_terms = len(self.terms)
-        return np.array([(i, j) for i in self.unknown for j in range(n_terms)], int).reshape(-1, 2)
+        pairs = [(i, j) for i in self.unknown for j in range(len(self.terms))]
+        free = [pair for pair in pairs if self.open is None or self.open[pair]]
+        return np.array(free, int).reshape(-1, 2)
 
     @cached_property
     def of_states(self) -> np.ndarray:
@@ -67,7 +108,7 @@ class Problem:
         return self.terms.index(tuple(int(k == state) for k in range(len(self.names))))
 
     def alike(self, support: np.ndarray) -> np.ndarray:
-        """(n_candidates,) those of a support, and those that differ from one in the inputs alone."""
+        """(n_candidates,) those of a support, and those of which but the inputs differ."""
         names = [(i, *self.of_states[j]) for i, j in self.candidates]
         found = {name for name, present in zip(names, support, strict=True) if present}
         return np.array([name in found for name in names])
@@ -91,6 +132,46 @@ class Problem:
                 for recording, count in zip(recordings, np.diff(first), strict=True)
             ]
         )  # fmt: skip
+
+    def with_prior(
+        self, information: np.ndarray, right: np.ndarray, about: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """A regression on the candidates, (n, n) and (n,), with the priors of coefficients.
+
+        about: (n,) coefficients at which `right` is measured, zero by default.
+        """
+        if self.precision is None:
+            return information, right
+        precision, mean = (self.of_candidates(own) for own in (self.precision, self.expected))
+        away = mean if about is None else mean - about
+        return information + np.diag(precision), right + precision * away
+
+    def of_candidates(self, values: np.ndarray, pairs: np.ndarray | None = None) -> np.ndarray:
+        """Of (n_states, n_terms) those of the candidates, or of other pairs."""
+        return values[tuple((self.candidates if pairs is None else pairs).T)]
+
+    def chosen_about(self, about: np.ndarray | None = None) -> np.ndarray | None:
+        """`about` as of `selection.whiten`, by which coefficients with a prior are always chosen.
+
+        Choosing terms compares each coefficient with zero: theirs are moved far away from it.
+        """
+        if self.precision is None:
+            return about
+        precision = self.of_candidates(self.precision)
+        apart = np.zeros(len(precision))
+        np.divide(APART, np.sqrt(precision), out=apart, where=precision > 0.0)
+        return apart if about is None else about + apart
+
+    def of_model(self, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
+        """The covariance of the supported candidates among all terms that a model has, the fixed
+        ones without variance.
+        """
+        places = np.zeros(self.known.shape, int)
+        places[tuple(self.candidates[support].T)] = np.arange(1, len(covariance) + 1)
+        rows = list(self.unknown)
+        own = places[rows][(places[rows] > 0) | (self.known[rows] != 0.0)]
+        padded = np.pad(covariance, ((1, 0), (1, 0)))
+        return padded[np.ix_(own, own)]
 
     def on_library(self, values: np.ndarray) -> np.ndarray:
         """Values (n_candidates,) as (n_states, n_terms), NaN in the known equations."""
@@ -116,14 +197,17 @@ def posed(
     known_states: tuple[str, ...] = (),
     prior: Prior | None = None,
     inputs: Sequence[str] = (),
+    coefficients: Sequence[Coefficient] = (),
+    allowed: np.ndarray | None = None,
 ) -> Problem:
     """The identification problem of a library.
 
     The equation of a state X is known, dX/dt = dX, where `dX` is a state too. Further equations
     are known through `known`, a model whose rows named in `known_states` are taken as they are.
     inputs: names of those of the recordings, which a library of terms in the states alone leaves
-    aside. Raises ValueError where a known equation needs a term outside the library, or all are
-    known.
+    aside. coefficients: what is known of single ones of the other equations. allowed: (n_states,
+    n_terms) boolean, where else than there no term is sought; everywhere by default. Raises
+    ValueError where what is known is outside of the library, or nothing is left to find.
     """
     rows = np.zeros((len(states), len(terms)))
     given = set()
@@ -145,7 +229,30 @@ def posed(
         raise ValueError(
             f"the equations of {', '.join(states)} are all known; none is left to find"
         )
-    return Problem(tuple(states), tuple(terms), rows, unknown, prior, inputs)
+    where = np.ones(rows.shape, bool) if allowed is None else np.array(allowed, bool)
+    expected, precision = np.zeros((2, *rows.shape))
+    for one in coefficients:
+        if one.state not in states or states.index(one.state) not in unknown:
+            sought = ", ".join(states[i] for i in unknown)
+            raise ValueError(f"coefficients: {one.state!r}; must be an unknown equation: {sought}")
+        name = one.term if len(one.term) != len(terms[0]) else term_name(one.term, states + inputs)
+        if one.term not in index:
+            raise ValueError(f"coefficients: {name}: not in the library")
+        place = states.index(one.state), index[one.term]
+        if not where[place]:
+            raise ValueError(f"coefficients: {name} of {one.state}: said twice, or not allowed")
+        if one.deviation:
+            expected[place], precision[place] = one.mean, one.deviation**-2.0
+        else:
+            rows[place], where[place] = one.mean, False
+    if not where[list(unknown)].any():
+        raise ValueError("every coefficient is known; none is left to find")
+    every = where[list(unknown)].all()
+    return Problem(
+        tuple(states), tuple(terms), rows, unknown, prior, inputs,
+        None if every else where,
+        *((expected, precision) if precision.any() else (None, None)),
+    )  # fmt: skip
 
 
 def largest(problem: Problem, values: np.ndarray, rates: np.ndarray) -> np.ndarray:

@@ -153,6 +153,11 @@ def linearise(
             kept[g], rest, gap = _rotated(rows.reshape(-1, m), scaled.ravel(), n)
             information += rest.T @ rest
             right += gap @ rest
+    if problem.precision is not None:
+        own = problem.of_candidates(problem.precision, pairs)
+        values = problem.of_candidates(problem.coefficients(free), pairs)
+        information[np.diag_indices(len(pairs))] += own
+        right[: len(pairs)] += own * (problem.of_candidates(problem.expected, pairs) - values)
     return Linearised(kept, information, right, squares, ends, end_derivatives)
 
 

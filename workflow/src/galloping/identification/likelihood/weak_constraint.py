@@ -124,6 +124,11 @@ class Joint:
     variance: np.ndarray
     covariance: np.ndarray
 
+    def with_prior(self, problem: Problem, free: np.ndarray) -> Joint:
+        """With the priors of single coefficients; free: (n,) those about which it is linearised."""
+        information, right = problem.with_prior(self.information, self.right, free)
+        return replace(self, information=information, right=right)
+
 
 @dataclass(frozen=True)
 class StretchFit:

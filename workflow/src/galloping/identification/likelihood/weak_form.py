@@ -33,7 +33,7 @@ def whitened_weak_form(
     design (n_rows, n_candidates) and the right-hand side (n_rows,).
     """
     phi, slope = _bump(smooth.time[1] - smooth.time[0])
-    n_states, n_terms = len(problem.states), len(problem.terms)
+    n_states = len(problem.states)
     usable = np.all(sliding_window_view(smooth.valid, len(phi))[::TEST_STRIDE], axis=1)
     keep = [i for i in range(n_states) if smooth.derived[i] < 0 or i in problem.unknown]
     keep = [i for i in keep if not np.any(smooth.derived == i) or i in problem.unknown]
@@ -41,8 +41,8 @@ def whitened_weak_form(
     tested = _tested(design_matrix(smooth.values, problem.terms), phi)
     # columns first, as LAPACK wants them: of a long recording a copy would be the largest array
     rows = np.zeros((len(problem.candidates) + 1, len(tested), len(keep)))
-    for block, equation in enumerate(problem.unknown):
-        rows[block * n_terms : (block + 1) * n_terms, :, keep.index(equation)] = tested.T
+    for row, (equation, term) in zip(rows, problem.candidates, strict=False):
+        row[:, keep.index(equation)] = tested[:, term]
     rows[-1] = -(moments + tested @ problem.known.T)[:, keep]
     rows[:, ~usable] = 0.0
     if coefficients is None:

@@ -80,8 +80,10 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         right = sum(a.T @ b for a, b in systems)
         total = sum(float(b @ b) for _, b in systems)
         n_rows = sum(len(b) for _, b in systems)
+        information, right = problem.with_prior(information, right)
         if coefficients is not None:
-            support = select(information, right, [np.ones(n, bool)], penalty)
+            every = [np.ones(n, bool)]
+            support = select(information, right, every, penalty, problem.chosen_about())
         if not np.any(np.diag(information)):
             raise Unusable("no stretch of a period of the recordings is free of gaps")
         free, covariance = solve_support(information, right, support)
