@@ -176,13 +176,13 @@ class PolynomialModel(Immutable):
 
         u: (n, n_inputs) of a model with inputs.
         """
-        return design_matrix(_beside(x, u), self.terms) @ self.coefficients.T
+        return design_matrix(beside(x, u), self.terms) @ self.coefficients.T
 
     def jacobian(
         self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """How they depend on the states: (n, n_states) -> (n, n_states, n_states)."""
-        both = _beside(x, u)
+        both = beside(x, u)
         slopes = [
             design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
             for places, factors, lower in _slopes(self.terms, len(self.states))
@@ -244,7 +244,8 @@ def merged(
     return terms, merge
 
 
-def _beside(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:
+def beside(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:
+    """States (n, n_states) with inputs (n, n_inputs), where there are any, beside them."""
     return x if u is None else np.concatenate([x, u], axis=1)
 
 

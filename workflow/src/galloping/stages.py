@@ -111,12 +111,14 @@ def cramer_rao_bound(
     time: ArrayLike,
     sigma: ArrayLike,
     rate_sigma: ArrayLike | None = None,
+    inputs: Mapping[str, Input] | None = None,
 ) -> NDArray[np.float64]:
     """Least standard deviation that an unbiased method can reach, of each term of a model.
 
     initial_state: (n_states,) at time[0], itself unknown to the method. time: (n,) s, increasing.
     sigma: (n_states,) noise of a sample of each state, infinite for one that is not measured.
-    rate_sigma: the same of each state's derivative, such as an acceleration; None for none.
+    rate_sigma: the same of each state's derivative, such as an acceleration; None for none. inputs:
+    those of a model that has any.
     Returns (n_states, n_terms): NaN for absent terms and in the equations dX/dt = dX that the names
     of the states tell, infinite where the recording says nothing. Raises ValueError for other
     input, and where the model's solution diverges.
@@ -130,7 +132,8 @@ def cramer_rao_bound(
             raise ValueError(f"{name}: {noise[name].tolist()}; each must be > 0")
     pairs = np.argwhere(model.support)
     free = pairs[~np.isin(pairs[:, 0], list(velocity_pairs(model.states)))]
-    bound = state_bound(model, free, [Experiment(start, increasing("time", time), **noise)])
+    experiment = Experiment(start, increasing("time", time), **noise, inputs=inputs or {})
+    bound = state_bound(model, free, [experiment])
     std = np.full(model.coefficients.shape, np.nan)
     std[tuple(free.T)] = bound.std
     return std

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from galloping.bounds.sensitivity import rate_sensitivities, sensitivities
+from galloping.inputs import Input, at_times
 from galloping.polynomial import PolynomialModel, design_matrix
 
 
@@ -17,13 +19,14 @@ class Experiment:
     initial_state: (n_states,). time: (n,), s, increasing, any sampling; the state at time[0] is
     `initial_state`. sigma: (n_states,) standard deviation of the noise on each state, in the
     state's unit, infinite for a state that is not measured. rate_sigma: the same of the states'
-    derivatives, None where none is measured.
+    derivatives, None where none is measured. inputs: those of a model that has any.
     """
 
     initial_state: np.ndarray
     time: np.ndarray
     sigma: np.ndarray
     rate_sigma: np.ndarray | None = None
+    inputs: Mapping[str, Input] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -72,11 +75,13 @@ def weighted_sensitivities(
     free coefficients and then by the initial state. Raises ValueError where the model's
     solution diverges.
     """
-    states, s = sensitivities(model, free, experiment.initial_state, experiment.time)
+    time, inputs = experiment.time, experiment.inputs
+    states, s = sensitivities(model, free, experiment.initial_state, time, inputs)
     weighted = s / experiment.sigma[:, None]
     if experiment.rate_sigma is None:
         return weighted
-    rates = rate_sensitivities(model, free, states, s) / experiment.rate_sigma[:, None]
+    driving = at_times([inputs[name] for name in model.inputs], time)
+    rates = rate_sensitivities(model, free, states, s, driving) / experiment.rate_sigma[:, None]
     return np.concatenate([weighted, rates], axis=1)
 
 
@@ -116,7 +121,8 @@ def derivative_bound(
 ) -> Bound:
     """Bound from exact states and noisy derivatives: sigma^2 (Theta^T Theta)^-1, per equation.
 
-    x: (n, n_states) the sampled states. sigma: (n_states,) noise of each state derivative.
+    x: (n, n_states) the sampled states, with the inputs beside them if there are any. sigma:
+    (n_states,) noise of each state derivative.
     """
     free = np.asarray(free).reshape(-1, 2)
     theta = design_matrix(x, model.terms)

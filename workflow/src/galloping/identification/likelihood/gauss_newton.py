@@ -117,7 +117,8 @@ def gauss_newton(
     support = fit.support
     if cost is not None:
         tried = [np.ones(len(support), bool), fit.support]
-        support = select(quadratic.information, quadratic.right, tried, cost, fit.free)
+        about = problem.chosen_about(fit.free)
+        support = select(quadratic.information, quadratic.right, tried, cost, about)
     # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
     free = np.where(support, fit.free, 0.0)
     rest = quadratic.right + quadratic.information @ (fit.free - free)

@@ -70,7 +70,8 @@ def join(
     condensed, segments, step = free.condensed, free.segments, free.step
     previous, fit, count = step.before, step.fit, len(segments.chains)
     every = np.ones(len(fit.support), bool)
-    best = select(step.information, step.right, [every, fit.support], dear * costs, fit.free)
+    about = problem.chosen_about(fit.free)
+    best = select(step.information, step.right, [every, fit.support], dear * costs, about)
     chain = count if np.array_equal(best, fit.support) else FIRST_CHAIN
     alike, whole, settled = 1, False, False
     try:

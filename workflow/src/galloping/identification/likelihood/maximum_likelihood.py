@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.derivative_fit import derivative_fit
@@ -20,7 +21,7 @@ from galloping.identification.likelihood.instrument import FORCES, Fault, faults
 from galloping.identification.likelihood.joined_fit import JoinedFit, join, unseen_mixtures
 from galloping.identification.likelihood.model_error import approximation, whole_approximation
 from galloping.identification.likelihood.prior import Prior, costs
-from galloping.identification.likelihood.problem import Problem, posed
+from galloping.identification.likelihood.problem import Coefficient, Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.shooting import Segments, forgets_start, residuals
@@ -39,6 +40,7 @@ from galloping.identification.likelihood.verdict import (
     by,
     judged,
     refused,
+    with_inputs,
 )
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import Start, begin, largest_terms
@@ -61,6 +63,8 @@ def maximum_likelihood(
     prior: Prior | None = PRIOR,
     start: Start | None = None,
     forced: Sequence[str] | None = None,
+    coefficients: Sequence[Coefficient] = (),
+    allowed: ArrayLike | None = None,
 ) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
 
@@ -73,6 +77,8 @@ def maximum_likelihood(
     and `sigma` of the result are those of the stretches. known: model whose equations of
     `known_states` hold; the equation of a state X is known to be dX/dt = dX where a state has that
     name. start: of `weak_gls.begin`, where it is made already.
+    coefficients: what is known of single ones, which are then always there. allowed: (n_states,
+    n_terms) boolean, in which equations each term is sought; in all by default.
     prior: of the terms (see `prior`); None: the data alone choose them and speak in the verdict.
     forced: names of coordinates or states that unmeasured random forces move, none for all, as
     `random_forces`, which answers; by default it does where the motion shows such forces.
@@ -83,24 +89,27 @@ def maximum_likelihood(
     recordings = checked_recordings(recordings)
     states = recordings[0].states
     inputs = tuple(recordings[0].inputs)
-    check_question(states, terms, known, known_states, prior, inputs)
+    check_question(states, terms, known, known_states, prior, inputs, coefficients, allowed)
     if forced is not None:
+        if coefficients or allowed is not None:
+            raise ValueError("forced: not with what is known of single coefficients or equations")
         return random_forces(recordings, terms, known, known_states, forced)
-    problem = posed(states, terms, known, known_states, prior, inputs)
-    objections = []
+    problem = posed(states, terms, known, known_states, prior, inputs, coefficients, allowed)
+    objections, given = [], recordings
     try:
         recordings = driven(recordings, problem.inputs)
     except Unusable as error:
         return by(["no model"], refused(problem, str(error)))
     if all(recording.derivatives is not None for recording in recordings):
-        return derivative_fit(problem, recordings)
+        return with_inputs(derivative_fit(problem, recordings), given, recordings)
     for share in TIME_SCALES:
         try:
             found = _at_time_scale(problem, recordings, share, start if share == 1.0 else None)
         except NO_MODEL as error:
             objections.append(str(error))
             continue
-        return found if share == 1.0 else by([f"time scale {share:g}"], found)
+        found = found if share == 1.0 else by([f"time scale {share:g}"], found)
+        return with_inputs(found, given, recordings)
     return by(["no model"], refused(problem, objections[0]))
 
 
@@ -109,7 +118,8 @@ def _at_time_scale(
 ) -> IdentifiedModel:
     """The model from the starts of one time scale. Raises NO_MODEL where none leads to one."""
     begun = begun or begin(problem, recordings, share)
-    asked = share == 1.0 and not problem.inputs
+    plain = not problem.inputs and problem.open is None and problem.precision is None
+    asked = share == 1.0 and plain
     if asked and (forced := moved_at_random(problem, begun)) is not None:
         return forced
     rescaled = scaled(recordings, begun)

@@ -207,7 +207,7 @@ def _stated(
     errors[made.support] = np.sqrt(np.diag(made.covariance))
     found = IdentifiedModel(
         model=problem.model(made.free),
-        standard_errors=problem.on_library(np.where(made.support, errors, np.nan)),
+        standard_errors=problem.on_library(np.where(made.support, errors, np.nan), fixed=0.0),
         detection_limits=problem.on_library(detection_limits(errors, made.support, penalty)),
         covariance=problem.of_model(made.covariance, made.support),
         known=problem.known_equations,

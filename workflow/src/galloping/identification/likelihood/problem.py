@@ -173,9 +173,14 @@ class Problem:
         padded = np.pad(covariance, ((1, 0), (1, 0)))
         return padded[np.ix_(own, own)]
 
-    def on_library(self, values: np.ndarray) -> np.ndarray:
-        """Values (n_candidates,) as (n_states, n_terms), NaN in the known equations."""
+    def on_library(self, values: np.ndarray, fixed: float = np.nan) -> np.ndarray:
+        """Values (n_candidates,) as (n_states, n_terms), NaN in the known equations.
+
+        fixed: of single coefficients that are known and not zero.
+        """
         full = np.full(self.known.shape, np.nan)
+        rows = list(self.unknown)
+        full[rows] = np.where(self.known[rows] != 0.0, fixed, np.nan)
         full[self.candidates[:, 0], self.candidates[:, 1]] = values
         return full
 

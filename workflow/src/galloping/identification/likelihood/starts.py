@@ -44,7 +44,8 @@ class Terms(NamedTuple):
 def starts_of_terms(problem: Problem, begun: Start, costs: np.ndarray) -> list[Terms]:
     """The starts, in order. costs: (n_candidates,) of the terms, in units of chi^2."""
     rough = rough_fit(problem, begun)
-    support = select(rough.information, rough.right, [rough.support], DEAR * costs)
+    about = problem.chosen_about()
+    support = select(rough.information, rough.right, [rough.support], DEAR * costs, about)
     free, _ = solve_support(rough.information, rough.right, support)
     few = replace(rough, free=free, support=support)
     name = "weak form" if rough is begun.fit else "weak form of a telling stretch"
@@ -64,7 +65,9 @@ def _pairs(begun: Start) -> set[tuple[int, int]]:
 def without_constants(problem: Problem) -> Problem:
     moving = np.any(problem.terms, axis=1)
     terms = tuple(term for term in problem.terms if any(term))
-    return replace(problem, terms=terms, known=problem.known[:, moving])
+    parts = ("known", "open", "expected", "precision")
+    own = {name: part[:, moving] for name in parts if (part := getattr(problem, name)) is not None}
+    return replace(problem, terms=terms, **own)
 
 
 def positions_of_rest(problem: Problem, begun: Start) -> list[Start]:

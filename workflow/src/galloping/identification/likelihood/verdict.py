@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from galloping.identification.likelihood.selection import (
 )
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import term_name
+from galloping.recording import Recording
 
 # Weight that the plausible supports without one of the terms found may have together: at most one
 # in fifty of all models that are `ok` holds a false term. Measured on 982 fits to random lines
@@ -81,7 +82,8 @@ def judged(
     reason, told = "no term stands out of the noise", ""
     errors = added_deviation(regression.information, support)
     if support.any():
-        whitened = whiten(regression.information, regression.right, regression.about)
+        about = problem.chosen_about(regression.about)
+        whitened = whiten(regression.information, regression.right, about)
         plausible = plausible_supports(whitened, support)
         believed = with_prior(problem, plausible)
         limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
@@ -96,10 +98,10 @@ def judged(
         model=problem.model(free),
         status="not identifiable" if reason else "ok",
         reason=reason or told,
-        standard_errors=problem.on_library(conditional),
-        unconditional_errors=problem.on_library(errors),
+        standard_errors=problem.on_library(conditional, fixed=0.0),
+        unconditional_errors=problem.on_library(errors, fixed=0.0),
         detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
-        covariance=covariance,
+        covariance=problem.of_model(covariance, support),
         known=problem.known_equations,
         **fitted,
     )
@@ -142,6 +144,36 @@ def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
 def refused(problem: Problem, reason: str) -> IdentifiedModel:
     """No model, for `reason`."""
     return IdentifiedModel.refused(problem.states, problem.terms, reason, problem.inputs)
+
+
+def with_inputs(
+    identified: IdentifiedModel, given: Sequence[Recording], used: Sequence[Recording]
+) -> IdentifiedModel:
+    """The model with what its inputs add to its errors, and the share of samples without them.
+
+    A factor on an input, unknown by its `error`, is one on every coefficient of a term with it, to
+    the power of the input. given: recordings as they came; used: the stretches with inputs.
+    """
+    names = identified.model.inputs
+    if not names or identified.status == "refused":
+        return identified
+    samples, kept = (sum(one.samples for one in each) for each in (given, used))
+    about = {**identified.diagnostics, "without_inputs_share": 1.0 - kept / samples}
+    places = np.argwhere(identified.support)
+    at = tuple(places.T)
+    added = np.zeros((len(places), len(places)))
+    for k, name in enumerate(names, start=len(identified.model.states)):
+        error = max(one.inputs[name].error for one in used)
+        power = np.array([identified.model.terms[j][k] for _, j in places], float)
+        moved = error * power * identified.model.coefficients[at]
+        moved[identified.standard_errors[at] == 0.0] = 0.0  # of those that are fixed
+        added += np.outer(moved, moved)
+    wider = {"covariance": identified.covariance + added} if len(identified.covariance) else {}
+    for name in ("standard_errors", "unconditional_errors"):
+        errors = np.array(getattr(identified, name))
+        errors[at] = np.hypot(errors[at], np.sqrt(np.diag(added)))
+        wider[name] = errors
+    return replace(identified, diagnostics=about, **wider)
 
 
 def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> str:

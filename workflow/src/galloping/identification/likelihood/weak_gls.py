@@ -19,7 +19,7 @@ from galloping.identification.likelihood.problem import Problem, largest, posed
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.smoothing import Smooth, shortest_period
-from galloping.identification.likelihood.verdict import Regression, judged, refused
+from galloping.identification.likelihood.verdict import Regression, judged, refused, with_inputs
 from galloping.identification.likelihood.weak_form import whitened_weak_form
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.passes import passing
@@ -171,9 +171,11 @@ def weak_gls(
     states, inputs = recordings[0].states, tuple(recordings[0].inputs)
     check_question(states, terms, known, known_states, inputs=inputs)
     problem = posed(states, terms, known, known_states, inputs=inputs)
+    given = recordings
     try:
         recordings = driven(recordings, problem.inputs)
-        return _fitted(problem, start or begin(problem, recordings))
+        found = _fitted(problem, start or begin(problem, recordings))
+        return with_inputs(found, given, recordings)
     except NO_MODEL as error:
         return refused(problem, str(error))
 
