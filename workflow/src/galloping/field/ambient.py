@@ -7,6 +7,7 @@ import numpy as np
 from galloping.field.dynamics import Dynamics, Value
 from galloping.field.units import meaning
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.random_forces.tracking import Forces
 from galloping.polynomial import velocity_pairs
 
 MEANING = {
@@ -26,9 +27,9 @@ def outcome(of: Dynamics) -> str:
     return f"**Random forces keep the motion up.** Whether it gallops as well: {told}."
 
 
-def row(found: IdentifiedModel) -> tuple[str, str, str]:
+def row(found: IdentifiedModel, of: Dynamics | None) -> tuple[str, str, str]:
     """Of the table of what was found: how strong the forces are."""
-    return "random forces, for each kg of modal mass", strengths(found), ""
+    return "random forces, for each kg of modal mass", strengths(found, of), ""
 
 
 def margin(damping: Value) -> str:
@@ -40,10 +41,14 @@ def margin(damping: Value) -> str:
     return "open, the recording is too short to tell whether small motions grow"
 
 
-def strengths(found: IdentifiedModel) -> str:
-    """The forces' one-sided spectra, which are flat."""
-    velocities = {velocity: i for i, velocity in velocity_pairs(found.model.states).items()}
-    return ", ".join(
-        f"{found.model.states[velocities[i]]} {np.sqrt(2.0 * found.forces[i, i]):.3g} m/s² per √Hz"
-        for i in np.flatnonzero(np.diag(found.forces))
-    )
+def strengths(found: IdentifiedModel, of: Dynamics | None) -> str:
+    """The forces' one-sided spectra, at the frequency of the coordinate that each moves."""
+    states, forces = found.model.states, Forces.of(found)
+    said = []
+    for i, velocity in velocity_pairs(states).items():
+        frequency = of.frequencies[states[i]].value if of else np.nan
+        density = forces.density(2.0 * np.pi * frequency)[velocity, velocity]
+        if density > 0.0:
+            said.append(f"{states[i]} {np.sqrt(2.0 * density):.3g} m/s² per √Hz")
+    slow = f", slow ones that last {1.0 / forces.rate:.2g} s included" if len(forces.places) else ""
+    return ", ".join(said) + slow

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from galloping.field.excerpt import excerpts
-from galloping.field.forcing import kept_up, little_told, unmoved, wavers
+from galloping.field.forcing import kept_up, little_told, unmoved
 from galloping.field.homogeneity import Identify, difference, parts_of
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.random_forces.wavering import wavers
 from galloping.polynomial import library
 from galloping.recording import Recording
 

@@ -59,7 +59,7 @@ def summary_text(
     of the line by that name.
     """
     found, known = of.found, of.dynamics
-    forces = [ambient.row(found)] if found.is_forced else []
+    forces = [ambient.row(found, known)] if found.is_forced else []
     parts = {
         "# Summary": [],
         "## What was found": [_outcome(of), "", *_table(known, of.recordings, forces)],

@@ -81,7 +81,8 @@ class IdentifiedModel(Immutable):
     `maximum_likelihood` found the model, in order.
     further_modes: what recordings hold besides an `approximate` model.
     forces: (n_states, n_states) covariance in a second of white forces in the equations, which then
-    are dx = f(x) dt + dW; zero where nothing but the start moves the model.
+    are dx = f(x) dt + dW; zero where nothing but the start moves the model. slow_forces: the same
+    of what drives forces that decay at the rate `slow_rate` of the diagnostics, 1/s.
     An array that is not given is NaN of its shape. All of them are read-only; models that are equal
     in everything are equal, and have the same hash.
     Raises ValueError for a status that is none of these.
@@ -102,6 +103,7 @@ class IdentifiedModel(Immutable):
     diagnostics: Mapping[str, float | str] = field(default_factory=dict)
     further_modes: tuple[FurtherMode, ...] = ()
     forces: NDArray[np.float64] = None
+    slow_forces: NDArray[np.float64] = None
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
@@ -112,8 +114,9 @@ class IdentifiedModel(Immutable):
         for name, unstated in shapes.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, np.full(unstated, np.nan))
-        if self.forces is None:
-            object.__setattr__(self, "forces", np.zeros((shape[0], shape[0])))
+        for name in ("forces", "slow_forces"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.zeros((shape[0], shape[0])))
         super().__post_init__()
 
     @classmethod
@@ -138,7 +141,7 @@ class IdentifiedModel(Immutable):
     @property
     def is_forced(self) -> bool:
         """Whether random forces move it."""
-        return bool(np.any(self.forces))
+        return bool(np.any(self.forces) or np.any(self.slow_forces))
 
     @property
     def verdict(self) -> str:
@@ -258,6 +261,7 @@ class IdentifiedModel(Immutable):
             },
             "further_modes": [asdict(mode) for mode in self.further_modes],
             "forces": _plain(self.forces),
+            "slow_forces": _plain(self.slow_forces),
             **about,
         }
         write_json(path, content)
@@ -281,8 +285,9 @@ class IdentifiedModel(Immutable):
             covariance = _array(content.pop("covariance"))
             arrays["covariance"] = covariance.reshape(len(covariance), len(covariance))
             modes = tuple(FurtherMode(**mode) for mode in content.pop("further_modes"))
-            if "forces" in content:
-                arrays["forces"] = _array(content.pop("forces")).reshape(len(states), len(states))
+            for name in ("forces", "slow_forces"):
+                if name in content:
+                    arrays[name] = _array(content.pop(name)).reshape(len(states), len(states))
             diagnostics = content.pop("diagnostics")
             figures = {name: float(v) for name, v in diagnostics.items() if name != "path"}
             status = content.pop("status")

@@ -34,14 +34,15 @@ def motions(
     for model in models:
         follow, data = tracker(replace(found, model=model), recording)
         end = follow.over(data)
-        moved, disturbed = discretised(follow.system, follow.forces, ahead.lengths)
-        roots = np.array([_root(each) for each in disturbed])
-        x = end.mean - follow.rest + _root(end.covariance) @ rng.standard_normal(len(end.mean))
+        moved, disturbed = discretised(*follow.driven, ahead.lengths)
+        roots, n = np.array([_root(each) for each in disturbed]), len(follow.rest)
+        x = end.mean + _root(end.covariance) @ rng.standard_normal(len(end.mean))
+        x[:n] -= follow.rest
         noise = rng.standard_normal((len(time), len(x)))
-        states = np.empty((len(time), len(x)))
+        states = np.empty((len(time), n))
         for k, step in enumerate(ahead.of[1:]):
             x = moved[step] @ x + roots[step] @ noise[k]
-            states[k] = x
+            states[k] = x[:n]
         drawn.append(states + follow.rest)
     return np.array(drawn)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.tracking import Data, Filtered, Tracker
+from galloping.identification.random_forces.tracking import Data, Filtered, Forces, Tracker
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel
 
@@ -30,12 +30,15 @@ FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the infor
 @dataclass(frozen=True)
 class Model:
     """coefficients: (n_candidates,). root: (n_forced, n_forced) lower triangular; root root' is the
-    covariance of the forces in a second. noise: (n_channels,) deviations of a sample.
+    covariance of the white forces in a second. noise: (n_channels,) deviations of a sample. slow:
+    (n_forced,) roots of the same of what drives slow forces, none where there are none; rate: 1/s.
     """
 
     coefficients: np.ndarray
     root: np.ndarray
     noise: np.ndarray
+    slow: tuple[float, ...] = ()
+    rate: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -117,8 +120,11 @@ class Question:
     def tracker(self, model: Model) -> Tracker:
         """The filter of a model."""
         problem = self.problem
-        forces = np.zeros((len(self.size), len(self.size)))
-        forces[np.ix_(self.forced, self.forced)] = model.root @ model.root.T
+        white, slow = np.zeros((2, len(self.size), len(self.size)))
+        white[np.ix_(self.forced, self.forced)] = model.root @ model.root.T
+        if model.slow:
+            slow[self.forced, self.forced] = np.square(model.slow)
+        forces = Forces(white, slow, model.rate)
         full = PolynomialModel(
             problem.states, problem.terms, problem.coefficients(model.coefficients)
         )
@@ -190,9 +196,10 @@ class _Parameters:
         lower = model.root[np.tril_indices(len(diagonal), -1)]
         of = np.broadcast_to(diagonal, model.root.shape)[np.tril_indices(len(diagonal), -1)]
         mixed = lower / of if self.correlated else []
+        slow = [np.log([*model.slow, model.rate])] if model.slow else []
         least = self.question.least_noise
         noise = np.sqrt(np.maximum(model.noise**2 - least**2, (TINY * least) ** 2))
-        return np.concatenate([scaled, np.log(diagonal), mixed, np.log(noise)])
+        return np.concatenate([scaled, np.log(diagonal), mixed, *slow, np.log(noise)])
 
     def model(self, vector: np.ndarray) -> Model:
         k, f, m = (
@@ -204,10 +211,12 @@ class _Parameters:
         scaled = np.linalg.solve(self.centring, vector[:k])
         coefficients[self.support] = scaled * self.question.unit[self.support]
         root = np.eye(f)
+        lower, slow = np.tril_indices(f, -1), vector[k + f : -m]
         if self.correlated:
-            root[np.tril_indices(f, -1)] = vector[k + f : -m]
+            root[lower], slow = slow[: len(lower[0])], slow[len(lower[0]) :]
         noise = np.hypot(np.exp(vector[-m:]), self.question.least_noise)
-        return Model(coefficients, root * np.exp(vector[k : k + f]), noise)
+        *slow, rate = np.exp(slow) if len(slow) else (1.0,)
+        return Model(coefficients, root * np.exp(vector[k : k + f]), noise, tuple(slow), rate)
 
 
 def fitted(
@@ -246,8 +255,9 @@ def fitted(
         for _ in range(MOST_DAMPED):
             change = np.linalg.solve(known + damping * np.diag(np.diag(known)), rise)
             try:
-                tried = of(vector + change)
-                better = tried.log_likelihood >= here.log_likelihood - 1e-9
+                with np.errstate(all="ignore"):  # a step that is too long is halved
+                    tried = of(vector + change)
+                    better = tried.log_likelihood >= here.log_likelihood - 1e-9
             except np.linalg.LinAlgError:
                 better = False
             if better:

@@ -8,6 +8,8 @@ every forced coordinate its own stiffness and damping stay.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -29,20 +31,26 @@ from galloping.identification.random_forces.fitting import (
     fitted,
     information,
 )
-from galloping.identification.random_forces.start import noise_of, on_grid, strengths, systems
+from galloping.identification.random_forces.start import (
+    on_grid,
+    shortest,
+    spectra,
+    strengths,
+    systems,
+)
 from galloping.identification.random_forces.tracking import Data, sizes
+from galloping.identification.random_forces.wavering import wavers
 from galloping.identification.random_forces.whiteness import Whiteness, whiteness
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 from galloping.threads import one_thread
 
+SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the modes, rad/s
+SLOWER = 4.0  # times the period of the swings, at which a start then follows something else
+TRIED_PER_PERIOD = 16  # samples a shortest period, at which it is tried whether forces are random
 COUPLED_RATE = 0.01  # of uncoupled coordinates that are taken for coupled ones
 LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
-LEAST_MOTION = 0.05  # share of a channel's variance that is not noise, to begin with
-# Of a fit that answers unasked, though its innovations are not white: what they may show. Measured:
-# limit cycles of lines, also in gusts, leave lines 60 to 200 times as high as chance allows.
-MOST_LINE, MOST_TOLD = 10.0, 0.05
 START_PERIODS = 20.0  # shortest periods, over which the first state is told
 
 
@@ -69,7 +77,7 @@ def random_forces(
     places = forced_equations(problem, forced)
     try:
         cleaned, _, period = prepared(recordings)
-        return in_random_forces(problem, cleaned, period, places)
+        return in_random_forces(problem, cleaned, period, places)[0]
     except NO_MODEL as error:
         return by(["random forces"], refused(problem, str(error)))
 
@@ -80,17 +88,46 @@ def moved_at_random(problem: Problem, begun: Start) -> IdentifiedModel | None:
     begun: the start of all methods. A motion that follows from its first state leaves little in the
     weak form, and one that repeats leaves its harmonics in the innovations.
     """
-    if begun.fit.misfit < MOST_MISFIT or any(
-        each.unknown_scales is not None and each.unknown_scales.any() for each in begun.recordings
+    if any(
+        np.any(each.unknown_scales) for each in begun.recordings if each.unknown_scales is not None
     ):
         return None
     try:
-        found = in_random_forces(problem, begun.recordings, begun.period)
+        may_be_slow = wavers(begun.recordings, begun.period)
+        if begun.fit.misfit < MOST_MISFIT and not (may_be_slow and _is_slow(begun)):
+            return None
+        forced, thinned = problem.unknown, _thinned(begun.recordings)
+        for given in (thinned, begun.recordings):
+            found, left = in_random_forces(problem, given, begun.period, forced, may_be_slow)
+            if not left.nearly:
+                return None
     except NO_MODEL:
         return None
-    line = found.diagnostics["innovations_line"] / found.diagnostics["innovations_line_allowed"]
-    told = found.diagnostics["innovations_told"]
-    return found if found.status == "ok" or (line < MOST_LINE and told < MOST_TOLD) else None
+    return found
+
+
+def _thinned(recordings: list[Recording]) -> list[Recording]:
+    """With no more samples than a trial needs."""
+    step, grids = _grids(recordings)
+    every = max(int(shortest(grids, step) / TRIED_PER_PERIOD / step), 1)
+    return [each[::every] for each in recordings]
+
+
+def _is_slow(begun: Start) -> bool:
+    """Whether what the start follows is mostly slower than the swings, as in slow forces."""
+    step, grids = _grids(begun.recordings)
+    return shortest(grids, step) < begun.period / SLOWER
+
+
+def _grids(recordings: list[Recording]) -> tuple[float, list[np.ndarray]]:
+    """The step, s, of all recordings, and their samples on it without their means."""
+    channels = Channels.of(recordings)
+    step = float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
+    samples = [channels.samples(each) for each in recordings]
+    return step, [
+        on_grid(each.time, own - np.nanmean(own, axis=0), step)
+        for each, own in zip(recordings, samples, strict=True)
+    ]
 
 
 def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:
@@ -115,29 +152,36 @@ def in_random_forces(
     problem: Problem,
     recordings: list[Recording],
     period: float,
-    forced: tuple[int, ...] | None = None,
-) -> IdentifiedModel:
-    """The model of recordings without outliers, `period` s being the shortest of their motion.
+    forced: tuple[int, ...],
+    may_be_slow: bool = True,
+) -> tuple[IdentifiedModel, Whiteness]:
+    """The model of recordings without outliers, `period` s being the shortest of their motion, and
+    what it leaves. may_be_slow: whether forces may be; else a model with white ones that leaves
+    plainly more than noise is none.
 
     Raises what NO_MODEL names where there is none.
     """
     channels = Channels.of(recordings)
-    question, start = _begun(problem, recordings, channels, period, forced or problem.unknown)
+    question, start = _begun(problem, recordings, channels, forced)
     penalty = 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in question.data))
-    whole = fitted(question, start, question.linear_terms, correlated=True)
+    whole = fitted(question, replace(start, slow=()), question.linear_terms, correlated=True)
+    left = _left(question, whole, recordings)
+    if not left.white and may_be_slow:
+        whole = _with_slow_forces(question, start, whole, penalty)
+    elif not (may_be_slow or left.nearly):
+        raise Unusable(in_words(left, channels))
     correlated = _is_correlated(question, whole, penalty)
     support = _chosen(question, whole, penalty)
     known = _known(whole)
     fit = fitted(question, question.without(whole.model, support), support, correlated)
-    left = _left(question, fit, recordings, period)
-    return _identified(question, fit, recordings, period, known, penalty, left)
+    left = _left(question, fit, recordings)
+    return _identified(question, fit, recordings, period, known, penalty, left), left
 
 
 def _begun(
     problem: Problem,
     recordings: list[Recording],
     channels: Channels,
-    period: float,
     forced: tuple[int, ...],
 ) -> tuple[Question, Model]:
     """The question in units of the motion, and the likeliest of several starts."""
@@ -148,15 +192,9 @@ def _begun(
     if problem.inputs:
         raise Unusable("random forces beside measured inputs are not told apart")
     samples = [channels.samples(each) for each in recordings]
+    step, grids = _grids(recordings)
+    period = shortest(grids, step)
     size, mean, deviation = sizes(recordings, channels, period)
-    step = float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
-    grids = [
-        on_grid(each.time, own - mean)[1] for each, own in zip(recordings, samples, strict=True)
-    ]
-    power = deviation**2
-    noise = np.clip(
-        noise_of(grids), (2.0 * LEAST_NOISE * deviation) ** 2, (1.0 - LEAST_MOTION) * power
-    )
     terms, omega = np.array(problem.terms), 2.0 * np.pi / period
     unit = np.array([omega * size[i] / np.prod(size ** terms[j]) for i, j in problem.candidates])
     data = tuple(
@@ -167,6 +205,7 @@ def _begun(
     middle[list(pairs.values())] = 0.0
     least = LEAST_NOISE * deviation
     question = Question(problem, channels, forced, size, unit, middle, least, data)
+    frequencies, power = spectra(grids, step)
     found = []
     for system in systems(channels, grids, step, period):
         rows = np.zeros((len(problem.states), len(problem.terms)))
@@ -174,15 +213,31 @@ def _begun(
             if sum(term) <= 1:
                 rows[:, j] = system[:, term.index(1)] if sum(term) else -system @ middle
         free = rows[tuple(problem.candidates.T)]
-        force = strengths(system, list(forced), channels.sensing(system), power - noise)
-        model = Model(free, np.diag(np.sqrt(force)), np.sqrt(noise))
-        try:
-            found.append((question.filtered(model).log_likelihood, model))
-        except np.linalg.LinAlgError:
-            continue
+        rate = SLOW * np.min(np.abs(np.linalg.eigvals(system)))
+        sensing = channels.sensing(system)
+        for slow in (None, rate):
+            white, driving, noise = strengths(system, forced, sensing, frequencies, power, slow)
+            noise = np.maximum(np.sqrt(noise / step), 2.0 * least)
+            slowly = tuple(np.sqrt(driving)) if slow else ()
+            model = Model(free, np.diag(np.sqrt(white)), noise, slowly, slow or 1.0)
+            with suppress(np.linalg.LinAlgError):
+                found.append((question.filtered(model).log_likelihood, model))
     if not found:
         raise Unusable("its correlations tell no oscillation of every coordinate")
+    found = [each for each in found if np.isfinite(each[0])]
     return question, max(found, key=lambda each: each[0])[1]
+
+
+def _with_slow_forces(question: Question, start: Model, white: Fit, penalty: float) -> Fit:
+    """The fit with slow forces beside the white ones, where they pay."""
+    slow = start.slow
+    if not slow:
+        own = np.min(np.abs(np.linalg.eigvals(question.tracker(white.model).system)))
+        rate = SLOW * own
+        start = replace(white.model, slow=tuple(rate * np.diag(white.model.root)), rate=rate)
+    fit = fitted(question, start, question.linear_terms, correlated=True)
+    gain = fit.filtered.log_likelihood - white.filtered.log_likelihood
+    return fit if 2.0 * gain > penalty * (len(fit.model.slow) + 1) else white
 
 
 def _is_correlated(question: Question, fit: Fit, penalty: float) -> bool:
@@ -236,14 +291,14 @@ def _known(fit: Fit) -> np.ndarray:
     return known
 
 
-def _left(question: Question, fit: Fit, recordings: list[Recording], period: float) -> Whiteness:
+def _left(question: Question, fit: Fit, recordings: list[Recording]) -> Whiteness:
     """What the innovations say."""
     error, grids, first = fit.filtered.standardised, [], 0
     step = float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
     for each in recordings:
         own = error[first : first + len(each.time)].copy()
         own[: 2 * len(question.size)] = np.nan  # while the first state is found
-        grids.append(on_grid(each.time, own)[1])
+        grids.append(on_grid(each.time, own, step))
         first += len(each.time)
     slowest = np.min(np.abs(np.linalg.eigvals(question.tracker(fit.model).system)))
     return whiteness(grids, step, 2.0 * np.pi / slowest)
@@ -270,6 +325,7 @@ def _identified(
         there = [np.isfinite(one.samples[:, c]).any() for one in question.data]
         sigma[there, i] = fit.model.noise[c]
     of_rates = list(zip(channels.names, fit.model.noise, strict=True))[len(channels.values) :]
+    forces = question.tracker(fit.model).forces
     said = "" if left.white else f"; {in_words(left, channels)}"
     status = "approximate" if said and left.relevant else "ok"
     found = IdentifiedModel(
@@ -285,9 +341,11 @@ def _identified(
         known=problem.known_equations,
         initial_states=_first_states(question, fit.model, period),
         sigma=sigma,
-        forces=question.tracker(fit.model).forces,
+        forces=forces.white,
+        slow_forces=forces.slow,
         diagnostics={
             "duration": float(sum(np.ptp(each.time) for each in recordings)),
+            **({"slow_rate": forces.rate} if len(forces.places) else {}),
             "innovations": left.statistic,
             "innovations_allowed": left.allowed,
             "innovations_told": left.told,

@@ -10,28 +10,32 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import nnls
 
 from galloping.identification.model import Unusable
 from galloping.identification.random_forces.channels import Channels
 
-SPANS = (3.0, 8.0, 20.0)  # shortest periods, of the correlations that modes are told from
+SPANS = (3.0, 8.0, 15.0)  # shortest periods, of the correlations that modes are told from
 PER_PERIOD, MOST_LAGS = 8, 120  # lags a shortest period, and in all: more say nothing more
-LEAST_DAMPING = 1e-3  # ratio: a motion that lasts is stable
-FLOOR = 0.75  # of the frequencies to Nyquist, above which a spectrum is mostly noise
+FURTHER = (
+    0,
+    4,
+)  # states beside those of the modes: of what is slow, or of modes that are not asked
+LEAST_DAMPING, MOST_DAMPING = 1e-3, 0.3  # ratio: a motion that lasts is stable, and one of a line
+MOST_ALIKE = 1e8  # condition of the modes' shapes
 FEWEST = 3  # lags that modes are told from, beyond twice their number
+BINS = 4  # of a spectrum, in a mean
+FLOOR, ABOVE_NOISE = 0.75, 4.0  # from this share of the frequencies on a spectrum is mostly noise
+MOST_OF = 0.95  # of the power of a velocity lies at longer periods
+LEAST_SHARE = 1e-4  # of what a force or a noise alone would be, to begin with
 
 
-def on_grid(time: np.ndarray, samples: np.ndarray) -> tuple[float, np.ndarray]:
-    """The median step, s, and the samples (n, n_channels) of the steps nearest to them, NaN where
-    there is none.
-    """
-    step = float(np.median(np.diff(time)))
+def on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
+    """The samples (n, n_channels) of the nearest of steps, s, NaN where there is none."""
     place = np.round((time - time[0]) / step).astype(np.int64)
     grid = np.full((place[-1] + 1, samples.shape[1]), np.nan)
     grid[place] = samples
-    return step, grid
+    return grid
 
 
 def correlations(grids: list[np.ndarray], lags: int) -> np.ndarray:
@@ -52,79 +56,135 @@ def correlations(grids: list[np.ndarray], lags: int) -> np.ndarray:
 
 
 def modes(
-    correlation: np.ndarray, step: float, stride: int, count: int
+    correlation: np.ndarray, step: float, stride: int, count: int, further: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Eigenvalues (count,), 1/s, and shapes (n_channels, count) of that many oscillations.
 
-    correlation: (n_lags, n_channels, n_channels), the first at lag zero. Raises Unusable where it
-    holds fewer.
+    correlation: (n_lags, n_channels, n_channels), of lags that are multiples of `stride` steps, s.
+    further: how many more states the correlations may have; the oscillations that make most of
+    them are taken. Raises Unusable where they hold fewer.
     """
-    taken = correlation[stride::stride]
-    channels, rows = taken.shape[1], (len(taken) + 1) // 2
-    if rows * channels < 2 * count + FEWEST:
+    channels, rows = correlation.shape[1], (len(correlation) + 1) // 2
+    order = 2 * count + further
+    if rows * channels < order + FEWEST:
         raise Unusable("too short to tell its modes")
     place = np.arange(rows)
-    hankel = taken[place[:, None] + place].transpose(0, 2, 1, 3)
-    left, size, _ = np.linalg.svd(hankel.reshape(rows * channels, rows * channels))
-    observed = left[:, : 2 * count] * np.sqrt(size[: 2 * count])
+    hankel = correlation[place[:, None] + place].transpose(0, 2, 1, 3)
+    left, size, right = np.linalg.svd(hankel.reshape(rows * channels, rows * channels))
+    observed = left[:, :order] * np.sqrt(size[:order])
     moved = np.linalg.lstsq(observed[:-channels], observed[channels:], rcond=None)[0]
     values, vectors = np.linalg.eig(moved)
+    begins = np.linalg.inv(vectors) @ (np.sqrt(size[:order, None]) * right[:order, :channels])
+    shapes = observed[:channels] @ vectors
+    weight = np.linalg.norm(shapes, axis=0) * np.linalg.norm(begins, axis=1)
     rates = np.log(values.astype(complex)) / (stride * step)
-    own = np.flatnonzero(rates.imag > 0)
+    swings = (rates.imag > 0) & (-rates.real < MOST_DAMPING * np.abs(rates))
+    own = np.flatnonzero(swings)
     if len(own) < count:
         raise Unusable("not every coordinate oscillates")
+    own = own[np.argsort(-weight[own])][:count]
     own = own[np.argsort(rates.imag[own])]
-    return rates[own], observed[:channels] @ vectors[:, own]
+    return rates[own], shapes[:, own]
 
 
-def systems(channels: Channels, grids: list[np.ndarray], step: float, period: float) -> Iterator:
-    """Linear systems (n_states, n_states) that may have moved so, by SPANS.
+def systems(
+    channels: Channels, grids: list[np.ndarray], step: float, period: float
+) -> Iterator[np.ndarray]:
+    """Linear systems (n_states, n_states) that may have moved so.
 
     grids: samples on uniform steps, s, without their means. period: s, the shortest of the motion.
+    Each is told from correlations of another length, of the samples or of their differences, which
+    have the same modes and less of what is slow.
     """
     pairs = channels.pairs
     stride = max(int(period / PER_PERIOD / step), 1)
-    for span in SPANS:
-        lags = min(int(span * period / step / stride), MOST_LAGS) * stride
-        lags = min(lags, max(len(grid) for grid in grids) // 3)
-        try:
-            rates, seen = modes(correlations(grids, lags), step, stride, len(pairs))
-        except (Unusable, np.linalg.LinAlgError):
-            continue
-        damping = np.maximum(-rates.real, LEAST_DAMPING * np.abs(rates))
-        rates = 1j * rates.imag - damping
-        shapes = np.array([channels.displacement(i, rates, seen) for i in pairs])
-        both, shapes = np.append(rates, rates.conj()), np.hstack([shapes, shapes.conj()])
-        basis = np.vstack([shapes, shapes * both])
-        if np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > 1e8:
-            continue
-        system = np.zeros((2 * len(pairs), 2 * len(pairs)))
-        order = [*pairs, *pairs.values()]
-        system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real
-        system[list(pairs)] = 0.0
-        system[list(pairs), list(pairs.values())] = 1.0
-        yield system
+    differences = [grid[stride:] - grid[:-stride] for grid in grids if len(grid) > 2 * stride]
+    longest = max(len(grid) for grid in grids) // 3
+    for own, first in ((grids, 1), (differences, 2)):
+        lags = min(int(SPANS[-1] * period / step / stride), MOST_LAGS, longest // stride) * stride
+        whole = correlations(own, lags)[::stride]
+        for span in SPANS:
+            taken = whole[first : first + int(span * PER_PERIOD)]
+            for further in FURTHER:
+                try:
+                    rates, seen = modes(taken, step, stride, len(pairs), further)
+                except (Unusable, np.linalg.LinAlgError):
+                    continue
+                if (system := _system(channels, rates, seen)) is not None:
+                    yield system
 
 
-def noise_of(grids: list[np.ndarray]) -> np.ndarray:
-    """(n_channels,) variance of white noise, from the highest frequencies of the samples."""
-    floors = []
+def _system(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> np.ndarray | None:
+    """(n_states, n_states) with these modes, None where their shapes are too alike."""
+    pairs = channels.pairs
+    damping = np.maximum(-rates.real, LEAST_DAMPING * np.abs(rates))
+    rates = 1j * rates.imag - damping
+    shapes = np.array([channels.displacement(i, rates, seen) for i in pairs])
+    both, shapes = np.append(rates, rates.conj()), np.hstack([shapes, shapes.conj()])
+    basis = np.vstack([shapes, shapes * both])
+    if np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > MOST_ALIKE:
+        return None
+    system = np.zeros((2 * len(pairs), 2 * len(pairs)))
+    order = [*pairs, *pairs.values()]
+    system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real
+    system[list(pairs)] = 0.0
+    system[list(pairs), list(pairs.values())] = 1.0
+    return system
+
+
+def spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (n,), rad/s, and two-sided spectra (n, n_channels) there, in means of BINS."""
+    frequencies, powers = [], []
     for grid in grids:
-        filled = np.where(np.isfinite(grid), grid, 0.0)
-        share = np.maximum(np.isfinite(grid).mean(axis=0), 1e-3)
-        power = np.abs(np.fft.rfft(filled, axis=0)) ** 2 / len(grid) / share
-        floors.append(np.median(power[int(FLOOR * len(power)) :], axis=0) / np.log(2.0))
-    return np.mean(floors, axis=0)
+        known = np.isfinite(grid)
+        share = np.maximum(known.mean(axis=0), 1e-3)
+        power = np.abs(np.fft.rfft(np.where(known, grid, 0.0), axis=0)[1:]) ** 2
+        groups = len(power) // BINS
+        own = power[: groups * BINS].reshape(groups, BINS, -1).mean(axis=1)
+        powers.append(own * step / len(grid) / share)
+        middle = (np.arange(groups) + 0.5) * BINS / (len(grid) * step)
+        frequencies.append(2.0 * np.pi * middle)
+    return np.concatenate(frequencies), np.concatenate(powers)
+
+
+def shortest(grids: list[np.ndarray], step: float) -> float:
+    """s, the shortest period of the motion's velocities, where white noise is taken off."""
+    omega, power = spectra(grids, step)
+    order = np.argsort(omega)
+    omega, power = omega[order], power[order]
+    noise = np.median(power[int(FLOOR * len(power)) :], axis=0)
+    above = np.where(power > ABOVE_NOISE * noise, power, 0.0) * omega[:, None] ** 2
+    share = np.cumsum(above, axis=0) / np.maximum(above.sum(axis=0), np.finfo(float).tiny)
+    fastest = [omega[np.searchsorted(each, MOST_OF)] for each in share.T if each[-1] > 0.5]
+    if not fastest:
+        raise Unusable("no channel moves above its noise")
+    return 2.0 * np.pi / max(fastest)
 
 
 def strengths(
-    system: np.ndarray, forced: list[int], sensing: np.ndarray, power: np.ndarray
-) -> np.ndarray:
-    """(n_forced,) of forces on the equations `forced`: their motion has the variances `power`."""
-    unit = np.eye(len(system))
-    columns = []
-    for i in forced:
-        covariance = solve_continuous_lyapunov(system, -np.outer(unit[i], unit[i]))
-        columns.append(np.einsum("ci,ij,cj->c", sensing, covariance, sensing) / power)
-    found, _ = nnls(np.array(columns).T, np.ones(len(power)))
-    return np.maximum(found, 0.05 / np.sum(columns, axis=1))
+    system: np.ndarray,
+    forced: tuple[int, ...],
+    sensing: np.ndarray,
+    omega: np.ndarray,
+    power: np.ndarray,
+    slow: float | None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Covariances in a second of white forces and of what drives slow ones, (n_forced,) each, and
+    spectra (n_channels,) of noise, whose sum is nearest to spectra.
+
+    omega: (n,) rad/s, power: (n, n_channels). slow: rate of slow forces, 1/s; None: there are none.
+    """
+    n, channels = power.shape
+    inverse = np.linalg.inv(1j * omega[:, None, None] * np.eye(len(system)) - system)
+    moved = np.abs(sensing @ inverse)[:, :, list(forced)] ** 2
+    columns = list(moved.transpose(2, 0, 1))
+    if slow is not None:
+        columns += list((moved / (slow**2 + omega[:, None, None] ** 2)).transpose(2, 0, 1))
+    columns += [np.broadcast_to(unit, (n, channels)) for unit in np.eye(channels)]
+    design = (np.array(columns) / power).reshape(len(columns), -1).T
+    scale = np.linalg.norm(design, axis=0)
+    found, _ = nnls(design / scale, np.ones(len(design)))
+    alone = np.linalg.norm(np.ones(len(design))) / scale
+    found = np.maximum(found / scale, LEAST_SHARE * alone)
+    f = len(forced)
+    return found[:f], found[f:-channels], found[-channels:]

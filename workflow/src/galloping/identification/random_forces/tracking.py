@@ -28,7 +28,7 @@ class Data:
 @dataclass(frozen=True)
 class Filtered:
     """innovations, variances: (n, n_channels) of samples, NaN where missing. means: (n, n_states)
-    after each. mean, covariance: of the states after the last.
+    after each. mean, covariance: of the states, and of slow forces, after the last.
     """
 
     innovations: np.ndarray
@@ -39,15 +39,44 @@ class Filtered:
 
 
 @dataclass(frozen=True)
+class Forces:
+    """white: (n_states, n_states) covariance in a second of white forces in the equations. slow:
+    (n_states, n_states) of what drives forces that decay at `rate`, 1/s, as those of gusts do; zero
+    where there are none.
+    """
+
+    white: np.ndarray
+    slow: np.ndarray
+    rate: float = 1.0
+
+    @cached_property
+    def places(self) -> np.ndarray:
+        """(n_slow,) indices of the equations with a slow force."""
+        return np.flatnonzero(np.diag(self.slow))
+
+    @classmethod
+    def of(cls, found: IdentifiedModel) -> Forces:
+        """Those of an identified model."""
+        return cls(found.forces, found.slow_forces, found.diagnostics.get("slow_rate", 1.0))
+
+    def density(self, omega: float) -> np.ndarray:
+        """(n_states, n_states) two-sided, at a frequency, rad/s: covariance in a second of the
+        white forces that move a mode there as much.
+        """
+        return self.white + self.slow / (self.rate**2 + omega**2)
+
+
+@dataclass(frozen=True)
 class Tracker:
     """A model, its forces and its instruments.
 
-    forces: (n_states, n_states) covariance in a second. noise: (n_channels,) deviations of a
-    sample. size: (n_states,) of the motion. Raises numpy.linalg.LinAlgError where it has no rest.
+    noise: (n_channels,) deviations of a sample. size: (n_states,) of the motion. Raises
+    numpy.linalg.LinAlgError where the model has no rest. With slow forces, the filter is of the
+    states and of those.
     """
 
     model: PolynomialModel
-    forces: np.ndarray
+    forces: Forces
     channels: Channels
     noise: np.ndarray
     size: np.ndarray
@@ -66,9 +95,25 @@ class Tracker:
         return -np.linalg.solve(self.system, self.model.coefficients[:, constant].sum(axis=1))
 
     @cached_property
+    def driven(self) -> tuple[np.ndarray, np.ndarray]:
+        """The linear system and its white forces, those that drive slow ones included, (m, m)."""
+        n, places = len(self.rest), self.forces.places
+        m = n + len(places)
+        system, white = np.zeros((m, m)), np.zeros((m, m))
+        system[:n, :n], white[:n, :n] = self.system, self.forces.white
+        system[places, np.arange(n, m)] = 1.0
+        system[n:, n:] = -self.forces.rate * np.eye(m - n)
+        white[n:, n:] = self.forces.slow[np.ix_(places, places)]
+        return system, white
+
+    @cached_property
     def sensing(self) -> np.ndarray:
-        """(n_channels, n_states)."""
-        return np.ascontiguousarray(self.channels.sensing(self.system))
+        """(n_channels, m)."""
+        sensed = self.channels.sensing(self.system)
+        forces = np.zeros((len(sensed), len(self.forces.places)))
+        for k, i in enumerate(self.channels.rates, start=len(self.channels.values)):
+            forces[k] = self.forces.places == i
+        return np.ascontiguousarray(np.hstack([sensed, forces]))
 
     @property
     def shift(self) -> np.ndarray:
@@ -77,32 +122,40 @@ class Tracker:
         shift[: len(self.channels.values)] = self.rest[list(self.channels.values)]
         return shift
 
+    @property
+    def first_covariance(self) -> np.ndarray:
+        """(m, m) before anything was measured."""
+        slow = np.diag(self.forces.slow)[self.forces.places] / (2.0 * self.forces.rate)
+        return np.diag(np.append((DIFFUSE * self.size) ** 2, slow))
+
     def over(self, data: Data) -> Filtered:
         """Raises numpy.linalg.LinAlgError where the model cannot be discretised."""
-        transitions, disturbances = discretised(self.system, self.forces, data.steps.lengths)
-        x, p = np.zeros(len(self.rest)), np.diag((DIFFUSE * self.size) ** 2)
+        transitions, disturbances = discretised(*self.driven, data.steps.lengths)
+        p, n = self.first_covariance, len(self.rest)
+        x = np.zeros(len(p))
         innovations, variances, means = kalman_filter(
             data.samples - self.shift, data.steps.of, transitions, disturbances, self.sensing,
             self.noise**2, x, p,
         )  # fmt: skip
-        return Filtered(innovations, variances, means + self.rest, x + self.rest, p)
+        x[:n] += self.rest
+        return Filtered(innovations, variances, means[:, :n] + self.rest, x, p)
 
     def first_state(self, data: Data, count: int) -> np.ndarray:
         """(n_states,) at the first sample, as `count` samples tell it.
 
         By the filter of the states beside what they were at first, which does not change.
         """
-        n = len(self.rest)
-        moved, disturbed = discretised(self.system, self.forces, data.steps.lengths)
-        transitions, disturbances = np.zeros((2, len(moved), 2 * n, 2 * n))
-        transitions[:, :n, :n], disturbances[:, :n, :n] = moved, disturbed
-        transitions[:, n:, n:] = np.eye(n)
-        x, p = np.zeros(2 * n), np.kron(np.ones((2, 2)), np.diag((DIFFUSE * self.size) ** 2))
+        moved, disturbed = discretised(*self.driven, data.steps.lengths)
+        m, n = moved.shape[1], len(self.rest)
+        transitions, disturbances = np.zeros((2, len(moved), 2 * m, 2 * m))
+        transitions[:, :m, :m], disturbances[:, :m, :m] = moved, disturbed
+        transitions[:, m:, m:] = np.eye(m)
+        x, p = np.zeros(2 * m), np.kron(np.ones((2, 2)), self.first_covariance)
         kalman_filter(
             data.samples[:count] - self.shift, data.steps.of[:count], transitions, disturbances,
             np.hstack([self.sensing, np.zeros_like(self.sensing)]), self.noise**2, x, p,
         )  # fmt: skip
-        return x[n:] + self.rest
+        return x[m : m + n] + self.rest
 
 
 def sizes(
@@ -134,7 +187,9 @@ def tracker(found: IdentifiedModel, recording: Recording) -> tuple[Tracker, Data
             raise ValueError(
                 f"the model knows no noise of {name}: its recordings had no such sensor"
             )
-    unsized = Tracker(found.model, found.forces, channels, np.array(noise), np.ones(len(states)))
+    unsized = Tracker(
+        found.model, Forces.of(found), channels, np.array(noise), np.ones(len(states))
+    )
     fastest = np.abs(np.linalg.eigvals(unsized.system)).max()
     size, _, _ = sizes([recording], channels, 2.0 * np.pi / fastest)
     data = Data(channels.samples(recording), Steps.between(recording.time))

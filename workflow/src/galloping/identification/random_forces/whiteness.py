@@ -12,6 +12,10 @@ PERIODS, MOST_LAGS = 3.0, 100  # over which innovations may be correlated
 BINS = 16  # of a spectrum, taken together: a mode that is missing is as broad
 RELEVANT = 0.02  # share of the innovations' power that their past may tell, in a sound model
 
+# Of a fit that answers unasked, though its innovations are not white: what they may show. Measured:
+# limit cycles of lines, also in gusts, leave lines 60 to 200 times as high as chance allows.
+MOST_LINE, MOST_TOLD = 10.0, 0.05
+
 
 @dataclass(frozen=True)
 class Whiteness:
@@ -31,6 +35,13 @@ class Whiteness:
     @property
     def white(self) -> bool:
         return self.statistic <= self.allowed and self.peak <= self.peak_allowed
+
+    @property
+    def nearly(self) -> bool:
+        """Whether it is at least not another kind of motion."""
+        return not self.relevant or (
+            self.peak < MOST_LINE * self.peak_allowed and self.told < MOST_TOLD
+        )
 
     @property
     def relevant(self) -> bool:
