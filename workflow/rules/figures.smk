@@ -1,6 +1,6 @@
 # models, motions, tables -> figures
 #
-# A figure: its label in the report, and how it is made, as a table is (tabulate.smk).
+# A figure: its label in the report, and how it is made, as a table is (tables.smk).
 from galloping.names import BOUND, NOISE, SUBSET
 
 COEFFICIENT_LEVELS = (0.01, 0.03, 0.05)

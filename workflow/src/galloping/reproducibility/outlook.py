@@ -9,7 +9,7 @@ from galloping.reproducibility.receipts import Receipt
 from galloping.reproducibility.repair import as_planned
 
 START = 1.5  # s that a job takes to start, of which receipts do not tell
-MOST_EDITS = 3  # that are told one by one
+MOST = 3  # edits and rules that are told one by one
 
 
 def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iterator[str]:
@@ -24,11 +24,10 @@ def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iter
         return
     yield f"{len(jobs)} of {len(plan.jobs)} jobs will run, {_duration(jobs, known, cores)}"
     if edits := list(_edits(_settings(plan, known), plan.settings)):
-        more = f" and {len(edits) - MOST_EDITS} more" if len(edits) > MOST_EDITS else ""
-        yield f"Edited since they last ran: {', '.join(edits[:MOST_EDITS])}{more}."
+        yield f"Edited since they last ran: {_first(edits)}."
     codes = {job.rule for job in jobs for path in job.outputs if _is_other_code(job, known, path)}
     if codes:
-        yield f"Code or libraries changed behind: {', '.join(sorted(codes))}."
+        yield f"Code or libraries changed behind: {_first(sorted(codes))}."
 
 
 def spoken(seconds: float) -> str:
@@ -62,7 +61,13 @@ def _duration(jobs: list[PlannedJob], known: Mapping[str, Receipt], cores: int |
 def _settings(plan: Plan, known: Mapping[str, Receipt]) -> dict:
     """Those of the last whole run, as the report holds them; the present ones where it has none."""
     report = known.get(f"{plan.results}/report.html")
-    return report.settings["study"]["study"] if report else plan.settings
+    study = report.settings.get("study", {}) if report else {}
+    return study.get("study") or plan.settings  # else of an older version
+
+
+def _first(items: list[str]) -> str:
+    more = f" and {len(items) - MOST} more" if len(items) > MOST else ""
+    return ", ".join(items[:MOST]) + more
 
 
 def _edits(before: object, now: object, key: str = "") -> Iterator[str]:
