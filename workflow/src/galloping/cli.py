@@ -6,7 +6,15 @@ from pathlib import Path
 
 import click
 
-from galloping.cli_models import answered, assess, derive, show, simulate
+from galloping.cli_models import (
+    answered,
+    assess,
+    at_option,
+    derive,
+    inputs_option,
+    show,
+    simulate,
+)
 from galloping.field.terminal import json_text, print_rows, shown
 
 REFUSED, INTERRUPTED = 3, 130  # exit codes: the recordings give no model; Ctrl-C
@@ -304,16 +312,20 @@ def _written_map(file, path, mapping) -> bool:
 @click.option("--duration", type=click.FloatRange(0, 1e4, min_open=True), default=30.0, help="s.")
 @click.option("--window", type=click.FloatRange(0, 1e4, min_open=True),
               help="s at the end of FILE to start from; else six periods.")  # fmt: skip
+@at_option
+@inputs_option
 @click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws.")
 @click.option("--json", "as_json", is_flag=True, help="Print rows for machines.")
-def forecast(model, file, duration, window, seed, as_json, **mapping):
+def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **mapping):
     """Forecast with a MODEL where the recording of FILE goes on: CSV with 90 % bands.
 
     FILE may be newer than the recordings of the model; only its end is used. Its columns are read
-    as those of "galloping identify".
+    as those of "galloping identify". The inputs of a model after that are held, --at U=12, or come
+    from a file with the same columns on the same clock, or from FILE where it goes on with them.
     """
     import numpy as np
 
+    from galloping.field.driving import inputs_after
     from galloping.field.outputs import forecast_rows
     from galloping.field.study import read_field
     from galloping.field.summary import forecast as forecast_from
@@ -322,15 +334,17 @@ def forecast(model, file, duration, window, seed, as_json, **mapping):
     states = loaded.model.states
     if not mapping["map_file"]:
         mapping["states"] = mapping["states"] or ",".join(states)
+        mapping["inputs"] = mapping["inputs"] or loaded.model.inputs
     field = read_field([file], _mapping([file], **mapping))
     if field.mapping.states != states:
         raise ValueError(f"{model}: has the states {', '.join(states)}; --states must be the same")
+    inputs = inputs_after(field, loaded.model.inputs, at, inputs_file)
     recording = field.recordings[-1]
     step = float(np.median(np.diff(recording.time)))
     steps = np.arange(1, max(round(duration / step), 1) + 1)
     time = recording.time[-1] + step * steps
     with shown():
-        ahead = forecast_from(loaded, recording, time, window=window, seed=seed)
+        ahead = forecast_from(loaded, recording, time, window=window, inputs=inputs, seed=seed)
     print_rows(forecast_rows(ahead), as_json)
 
 

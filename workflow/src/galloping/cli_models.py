@@ -13,6 +13,9 @@ PIECE = 100_000  # rows of a simulation that are held at a time
 at_option = click.option(
     "--at", multiple=True, metavar="INPUT=VALUE", help="What an input is held at, such as U=12."
 )
+inputs_option = click.option(
+    "--inputs", "inputs_file", type=click.Path(), metavar="FILE", help="A file with the inputs."
+)
 
 
 def answered(path):
@@ -46,15 +49,31 @@ def show(model, latex, as_json):
 
 @click.command()
 @click.argument("model", type=click.Path(dir_okay=False))
-@click.option("--duration", type=click.FloatRange(0, 1e6, min_open=True), default=300.0)
+@click.option("--duration", type=click.FloatRange(0, 1e6, min_open=True),
+              help="s; 300, or as long as the inputs.")  # fmt: skip
 @click.option("--rate", type=click.FloatRange(0, 1e4, min_open=True), default=25.0, help="Hz.")
 @click.option("--initial", help="Initial state, numbers with commas; else that of the recording.")
+@at_option
+@inputs_option
+@click.option("--time", "time_column", help="Column of the times in that file; t.")
 @click.option("--json", "as_json", is_flag=True, help="Print rows for machines.")
-def simulate(model, duration, rate, initial, as_json):
-    """Simulate a MODEL and print its states as CSV."""
+def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_json):
+    """Simulate a MODEL and print its states as CSV.
+
+    The inputs of a model are held, --at U=12, or come from a file with columns of their names, the
+    first time of which is that of the initial state.
+    """
     import numpy as np
 
+    from galloping.field.driving import driving
+
     loaded = answered(model)
+    inputs = driving(model, loaded.model.inputs, at, inputs_file, time_column)
+    measured = [one.stretches[-1][1] for one in inputs.values() if not isinstance(one, float)]
+    known = min(measured, default=np.inf)
+    if duration and duration > known:
+        raise ValueError(f"--duration {duration:g}: {inputs_file} ends {known:g} s after its begin")
+    duration = duration or min(known, 300.0)
     if initial:
         try:
             start = np.array([float(text) for text in initial.split(",")])
@@ -72,21 +91,23 @@ def simulate(model, duration, rate, initial, as_json):
             f"--initial: {len(start)} numbers for {len(states)} states; must be {', '.join(states)}"
         )
     try:
-        print_rows(_simulated(loaded.model, start, rate, round(duration * rate)), as_json)
+        rows = _simulated(loaded.model, start, rate, int(duration * rate + 1e-9), inputs)
+        print_rows(rows, as_json)
     except FloatingPointError as error:
         raise ValueError(f"{model}: {error}") from None
 
 
-def _simulated(model, state, rate: float, last: int) -> Iterator[dict]:
+def _simulated(model, state, rate: float, last: int, inputs) -> Iterator[dict]:
     """Rows 0 to `last` of a motion. Raises FloatingPointError where it ends early."""
     import numpy as np
 
     from galloping.simulation import Simulator
 
-    simulator, names, first = Simulator(model.states, model.terms), ("time_s", *model.states), 0
+    simulator = Simulator(model.states, model.terms, inputs=model.inputs)
+    names, first = ("time_s", *model.states), 0
     while True:
         until = min(first + PIECE, last)
-        trajectory = simulator(model, state, np.arange(first, until + 1) / rate)
+        trajectory = simulator(model, state, np.arange(first, until + 1) / rate, inputs)
         rows = np.column_stack([trajectory.time, trajectory.states])[int(first > 0) :]
         for row in rows[np.isfinite(rows).all(axis=1)].tolist():
             yield dict(zip(names, row, strict=True))

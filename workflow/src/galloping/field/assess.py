@@ -168,7 +168,10 @@ def _condition(
     motion = _settled(best, begin)
     middle, size = _extent(motion, begin)
     rests = equilibria(best, middle, size)
-    cycles, ends = list(known), []
+    cycles: list[Point] = []
+    ends: list[str] = []
+    for point in known:
+        _add(cycles, point)
     for start in (begin, *(rest + KICK * size for rest in rests), middle + BEYOND * size):
         passing("settle")
         motion = motion if start is begin else _settled(best, start)
@@ -180,16 +183,21 @@ def _condition(
         except ValueError as failure:
             ends.append(str(failure))
             continue
-        new = point.solution.half_range()
-        others = [one.solution.half_range() for one in cycles]
-        if all(np.max(np.abs(new - other) / np.max(new)) > APART for other in others):
-            cycles.append(point)
+        _add(cycles, point)
     return Condition(
         dict(at),
         tuple(_equilibrium(best, models, rest) for rest in rests),
         tuple(_cycle(best, models, each) for each in cycles),
         tuple(dict.fromkeys(ends)),
     )
+
+
+def _add(cycles: list[Point], point: Point) -> None:
+    """Add a limit cycle that is not there yet."""
+    new = point.solution.half_range()
+    others = [one.solution.half_range() for one in cycles]
+    if all(np.max(np.abs(new - other)) > APART * np.max(new) for other in others):
+        cycles.append(point)
 
 
 def _along(

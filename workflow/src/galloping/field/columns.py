@@ -195,7 +195,7 @@ def proposal(
     Raises ValueError where no column can be one of times, or none one of the motion.
     """
     doubts: dict[str, str] = {}
-    clock = _clock(table, time, doubts)
+    clock = clock_of(table, time, doubts)
 
     def said(name: str) -> str:
         return units.get(name) or (for_all if name != clock else "") or behind(name)
@@ -247,7 +247,7 @@ def _order(unit: str) -> int | None:
     return next((k for k, si in enumerate(ORDERS) if not unit or measures(unit, si)), None)
 
 
-def _clock(table: FileTable, said: str | None, doubts: dict[str, str]) -> str:
+def clock_of(table: FileTable, said: str | None, doubts: dict[str, str]) -> str:
     """The column of times: where several may be, the one that tells most instants apart."""
     if said is not None:
         table.column(said)

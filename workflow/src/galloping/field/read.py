@@ -42,7 +42,8 @@ class Series:
     noise: (n_channels,) known deviation of a sample, NaN where unknown.
     values: (n, n_channels), NaN where missing, in the order of the mapping's channels. rows: (n,)
     row of each sample in the file. notes: one line for each thing that was mended. inputs: by name,
-    on the same time axis; units: of them. unused: columns that were left aside.
+    on the same time axis; units: of them. unused: columns that were left aside. origin: s, the
+    first time by the clock of the file, of dates since 1970.
     """
 
     path: Path
@@ -55,6 +56,7 @@ class Series:
     inputs: Mapping[str, Input] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     unused: tuple[str, ...] = ()
+    origin: float = 0.0
 
 
 def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
@@ -64,7 +66,7 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     """
     passing(Path(path).name)
     table = read_table(path, mapping.decimal, mapping.time.column)
-    time, start = _seconds(table, mapping)
+    time, start, origin = _seconds(table, mapping)
     notes = list(table.notes)
     columns, units = [], {}
     for channel in (*mapping.channels, *mapping.inputs):
@@ -143,7 +145,9 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
     used = {named(c.column)[0] for c in (mapping.time, *mapping.channels, *mapping.inputs)}
     unused = tuple(name for name in table.columns if name not in used)
-    return Series(table.path, time, start, values, rows, tuple(notes), noise, inputs, units, unused)
+    return Series(
+        table.path, time, start, values, rows, tuple(notes), noise, inputs, units, unused, origin
+    )
 
 
 def _restarted(time: np.ndarray) -> np.ndarray | None:
@@ -199,8 +203,8 @@ def check_apart(series: Sequence[Series]) -> None:
         known |= {block.tobytes(): one for block in blocks[::ALIKE]}
 
 
-def _seconds(table: FileTable, mapping: ColumnMapping) -> tuple[np.ndarray, str]:
-    """Times in s since the first, and when that was, if the file says it."""
+def _seconds(table: FileTable, mapping: ColumnMapping) -> tuple[np.ndarray, str, float]:
+    """Times in s since the first, when that was, if the file says it, and on which second."""
     name = mapping.time.column
     column = _column(table, name, mapping)
     stamps = pd.DatetimeIndex(column) if column.dtype.kind == "M" else None
@@ -208,7 +212,8 @@ def _seconds(table: FileTable, mapping: ColumnMapping) -> tuple[np.ndarray, str]
         stamps = _stamps(table, name)
     if stamps is not None:
         first = stamps.min()
-        return np.asarray((stamps - first).total_seconds(), float), first.isoformat()
+        seconds = np.asarray((stamps - first).total_seconds(), float)
+        return seconds, first.isoformat(), first.timestamp()
     if column.dtype.kind == "m":
         values = pd.TimedeltaIndex(column).total_seconds().to_numpy(float)
     else:
@@ -216,7 +221,7 @@ def _seconds(table: FileTable, mapping: ColumnMapping) -> tuple[np.ndarray, str]
         values = table.numbers(name) * _factor(table, name, unit, "s")
     if not np.isfinite(values).any():
         raise FileError(f"{table.path}: column {name!r} is empty")
-    return values - np.nanmin(values), ""
+    return values - np.nanmin(values), "", float(np.nanmin(values))
 
 
 def _stamps(table: FileTable, name: str) -> pd.DatetimeIndex | None:

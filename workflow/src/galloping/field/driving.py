@@ -1,0 +1,101 @@
+"""What drives a model that is simulated or forecast: held values, and inputs from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from galloping.field.columns import ROWS, clock_of
+from galloping.field.inputs import held_at
+from galloping.field.mapping import ColumnMapping, InputColumn, TimeColumn
+from galloping.field.read import Series, read_series
+from galloping.field.study import Field
+from galloping.field.tables import read_table
+from galloping.inputs import Input
+
+
+def driving(
+    model: str,
+    names: Sequence[str],
+    at: Sequence[str],
+    path: str | None,
+    time: str | None = None,
+) -> dict[str, Input | float]:
+    """Inputs by name, held as `at` says, the others from a file, s from its first time.
+
+    model: for the message. time: the column of times. Columns have the names of the inputs, and
+    their units behind them. Raises ValueError where an input is not said, and
+    for files that cannot be read.
+    """
+    found: dict[str, Input | float] = dict(_held(at, names))
+    left = [name for name in names if name not in found]
+    if path is not None:
+        if not left:
+            raise ValueError(f"--inputs {path}: the model needs no inputs from a file")
+        found |= read_inputs(path, left, time).inputs
+    elif left:
+        name = left[0]
+        raise ValueError(
+            f"{model}: is driven by {name}; say what it is, held (--at {name}=VALUE) or in a file "
+            "(--inputs FILE)"
+        )
+    return found
+
+
+def read_inputs(
+    path: str,
+    names: Sequence[str],
+    time: str | None = None,
+    columns: Sequence[InputColumn] = (),
+) -> Series:
+    """The inputs of a file that may hold nothing else. Raises FileError."""
+    clock = time or clock_of(read_table(path, None, None, ROWS), None, {})
+    known = {column.name: column for column in columns}
+    mapping = ColumnMapping.model_construct(
+        time=TimeColumn(column=clock),
+        states=(), channels=(), decimal=None,
+        inputs=tuple(known.get(name) or InputColumn(column=name) for name in names),
+    )  # fmt: skip
+    return read_series(path, mapping)
+
+
+def inputs_after(
+    field: Field, names: Sequence[str], at: Sequence[str], path: str | None
+) -> dict[str, Input | float]:
+    """Inputs of a model after the last of its recordings, as far as they are said.
+
+    path: a file with the columns of the recording, on its clock. Raises ValueError where the
+    recording does not hold an input, and where only one of the files has dates.
+    """
+    mapping, recording = field.mapping, field.series[-1]
+    columns = {one.name: one for one in mapping.inputs}
+    for name in names:
+        if name not in columns:
+            raise ValueError(
+                f"{recording.path}: the model is driven by {name}; say its column, --input {name}"
+                "=COLUMN (inputs: in a mapping)"
+            )
+    found = _held(at, names)
+    left = [name for name in names if name not in found]
+    if path is None or not left:
+        return found
+    series = read_inputs(path, left, mapping.time.column, tuple(columns.values()))
+    if bool(series.start) != bool(recording.start):
+        raise ValueError(
+            f"{path}: has {'dates' if series.start else 'no dates'} for times, unlike "
+            f"{recording.path}; must be one clock"
+        )
+    shift = series.origin - recording.origin
+    return found | {
+        name: replace(one, time=one.time + shift) for name, one in series.inputs.items()
+    }
+
+
+def _held(at: Sequence[str], names: Sequence[str]) -> dict[str, float]:
+    found = held_at(at, names)
+    for name, value in found.items():
+        if np.ndim(value):
+            raise ValueError(f"--at {name}: a range is of `galloping assess`; must be one value")
+    return {name: float(value) for name, value in found.items()}
