@@ -1,17 +1,21 @@
 """Inputs of files: what is read, what is left out and named, what is refused in one line."""
 
 import json
+from io import StringIO
 
 import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from scipy.ndimage import gaussian_filter1d
 
+from galloping import IdentifiedModel, Input, PolynomialModel, Simulator
 from galloping.cli import main
 from galloping.field.mapping import input_of, validated
 from galloping.field.read import read_series
 from galloping.field.study import read_field
 from galloping.field.units import coefficient_unit
+from galloping.terms import parse
 
 TIME = np.arange(1000) / 25.0
 WIND = 12.0 + np.sin(0.5 * TIME) + 0.3 * np.cos(1.7 * TIME)
@@ -20,7 +24,7 @@ WIND = 12.0 + np.sin(0.5 * TIME) + 0.3 * np.cos(1.7 * TIME)
 def run(*arguments, code=0):
     result = CliRunner().invoke(main, [str(each) for each in arguments])
     assert result.exit_code == code, result.output
-    return result.output
+    return result.output if code else result.stdout
 
 
 def written(path, **columns):
@@ -148,3 +152,77 @@ def test_units_of_coefficients_have_those_of_inputs():
                            ("1", "s^-1"), ("N", "s^-1 N^-1")):  # fmt: skip
         assert coefficient_unit("dq_v", (0, 1, 1), (*states, "U"), {"U": unit}) == expected
     assert coefficient_unit("dq_v", (0, 3, -1), (*states, "U"), {"U": "m/s"}) == "m^-1"
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """A recording of a damped oscillator in the input u, its mapping, and its model."""
+    folder = tmp_path_factory.mktemp("driven")
+    terms, _ = parse("y + dy + u", ("y", "dy"), ("u",))
+    truth = PolynomialModel(("y", "dy"), terms, [[0, 1, 0], [-6.0, -0.2, 1.5]], ("u",))
+    time = np.arange(3000) / 25.0
+    rng = np.random.default_rng(3)
+    force = gaussian_filter1d(rng.standard_normal(len(time)), 5) * 3.0
+    states = Simulator(truth.states, terms, inputs=("u",))(
+        truth, np.array([0.5, 0.0]), time, {"u": Input(time, force)}
+    ).states
+    frame = {"t [s]": time, "y [1]": states[:, 0] + 0.005 * rng.standard_normal(len(time)),
+             "u [N]": force}  # fmt: skip
+    frame = pd.DataFrame(frame)
+    frame[:2500].to_csv(folder / "a.csv", index=False)
+    frame[2400:][["t [s]", "u [N]"]].to_csv(folder / "ahead.csv", index=False)
+    content = {"time": {"column": "t"}, "states": ["y", "dy"], "inputs": ["u"],
+               "channels": [{"column": "y", "measures": "y"}], "library": "poly(y, dy; 2) + u",
+               "known": ["dy: y = -6 +- 0.01"]}  # fmt: skip
+    (folder / "map.yaml").write_text(json.dumps(content), encoding="utf-8")
+    run("identify", folder / "a.csv", "--map", folder / "map.yaml", "--output", folder / "out")
+    return folder, frame, states
+
+
+def test_a_driven_system_is_identified_by_one_command(driven):
+    folder, *_ = driven
+    found = IdentifiedModel.load(folder / "out" / "model.json")
+    row = dict(zip(found.model.term_names, found.model.coefficients[1], strict=True))
+    assert found.status == "ok"
+    assert {name for name, value in row.items() if value} == {"y", "dy", "u"}
+    assert row["u"] == pytest.approx(1.5, rel=0.01) and row["dy"] == pytest.approx(-0.2, rel=0.05)
+    rows = json.loads(run("show", folder / "out" / "model.json", "--json"))
+    assert [r["unit"] for r in rows if r["term"] == "u" and r["equation"] == "dy"] == ["s^-1 N^-1"]
+    assert r"u" in run("show", folder / "out" / "model.json", "--latex")
+    assert "u is an input" in (folder / "out" / "summary.md").read_text(encoding="utf-8")
+
+
+def test_a_forecast_needs_the_inputs_ahead(driven):
+    folder, frame, states = driven
+    command = ("forecast", folder / "out" / "model.json", folder / "a.csv", "--map",
+               folder / "map.yaml", "--duration", 15)  # fmt: skip
+    printed = run(*command, code=1)
+    assert (
+        "driven by u: say what it is after the recording, in a file (--inputs FILE) or held"
+        in (printed)
+        and printed.count("\n") == 1
+    )
+    ahead = pd.read_csv(StringIO(run(*command, "--inputs", folder / "ahead.csv")))
+    true = np.interp(ahead["time_s"], frame["t [s]"], states[:, 0])
+    assert np.std(ahead["y"] - true) < 0.02 * np.std(true)
+    held = pd.read_csv(StringIO(run(*command, "--at", "u=0")))
+    assert np.std(held["y"] - true) > 10 * np.std(ahead["y"] - true)
+    late = ("--inputs", folder / "a.csv")
+    assert "it is needed from 99.96 to" in run(*command, *late, code=1)
+    assert "must be one value" in run(*command, "--at", "u=1:2", code=1)
+
+
+def test_a_model_with_inputs_is_simulated_in_them(driven, tmp_path):
+    folder, frame, _ = driven
+    model = folder / "out" / "model.json"
+    assert "is driven by u; say what it is" in run("simulate", model, code=1)
+    rows = run("simulate", model, "--at", "u=2", "--duration", 2000, "--rate", 1).splitlines()
+    assert float(rows[-1].split(",")[1]) == pytest.approx(0.5, rel=0.02)  # 1.5 u / 6
+    path = folder / "a.csv"
+    simulated = pd.read_csv(StringIO(run("simulate", model, "--inputs", path, "--rate", 25)))
+    assert len(simulated) == 2500
+    measured = frame["y [1]"][:2500].to_numpy()
+    assert np.std(simulated["y"] - measured) < 0.03 * np.std(measured)
+    assert "ends 99.96 s after its begin" in (
+        run("simulate", model, "--inputs", path, "--duration", 200, code=1)
+    )

@@ -152,13 +152,22 @@ def analyse(
     line, for files or a question that make no sense; a recording without a model is no error.
     """
     mapping = field.mapping
-    terms, _ = question.terms(mapping)
+    terms, allowed = question.terms(mapping)
     check_inputs(field.series, terms, len(mapping.states))
     inputs = mapping.names[len(mapping.states) :]
     texts = (*mapping.known, *question.known)
-    known, known_states, _ = known_model(texts, mapping.states, terms, inputs)
+    known, known_states, single = known_model(texts, mapping.states, terms, inputs)
     method, given = imported(METHODS[question.method]), field.recordings
-    options = {} if question.forced is None else {"forced": question.forced}
+    options: dict[str, object] = {} if question.forced is None else {"forced": question.forced}
+    if single:
+        options["coefficients"] = [one.coefficient() for one in single]
+    if allowed is not None:
+        options["allowed"] = allowed
+    if question.method != "maximum_likelihood" and options:
+        raise ValueError(
+            f"--method {question.method}: takes no single known coefficient, no terms of some "
+            "equations alone and no random forces; maximum_likelihood does"
+        )
 
     def identify(recordings: Sequence[Recording]) -> IdentifiedModel:
         return by_excerpts(method, list(recordings), terms, known, known_states, **options)

@@ -363,6 +363,8 @@ def _helps(of: Summary, reports: Sequence[dict]) -> list[str]:
     if not of.found.model.inputs and WIND not in " ".join(helps):
         helps.append(f"{WIND}, in several winds: one wind alone does not tell at which wind "
                      "galloping begins")  # fmt: skip
+    if of.found.model.inputs:  # which were recorded
+        helps = [each for each in helps if WIND not in each]
     return list(dict.fromkeys(helps))
 
 
