@@ -28,8 +28,6 @@ from galloping.polynomial import Exponents, PolynomialModel, term_name, velocity
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree
 
-    from galloping.identification.likelihood.problem import Coefficient
-
 GRAMMAR = r"""
 library: [scope] sum
 scope: NAME ("," NAME)* ":"
@@ -101,13 +99,6 @@ class Known:
     state: str
     terms: Sum
     deviation: float | None = None
-
-    def coefficient(self) -> Coefficient:
-        """As `maximum_likelihood` takes what is known of one coefficient."""
-        from galloping.identification.likelihood.problem import Coefficient  # compiles
-
-        ((term, mean),) = self.terms.items()
-        return Coefficient(self.state, term, mean, self.deviation or 0.0)
 
 
 def known_model(

@@ -26,6 +26,7 @@ from galloping.field.read import Series, check_apart, read_series
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
 from galloping.field.units import state_unit
 from galloping.field.wording import summary_text
+from galloping.identification.likelihood.problem import Coefficient
 from galloping.identification.model import IdentifiedModel
 from galloping.importing import imported
 from galloping.passes import part, passing
@@ -160,7 +161,11 @@ def analyse(
     method, given = imported(METHODS[question.method]), field.recordings
     options: dict[str, object] = {} if question.forced is None else {"forced": question.forced}
     if single:
-        options["coefficients"] = [one.coefficient() for one in single]
+        options["coefficients"] = [
+            Coefficient(one.state, term, mean, one.deviation or 0.0)
+            for one in single
+            for term, mean in one.terms.items()
+        ]
     if allowed is not None:
         options["allowed"] = allowed
     if question.method != "maximum_likelihood" and options:
