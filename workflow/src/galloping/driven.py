@@ -19,6 +19,7 @@ from galloping.taylor import ORDER, integrate, system, tables
 DEGREE, SAMPLES_PER_STEP = 5, 2
 # Truncation of a step's Taylor series, relative to the size of each state.
 ACCURACY = 1e-10
+FAR = 1e4  # of a state, from which its size says nothing about the accuracy before
 
 
 def first_step(inputs: Sequence[Input]) -> float:
@@ -42,8 +43,9 @@ def solution(
 
     inputs: those of the model, in its order. start: (n_states,) at time[0]. time: (n,) s,
     increasing. step: s, the longest to try. most: steps. free: (n_free, 2) pairs (equation, term).
-    Returns states (n, n_states), not finite where they overflow, and derivatives (n, n_states,
-    n_free + n_states) by the free coefficients and the start, of no columns without `free`.
+    Returns states (n, n_states), beyond FAR or not finite where they diverge, and derivatives (n,
+    n_states, n_free + n_states) by the free coefficients and the start, of no columns without
+    `free`.
     Raises FloatingPointError where more than `most` steps were needed.
     """
     n_states = len(start)
@@ -51,6 +53,7 @@ def solution(
     wanted = free is not None
     columns = np.asarray(free).reshape(-1, 2) if wanted else np.empty((0, 2), int)
     compiled = system(table, model.coefficients, columns)
+    diverged, longest = None, step
     while (windows := max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-9)))) <= most:
         place = (time - time[0]) / step
         window = np.minimum(place.astype(np.int64), windows - 1)
@@ -62,7 +65,12 @@ def solution(
                 compiled, step, np.array([0, windows]), start[None], powers, np.arange(n_states),
                 windowed(inputs, table.factors, time[0], step, windows, DEGREE), wanted,
             )  # fmt: skip
-        if truncation < ACCURACY:
-            return found[window, :, row], slopes[window, :, row], step
+        states, moved = found[window, :, row], slopes[window, :, row]
+        bounded = bool(np.all(np.abs(states) < FAR))
+        if bounded and truncation < ACCURACY:
+            return states, moved, step
+        diverged = None if bounded else (states, moved, longest)
         step /= 2.0
+    if diverged is not None:
+        return diverged
     raise FloatingPointError(f"more than {most} integration steps")

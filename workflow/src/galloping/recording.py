@@ -166,11 +166,11 @@ class Recording(Immutable):
         """
         inputs = {name: self.inputs[name] for name in names}
         there = np.ones(len(self.time), bool)
-        edges = [one.time[:1] for one in inputs.values()]
+        begins = [np.empty(0)]
         for one in inputs.values():
             there &= one.covered(self.time)
-            edges += [np.array([last]) for _, last in one.stretches]
-        piece = np.searchsorted(np.sort(np.concatenate(edges)), self.time) if edges else 0 * there
+            begins.append(np.array(one.stretches)[:, 0])
+        piece = np.searchsorted(np.sort(np.concatenate(begins)), self.time, side="right")
         if there.all() and len(np.unique(piece)) == 1 and list(self.inputs) == list(names):
             return [self]
         rows = (np.flatnonzero(there & (piece == k)) for k in np.unique(piece))

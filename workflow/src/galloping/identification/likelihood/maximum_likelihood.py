@@ -15,16 +15,21 @@ from numpy.typing import ArrayLike
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.free_fit import FreeFit, free_fit, prepare, window_states
+from galloping.identification.likelihood.free_run import (
+    forgets_start,
+    free_runs,
+    whole_approximation,
+)
 from galloping.identification.likelihood.gauss_newton import DIVERGES, Fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings, driven
 from galloping.identification.likelihood.instrument import FORCES, Fault, faults
 from galloping.identification.likelihood.joined_fit import JoinedFit, join, unseen_mixtures
-from galloping.identification.likelihood.model_error import approximation, whole_approximation
+from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.prior import Prior, costs
 from galloping.identification.likelihood.problem import Coefficient, Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
-from galloping.identification.likelihood.shooting import Segments, forgets_start, residuals
+from galloping.identification.likelihood.shooting import Segments, residuals
 from galloping.identification.likelihood.starts import (
     TIME_SCALES,
     positions_of_rest,
@@ -167,7 +172,12 @@ def _near(problem: Problem, begun: Start, objection: str) -> IdentifiedModel:
         problem, condensed, segments, states, fit.free, fit.sigma, fit.floor, begun.penalty,
         objection,
     )  # fmt: skip
-    return by(["approximation"], near)
+    path = ["approximation"]
+    if problem.inputs and near.status == "approximate":
+        run = free_runs(problem, condensed, near, fit.floor, begun.penalty, objection)
+        if run is not None:
+            path, near = [*path, near.diagnostics["path"]], run
+    return by(path, near)
 
 
 def _followed(problem: Problem, recordings: list[Recording], begun: Start) -> IdentifiedModel | str:
@@ -197,12 +207,10 @@ def _followed(problem: Problem, recordings: list[Recording], begun: Start) -> Id
         if objection:
             if causes and not causes[0].or_model:
                 return by(joined.path, refused(problem, objection))
-            if problem.inputs and forgets_start(
-                problem, condensed, fit.sigma, step.segments, fit.free, fit.starts
-            ):
+            if problem.inputs and forgets_start(problem, condensed, step.segments, fit):
                 near = whole_approximation(
-                    problem, condensed, step.segments, fit, step.information, remaining, sigma,
-                    penalty, objection,
+                    problem, condensed, step.segments, fit, step.information, remaining, penalty,
+                    objection,
                 )  # fmt: skip
                 return by(joined.path, near)
             return objection

@@ -21,11 +21,10 @@ from scipy.special import stdtrit
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.fluctuation import fluctuating
 from galloping.identification.likelihood.further_modes import further_modes
-from galloping.identification.likelihood.gauss_newton import Fit
 from galloping.identification.likelihood.plausible import detection_limits
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
-from galloping.identification.likelihood.shooting import Segments, coefficient_pulls
+from galloping.identification.likelihood.shooting import Segments
 from galloping.identification.likelihood.verdict import by, refused
 from galloping.identification.likelihood.weak_constraint import (
     Joint,
@@ -54,7 +53,6 @@ WORTH = 0.25  # of a term: fall of the forecast error, in standard errors of the
 WHOLE_PASSES, CHOOSING_PASSES, SETTLING_PASSES = 1, 6, 4
 ERROR_CONVERGED = 0.05  # squared length of a step, in standard deviations
 MOST_GROUPS = 12  # of stretches left out together
-MOST_PULLS = 40  # stretches of a free run, long enough to be independent of each other
 # Total variance over that between stretches: what errs alike in all may be as large.
 SYSTEMATIC = 2.0
 FIRST_JUMP = 0.05  # relative to each state
@@ -129,58 +127,13 @@ def approximation(
         objection += "; its linear coefficients fluctuate, as in gusts"
     stretch = np.median(np.diff(segments.first)) * condensed.step
     followed = predictions(record, made.free, made.starts)
-    return _stated(
+    return stated(
         problem, condensed, segments, made, condensed.targets - followed, noise, penalty,
         f"{objection}; forecasts over {stretch:.2g} s leave",
     )  # fmt: skip
 
 
-def whole_approximation(
-    problem: Problem,
-    condensed: Condensed,
-    segments: Segments,
-    fit: Fit,
-    information: np.ndarray,
-    residual: np.ndarray,
-    noise: np.ndarray,
-    penalty: float,
-    objection: str,
-) -> IdentifiedModel:
-    """The model that errs least when it runs freely over the recording, which inputs drive.
-
-    The phase of its motion is theirs: what the model misses does not add up. segments: in the
-    chains, the free runs, in which `fit` matches them. information: of the candidates. residual:
-    (n_windows, n_observed, n_rows) of the free runs. noise: (n_recordings, n_states) root mean
-    square of what they leave of a sample. The rest as in `approximation`, as are the diagnostics,
-    of the free runs in place of forecasts. Intervals hold for residuals of any spectrum: they are
-    as wide as the pulls of MOST_PULLS stretches on the coefficients differ (sandwich; P. J. Huber,
-    1967), and a factor wider for what errs alike in all.
-    """
-    pulls = np.concatenate(
-        [
-            np.add.reduceat(pull, np.linspace(0, len(pull), count, endpoint=False).astype(int))
-            for pull in coefficient_pulls(
-                problem, condensed, fit.sigma, segments, fit.free, fit.starts,
-                problem.candidates[fit.support], residual,
-            )
-            if (count := min(len(pull), MOST_PULLS))
-        ]
-    )  # fmt: skip
-    _, covariance = solve_support(information, np.zeros(len(fit.free)), fit.support)
-    moved = pulls @ covariance
-    covariance = SYSTEMATIC * _few(len(moved)) * moved.T @ moved
-    covariance += _of_prior(problem, information, fit.support)
-    made = Approximation(
-        fit.free, fit.support, fit.starts, information, covariance,
-        _forecast(condensed, segments, residual), residual[:, :, 0], path=("whole",),
-    )  # fmt: skip
-    return _stated(
-        problem, condensed, segments, made, residual, noise, penalty,
-        f"{objection}; over the whole recording it leaves",
-    )  # fmt: skip
-
-
-def _stated(
+def stated(
     problem: Problem,
     condensed: Condensed,
     segments: Segments,
@@ -414,16 +367,16 @@ def _judged(record: Record, fit: StretchFit) -> Approximation:
         residual[own] = condensed.targets[own] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
-    covariance = SYSTEMATIC * _few(len(groups)) * freedom / len(groups) * spread.T @ spread
+    covariance = SYSTEMATIC * of_few(len(groups)) * freedom / len(groups) * spread.T @ spread
     solved = joint(record, linear, fit.starts, precision).with_prior(record.problem, fit.free)
-    covariance += _of_prior(record.problem, solved.information, fit.support)
+    covariance += prior_covariance(record.problem, solved.information, fit.support)
     return Approximation(
         fit.free, fit.support, fit.starts, solved.information, covariance,
-        _forecast(condensed, segments, residual), residual[:, :, 0],
+        mean_squares(condensed, segments, residual), residual[:, :, 0],
     )  # fmt: skip
 
 
-def _of_prior(problem: Problem, information: np.ndarray, support: np.ndarray) -> np.ndarray:
+def prior_covariance(problem: Problem, information: np.ndarray, support: np.ndarray) -> np.ndarray:
     """What the means of priors, which are as wrong as they say, add to a covariance."""
     if problem.precision is None:
         return np.zeros((support.sum(), support.sum()))
@@ -431,12 +384,12 @@ def _of_prior(problem: Problem, information: np.ndarray, support: np.ndarray) ->
     return covariance * problem.of_candidates(problem.precision)[support] @ covariance
 
 
-def _few(groups: int) -> float:
+def of_few(groups: int) -> float:
     """By how much a variance from so few groups is to be larger for normal intervals to hold."""
     return float((stdtrit(max(groups - 1, 1), QUANTILES_95[1]) / NORMAL_95) ** 2)
 
 
-def _forecast(condensed: Condensed, segments: Segments, residual: np.ndarray) -> np.ndarray:
+def mean_squares(condensed: Condensed, segments: Segments, residual: np.ndarray) -> np.ndarray:
     """(3, n_segments, n_observed) as in `Approximation`, by the residual of the forecasts."""
     windows = np.diff(segments.first)[:, None]
     squares = [

@@ -10,7 +10,6 @@ shooting (H. G. Bock, 1983).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -25,8 +24,6 @@ from galloping.identification.likelihood.constants import (
 )
 from galloping.identification.likelihood.problem import Problem
 from galloping.taylor import integrate, system
-
-FORGOTTEN = 0.1  # share of a first state's effect on the motion that is left where it is forgotten
 
 
 @dataclass(frozen=True)
@@ -281,72 +278,3 @@ def residuals(
     if not np.all(np.abs(ends) < HUGE):
         raise FloatingPointError("the model diverges over the recording")
     return condensed.targets - predicted, truncation
-
-
-def coefficient_pulls(
-    problem: Problem,
-    condensed: Condensed,
-    sigma: np.ndarray,
-    segments: Segments,
-    free: np.ndarray,
-    starts: np.ndarray,
-    pairs: np.ndarray,
-    residual: np.ndarray,
-) -> Iterator[np.ndarray]:
-    """How each window of each chain pulls the coefficients `pairs`, (n_windows, n_pairs).
-
-    The gradient of chi^2 / 2 in runs from the first state of a chain, that state at its best. The
-    rest as in `linearise`; residual: (n_windows, n_observed, n_rows).
-    """
-    n = len(pairs)
-    for own, rows, weight in _free_runs(problem, condensed, sigma, segments, free, starts, pairs):
-        flat = rows.reshape(-1, rows.shape[3])
-        by_start = np.linalg.lstsq(flat[:, n:], flat[:, :n], rcond=UNDETERMINED)[0]
-        design = rows[..., :n] - rows[..., n:] @ by_start
-        yield np.einsum("worp,wor->wp", design, residual[own] * weight)
-
-
-def forgets_start(
-    problem: Problem,
-    condensed: Condensed,
-    sigma: np.ndarray,
-    segments: Segments,
-    free: np.ndarray,
-    starts: np.ndarray,
-) -> bool:
-    """Whether the end of the motion over each chain depends FORGOTTEN as much on how it began as
-    the beginning does: that of a damped system that is driven does not, the phase of a limit cycle
-    stays. The arguments as in `linearise`.
-    """
-    none = problem.candidates[:0]
-    for _, rows, _ in _free_runs(problem, condensed, sigma, segments, free, starts, none):
-        tenth = max(len(rows) // 10, 1)
-        if not np.linalg.norm(rows[-tenth:]) < FORGOTTEN * np.linalg.norm(rows[:tenth]):
-            return False
-    return True
-
-
-def _free_runs(
-    problem: Problem,
-    condensed: Condensed,
-    sigma: np.ndarray,
-    segments: Segments,
-    free: np.ndarray,
-    starts: np.ndarray,
-    pairs: np.ndarray,
-) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """Of each chain its windows, the slopes (n_windows, n_observed, n_rows, n_pairs + n_states) of
-    the solution from its first state, over the noise, and one over the noise (n_observed, 1).
-    """
-    compiled = system(problem.tables, problem.coefficients(free), pairs)
-    bounds = np.flatnonzero(np.diff(segments.chains, prepend=-1, append=-1))
-    for begin, end in pairwise(bounds):
-        own = slice(segments.first[begin], segments.first[end])
-        first = np.array([0, own.stop - own.start])
-        rows = integrate(
-            compiled, condensed.step, first, starts[begin : begin + 1],
-            condensed.functionals[own], condensed.observed, condensed.driven(own), sensitive=True,
-        )[1]  # fmt: skip
-        weight = 1.0 / sigma[segments.recording[begin]][:, None]
-        rows *= weight[..., None]
-        yield own, rows, weight

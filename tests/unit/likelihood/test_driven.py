@@ -1,0 +1,245 @@
+"""Identification of what measured inputs drive: a Duffing oscillator, a line in gusts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import galloping
+from galloping import Coefficient
+from galloping.inputs import Input
+
+TIME = np.arange(1601) / 20.0
+DUFFING_TERMS = ((1, 0, 0), (0, 1, 0), (3, 0, 0), (0, 0, 1))
+DUFFING = galloping.PolynomialModel(
+    ("y", "dy"), DUFFING_TERMS, [[0, 1, 0, 0], [-9.0, -0.3, -0.7, 1.0]], ("F",)
+)
+CUBIC = (*((*term, 0) for term in galloping.polynomial_library(2, 3)), (0, 0, 1))
+
+LINE_TERMS = ((1, 0, 0), (0, 1, 0), (0, 1, 1), (0, 2, 0), (0, 3, -1), (3, 0, 0))
+LINE = galloping.PolynomialModel(
+    ("q", "dq"), LINE_TERMS, [[0, 1, 0, 0, 0, 0], [-4.0, -0.5, 0.06, 0.0, -1.2, -0.3]], ("U",)
+)
+WIND_LIBRARY = (*LINE_TERMS, (2, 0, 0), (0, 0, 0), (0, 0, 2))
+
+
+def multisine(time, seed=0, lowest=0.1, highest=0.9, size=1.0):
+    rng = np.random.default_rng(seed)
+    tones = rng.uniform(lowest, highest, 15)[:, None] * 2.0 * np.pi
+    return size * np.cos(tones * time + rng.uniform(0.0, 6.3, (15, 1))).sum(axis=0)
+
+
+FORCE = Input(TIME, multisine(TIME))
+GUSTS = Input(TIME, 12.0 + multisine(TIME, 1, 0.01, 0.4, 0.3))
+
+
+def recorded(model, inputs, start=(0.1, 0.0), seed=3, time=TIME, level=0.05, **changes):
+    motion = galloping.simulate(model, start, time, inputs)
+    assert motion.status == "ok"
+    recording = galloping.measure(model, motion, level=level, seed=seed, inputs=inputs)
+    return replace(recording, **changes)
+
+
+def on(model, terms):
+    return model.on_library(terms).coefficients
+
+
+def unknown(coefficients):
+    return (coefficients != 0.0) & [[False], [True]]
+
+
+@pytest.mark.parametrize("protocol", ["state", "displacement"])
+def test_a_driven_oscillator_is_found_at_the_bound(protocol):
+    true = on(DUFFING, CUBIC)
+    support, errors = unknown(true), []
+    motion = galloping.simulate(DUFFING, [0.1, 0.0], TIME, {"F": FORCE})
+    sigma = 0.05 * motion.states.std(axis=0)
+    if protocol == "displacement":
+        sigma[1] = np.inf
+    bound = galloping.cramer_rao_bound(
+        DUFFING.on_library(CUBIC), [0.1, 0.0], TIME, sigma, inputs={"F": FORCE}
+    )
+    for seed in range(8):
+        recording = galloping.measure(
+            DUFFING, motion, protocol=protocol, level=0.05, seed=seed, inputs={"F": FORCE}
+        )
+        found = galloping.maximum_likelihood(recording, CUBIC)
+        assert found.status == "ok"
+        assert np.array_equal(found.support, support)
+        assert found.standard_errors[support] == pytest.approx(bound[support], rel=0.1)
+        errors.append((found.model.coefficients - true)[support] / bound[support])
+    assert np.sqrt(np.mean(np.square(errors))) < 1.3
+
+
+def test_exact_states_with_noisy_derivatives():
+    motion = galloping.simulate(LINE, [0.1, 0.0], TIME, {"U": GUSTS})
+    recording = galloping.measure(
+        LINE, motion, protocol="derivative", level=0.02, seed=1, inputs={"U": GUSTS}
+    )
+    found = galloping.maximum_likelihood(recording, WIND_LIBRARY)
+    support = unknown(on(LINE, WIND_LIBRARY))
+    assert np.array_equal(found.support, support)
+    away = (found.model.coefficients - on(LINE, WIND_LIBRARY))[support]
+    assert np.all(np.abs(away) < 4.0 * found.standard_errors[support])
+
+
+def test_a_line_in_gusts_holds_at_other_winds():
+    found = galloping.maximum_likelihood(recorded(LINE, {"U": GUSTS}), WIND_LIBRARY)
+    assert found.status == "ok"
+    assert np.array_equal(found.support, unknown(on(LINE, WIND_LIBRARY)))
+    for speed in (10.0, 12.0, 14.0):
+        held, true = found.at({"U": speed}), LINE.at({"U": speed})
+        place = held.model.terms.index((0, 1))
+        away = held.model.coefficients[1, place] - true.coefficients[1, true.terms.index((0, 1))]
+        assert abs(away) < 3.0 * held.standard_errors[1, place]
+        motion, other = (
+            galloping.simulate(model, [0.5, 0.0], TIME) for model in (held.model, true)
+        )
+        last = TIME > 60.0
+        amplitudes = [np.ptp(one.states[last, 0]) for one in (motion, other)]
+        assert amplitudes[0] == pytest.approx(amplitudes[1], rel=0.05)
+
+
+def test_inputs_that_no_term_names_change_nothing():
+    recording = recorded(LINE, {"U": GUSTS})
+    terms = galloping.polynomial_library(2, 3)
+    alone = galloping.maximum_likelihood(replace(recording, inputs={}), terms)
+    assert galloping.maximum_likelihood(recording, terms) == alone
+
+
+def test_stretches_without_the_input_do_not_count():
+    values = np.array(FORCE.values)
+    values[600:700] = np.nan
+    recording = recorded(DUFFING, {"F": FORCE})
+    found = galloping.maximum_likelihood(
+        replace(recording, inputs={"F": Input(TIME, values)}), CUBIC
+    )
+    parts = [recording[:600], recording[700:]]
+    assert found.status == "ok"
+    assert found.model.coefficients == pytest.approx(
+        galloping.maximum_likelihood(parts, CUBIC).model.coefficients, rel=1e-3
+    )
+    assert found.initial_states.shape == (2, 2)
+    assert found.diagnostics["without_inputs_share"] == pytest.approx(100 / 1601)
+
+
+def test_no_stretch_with_the_input_is_refused():
+    values = np.where(np.arange(1601) % 80 < 60, FORCE.values, np.nan)
+    recording = replace(recorded(DUFFING, {"F": FORCE}), inputs={"F": Input(TIME, values)})
+    found = galloping.maximum_likelihood(recording, CUBIC)
+    assert found.verdict == "refused: no 100 samples in a row with F beside them"
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_what_no_model_follows_is_followed_best_when_it_runs_freely(seed):
+    """Of a library that lacks a term in F^2 the model errs least over the whole recording, whether
+    its segments could be joined or not, and says less of it than if what it misses were white.
+    """
+    odd = replace(
+        DUFFING,
+        terms=(*DUFFING_TERMS, (0, 0, 2)),
+        coefficients=np.hstack([DUFFING.coefficients, [[0.0], [0.03]]]),
+    )
+    recording = recorded(odd, {"F": Input(TIME, multisine(TIME, seed))}, level=0.002)
+    found = galloping.maximum_likelihood(recording, DUFFING_TERMS)
+    assert found.status == "approximate"
+    assert "over the whole recording it leaves" in found.reason
+
+    def error(coefficients):
+        model = replace(DUFFING, coefficients=coefficients)
+        motion = galloping.simulate(model, found.initial_states[0], TIME, recording.inputs)
+        return np.mean(((motion.states - recording.values) / found.sigma[0]) ** 2)
+
+    least = error(found.model.coefficients)
+    for place in map(tuple, np.argwhere(found.support)):
+        for sign in (-1.0, 1.0):
+            moved = np.zeros((2, 4))
+            moved[place] = sign * found.standard_errors[place]
+            assert error(found.model.coefficients + moved) > 0.999 * least
+    white = galloping.cramer_rao_bound(
+        found.model, found.initial_states[0], TIME, found.sigma[0], inputs=recording.inputs
+    )
+    assert np.all(found.standard_errors[found.support] > 1.3 * white[found.support])
+
+
+@pytest.mark.parametrize("protocol", ["state", "derivative"])
+def test_single_coefficients_are_fixed_or_bounded(protocol):
+    motion = galloping.simulate(DUFFING, [0.1, 0.0], TIME, {"F": FORCE})
+    recording = galloping.measure(
+        DUFFING, motion, protocol=protocol, level=0.1, seed=2, inputs={"F": FORCE}
+    )
+    free = galloping.maximum_likelihood(recording, CUBIC)
+    stiffness, cubic, odd = (CUBIC.index(term) for term in ((1, 0, 0), (3, 0, 0), (1, 1, 0)))
+
+    fixed = galloping.maximum_likelihood(
+        recording, CUBIC, coefficients=[Coefficient("dy", (3, 0, 0), -0.7)]
+    )
+    assert fixed.model.coefficients[1, cubic] == -0.7
+    assert fixed.standard_errors[1, cubic] == 0.0
+    assert fixed.standard_errors[1, stiffness] < 0.7 * free.standard_errors[1, stiffness]
+    assert fixed.covariance.shape == (fixed.support.sum(),) * 2
+    row = np.flatnonzero(np.argwhere(fixed.support)[:, 1] == cubic)
+    assert not fixed.covariance[row].any()
+
+    deviation = free.standard_errors[1, cubic]
+    bounded = galloping.maximum_likelihood(
+        recording, CUBIC, coefficients=[Coefficient("dy", (3, 0, 0), -0.7, deviation)]
+    )
+    middle = (free.model.coefficients[1, cubic] - 0.7) / 2.0  # two statements as sure
+    assert bounded.model.coefficients[1, cubic] == pytest.approx(middle, abs=0.05 * deviation)
+    assert bounded.standard_errors[1, cubic] == pytest.approx(deviation / np.sqrt(2.0), rel=0.05)
+
+    small = Coefficient("dy", (1, 1, 0), 0.0, 1e-4)  # not told by the data, yet not left out
+    told = galloping.maximum_likelihood(recording, CUBIC, coefficients=[small])
+    assert told.support[1, odd]
+    assert told.standard_errors[1, odd] == pytest.approx(1e-4, rel=0.05)
+    assert np.array_equal(told.support.sum(), free.support.sum() + 1)
+
+
+def test_terms_are_sought_where_they_are_allowed():
+    allowed = np.ones((2, len(CUBIC)), bool)
+    allowed[1] = [term in DUFFING_TERMS for term in CUBIC]
+    recording = recorded(DUFFING, {"F": FORCE})
+    found = galloping.maximum_likelihood(recording, CUBIC, allowed=allowed)
+    assert found.status == "ok"
+    assert not found.support[~allowed].any()
+    assert np.isnan(found.detection_limits[1, ~allowed[1]]).all()
+
+
+@pytest.mark.parametrize(
+    ("one", "message"),
+    [
+        (Coefficient("y", (0, 1, 0), 1.0), "'y'; must be an unknown equation: dy"),
+        (Coefficient("dy", (0, 0, 2), 1.0), r"F\^2: not in the library"),
+    ],
+)
+def test_what_is_known_of_nothing_is_refused(one, message):
+    with pytest.raises(ValueError, match=message):
+        galloping.maximum_likelihood(recorded(DUFFING, {"F": FORCE}), CUBIC, coefficients=[one])
+    with pytest.raises(ValueError, match="deviation: -1; must be a finite number >= 0"):
+        Coefficient("dy", (1, 0, 0), 1.0, -1)
+
+
+def test_the_error_of_an_input_is_in_the_intervals():
+    """A factor on the wind is one on each coefficient, to the power of the wind in its term."""
+    recording = recorded(LINE, {"U": GUSTS})
+    sure = galloping.maximum_likelihood(recording, WIND_LIBRARY)
+    given = {"U": replace(GUSTS, error=0.02)}
+    unsure = galloping.maximum_likelihood(replace(recording, inputs=given), WIND_LIBRARY)
+    assert unsure.model == sure.model
+    powers = {(1, 0, 0): 0, (0, 1, 0): 0, (0, 1, 1): 1, (0, 3, -1): -1}
+    for term, power in powers.items():
+        place = 1, WIND_LIBRARY.index(term)
+        added = 0.02 * power * sure.model.coefficients[place]
+        whole = np.hypot(sure.standard_errors[place], added)
+        assert unsure.standard_errors[place] == pytest.approx(whole, rel=1e-9)
+
+
+def test_recordings_share_their_inputs_by_name():
+    first, second = (recorded(DUFFING, {"F": FORCE}, seed=seed) for seed in (1, 2))
+    twice = replace(second, inputs={"G": GUSTS, "F": FORCE})
+    with pytest.raises(ValueError, match="item 1 lacks the input F of the first"):
+        galloping.maximum_likelihood([first, replace(first, inputs={})], CUBIC)
+    found = galloping.maximum_likelihood([first, twice], CUBIC)
+    assert found.status == "ok"
+    assert found.model.inputs == ("F",)
