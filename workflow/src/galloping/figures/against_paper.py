@@ -195,8 +195,8 @@ def _heads(figure: Figure, pairs: Sequence[tuple[str, str]], height: float) -> N
     keys = [parts.key("paper", marker="|", color=PAPER, ms=8, mew=1.5)]
     for j, (protocol, method) in enumerate(pairs, start=1):
         style = method_style(method)
-        text = f"{protocol}\n{style.label.replace(' ', chr(10))}"
-        figure.text(left + j * step, y + 0.4 / height, text, va="top", fontsize="x-small")
+        words = "\n".join([protocol, *style.label.split(" ")])
+        figure.text(left + j * step, y + 0.4 / height, words, va="top", fontsize="x-small")
         face = style.color if protocol == pairs[0][0] else "white"
         label = f"{style.label}, {protocol}"
         keys.append(parts.key(label, marker=style.marker, mfc=face, mec=style.color, ms=3.5))

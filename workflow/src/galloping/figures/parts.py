@@ -45,7 +45,7 @@ def letter(axes: Axes, index: int, text: str) -> None:
 
 
 def typeset(text: str) -> str:
-    """R2, q_v and q_w as symbols, a minus as such."""
+    """R2, q_v and q_w as symbols, percent points in short."""
     for plain, symbol in (("R2", "$R^2$"), *STATE_LABELS.items(), ("percent points", "% points")):
         text = text.replace(plain, symbol)
     return text

@@ -49,10 +49,10 @@ def arrow(
     )  # fmt: skip
 
 
-def bare(axes: Axes) -> None:
-    """A drawing to scale in both directions, without axes."""
-    axes.set_aspect("equal")
-    axes.axis("off")
+def _say(axes: Axes, *texts: tuple[float, float, str, str, str], **look: object) -> None:
+    """Texts, each by its place, its words and how they are aligned, across and upright."""
+    for x, y, words, ha, va in texts:
+        axes.text(x, y, words, ha=ha, va=va, **look)
 
 
 # --- figure 1 ---
@@ -63,76 +63,64 @@ def draw_line(model: Derived, settings: Mapping) -> Figure:
 
     model: what follows from the line. settings: case, its name; line, its parameters.
     """
-    case, derived, name = settings["line"], model.quantities, settings["case"]
+    case = settings["line"]
     figure = Figure(figsize=(DOUBLE, HEIGHT))
-    elevation = figure.add_axes(ELEVATION)
-    section = figure.add_axes(SECTION)
-    _elevation(elevation, case, derived, name)
-    _section(section, case["bundle"]["subconductors"])
+    _elevation(figure.add_axes(ELEVATION), case, model.quantities, settings["case"])
+    _section(figure.add_axes(SECTION), case["bundle"]["subconductors"])
     return figure
 
 
 def _elevation(axes: Axes, case: Mapping, derived: Mapping, name: str) -> None:
     span, sag = case["line"]["span"], derived["sag_m"]
-    low, high = -1.75 * sag, 0.95 * sag
-    left, right = -0.06 * span, 1.06 * span
-    axes.set(xlim=(left, right), ylim=(low, high))
+    low, high, left, right = -1.75 * sag, 0.95 * sag, -0.06 * span, 1.06 * span
+    axes.set(xlim=(left, right), ylim=(low, high), yticks=sorted({0.0, -round(sag, 2)}),
+             xlabel="distance from the left support, m",
+             ylabel="height above the supports, m")  # fmt: skip
     width, height = DOUBLE * ELEVATION[2], HEIGHT * ELEVATION[3]
     exaggeration = (height / (high - low)) / (width / (right - left))
+    parts.letter(axes, 0, f"elevation, {spoken(name)}; heights × {exaggeration:.3g}")
 
     def rest(s):
         return -4 * sag * (s / span) * (1 - s / span)
 
-    s = np.linspace(0, span, 201)
+    s, nodes = np.linspace(0, span, 201), positions(span)
     axes.plot([0, span], [0, 0], color=TRUE, lw=0.8, ls=(0, (6, 3)))
     axes.plot(s, rest(s), color=INK, lw=1.6)
-    nodes = positions(span)
     mode = MODES[case["line"]["mode_shape"]](Line.from_case(case)).shape
     axes.plot(nodes, rest(nodes) + 0.35 * sag * mode, color=MODEL, lw=0.9, ls="--")
-    axes.text(
-        0.84 * span, rest(0.84 * span) - 0.05 * sag, "at rest", ha="left", va="top", color=INK
-    )
-    axes.annotate(
-        r"first mode, $V=\phi_v(s)\,q_v$",
-        xy=(0.6 * span, rest(0.6 * span) + 0.33 * sag),
-        xytext=(0.53 * span, 0.12 * sag),
-        color=MODEL,
-    )
     for support in (0, span):
         axes.plot([support, support], [low, 0.12 * sag], color=INK, lw=2.2)
     spacers = np.asarray(case["spacers"]["positions"], float)
     axes.plot(spacers, rest(spacers), ls="", marker="s", ms=5, mfc="white", mec=INK, mew=1.1)
-    for k, place in enumerate(spacers, start=1):
-        axes.text(place, rest(place) - 0.12 * sag, f"$s_{{{k}}}$", ha="center", va="top")
     middle = 0.44 * span
     arrow(axes, (middle, 0), (middle, rest(middle)), style="<|-|>", width=0.8)
-    axes.text(
-        middle - 0.01 * span, -0.35 * sag, f"sag {sag:.2f} m", ha="right", va="center",
-        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1},
-    )  # fmt: skip
-    _triad(axes, 0.03 * span, 0.3 * sag, 0.13 * span, 0.5 * sag)
-    axes.text(
-        0.98 * span, 0.92 * sag,
+    numbers = (
         rf"$l$ = {span:g} m, $H$ = {case['line']['tension'] / 1e3:g} kN a conductor,"
         rf" $\lambda^2$ = {derived['irvine_parameter']:.3g}" "\n"
         rf"$\omega_v$ = {derived['omega_v_rad_s']:.3f} rad/s,"
-        rf" $\omega_w$ = {derived['omega_w_rad_s']:.3f} rad/s",
-        ha="right", va="top",
+        rf" $\omega_w$ = {derived['omega_w_rad_s']:.3f} rad/s"
     )  # fmt: skip
-    axes.set(xlabel="distance from the left support, m", ylabel="height above the supports, m")
-    axes.set_yticks(sorted({0.0, -round(sag, 2)}))
-    parts.letter(axes, 0, f"elevation, {spoken(name)}; heights × {exaggeration:.3g}")
-
-
-def _triad(axes: Axes, x: float, y: float, along: float, up: float) -> None:
-    """The coordinate s with the displacement Y along it, V upwards, W towards the reader."""
+    # the coordinate s with the displacement Y along it, V upwards, W towards the reader
+    x, y, along, up = 0.03 * span, 0.3 * sag, 0.13 * span, 0.5 * sag
     arrow(axes, (x, y), (x + along, y))
     arrow(axes, (x, y), (x, y + up))
-    axes.text(x + along * 1.05, y, "$s$, $Y$", va="center")
-    axes.text(x + 0.08 * along, y + up, "$V$", va="center", ha="left")
     axes.plot(x, y, "o", ms=7, mfc="white", mec=INK, mew=0.9)
     axes.plot(x, y, "o", ms=2, color=INK)
-    axes.text(x - 0.16 * along, y, "$W$", va="center", ha="right")
+    _say(
+        axes,
+        (0.84 * span, rest(0.84 * span) - 0.05 * sag, "at rest", "left", "top"),
+        (0.98 * span, 0.92 * sag, numbers, "right", "top"),
+        (x + along * 1.05, y, "$s$, $Y$", "left", "center"),
+        (x + 0.08 * along, y + up, "$V$", "left", "center"),
+        (x - 0.16 * along, y, "$W$", "right", "center"),
+        *((place, rest(place) - 0.12 * sag, f"$s_{{{k}}}$", "center", "top")
+          for k, place in enumerate(spacers, start=1)),
+    )  # fmt: skip
+    first = r"first mode, $V=\phi_v(s)\,q_v$"
+    _say(axes, (0.53 * span, 0.12 * sag, first, "left", "baseline"), color=MODEL)
+    ground = {"facecolor": "white", "edgecolor": "none", "pad": 1}
+    where = middle - 0.01 * span, -0.35 * sag
+    _say(axes, (*where, f"sag {sag:.2f} m", "right", "center"), bbox=ground)
 
 
 def _section(axes: Axes, count: int) -> None:
@@ -144,18 +132,18 @@ def _section(axes: Axes, count: int) -> None:
     for place in zip(x, y, strict=True):
         iced_conductor(axes, *place, 0.2)
     axes.add_patch(Circle((0, 0), 0.05, color=INK))
-    arrow(axes, (0, 0), (0, 0.55))
-    arrow(axes, (0, 0), (0.55, 0))
-    axes.text(0.06, 0.52, "$V$", va="center")
-    axes.text(0.55, -0.06, "$W$", va="top", ha="center")
-    axes.text(-0.05, -0.12, "reference\ncurve", va="top", ha="center", fontsize="small")
+    for end in ((0, 0.55), (0.55, 0)):
+        arrow(axes, (0, 0), end)
     for height in (-0.35, 0, 0.35):
         arrow(axes, (-1.75, height), (-1.25, height), color=MODEL)
-    axes.text(-1.5, 0.45, "wind $U$", ha="center", va="bottom", color=MODEL)
-    axes.set(xlim=(-1.9, 1.15), ylim=(-1.35, 1.25))
-    bare(axes)
+    _say(axes, (0.06, 0.52, "$V$", "left", "center"), (0.55, -0.06, "$W$", "center", "top"))
+    _say(axes, (-1.5, 0.45, "wind $U$", "center", "bottom"), color=MODEL)
+    _say(axes, (-0.05, -0.12, "reference\ncurve", "center", "top"),
+         (0.0, -1.08, "spacer frame, ice to windward", "center", "top"),
+         fontsize="small")  # fmt: skip
+    axes.set(xlim=(-1.9, 1.15), ylim=(-1.35, 1.25), aspect="equal")
+    axes.axis("off")
     parts.letter(axes, 1, f"bundle of {count}, not to scale")
-    axes.text(0.0, -1.08, "spacer frame, ice to windward", ha="center", va="top", fontsize="small")
 
 
 # --- figure 2 ---
@@ -208,32 +196,25 @@ def _formula(values: tuple[float, ...]) -> str:
 def _vectors(axes: Axes) -> None:
     """The section moves up: the relative wind meets it from above, at the angle alpha."""
     iced_conductor(axes, 0, 0, 0.3)
-    tip = (-0.62, 0.0)
-    wind, rise = 1.55, 0.62
-    start = (tip[0] - wind, tip[1])
-    above = (start[0], tip[1] + rise)
+    tip, start, above = (-0.62, 0.0), (-2.17, 0.0), (-2.17, 0.62)
     arrow(axes, start, tip, color=MODEL, width=1.5)
     arrow(axes, above, start, color=MODEL, line="--", width=1.2)
     arrow(axes, above, tip, color=PAPER, width=1.5)
-    axes.text(-1.5, -0.08, "wind $U$", ha="center", va="top", color=MODEL)
-    axes.text(start[0] - 0.06, rise / 2, r"$-\dot V$", ha="right", va="center", color=MODEL)
-    axes.text(-1.35, 0.5, "relative wind $U_r$", ha="left", va="center", color=PAPER)
-    angle = np.degrees(np.arctan2(rise, wind))
-    axes.add_patch(Arc(tip, 1.7, 1.7, theta1=180 - angle, theta2=180, color=INK, lw=0.8))
-    axes.text(tip[0] - 0.98, 0.17, r"$\alpha$", ha="center", va="center")
-    arrow(axes, (0, 0.3), (0, 1.2), width=1.8)
-    axes.text(0.07, 1.13, "$F_Y$", va="center")
-    arrow(axes, (0.3, 0), (1.2, 0), width=1.8)
-    axes.text(1.15, 0.12, "$F_Z$", ha="center", va="bottom")
     arrow(axes, (0.55, 0.3), (0.55, 0.95), color=MODEL, line="--", width=1.2)
-    axes.text(0.62, 0.65, r"velocity $\dot V$", va="center", color=MODEL)
-    axes.text(
-        -0.5, -0.62, r"$\alpha \approx \dot V / U$,   $F_{Y,Z} = \frac{1}{2}\rho D U^2\,"
-        r"C_{Y,Z}(\alpha)$", ha="center", va="top",
-    )  # fmt: skip
-    axes.set(xlim=(-2.65, 1.5), ylim=(-1.05, 1.35))
-    bare(axes)
-    axes.set_anchor("N")
+    arrow(axes, (0, 0.3), (0, 1.2), width=1.8)
+    arrow(axes, (0.3, 0), (1.2, 0), width=1.8)
+    angle = np.degrees(np.arctan2(above[1], tip[0] - above[0]))
+    axes.add_patch(Arc(tip, 1.7, 1.7, theta1=180 - angle, theta2=180, color=INK, lw=0.8))
+    _say(axes, (-1.5, -0.08, "wind $U$", "center", "top"),
+         (start[0] - 0.06, 0.31, r"$-\dot V$", "right", "center"),
+         (0.62, 0.65, r"velocity $\dot V$", "left", "center"), color=MODEL)  # fmt: skip
+    _say(axes, (-1.35, 0.5, "relative wind $U_r$", "left", "center"), color=PAPER)
+    law = (r"$\alpha \approx \dot V / U$,   $F_{Y,Z} = \frac{1}{2}\rho D U^2\,"
+           r"C_{Y,Z}(\alpha)$")  # fmt: skip
+    _say(axes, (0.07, 1.13, "$F_Y$", "left", "center"), (1.15, 0.12, "$F_Z$", "center", "bottom"))
+    _say(axes, (-1.6, 0.17, r"$\alpha$", "center", "center"), (-0.5, -0.62, law, "center", "top"))
+    axes.set(xlim=(-2.65, 1.5), ylim=(-1.05, 1.35), aspect="equal", anchor="N")
+    axes.axis("off")
     parts.letter(axes, 0, "section with crescent-shaped ice")
 
 
@@ -268,44 +249,26 @@ def _boxes(settings: Mapping) -> list[tuple[str, str]]:
     degree = settings["degree"]
     candidates = comb(len(STATES) + degree, degree)
     methods = "; ".join(method_style(name).label for name in settings["methods"])
+    protocols = " or ".join(settings["protocols"])
+    noise, points = (
+        " to ".join(f"{value:g}" for value in dict.fromkeys(settings[name]))
+        for name in ("levels", "points")
+    )
     return [
         ("Line and wind", "conductor, bundle, span, tension, spacers, ice, wind speed, damping"),
-        (
-            "Galloping equations",
-            "Galerkin projection on the first modes: γ₁…γ₈ and κ₁…κ₁₀",
-        ),
+        ("Galloping equations", "Galerkin projection on the first modes: γ₁…γ₈ and κ₁…κ₁₀"),
         ("True motion", "Taylor integration to machine precision: displacements and velocities"),
-        (
-            "Recordings",
-            f"protocol {_either(settings['protocols'])}; noise {_range(settings['levels'])}; "
-            f"subsets of {_range(settings['points'])} points; {settings['replicates']} replicates",
-        ),
-        (
-            "Candidate library",
-            f"{candidates} monomials up to degree {degree}: regressed on derivatives or "
-            "integrals, or fitted to the motion",
-        ),
+        ("Recordings", f"protocol {protocols}; noise {noise}; subsets of {points} points; "
+         f"{settings['replicates']} replicates"),
+        ("Candidate library", f"{candidates} monomials up to degree {degree}: regressed on "
+         "derivatives or integrals, or fitted to the motion"),
         ("Identification", f"{methods}; terms by a rule from the data alone"),
         ("Identified model", "support and coefficients of both equations, for each replicate"),
-        (
-            "Reconstructed motion",
-            "integrated from the true initial state; one that diverges is kept as a failure",
-        ),
-        (
-            "Comparison",
-            "coefficient errors, terms found, $R^2$, amplitude, frequency: medians, intervals, "
-            "claims",
-        ),
-    ]
-
-
-def _either(names: Sequence[str]) -> str:
-    return " or ".join(names)
-
-
-def _range(values: Sequence[float]) -> str:
-    low, high = min(values), max(values)
-    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+        ("Reconstructed motion", "integrated from the true initial state; one that diverges is "
+         "kept as a failure"),
+        ("Comparison", "coefficient errors, terms found, $R^2$, amplitude, frequency: medians, "
+         "intervals, claims"),
+    ]  # fmt: skip
 
 
 def _box(axes: Axes, x: float, y: float, title: str, text: str, color: str) -> None:
@@ -316,11 +279,9 @@ def _box(axes: Axes, x: float, y: float, title: str, text: str, color: str) -> N
             boxstyle="round,pad=0,rounding_size=0.07", facecolor=color, edgecolor=INK, lw=0.8,
         )
     )  # fmt: skip
-    axes.text(x, y + height / 2 - 0.07, title, ha="center", va="top", weight="bold")
-    axes.text(
-        x, y + height / 2 - 0.24, fill(text, 36), ha="center", va="top", fontsize="small",
-        linespacing=1.15,
-    )  # fmt: skip
+    _say(axes, (x, y + height / 2 - 0.07, title, "center", "top"), weight="bold")
+    _say(axes, (x, y + height / 2 - 0.24, fill(text, 36), "center", "top"), fontsize="small",
+         linespacing=1.15)  # fmt: skip
 
 
 def _truth(axes: Axes) -> None:
@@ -330,7 +291,6 @@ def _truth(axes: Axes) -> None:
         [right, margin, margin], [ROWS[0], ROWS[0], ROWS[2]], color=PAPER, lw=1.0, ls=(0, (4, 2))
     )
     arrow(axes, (margin, ROWS[2]), (right, ROWS[2]), color=PAPER)
-    axes.text(
-        margin - 0.05, (ROWS[1] + ROWS[2]) / 2, "true coefficients and motion",
-        ha="right", va="center", color=PAPER, fontsize="small",
-    )  # fmt: skip
+    where = margin - 0.05, (ROWS[1] + ROWS[2]) / 2
+    _say(axes, (*where, "true coefficients and motion", "right", "center"), color=PAPER,
+         fontsize="small")  # fmt: skip
