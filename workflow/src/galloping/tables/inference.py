@@ -92,32 +92,22 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame, settings: Mappin
     for unknown in UNKNOWNS:
         low, high = drawn[unknown.name].quantile(QUANTILES_90)
         share = np.log(high / low) / np.log(unknown.high / unknown.low)
-        table.append(
-            {
-                "unknown": unknown.name,
-                "key": ".".join(unknown.path),
-                "unit": unknown.unit,
-                "best": best[unknown.name],
-                "low": low,
-                "high": high,
-                "least": unknown.low,
-                "most": unknown.high,
-                "verdict": "determined" if share < DETERMINED else "left open",
-                "why": f"the interval spans {100 * share:.0f} % of the range, in equal ratios",
-            }
-        )
+        table.append({
+            "unknown": unknown.name, "key": ".".join(unknown.path), "unit": unknown.unit,
+            "best": best[unknown.name], "low": low, "high": high,
+            "least": unknown.low, "most": unknown.high,
+            "verdict": "determined" if share < DETERMINED else "left open",
+            "why": f"the interval spans {100 * share:.0f} % of the range, in equal ratios",
+        })  # fmt: skip
     others = readings[(readings["changes"] != "") & (readings["changes"] != "steadiness")]
     for kind, of_kind in others.groupby("changes", sort=False):
         nearest = of_kind.sort_values("power_of_ten", ascending=False).iloc[0]
         power = nearest["power_of_ten"]
-        table.append(
-            {
-                "unknown": kind,
-                "reading": nearest["reading"] if power > 0 else BASE.name,
-                "verdict": "determined" if power < RULED_OUT else "left open",
-                "why": f"next: {nearest['reading']}, 10^{power:.1f} times as probable",
-            }
-        )
+        table.append({
+            "unknown": kind, "reading": nearest["reading"] if power > 0 else BASE.name,
+            "verdict": "determined" if power < RULED_OUT else "left open",
+            "why": f"next: {nearest['reading']}, 10^{power:.1f} times as probable",
+        })  # fmt: skip
     numbers = f"{len(UNKNOWNS)} numbers and {others['changes'].nunique()} readings"
     printed = f"{len(NUMBERS)} numbers and {len(PRINTED) - len(NUMBERS)} bounds printed"
     table.append({"unknown": "all", "why": f"{numbers} are unknown, {printed}"})
