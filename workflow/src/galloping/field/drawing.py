@@ -7,20 +7,26 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
+from scipy.signal import welch
 
 from galloping.field.forecast import Forecast, Sensed
 from galloping.field.quality import GAP, spectrum
 from galloping.field.units import state_unit
 from galloping.figures import parts
 from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, TRUE
+from galloping.identification.random_forces.ahead import spectra
+from galloping.identification.random_forces.channels import Channels
+from galloping.identification.random_forces.start import on_grid
 from galloping.recording import Recording
 
 if TYPE_CHECKING:
     from galloping.field.mapping import ColumnMapping
     from galloping.field.read import Series
+    from galloping.identification.model import IdentifiedModel
 
 ROW = 1.7  # inches, of a row of panels
 POINTS = 1500  # of an envelope: more than a figure has pixels
+SEGMENTS = 6  # of a recording, whose spectra are averaged
 DECADES = 6  # of a spectrum
 EDGE = "#a8741a"  # of the band, so that it is seen in grey
 MARK = {"color": PAPER, "lw": 0.8, "ls": ":"}
@@ -77,6 +83,33 @@ def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarra
         time, motion = motions[column]
         _samples(axes, recording.time, samples[:, k], (time[0], time[-1]))
         axes.plot(time, motion[:, k], color=MODEL, label="model, from a start of its own")
+    parts.legend(figure)
+    return figure
+
+
+def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
+    """Of each channel the spectrum of the samples, and that of a model that random forces move."""
+    channels = Channels.of([recording])
+    step = float(np.median(np.diff(recording.time)))
+    grid = on_grid(recording.time, channels.samples(recording), step)
+    filled = np.nan_to_num(grid - np.nanmean(grid, axis=0))
+    long = max(len(filled) // SEGMENTS, 8)
+    frequency, power = welch(filled, 1.0 / step, nperseg=long, axis=0)
+    power /= np.isfinite(grid).mean(axis=0)
+    shown = frequency > 0
+    fine = np.linspace(frequency[1], frequency[-1], POINTS)
+    told = spectra(found, recording, fine)
+    figure = Figure(figsize=(DOUBLE, 0.5 + ROW), layout="constrained")
+    row = figure.subplots(1, len(channels.names), squeeze=False, sharex=True)[0]
+    for k, (axes, name) in enumerate(zip(row, channels.names, strict=True)):
+        parts.letter(axes, k, name)
+        axes.semilogy(
+            frequency[shown], power[shown, k], ".", ms=2.5, color=TRUE, label="samples"
+        )  # fmt: skip
+        axes.semilogy(fine, told[:, k], color=MODEL, label="model in random forces")
+        unit = state_unit(name)
+        unit = f"({unit})" if "/" in unit else unit
+        axes.set(xlabel="frequency, Hz", ylabel=f"spectrum, {unit}²/Hz")
     parts.legend(figure)
     return figure
 

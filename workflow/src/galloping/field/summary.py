@@ -95,9 +95,14 @@ class Summary(Immutable):
         return f"Summary of {self.found!r}"
 
     def draw_fit(self) -> Figure:
-        """The model's motion beside the samples. Needs matplotlib, as `draw_forecast` does."""
-        from galloping.field.drawing import draw_fit
+        """The model's motion beside the samples; of one that random forces move the spectra.
 
+        Needs matplotlib, as `draw_forecast` does.
+        """
+        from galloping.field.drawing import draw_fit, draw_spectra
+
+        if self.found.is_forced:
+            return draw_spectra(self.found, self.recordings[-1])
         return draw_fit(self.recordings[-1], self.motions)
 
     def draw_forecast(self) -> Figure:

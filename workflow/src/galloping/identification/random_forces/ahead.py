@@ -75,6 +75,19 @@ def followed(found: IdentifiedModel, recording: Recording) -> np.ndarray:
     return follow.over(data).means
 
 
+def spectra(found: IdentifiedModel, recording: Recording, frequency: np.ndarray) -> np.ndarray:
+    """(n, n_channels) one-sided spectra of the channels of a recording at frequencies (n,), Hz.
+
+    In squares of the channels' units per Hz, noise included.
+    """
+    follow, _ = tracker(found, recording)
+    system, white = follow.driven
+    omega = 2.0 * np.pi * frequency[:, np.newaxis, np.newaxis]
+    moved = follow.sensing @ np.linalg.inv(1j * omega * np.eye(len(system)) - system)
+    power = np.einsum("fci,ij,fcj->fc", moved, white, moved.conj()).real
+    return 2.0 * (power + follow.noise**2 * np.median(np.diff(recording.time)))
+
+
 def _root(covariance: np.ndarray) -> np.ndarray:
     values, vectors = np.linalg.eigh((covariance + covariance.T) / 2.0)
     return vectors * np.sqrt(np.maximum(values, 0.0))
