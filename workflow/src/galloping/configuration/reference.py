@@ -28,8 +28,8 @@ def with_key_table(text: str) -> str:
 
     Raises ValueError where a marker is missing.
     """
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
+    before, begin, below = text.partition(BEGIN)
+    _, end, after = below.partition(END)
     if not (begin and end):
         raise ValueError(f"needs the two lines\n{BEGIN}\n{END}")
     return f"{before}{BEGIN}\n\n{key_table()}\n\n{END}{after}"

@@ -58,8 +58,8 @@ def _weights(true: PolynomialModel) -> np.ndarray:
         terms = judged & (degree == order)
         weights[terms] = 1 / (max(terms.sum(), 1) * np.abs(true.coefficients[terms]))
     # the kinematic equations do not enter the mean error: their own relative errors
-    rest = true.support & ~judged
-    weights[rest] = 1 / np.abs(true.coefficients[rest])
+    others = true.support & ~judged
+    weights[others] = 1 / np.abs(true.coefficients[others])
     return weights
 
 
