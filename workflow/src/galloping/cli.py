@@ -53,6 +53,8 @@ def _interrupted(error: BaseException | None) -> bool:
 def main() -> None:
     """Models of galloping lines, and of other polynomial systems, from recordings.
 
+    Begin with: galloping identify FILE --output DIR
+
     Exit codes: 0 done, 1 input that cannot be used or output that cannot be written, 2 wrong usage,
     3 the recordings give no model, 130 interrupted.
 

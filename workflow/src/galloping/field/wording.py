@@ -45,6 +45,7 @@ ENDS = {
     "irregular": "the motion never repeats, or settles too slowly to tell",
 }
 TECHNICAL = "## Technical part"
+KNOWN = 0.01  # standard error of a coefficient that no further recording needs to tell better
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
 
 
@@ -163,6 +164,11 @@ def _of_line(known: Dynamics) -> str:
         pace = _and(f"{_name(s)} ones double in {_doubling(known.frequencies[s], v)}"
                     for s, v in grow.items())  # fmt: skip
         return f"**As recorded, {line} {gallops}**: small motions grow, {pace}. {_end(known)}"
+    if _keeps(known):
+        return (
+            f"**As recorded, small motions of {line} neither grow nor die out**: no damping was "
+            "found, and nothing that would change how far it moves."
+        )
     if known.kind == "cycle":
         return (
             f"**As recorded, small motions of {line} die out, and larger ones go on**: it "
@@ -175,6 +181,11 @@ def _of_line(known: Dynamics) -> str:
         f"damping of the {_name(least)} motion, {margin}: it would {gallop} where the wind takes "
         "that much more." + ("" if known.kind in ENDS else f" {_end(known)}")
     )
+
+
+def _keeps(known: Dynamics) -> bool:
+    """Whether a motion of any size goes on as it is."""
+    return all(abs(value.value) < ROUNDING for value in known.damping.values())
 
 
 def _doubling(frequency: Value, damping: Value) -> str:
@@ -229,10 +240,10 @@ def _table(
                     (f"{own}: net damping", *(("none found", "") if none
                      else _cells(damping, "% of critical", 100)))
                 )  # fmt: skip
-            if state in known.half_range:
+            if state in known.half_range and not _keeps(known):
                 size, interval = _cells(known.half_range[state], _unit(state))
                 rows.append((f"{own}: amplitude in the end", f"±{size}", interval))
-        if known.period:
+        if known.period and not _keeps(known):
             rows.append(("period in the end", *_cells(known.period, "s")))
     rows += more
     if not rows:
@@ -350,9 +361,10 @@ def _helps(of: Summary, reports: Sequence[dict]) -> list[str]:
     helps = [help_ for part, help_ in PROBLEMS if any(part in what for what in said)]
     for _, more in plain_reasons(of.found.reason):
         helps += [more] if more and more not in " ".join(helps) else []
-    if of.advice and of.advice.options:
-        name, error = of.advice.options[0]
-        now, then = (100.0 * e / abs(of.advice.coefficient) for e in (of.advice.error, error))
+    advice = of.advice
+    if advice and advice.options and advice.error > KNOWN * abs(advice.coefficient):
+        name, error = advice.options[0]
+        now, then = (100.0 * e / abs(advice.coefficient) for e in (advice.error, error))
         helps.append(
             f"of one more recording at the same wind, best {name}: the term known worst would then "
             f"be known to {then:.2g} % instead of {now:.2g} %"
