@@ -21,10 +21,11 @@ MEANING = {
 def outcome(of: Dynamics) -> str:
     """In a sentence, whether the line gallops."""
     told = "; ".join(
-        f"{meaning(state).partition(' ')[0] or state} motion: {margin(damping)}"
+        f"{meaning(state).partition(' ')[0] or state} motion {margin(damping)}"
         for state, damping in of.damping.items()
     )
-    return f"**Random forces keep the motion up.** Whether it gallops as well: {told}."
+    told = told[0].upper() + told[1:]
+    return f"**Random forces keep the motion up.** Does the line gallop as well? {told}."
 
 
 def row(found: IdentifiedModel, of: Dynamics | None) -> tuple[str, str, str]:
@@ -35,10 +36,10 @@ def row(found: IdentifiedModel, of: Dynamics | None) -> tuple[str, str, str]:
 def margin(damping: Value) -> str:
     """Whether a mode gallops, as far as its net damping tells."""
     if damping.low > 0.0:
-        return f"no, at least {100 * damping.low:.2g} % of critical damping is left"
+        return f"does not, at least {100 * damping.low:.2g} % of critical damping is left"
     if damping.high < 0.0:
-        return "yes, small motions grow"
-    return "open, the recording is too short to tell whether small motions grow"
+        return "does, small motions grow"
+    return "may, the recording is too short to tell whether small motions grow"
 
 
 def strengths(found: IdentifiedModel, of: Dynamics | None) -> str:

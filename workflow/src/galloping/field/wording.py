@@ -63,7 +63,11 @@ def summary_text(
     forces = [ambient.row(found, known)] if found.is_forced else []
     parts = {
         "# Summary": [],
-        "## What was found": [_outcome(of), "", *_table(known, of.recordings, forces)],
+        "## What was found": [
+            _unlikely(reports) + _outcome(of),
+            "",
+            *_table(known, of.recordings, forces),
+        ],
         "## How far it may be believed": _belief(of, reports),
         "## What would help most": [f"- {each}" for each in _helps(of, reports)],
         TECHNICAL: [f"**{found.verdict}**"],
@@ -122,6 +126,11 @@ def _unit(state: str) -> str:
 def _and(parts: Iterable[str]) -> str:
     *most, last = parts
     return f"{', '.join(most)} and {last}" if most else last
+
+
+def _unlikely(reports: Sequence[dict]) -> str:
+    odd = any("is the unit" in each["what"] for one in reports for each in one["problems"])
+    return "**Check the units first: no span moves as this recording says.** " * odd
 
 
 def _outcome(of: Summary) -> str:
