@@ -72,7 +72,8 @@ def read_as_written(path: str | os.PathLike) -> pd.DataFrame:
 
 def write_model(path: str | os.PathLike, derived: Derived) -> None:
     """Human-readable, and exact to the last bit."""
-    model = asdict(derived.model) | {"coefficients": derived.model.coefficients.tolist()}
+    of = derived.model
+    model = {"states": of.states, "terms": of.terms, "coefficients": of.coefficients.tolist()}
     content = {**derived.quantities, "coefficients": dict(derived.coefficients), "model": model}
     write_json(path, content)
 
