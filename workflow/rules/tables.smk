@@ -237,7 +237,9 @@ if has_trials(TRUST, SYSTEMS, MODEL_ERROR):
         parts=fits_of(TRUST, SYSTEMS, MODEL_ERROR),
     )
 if has_trials(EXACT_TERMS):
-    TABLES["published_terms"] = made("tables.trial_summaries:published_terms", parts=fits_of(EXACT_TERMS))
+    TABLES["published_terms"] = made(
+        "tables.trial_summaries:published_terms", parts=fits_of(EXACT_TERMS)
+    )
 if has_trials(INTERVALS):
     TABLES["published_intervals"] = made(
         "tables.trial_summaries:published_intervals", parts=fits_of(INTERVALS)
