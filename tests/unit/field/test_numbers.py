@@ -12,15 +12,14 @@ from click.testing import CliRunner
 from galloping import IdentifiedModel, Recording
 from galloping.cli import main
 from galloping.field.dynamics import Surroundings, dynamics
-from galloping.field.forcing import kept_up, unmoved, wavers
 from galloping.field.forecast import check_followed, forecast, held_out, with_factors
-from galloping.field.homogeneity import difference
 from galloping.field.mapping import validated
-from galloping.field.objections import objected
+from galloping.field.objections import difference, kept_up, objected, unmoved
 from galloping.field.study import read_field
 from galloping.field.summary import Summary, longest_period
 from galloping.field.tables import FileError
 from galloping.identification.likelihood.screening import smooth_without_outliers
+from galloping.identification.random_forces.wavering import wavers
 from galloping.polynomial import PolynomialModel, design_matrix, library
 
 TERMS = library(4, 3)

@@ -26,9 +26,8 @@ from galloping.field.forecast import (
     simulator_of,
     with_factors,
 )
-from galloping.field.homogeneity import Identify
 from galloping.field.inputs import mean_inputs
-from galloping.field.objections import objected
+from galloping.field.objections import Identify, objected
 from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import peaks_of, sampled, spectrum
 from galloping.field.units import NONE
