@@ -60,6 +60,15 @@ How well any method could know each term from such a recording:
 >>> bool(np.nanmin(bound) > 0)
 True
 
+A wind or a force that was measured is an input, to which terms have exponents as to states:
+
+>>> gusts = galloping.Input(time, 12 + np.sin(time / 3))
+>>> driven = galloping.PolynomialModel(["x"], [(1, 0), (0, 2)], [[-1, 0.01]], inputs=["U"])
+>>> galloping.simulate(driven, [0], time, {"U": gusts}).status
+'ok'
+>>> print(driven.at({"U": 10}).equations()[0])
+d(x)/dt = -1 x + 1
+
 Your own data are arrays, lists or a pandas DataFrame; NaN is what is missing:
 
 >>> own = galloping.Recording(time=[0, 0.1, 0.2], states=["q", "dq"], values=[[0, 1]] * 3)
