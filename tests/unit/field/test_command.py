@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from galloping import IdentifiedModel, derive
+from galloping import IdentifiedModel, Simulator, derive
 from galloping.cli import main
+from galloping.configuration.load import load, plain
+from galloping.cycles.family import critical_wind
+from galloping.cycles.settling import settle
 from galloping.field import OUTPUTS
 from galloping.storage import write_text
 
@@ -66,6 +69,36 @@ def test_python_says_what_the_command_says(example, capsys):
     ]
     assert parts[-1].startswith(whole[-1].rstrip())
     assert "limit cycle of q_v: 1.1" in parts[-1]
+
+
+@pytest.fixture(scope="module")
+def gusts(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("gusts")
+    files = EXAMPLES / "gusts.csv", "--map", EXAMPLES / "gusts.yaml"
+    assert "columns that are not used: air" in CliRunner().invoke(
+        main, ["identify", *map(str, files), "--output", str(folder / "out")]
+    ).output  # fmt: skip
+    return folder / "out"
+
+
+def test_with_the_wind_recorded_the_model_holds_at_other_winds(gusts):
+    model = gusts / "model.json"
+    assert IdentifiedModel.load(model).status == "ok"
+    summary = (gusts / "summary.md").read_text(encoding="utf-8")
+    assert "input U is not known for" in summary and "U, at the mean of which" in summary
+    figure = gusts / "winds.png"
+    rows = json.loads(run("assess", model, "--at", "U=4:14:5", "--json", "--figure", figure))
+    assert figure.read_bytes()[:4] == b"\x89PNG" and figure.with_suffix(".svg").exists()
+    for wind in (9.0, 14.0):
+        line = derive(wind={"speed": wind})
+        true = settle(Simulator(line.states, line.terms), line, [0.2, 0.1, 0, 0]).half_range
+        for k, state in enumerate(("q_v", "q_w")):
+            (said,) = (row for row in rows if row["U"] == wind and row["stable"]
+                       and row["quantity"] == f"half range of {state}")  # fmt: skip
+            assert said["value"] == pytest.approx(true[k], rel=0.02)
+    (onset,) = (row for row in rows if row["what"] == "onset")
+    assert onset["low"] < critical_wind(plain(load({}))["cases"]["internal_resonance"])
+    assert onset["value"] == pytest.approx(5.25, rel=0.05)
 
 
 def test_a_model_is_shown_simulated_and_forecasts(example):

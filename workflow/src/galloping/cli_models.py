@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import click
 
@@ -122,9 +123,11 @@ def _simulated(model, state, rate: float, last: int, inputs) -> Iterator[dict]:
 @click.argument("model", type=click.Path(dir_okay=False))
 @at_option
 @click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws of intervals.")
+@click.option("--figure", type=click.Path(dir_okay=False), metavar="FILE",
+              help="Draw limit cycles and onset along the range, as SVG and PNG.")  # fmt: skip
 @click.option("--csv", "as_csv", is_flag=True, help="Print a table.")
 @click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
-def assess(model, at, seed, as_csv, as_json):
+def assess(model, at, seed, figure, as_csv, as_json):
     """What a MODEL says of its system: rest and its stability, limit cycles, onset.
 
     Inputs are held at what --at says. Along a range of one, such as U=8:16 or U=8:16:0.5, limit
@@ -145,6 +148,12 @@ def assess(model, at, seed, as_csv, as_json):
         raise ValueError(f"{model}: has the input {name}; say at which, --at {name}=VALUE")
     with shown():
         found = assessed(loaded, values, seed=seed)
+    if figure:
+        from galloping.field.drawing import DPI, FONT_SIZE, draw_assessment  # matplotlib
+        from galloping.figures.style import write_figure
+
+        svg, png = (Path(figure).with_suffix(form) for form in (".svg", ".png"))
+        write_figure(svg, png, lambda: draw_assessment(found, units), DPI, FONT_SIZE)
     if as_csv or as_json:
         print_rows(assessment_rows(found, units), as_json)
     else:

@@ -1,6 +1,6 @@
 """Recordings of a user: what they are worth, the model beside them, and where they go from here."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,11 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 from scipy.signal import welch
 
+from galloping.field.assess import Assessment, Cycle
 from galloping.field.forecast import Forecast, Sensed
 from galloping.field.quality import GAP, spectrum
-from galloping.field.units import state_unit
+from galloping.field.units import meaning, state_unit
 from galloping.figures import parts
-from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, TRUE
+from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, SHADE, TRUE
 from galloping.identification.random_forces.ahead import spectra
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.start import on_grid
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from galloping.field.read import Series
     from galloping.identification.model import IdentifiedModel
 
+DPI, FONT_SIZE = 150, 8
 ROW = 1.7  # inches, of a row of panels
 POINTS = 1500  # of an envelope: more than a figure has pixels
 SEGMENTS = 6  # of a recording, whose spectra are averaged
@@ -139,6 +141,63 @@ def draw_forecast(
         axes.axvline(begin, **MARK, label="begin of the forecast")
     parts.legend(figure)
     return figure
+
+
+def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
+    """Half ranges of the limit cycles along an input, with their intervals, and the onset.
+
+    units: of inputs, by name.
+    """
+    cycles = [(c.at[of.along], cycle) for c in of.conditions for cycle in c.cycles if of.along]
+    if not cycles:
+        return parts.nothing_at_all("no limit cycle along a range of an input")
+    states = list(cycles[0][1].half_range)
+    figure = Figure(figsize=(DOUBLE, 0.6 + 2.2), layout="constrained")
+    grid = figure.subplots(1, len(states), squeeze=False, sharex=True)[0]
+    for k, (axes, state) in enumerate(zip(grid, states, strict=True)):
+        parts.letter(axes, k, meaning(state) or state)
+        for onset in of.onsets:
+            axes.axvline(onset.value.value, **MARK, label="onset")
+            ends = np.clip((onset.value.low, onset.value.high), *of.span)
+            axes.axvspan(*ends, color=SHADE, lw=0, zorder=0, label="onset, 95 %")
+        for chain in _chains(of):
+            x = [at for at, _ in chain]
+            values = [cycle.half_range[state] for _, cycle in chain]
+            y, low, high = np.array([(v.value, v.low, v.high) for v in values]).T
+            stable = chain[0][1].stable
+            look = {"label": "stable"} if stable else {"label": "unstable", "mfc": "white"}
+            axes.plot(
+                x, y, color=MODEL, lw=0.6, marker="o", ms=3, ls="-" if stable else "--", **look
+            )
+            parts.band(axes, x, low, high, "95 % interval", ec=EDGE, lw=0.4)
+        unit = units.get(of.along, "")
+        axes.set(xlabel=f"{of.along}, {unit}" if unit else of.along, xlim=of.span,
+                 ylabel=_with_unit(state))  # fmt: skip
+        axes.set_ylim(bottom=0.0)
+    parts.legend(figure)
+    return figure
+
+
+def _chains(of: Assessment) -> list[list[tuple[float, Cycle]]]:
+    """Limit cycles along an input, each with the one that is nearest at the value before."""
+    chains: list[list[tuple[float, Cycle]]] = []
+    before = np.nan
+    for condition in of.conditions:
+        now, open_ = condition.at[of.along], [c for c in chains if c[-1][0] == before]
+        for cycle in condition.cycles:
+            alike = [c for c in open_ if c[-1][1].stable == cycle.stable]
+            if alike:
+                nearest = min(alike, key=lambda chain: _distance(chain[-1][1], cycle))
+                open_.remove(nearest)
+                nearest.append((now, cycle))
+            else:
+                chains.append([(now, cycle)])
+        before = now
+    return chains
+
+
+def _distance(one: Cycle, other: Cycle) -> float:
+    return sum(abs(other.half_range[s].value - v.value) for s, v in one.half_range.items())
 
 
 def _channels(

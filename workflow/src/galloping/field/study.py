@@ -35,8 +35,6 @@ from galloping.recording import Recording
 from galloping.storage import write_json, write_rows, write_text
 from galloping.terms import known_model, parse
 
-DPI, FONT_SIZE = 150, 8
-
 
 @dataclass(frozen=True)
 class Field:
@@ -221,6 +219,7 @@ def write_outputs(
 def write_figures(folder: Path, field: Field, of: Summary) -> None:
     """quality, fit and forecast, as SVG and PNG."""
     from galloping.field import drawing  # matplotlib
+    from galloping.field.drawing import DPI, FONT_SIZE
     from galloping.figures.style import write_figure
 
     drawn = {

@@ -91,6 +91,8 @@ def summary_text(
         parts["### What the recordings cannot tell"] = _untold(found)
     if of.advice:
         parts["### Further recordings"] = _options(of.advice)
+    if not parts["## What would help most"]:
+        del parts["## What would help most"]
     return "\n\n".join("\n\n".join([head, *_block(lines)]) for head, lines in parts.items()) + "\n"
 
 
