@@ -9,6 +9,7 @@ from galloping import maximum_likelihood, summarise
 from galloping.field.summary import dynamics, forecast
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.modes import decay_interval
+from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.polynomial import library
 from galloping.recording import Recording
 from random_forces.ambient import DAMPING, FREQUENCIES, STATES, two_modes
@@ -209,3 +210,14 @@ def test_intervals_of_decay_hold(swings):
     intervals = np.array([decay_interval(a, np.sqrt(max(a, 0.0)), 1.0) for a in decay])
     held = np.mean((intervals[:, 0] <= swings) & (swings <= intervals[:, 1]))
     assert 0.93 <= held <= 0.98
+
+
+def test_further_modes_that_gallop_are_named():
+    time = np.arange(0.0, 100.0, 0.04)
+    rng = np.random.default_rng(12)
+    values = np.full((len(time), 2), np.nan)
+    values[:, 0] = np.sin(2 * np.pi * 0.4 * time) + 0.01 * rng.standard_normal(len(time))
+    assert unmodelled([Recording(time, ("q_v", "dq_v"), values)]) == ""
+    values[:, 0] += 0.3 * np.sin(2 * np.pi * 2.1 * time) + 0.3 * np.sin(2 * np.pi * 2.8 * time)
+    said = unmodelled([Recording(time, ("q_v", "dq_v"), values)])
+    assert said.endswith("q_v, which swings at 0.38 Hz, moves at 2.1, 2.8 Hz")  # in bins

@@ -26,6 +26,7 @@ REASONS = (
      f"each wind by itself; or {WIND}"),
     (r"as in gusts|forces besides the model act|followed in pieces", "Forces that the model does "
      "not have acted on the line, such as gusts.", WIND),
+    (r"more modes gallop", "More modes of the span gallop or swing than the model has.", PLACES),
     (r"delayed against|clock", "The sensors do not share one clock, or one of them lags.", CLOCKS),
     (r"is not the rate of|scale", "Two sensors contradict each other: the scale of one of them is "
      "off.", "a check of the scale and unit of each sensor"),

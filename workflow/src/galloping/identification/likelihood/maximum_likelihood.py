@@ -51,6 +51,7 @@ from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import Start, begin, largest_terms
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.random_forces import moved_at_random, random_forces
+from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 from galloping.threads import one_thread
@@ -115,7 +116,8 @@ def maximum_likelihood(
             continue
         found = found if share == 1.0 else by([f"time scale {share:g}"], found)
         return with_inputs(found, given, recordings)
-    return by(["no model"], refused(problem, objections[0]))
+    more = unmodelled(recordings)
+    return by(["no model"], refused(problem, "; ".join(filter(None, [more, objections[0]]))))
 
 
 def _at_time_scale(

@@ -33,6 +33,7 @@ from galloping.identification.random_forces.fitting import (
 )
 from galloping.identification.random_forces.start import (
     on_grid,
+    on_grids,
     shortest,
     spectra,
     strengths,
@@ -108,26 +109,15 @@ def moved_at_random(problem: Problem, begun: Start) -> IdentifiedModel | None:
 
 def _thinned(recordings: list[Recording]) -> list[Recording]:
     """With no more samples than a trial needs."""
-    step, grids = _grids(recordings)
+    step, grids = on_grids(recordings)
     every = max(int(shortest(grids, step) / TRIED_PER_PERIOD / step), 1)
     return [each[::every] for each in recordings]
 
 
 def _is_slow(begun: Start) -> bool:
     """Whether what the start follows is mostly slower than the swings, as in slow forces."""
-    step, grids = _grids(begun.recordings)
+    step, grids = on_grids(begun.recordings)
     return shortest(grids, step) < begun.period / SLOWER
-
-
-def _grids(recordings: list[Recording]) -> tuple[float, list[np.ndarray]]:
-    """The step, s, of all recordings, and their samples on it without their means."""
-    channels = Channels.of(recordings)
-    step = float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
-    samples = [channels.samples(each) for each in recordings]
-    return step, [
-        on_grid(each.time, own - np.nanmean(own, axis=0), step)
-        for each, own in zip(recordings, samples, strict=True)
-    ]
 
 
 def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:
@@ -192,7 +182,7 @@ def _begun(
     if problem.inputs:
         raise Unusable("random forces beside measured inputs are not told apart")
     samples = [channels.samples(each) for each in recordings]
-    step, grids = _grids(recordings)
+    step, grids = on_grids(recordings)
     period = shortest(grids, step)
     size, mean, deviation = sizes(recordings, channels, period)
     terms, omega = np.array(problem.terms), 2.0 * np.pi / period

@@ -14,6 +14,7 @@ from scipy.optimize import nnls
 
 from galloping.identification.model import Unusable
 from galloping.identification.random_forces.channels import Channels
+from galloping.recording import Recording
 
 SPANS = (3.0, 8.0, 15.0)  # shortest periods, of the correlations that modes are told from
 PER_PERIOD, MOST_LAGS = 8, 120  # lags a shortest period, and in all: more say nothing more
@@ -36,6 +37,17 @@ def on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
     grid = np.full((place[-1] + 1, samples.shape[1]), np.nan)
     grid[place] = samples
     return grid
+
+
+def on_grids(recordings: list[Recording]) -> tuple[float, list[np.ndarray]]:
+    """The step, s, of all recordings, and their samples on it without their means."""
+    channels = Channels.of(recordings)
+    step = float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
+    samples = [channels.samples(each) for each in recordings]
+    return step, [
+        on_grid(each.time, own - np.nanmean(own, axis=0), step)
+        for each, own in zip(recordings, samples, strict=True)
+    ]
 
 
 def correlations(grids: list[np.ndarray], lags: int) -> np.ndarray:

@@ -1,0 +1,43 @@
+"""Modes that a recording shows and its states leave no room for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from galloping.identification.random_forces.channels import Channels
+from galloping.identification.random_forces.start import ABOVE_NOISE, FLOOR, on_grids, spectra
+from galloping.recording import Recording
+
+BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at three times that
+MUCH = 0.2  # share of the power of its velocity there, of another motion than its own
+LEAST_PEAK = 0.05  # of the highest of a spectrum, to be named
+NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that of the swings
+
+
+def unmodelled(recordings: list[Recording]) -> str:
+    """Which coordinates move much faster than they swing, and at which frequencies; '' if none."""
+    channels, said = Channels.of(recordings), []
+    step, grids = on_grids(recordings)
+    omega, power = spectra(grids, step)
+    order = np.argsort(omega)
+    omega, power = omega[order], power[order]
+    power -= ABOVE_NOISE * np.median(power[int(FLOOR * len(power)) :], axis=0)
+    for i, own in zip(channels.values, np.maximum(power.T, 0.0), strict=False):
+        velocity = own * omega**2
+        if i not in channels.pairs or not np.any(velocity):
+            continue
+        main = omega[np.argmax(own * np.sqrt(omega))]
+        faster = np.where(omega > BEYOND * main, velocity, 0.0)
+        if faster.sum() < MUCH * velocity.sum():
+            continue
+        peaks: list[float] = []
+        for k in np.argsort(-faster):
+            if len(peaks) == NAMED or faster[k] < LEAST_PEAK * faster.max():
+                break
+            if all(abs(omega[k] - other) > APART * main for other in peaks):
+                peaks.append(omega[k])
+        hz = ", ".join(f"{peak / (2.0 * np.pi):.2g}" for peak in sorted(peaks))
+        said.append(
+            f"{channels.states[i]}, which swings at {main / (2.0 * np.pi):.2g} Hz, moves at {hz} Hz"
+        )
+    return f"more modes gallop or swing than are modelled: {'; '.join(said)}" if said else ""
