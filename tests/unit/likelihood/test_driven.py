@@ -235,6 +235,18 @@ def test_the_error_of_an_input_is_in_the_intervals():
         assert unsure.standard_errors[place] == pytest.approx(whole, rel=1e-9)
 
 
+@pytest.mark.parametrize("delay", [-0.3, 0.3])
+def test_an_input_that_comes_late_is_named(delay):
+    """As of an anemometer that stands aside."""
+    aside = {"U": Input(TIME + delay, GUSTS.values)}
+    time = TIME[10:-10]
+    recording = recorded(LINE, {"U": GUSTS}, time=time, level=0.01)
+    assert galloping.maximum_likelihood(recording, WIND_LIBRARY).status == "ok"
+    found = galloping.maximum_likelihood(replace(recording, inputs=aside), WIND_LIBRARY)
+    assert found.status == "approximate"
+    assert found.reason.startswith("U is delayed against the motion")
+
+
 def test_recordings_share_their_inputs_by_name():
     first, second = (recorded(DUFFING, {"F": FORCE}, seed=seed) for seed in (1, 2))
     twice = replace(second, inputs={"G": GUSTS, "F": FORCE})

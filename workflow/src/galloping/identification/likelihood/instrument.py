@@ -79,11 +79,12 @@ def faults(
     """
     residual, _ = residuals(problem, condensed, segments, free, starts)
     rates = _rates(problem, condensed, segments, free, starts)
-    entries, columns, tests = _parameters(problem, condensed, rates)
+    wider, with_slopes, late = _delayed_inputs(problem, condensed, free)
+    entries, columns, tests = _parameters(problem, condensed, rates, late)
 
     def linear(terms: np.ndarray) -> Linearised:
         pairs = np.vstack([problem.candidates[terms], entries])
-        return linearise(problem, condensed, sigma, segments, free, starts, pairs, columns)
+        return linearise(wider, with_slopes, sigma, segments, free, starts, pairs, columns)
 
     own = linear(support)
     n = int(support.sum())
@@ -114,10 +115,71 @@ class _Test:
     or_model: bool
 
 
+@dataclass(frozen=True)
+class _Late:
+    """An input that may be delayed. pairs: (n, 2) coefficients (equation, term) that are not zero
+    where it is, in the ratios of `weights` (n,), which for a delay of 1 s are their values.
+    """
+
+    name: str
+    pairs: np.ndarray
+    weights: np.ndarray
+
+
+def _delayed_inputs(
+    problem: Problem, condensed: Condensed, free: np.ndarray
+) -> tuple[Problem, Condensed, list[_Late]]:
+    """The problem with terms of the rates of inputs, which are inputs too, and their windows.
+
+    A delay of an input u takes c b u^(b - 1) du/dt from each term c u^b. Looked at are inputs that
+    share no term with another.
+    """
+    coefficients, n = problem.coefficients(free), len(problem.states)
+    extra = len(problem.inputs)
+    terms, late = [(*term, *[0] * extra) for term in problem.terms], []
+    powers = condensed.driven(slice(None))
+    slopes = np.zeros_like(powers)
+    slopes[:, :-1] = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None] / condensed.step
+    columns = [powers]
+    for k, name in enumerate(problem.inputs):
+        own = [term for term in problem.terms if term[n + k]]
+        if not own or any(np.count_nonzero(term[n:]) > 1 for term in own):
+            continue
+        pairs, weights = [], []
+        for i, j in np.argwhere(coefficients):
+            if power := problem.terms[j][n + k]:
+                slope = list(terms[j])
+                slope[n + k] -= 1
+                slope[n + extra + k] = 1
+                if tuple(slope) not in terms:
+                    factor = problem.tables.factors.index(problem.terms[j][n:])
+                    if all(tuple(slope[n:]) != term[n:] for term in terms):
+                        columns.append(slopes[:, :, factor : factor + 1] / power)
+                    terms.append(tuple(slope))
+                pairs.append((i, terms.index(tuple(slope))))
+                weights.append(-coefficients[i, j] * power)
+        if pairs:
+            late.append(_Late(name, np.array(pairs), np.array(weights)))
+    if not late:
+        return problem, condensed, []
+    added = ((0, 0), (0, len(terms) - len(problem.terms)))
+    open_ = np.ones(problem.known.shape, bool) if problem.open is None else problem.open
+    parts = {"known": problem.known, "open": open_}
+    if problem.precision is not None:
+        parts |= {"expected": problem.expected, "precision": problem.precision}
+    wider = replace(
+        problem,
+        terms=tuple(terms),
+        inputs=(*problem.inputs, *(f"d({name})/dt" for name in problem.inputs)),
+        **{name: np.pad(part, added) for name, part in parts.items()},
+    )
+    return wider, replace(condensed, inputs=np.concatenate(columns, axis=2)), late
+
+
 def _parameters(
-    problem: Problem, condensed: Condensed, rates: np.ndarray
+    problem: Problem, condensed: Condensed, rates: np.ndarray, late: list[_Late]
 ) -> tuple[np.ndarray, np.ndarray, list[_Test]]:
-    """Parameters of faults: coefficients of known equations, and columns as in `linearise`."""
+    """Parameters of faults: coefficients that are zero or known, and columns as in `linearise`."""
     names = condensed.names(problem.states)
     channel = {int(condensed.observed[o]): int(o) for o in np.flatnonzero(~condensed.is_rate)}
     samplings = condensed.samplings
@@ -133,7 +195,8 @@ def _parameters(
     for o in range(count):
         columns[:, o, :, o] = -rates[:, o]
         columns[:, o, :, count + o] = trend[:, o]
-    n, tests = len(entries) + 2 * count, []
+    first = len(entries) + sum(len(one.pairs) for one in late)
+    n, tests = first + 2 * count, []
 
     def test(places: list[int], cause: str, or_model: bool = False) -> None:
         tests.append(_Test(np.isin(np.arange(n), places).astype(float), cause, or_model))
@@ -143,14 +206,20 @@ def _parameters(
         test([k], f"{b} is not the rate of {a}: its {SCALE} or {CLOCK} is off")
     if len(kinematic) > 1:
         test(list(range(len(kinematic))), f"the {CLOCK}, or the {SCALE} of all velocities, is off")
-    first = len(entries)
+    begin = len(entries)
+    for one in late:
+        mixture = np.zeros(n)
+        mixture[begin : begin + len(one.pairs)] = one.weights
+        tests.append(_Test(mixture, f"{one.name} is {DELAYED} the motion", or_model=True))
+        begin += len(one.pairs)
     for o, name in enumerate(names):
         test([first + o], f"{name} is {DELAYED} the other channels")
         test([first + count + o], f"{name} drifts", or_model=True)
     for i, v in kinematic if len(kinematic) > 1 else []:
         both = [first + channel[i], first + channel[v]]
         test(both, f"{problem.states[i]} and {problem.states[v]} are {DELAYED} the others")
-    return np.array(entries, int).reshape(-1, 2), columns, tests
+    pairs = [np.array(entries, int).reshape(-1, 2), *(one.pairs for one in late)]
+    return np.concatenate(pairs), columns, tests
 
 
 def _rates(
