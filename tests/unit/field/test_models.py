@@ -82,7 +82,7 @@ def test_a_span_gives_the_same_numbers_through_a_file_as_its_projected_sensors(t
     truth = TRUTHS["9 modes, displacement only"]
     case = plain(load({}))["cases"]["internal_resonance"]
     line, time = line_of(case, truth), np.arange(0.0, 120.0, 0.02)
-    clean = motion(case, line, truth, time, None)
+    clean = motion(case, line, truth, time)
     noisy = clean + 0.05 * clean.std(axis=0) * np.random.default_rng(7).standard_normal(clean.shape)
     states = combined(line, truth, noisy)
     states[:, 2:] = np.nan

@@ -22,6 +22,7 @@ from galloping.tables.trial_summaries import model_error
 from galloping.trials.model_error import (
     TRUTHS,
     combined,
+    gusts,
     line_of,
     linear_modes,
     motion,
@@ -38,7 +39,7 @@ def case(cases):
 
 def recorded(case, name, seed=11):
     line, rng = line_of(case, TRUTHS[name]), np.random.default_rng(seed)
-    clean = motion(case, line, TRUTHS[name], TIME, rng)
+    clean = motion(case, line, TRUTHS[name], TIME, gusts(case, line, TRUTHS[name], TIME, rng))
     noisy = clean + 0.05 * clean.std(axis=0) * rng.standard_normal(clean.shape)
     return Recording(TIME, STATES, combined(line, TRUTHS[name], noisy))
 
@@ -74,7 +75,7 @@ def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(case, t
     clean = combined(
         line,
         TRUTHS["9 modes, mid-span"],
-        motion(case, line, TRUTHS["9 modes, mid-span"], TIME, None),
+        motion(case, line, TRUTHS["9 modes, mid-span"], TIME),
     )
     own = found.simulate(clean[0], TIME).states
     late = TIME >= 200
@@ -154,3 +155,20 @@ def test_trial_has_a_row_for_each_replicate_and_method():
     assert 0.0 <= ours["coverage_95_percent"] <= 100.0
     assert np.isnan(table.loc["weak", "coverage_95_percent"])  # it states no intervals
     assert len(draw_model_error(table.reset_index(), {}).axes) == 6
+
+
+@pytest.mark.slow
+def test_with_the_wind_measured_gusts_cost_little():
+    """Two modes in gusts of 5 % without the wind miss amplitudes by some percent."""
+    study = Study(
+        load({"trials": {"small": {
+            "kind": "model_error", "seed": 5, "replicates": 1,
+            "cases": ["two modes, gusts 5 %, wind"], "methods": ["maximum_likelihood", "weak"],
+        }}})
+    )  # fmt: skip
+    small = study.trial("small")
+    methods = {method.name: study.options(method) for method in small.methods}
+    rows = imported(small.kind.function)(5, "two modes, gusts 5 %, wind", [0], methods)
+    (row,) = rows  # the other one takes no inputs
+    assert row["status"] == "ok" and abs(row["amplitude_v_error_percent"]) < 0.5
+    assert row["other_winds_error_percent"] < 3.0 and row["forecast_r2"] > 0.999

@@ -84,6 +84,7 @@ KINDS = {
         cases=(
             "9 modes", "9 modes, relative wind", "9 modes, gusts 5 %", "9 modes, mid-span",
             "9 modes, displacement only", "two modes, gusts 2 %", "two modes, gusts 5 %",
+            "9 modes, gusts 5 %, wind", "9 modes, gusts 10 %, wind", "two modes, gusts 5 %, wind",
         ),
     ),
     "published_terms": Kind(

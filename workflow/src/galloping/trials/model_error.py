@@ -7,6 +7,7 @@ judged by what it says of the line: amplitude, frequencies, net damping, and for
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from time import process_time
 
 import numpy as np
@@ -15,6 +16,7 @@ from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
+from galloping.inputs import Input
 from galloping.intervals import NORMAL_95, drawn
 from galloping.physics import continuous, galerkin
 from galloping.physics.equations import STATES
@@ -24,6 +26,7 @@ from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.seeds import generator
 from galloping.simulation import Simulator
+from galloping.terms import parse
 
 CASE = "internal_resonance"
 DEGREE = 3
@@ -40,7 +43,7 @@ COLUMNS = (
     "truth", "sensors", "method", "replicate", "seed", "status", "reason", "path", "terms",
     *(f"{name}_error_percent" for name in QUANTITIES),
     *(f"{name}_interval_percent" for name in QUANTITIES),
-    "intervals_held", "forecast_r2", "seconds",
+    "intervals_held", "forecast_r2", "other_winds_error_percent", "seconds",
 )  # fmt: skip
 
 
@@ -54,7 +57,8 @@ class SensedLine:
     modes: sine modes in each direction, or 0 for the two shapes of the paper's model.
     aerodynamics: as in `continuous.span`. intensity: of the gusts. sensors: of LAYOUTS, told apart
     into as many sine modes, the first of which is recorded; or the modal `states`. velocities:
-    whether they are measured.
+    whether they are measured. wind: whether the wind is, the model's library then being the
+    quasi-static law.
     """
 
     modes: int = 9
@@ -62,6 +66,7 @@ class SensedLine:
     intensity: float = 0.0
     sensors: str = "projected"
     velocities: bool = True
+    wind: bool = False
 
 
 TRUTHS = {
@@ -72,7 +77,15 @@ TRUTHS = {
     "9 modes, displacement only": SensedLine(velocities=False),
     "two modes, gusts 2 %": SensedLine(modes=0, intensity=0.02, sensors="states"),
     "two modes, gusts 5 %": SensedLine(modes=0, intensity=0.05, sensors="states"),
+    "9 modes, gusts 5 %, wind": SensedLine(intensity=0.05, wind=True),
+    "9 modes, gusts 10 %, wind": SensedLine(intensity=0.1, wind=True),
+    "two modes, gusts 5 %, wind": SensedLine(modes=0, intensity=0.05, sensors="states", wind=True),
 }
+SPEED = "U"  # the input that is the wind
+# m/s, from the recorded mean: there amplitudes are asked for as well. At 2 m/s above it, 14 m/s,
+# further ones of the nine modes gallop by themselves within 300 s, and the line is another one.
+OTHER_WINDS = (-2.0, 1.0)
+DRIVEN = ("maximum_likelihood", "weak_gls")  # methods that take inputs
 
 
 def line_of(case: Mapping, truth: SensedLine) -> continuous.Span:
@@ -83,24 +96,32 @@ def line_of(case: Mapping, truth: SensedLine) -> continuous.Span:
     return continuous.span(case, [phi], [psi], aerodynamic=truth.aerodynamics)
 
 
+def gusts(
+    case: Mapping,
+    line: continuous.Span,
+    truth: SensedLine,
+    time: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray | None:
+    """(n,) m/s, the wind at `time` (n,), s; None where it is steady."""
+    if not truth.intensity:
+        return None
+    look = {**case["truth"]["gusts"], "intensity": truth.intensity}
+    return wind_speed(time, mean=line.speed, rng=rng, **look)
+
+
 def motion(
     case: Mapping,
     line: continuous.Span,
     truth: SensedLine,
     time: np.ndarray,
-    rng: np.random.Generator | None,
+    speed: np.ndarray | None = None,
 ) -> np.ndarray:
     """(n, n_sensors, 4): q_v, q_w, dq_v, dq_w as each sensor reads them, without noise.
 
-    In gusts drawn by `rng`, or in steady wind. The modal states count as one sensor.
+    speed: (n,) m/s, the wind, by default steady. The modal states count as one sensor.
     """
     start = continuous.release(line, [case["initial_state"][state] for state in STATES[:2]])
-    speed = None
-    if rng is not None and truth.intensity:
-        speed = wind_speed(
-            time, mean=line.speed, rng=rng,
-            **{**case["truth"]["gusts"], "intensity": truth.intensity},
-        )  # fmt: skip
     states = continuous.simulate(line, start, time, speed)
     if truth.sensors == "states":
         return states[:, np.newaxis]
@@ -205,24 +226,36 @@ def trial(
     parameters, truth = plain(load({}))["cases"][CASE], TRUTHS[case]
     time = np.arange(DURATION * RATE + 1) / RATE
     line = line_of(parameters, truth)
-    terms = library(len(STATES), DEGREE)
-    simulator = Simulator(STATES, terms)
+    inputs = (SPEED,) if truth.wind else ()
+    terms = (
+        parse(f"wind({SPEED})", STATES, inputs)[0] if truth.wind else library(len(STATES), DEGREE)
+    )
+    whole = PolynomialModel(STATES, terms, np.ones((len(STATES), len(terms))), inputs)
+    steady_terms = whole.at(dict.fromkeys(inputs, line.speed)).terms
+    simulator = Simulator(STATES, steady_terms)
+    driven = Simulator(STATES, terms, inputs=inputs) if truth.wind else simulator
 
-    def moved(*name: str | int) -> tuple[np.ndarray, np.random.Generator]:
+    def moved(*name: str | int) -> tuple[np.ndarray, dict[str, Input], np.random.Generator]:
         rng = generator(seed, "model_error", case, *name)
-        return motion(parameters, line, truth, time, rng), rng
+        speed = gusts(parameters, line, truth, time, rng)
+        measured = {SPEED: Input(time, speed)} if truth.wind else {}
+        return motion(parameters, line, truth, time, speed), measured, rng
 
-    steady = combined(line, truth, motion(parameters, line, truth, time, None))
-    unseen = combined(line, truth, moved("unseen")[0])
+    steady = combined(line, truth, motion(parameters, line, truth, time))
+    unseen, unseen_wind, _ = moved("unseen")
+    unseen = combined(line, truth, unseen)
     true = _true_quantities(line, steady[time >= STEADY])
+    others = _other_winds(parameters, truth, time) if truth.wind else {}
     for replicate in replicates:
-        clean, rng = moved(replicate)
+        clean, measured, rng = moved(replicate)
         noise = NOISE * clean.std(axis=0) * rng.standard_normal(clean.shape)
         values = combined(line, truth, clean + noise)
         if not truth.velocities:
             values[:, 2:] = np.nan
-        recordings = [(Recording(time, STATES, values),)]
+        recordings = [(Recording(time, STATES, values, inputs=measured),)]
         for method, settings in methods.items():
+            if truth.wind and method not in DRIVEN:
+                continue
             name = ("model_error", case, str(replicate))
             began = process_time()
             ((identified,),) = identify({method: settings}, recordings, terms, name).values()
@@ -234,10 +267,40 @@ def trial(
             }  # fmt: skip
             if identified.status != "refused":
                 draws = generator(seed, "model_error", case, replicate, method)
-                row |= _judged(answer(identified, steady[0], time, simulator, draws), true)
+                held = identified.at(dict.fromkeys(inputs, line.speed))
+                row |= _judged(answer(held, steady[0], time, simulator, draws), true)
                 row["terms"] = int(identified.support.sum())
-                row["forecast_r2"] = forecast_r2(identified.model, unseen, time, simulator)
+                forecasts = partial(driven, inputs=unseen_wind)
+                row["forecast_r2"] = forecast_r2(identified.model, unseen, time, forecasts)
+                if others:
+                    row["other_winds_error_percent"] = max(
+                        _missed(identified.model.at({SPEED: speed}), steady[0], time, amplitude)
+                        for speed, amplitude in others.items()
+                    )
             yield dict.fromkeys(COLUMNS, np.nan) | row
+
+
+def _other_winds(
+    parameters: Mapping, truth: SensedLine, time: np.ndarray
+) -> dict[float, np.ndarray]:
+    """(2,) amplitudes of q_v and q_w in other steady winds, m/s, from the same start."""
+    found = {}
+    for change in OTHER_WINDS:
+        speed = parameters["wind"]["speed"] + change
+        case = {**parameters, "wind": {**parameters["wind"], "speed": speed}}
+        line = line_of(case, truth)
+        states = combined(line, truth, motion(case, line, truth, time))
+        found[speed] = steady_amplitude(states[time >= STEADY])[:2]
+    return found
+
+
+def _missed(
+    model: PolynomialModel, start: np.ndarray, time: np.ndarray, amplitude: np.ndarray
+) -> float:
+    """Largest error of the amplitudes of a motion, %."""
+    states = Simulator(STATES, model.terms)(model, start, time).states
+    said = steady_amplitude(states[time >= STEADY])[:2]
+    return float(100.0 * np.max(np.abs(said / amplitude - 1.0)))
 
 
 def _judged(said: Answer, true: np.ndarray) -> dict[str, float]:
