@@ -1,6 +1,7 @@
 """Recordings of a user: what they are worth, the model beside them, and where they go from here."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,40 +38,62 @@ MARK = {"color": PAPER, "lw": 0.8, "ls": ":"}
 def draw_quality(
     series: "Sequence[Series]", reports: Sequence[dict], mapping: "ColumnMapping"
 ) -> Figure:
-    """A row for each channel of each file: the samples with gaps shaded, and their spectrum.
+    """A row for each channel and input of each file: the samples, gaps shaded, and their spectrum.
 
     series: of each file. reports: of `field.quality`, of each file. mapping: names the channels.
     """
-    rows = [(file, c) for file in zip(series, reports, strict=True)
-            for c in range(len(mapping.channels))]  # fmt: skip
+    rows = []
+    for of_file, report in zip(series, reports, strict=True):
+        gaps = [(gap["from_s"], gap["from_s"] + gap["length_s"])
+                for gap in report["sampling"]["gaps"]]  # fmt: skip
+        for channel, values in zip(mapping.channels, of_file.values.T, strict=True):
+            dominant = report["channels"][channel.column]["dominant_frequencies_hz"]
+            own = of_file.time, values, gaps, dominant, _with_unit(channel.measures)
+            rows.append((f"{channel.column} of {report['file']}", *own))
+        for column in mapping.inputs:
+            one, unit = of_file.inputs[column.name], of_file.units[column.name]
+            unknown = [(a[1], b[0]) for a, b in pairwise(one.stretches)]
+            own = one.time, one.values, unknown, [], f"{column.name}, {unit}".removesuffix(", 1")
+            rows.append((f"{column.column} of {report['file']}, an input", *own))
     figure = Figure(figsize=(DOUBLE, 0.5 + ROW * len(rows)), layout="constrained")
     grid = figure.subplots(len(rows), 2, squeeze=False, width_ratios=(2, 1))
-    for k, (((of_file, report), c), (left, right)) in enumerate(zip(rows, grid, strict=True)):
-        channel, values, time = mapping.channels[c], of_file.values[:, c], of_file.time
-        parts.letter(left, 2 * k, f"{channel.column} of {report['file']}")
-        parts.letter(right, 2 * k + 1, "spectrum")
-        left.plot(*_envelope(time, values), color=MODEL, lw=0.5)
-        for gap in report["sampling"]["gaps"]:
-            left.axvspan(gap["from_s"], gap["from_s"] + gap["length_s"], color=BAND, lw=0,
-                         label="gap")  # fmt: skip
-        left.set(xlabel="time, s", ylabel=_with_unit(channel.measures), xlim=(time[0], time[-1]))
-        known = np.isfinite(values)
-        frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
-        share = np.maximum(share, share.max() * 10.0**-DECADES)
-        dominant = report["channels"][channel.column]["dominant_frequencies_hz"]
-        for first in dominant[:1]:
-            right.axvline(first, **MARK, label="dominant")
-            right.annotate(
-                f"{first:.3g} Hz", (first, 1.0), xycoords=("data", "axes fraction"),
-                xytext=(2, -2), textcoords="offset points", va="top", color=PAPER, size="x-small",
-            )  # fmt: skip
-        top = min(max([5 * each for each in dominant], default=frequency[-1]), frequency[-1])
-        shown = frequency <= top
-        right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
-        right.yaxis.set_minor_locator(NullLocator())
-        right.set(xlim=(0, top), xlabel="frequency, Hz", ylabel="share of the power")
+    for k, (row, panels) in enumerate(zip(rows, grid, strict=True)):
+        _quality_row(2 * k, *panels, *row)
     parts.legend(figure, columns=2, loc="outside upper right")
     return figure
+
+
+def _quality_row(
+    k: int,
+    left: Axes,
+    right: Axes,
+    title: str,
+    time: np.ndarray,
+    values: np.ndarray,
+    gaps: Sequence[tuple[float, float]],
+    dominant: Sequence[float],
+    label: str,
+) -> None:
+    parts.letter(left, k, title)
+    parts.letter(right, k + 1, "spectrum")
+    left.plot(*_envelope(time, values), color=MODEL, lw=0.5)
+    for gap in gaps:
+        left.axvspan(*gap, color=BAND, lw=0, label="gap")
+    left.set(xlabel="time, s", ylabel=label, xlim=(time[0], time[-1]))
+    known = np.isfinite(values)
+    frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
+    share = np.maximum(share, share.max() * 10.0**-DECADES)
+    for first in dominant[:1]:
+        right.axvline(first, **MARK, label="dominant")
+        right.annotate(
+            f"{first:.3g} Hz", (first, 1.0), xycoords=("data", "axes fraction"),
+            xytext=(2, -2), textcoords="offset points", va="top", color=PAPER, size="x-small",
+        )  # fmt: skip
+    top = min(max([5 * each for each in dominant], default=frequency[-1]), frequency[-1])
+    shown = frequency <= top
+    right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
+    right.yaxis.set_minor_locator(NullLocator())
+    right.set(xlim=(0, top), xlabel="frequency, Hz", ylabel="share of the power")
 
 
 def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarray]]) -> Figure:
