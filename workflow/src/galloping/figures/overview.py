@@ -67,7 +67,7 @@ def draw_overview(
 def best_of_pysindy(table: pd.DataFrame) -> str | None:
     """The method with the lowest median, over the noisy levels, of the median error."""
     medians = table.groupby("method")["median"].agg(np.median)
-    medians = medians.reindex([method for method in PYSINDY if method in medians])
+    medians = medians.reindex([method for method in PYSINDY if method in medians]).dropna()
     return None if medians.empty else medians.idxmin()
 
 

@@ -17,6 +17,8 @@ NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that 
 def unmodelled(recordings: list[Recording]) -> str:
     """Which coordinates move much faster than they swing, and at which frequencies; '' if none."""
     channels, said = Channels.of(recordings), []
+    if not len(channels.values):  # a line that diverged has no motion
+        return ""
     step, grids = on_grids(recordings)
     omega, power = spectra(grids, step)
     order = np.argsort(omega)
