@@ -21,6 +21,7 @@ from galloping.polynomial import PolynomialModel
 
 FIRST_STEP, STEP = 1e-5, 1e-2  # of differences: in units of a parameter, then of its error
 CONVERGED = 1e-3  # rise of the log-likelihood that a step of the iteration promises
+ROUNDING = 1e-9  # of a log-likelihood
 MOST_STEPS, MOST_DAMPED = 40, 12
 TINY = 0.1  # of the least noise, to which noise beside it may fall
 UNTOLD = 1e-6  # information on a coefficient in its unit, below which the data say nothing of it
@@ -59,9 +60,12 @@ class Innovations:
 
     @cached_property
     def log_likelihood(self) -> float:
-        """But for a constant."""
-        terms = np.log(self.variances) + self.innovations**2 / self.variances
-        return -0.5 * float(np.nansum(terms))
+        """But for a constant; minus infinity where the filter fails, as by rounding."""
+        known = np.isfinite(self.innovations) & (self.variances > 0.0)
+        if known.sum() < sum(part.count for part in self.parts):
+            return -np.inf
+        innovations, variances = self.innovations[known], self.variances[known]
+        return -0.5 * float(np.sum(np.log(variances) + innovations**2 / variances))
 
     @property
     def standardised(self) -> np.ndarray:
@@ -229,8 +233,8 @@ def fitted(
     """The most likely model of the terms `support` (n_candidates,), from one near it.
 
     correlated: whether the forces of two equations may be. filtered: other than that of `question`.
-    Terms of which the data say nothing are left out. Raises numpy.linalg.LinAlgError where the
-    start cannot be discretised.
+    Terms of which the data say nothing are left out. Raises FloatingPointError or
+    numpy.linalg.LinAlgError where the start cannot be followed.
     """
     parameters = _Parameters(question, support, correlated)
     filtered = filtered or question.filtered
@@ -241,6 +245,8 @@ def fitted(
     vector = parameters.vector(model)
     step = np.full(len(vector), FIRST_STEP)
     here, damping = of(vector), FIRST_DAMPING
+    if not np.isfinite(here.log_likelihood):
+        raise FloatingPointError("the filter of its start loses all digits")
     first = _slopes(of, vector, here, step)[: int(support.sum())]
     told = np.einsum("ijk,ijk->i", first, first) > UNTOLD
     if not told.all():  # such as the position of rest by accelerations
@@ -257,7 +263,7 @@ def fitted(
             try:
                 with np.errstate(all="ignore"):  # a step that is too long is halved
                     tried = of(vector + change)
-                    better = tried.log_likelihood >= here.log_likelihood - 1e-9
+                    better = tried.log_likelihood >= here.log_likelihood - ROUNDING
             except np.linalg.LinAlgError:
                 better = False
             if better:

@@ -32,6 +32,7 @@ from galloping.identification.random_forces.fitting import (
     information,
 )
 from galloping.identification.random_forces.start import (
+    MOST_DAMPING,
     on_grid,
     on_grids,
     shortest,
@@ -156,8 +157,8 @@ def in_random_forces(
     penalty = 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in question.data))
     whole = fitted(question, replace(start, slow=()), question.linear_terms, correlated=True)
     left = _left(question, whole, recordings)
-    if not left.white and may_be_slow:
-        whole = _with_slow_forces(question, start, whole, penalty)
+    if not left.white and may_be_slow and not set(channels.rates) & set(forced):
+        whole = _with_slow_forces(question, start, whole, penalty)  # no sensor reads the force
     elif not (may_be_slow or left.nearly):
         raise Unusable(in_words(left, channels))
     correlated = _is_correlated(question, whole, penalty)
@@ -165,6 +166,9 @@ def in_random_forces(
     known = _known(whole)
     fit = fitted(question, question.without(whole.model, support), support, correlated)
     left = _left(question, fit, recordings)
+    values = np.linalg.eigvals(question.tracker(fit.model).system)
+    if np.any(np.abs(values.real) > MOST_DAMPING * np.abs(values)):
+        raise Unusable(f"no oscillations in random forces: {in_words(left, channels)}")
     return _identified(question, fit, recordings, period, known, penalty, left), left
 
 
@@ -225,7 +229,10 @@ def _with_slow_forces(question: Question, start: Model, white: Fit, penalty: flo
         own = np.min(np.abs(np.linalg.eigvals(question.tracker(white.model).system)))
         rate = SLOW * own
         start = replace(white.model, slow=tuple(rate * np.diag(white.model.root)), rate=rate)
-    fit = fitted(question, start, question.linear_terms, correlated=True)
+    try:
+        fit = fitted(question, start, question.linear_terms, correlated=True)
+    except (FloatingPointError, np.linalg.LinAlgError):
+        return white
     gain = fit.filtered.log_likelihood - white.filtered.log_likelihood
     return fit if 2.0 * gain > penalty * (len(fit.model.slow) + 1) else white
 

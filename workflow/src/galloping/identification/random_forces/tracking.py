@@ -28,7 +28,8 @@ class Data:
 @dataclass(frozen=True)
 class Filtered:
     """innovations, variances: (n, n_channels) of samples, NaN where missing. means: (n, n_states)
-    after each. mean, covariance: of the states, and of slow forces, after the last.
+    after each. mean, covariance: of the states, and of slow forces, after the last. count: of the
+    samples, more than of the finite innovations where the filter fails.
     """
 
     innovations: np.ndarray
@@ -36,6 +37,7 @@ class Filtered:
     means: np.ndarray
     mean: np.ndarray
     covariance: np.ndarray
+    count: int
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,8 @@ class Tracker:
             self.noise**2, x, p,
         )  # fmt: skip
         x[:n] += self.rest
-        return Filtered(innovations, variances, means[:, :n] + self.rest, x, p)
+        count = int(np.isfinite(data.samples).sum())
+        return Filtered(innovations, variances, means[:, :n] + self.rest, x, p, count)
 
     def first_state(self, data: Data, count: int) -> np.ndarray:
         """(n_states,) at the first sample, as `count` samples tell it.

@@ -28,7 +28,7 @@ def unmodelled(recordings: list[Recording]) -> str:
         velocity = own * omega**2
         if i not in channels.pairs or not np.any(velocity):
             continue
-        main = omega[np.argmax(own * np.sqrt(omega))]
+        main = omega[np.argmax(own * omega)]
         faster = np.where(omega > BEYOND * main, velocity, 0.0)
         if faster.sum() < MUCH * velocity.sum():
             continue
