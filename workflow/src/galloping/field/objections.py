@@ -33,7 +33,8 @@ Identify = Callable[[Sequence[Recording]], IdentifiedModel]
 
 FORCED = (
     "the motion lasts, where the line by itself comes to rest: random forces, such as those of "
-    "gusts, traffic or other spans, keep it up (ambient vibration), and no model here has them"
+    "gusts, traffic or other spans, keep it up (ambient vibration), and no model in such forces "
+    "follows it"
 )
 BY_ITSELF = "identify each wind, and each state of the line, by itself"
 

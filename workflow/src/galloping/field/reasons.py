@@ -18,8 +18,9 @@ REASONS = (
      "random forces keep it up.", "a larger motion, or better sensors"),
     (r"^moved by random forces", "", "a longer recording: errors fall with the root of its length"),
     (r"random forces", "The motion is kept up by random forces, such as gusts or traffic, where "
-     "the line by itself would come to rest: it is no galloping, and no model here has such "
-     "forces.", "a recording of galloping, or of a motion that dies out after a release"),
+     "the line by itself would come to rest: it is no galloping. The model "
+     "of such motion does not follow this one.",
+     "a longer recording of such motion; or one of galloping, or after a release"),
     (PARTS, "The line was not the same all through the recording, as where the wind changes or "
      "gusts.", f"a shorter stretch in a steady wind; or {WIND}"),
     (r"do not share one model", "The recordings are not of one line in one wind.",
