@@ -183,7 +183,8 @@ def _condition(
         except ValueError as failure:
             ends.append(str(failure))
             continue
-        _add(cycles, point)
+        if np.all(point.solution.half_range() < CEILING * size):  # further off no model is told
+            _add(cycles, point)
     return Condition(
         dict(at),
         tuple(_equilibrium(best, models, rest) for rest in rests),
