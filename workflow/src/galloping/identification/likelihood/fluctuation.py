@@ -87,7 +87,8 @@ def fluctuating(
             if not settling and 0 < passed < FLUCTUATING_PASSES - 1:
                 tried = [np.ones(len(right), bool), support]
                 about = record.problem.chosen_about()
-                support = select(solved.information, right, tried, penalty, about)
+                chosen = select(solved.information, right, tried, penalty, about)
+                support = record.problem.alike(chosen)
             free, covariance = solve_support(solved.information, right, support)
             change = free - fine.free
             moved = solved.response[:, :, :-1] @ change + solved.response[:, :, -1]
