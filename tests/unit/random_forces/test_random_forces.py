@@ -193,6 +193,7 @@ def test_intervals_of_decay_are_skewed_and_open_where_little_is_told():
     wide = decay_interval(0.05, 0.02, 300.0)
     assert wide[0] < decay_interval(0.05, 0.007, 1000.0)[0]
     assert decay_interval(-0.1, 0.01, 300.0)[1] < 0.0
+    assert decay_interval(1e-5, 0.003, 600.0)[1] < 0.03  # not wide beyond what an error explains
 
 
 @pytest.mark.parametrize("swings", [2.0, 10.0, 60.0])

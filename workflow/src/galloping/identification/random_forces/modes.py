@@ -27,7 +27,8 @@ def decay_interval(decay: float, error: float, duration: float) -> tuple[float, 
     if decay <= 0.0:
         half = NORMAL_95 * np.sqrt(error**2 + floor)
         return decay - half, decay + half
-    slope = NORMAL_95**2 * error**2 / decay  # of the squared half width with the true decay
+    told = error**2 / max(decay, FLOOR / duration)  # of an estimate near zero the floor is told
+    slope = NORMAL_95**2 * max(told, 1.0 / duration)  # of the squared half width with the decay
     mean = middle + slope / 2.0
     half = np.sqrt(mean**2 - middle**2 + NORMAL_95**2 * floor)
     return float(mean - half), float(mean + half)
