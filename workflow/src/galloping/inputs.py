@@ -6,7 +6,7 @@ monomials of its states by factors, monomials of its inputs, whose exponents may
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
@@ -125,11 +125,6 @@ Factor = tuple[int, ...]
 def at_times(inputs: Sequence[Input], time: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, n_inputs) values of inputs at `time` (n,), NaN where not covered."""
     return np.stack([one(time) for one in inputs], axis=1) if inputs else np.empty((len(time), 0))
-
-
-def constant(inputs: Mapping[str, Input | float]) -> dict[str, float]:
-    """Those of the inputs that are numbers."""
-    return {name: float(one) for name, one in inputs.items() if not isinstance(one, Input)}
 
 
 def windowed(
