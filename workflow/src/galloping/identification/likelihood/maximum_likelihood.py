@@ -31,7 +31,6 @@ from galloping.identification.likelihood.rate_channels import scaled, scales_tol
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.shooting import Segments, residuals
 from galloping.identification.likelihood.starts import (
-    ROUGH,
     TIME_SCALES,
     positions_of_rest,
     rests_at_zero,
@@ -253,7 +252,7 @@ def _joined(problem: Problem, begun: Start, largest: np.ndarray) -> JoinedFit | 
         joined = join(problem, free, prices, start.dear, unseen)
         path = (start.name, *free.path(begun.period), *joined.path)
         joined = replace(joined, path=path)
-        if start.dear > ROUGH and joined.settled and unseen:
+        if start.dear > 1.0 and joined.settled and unseen:
             # a limit cycle looks like one of fewer terms
             told = unseen_mixtures(joined.step.information, largest) < joined.fit.support.sum()
             joined = replace(joined, settled=told)
