@@ -1,6 +1,7 @@
 """The report's page: complete, self-contained, deterministic; its sentences follow the tables."""
 
 import re
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -22,7 +23,7 @@ def page(tmp_path):
     return Page("A study", paper, None, "commit abc", ["One & one."], figure,
                 [("span", "300 m")], "Words.", [figure], [table],
                 [RecordingSection("span", "# <Summary>", [figure])],
-                {"python": "3.11"})  # fmt: skip
+                {"python": "3.11"}, "pages")  # fmt: skip
 
 
 def test_the_page_shows_everything_and_escapes_it(page):
@@ -35,9 +36,12 @@ def test_the_page_shows_everything_and_escapes_it(page):
     assert html == render(page)
 
 
-def test_the_page_refers_to_nothing_outside(page):
+def test_the_page_refers_to_nothing_outside_but_the_documents(page):
     links = re.findall(r'(?:src|href)="([^"]*)"', render(page))
-    assert links and all(link.startswith(("#", "data:")) for link in links)
+    outside = {link for link in links if not link.startswith(("#", "data:"))}
+    docs = Path(__file__).parents[2] / "docs"
+    assert outside == {f"pages/{document.stem}.html" for document in map(Path, outside)}
+    assert outside and all((docs / f"{Path(link).stem}.md").exists() for link in outside)
 
 
 def test_a_broken_caption_is_an_error():

@@ -1,5 +1,6 @@
 """The report of a study, one self-contained page."""
 
+from os.path import relpath
 from pathlib import Path
 
 from galloping.report.described import described, made_by, versions
@@ -11,6 +12,7 @@ from galloping.reproducibility.job import run
 from galloping.storage import write_text
 from galloping.study.files import read_table
 
+PAGES = "results/pages"  # where `make pages` writes
 FIRST = ("overview", "trust", "paper_region")  # the figures that may stand first
 FOUND = ("efficiency", "noise_coefficients", "limit_cycles", "bifurcations")  # in the first case
 CAPTIONS_OF_FIELD = {
@@ -74,6 +76,7 @@ def write_report(
         tables=list(shown.values()),
         recordings=[_recording(name, recordings) for name in study["recordings"]],
         versions=versions(),
+        pages=Path(relpath(PAGES, Path(report).parent)).as_posix(),
     )
     write_text(report, render(page))
 

@@ -91,7 +91,7 @@ class Page:
     paper: what the paper prints beside ours, with the figure `printed`, or None. made: by which
     commit. headline: sentences that say what was found beyond the paper, with the figure `first`.
     settings: pairs of a name and a value with its unit. versions: of Python and the libraries, by
-    name. introduction: reStructuredText.
+    name. introduction: reStructuredText. pages: folder of the documents, from that of the report.
     """
 
     title: str
@@ -106,6 +106,7 @@ class Page:
     tables: list[Item]
     recordings: list[RecordingSection]
     versions: dict[str, str]
+    pages: str
 
     @property
     def figure_groups(self) -> dict[str, list[Item]]:
