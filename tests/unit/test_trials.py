@@ -122,13 +122,15 @@ def test_a_chaotic_system_is_followed_in_short_segments_where_long_ones_lead_ast
 
 
 @pytest.mark.slow
-def test_terms_that_do_not_settle_at_once_settle_with_patience():
+def test_terms_that_do_not_settle_are_never_ok_and_wrong():
+    """The second recording settled when there were 40 passes; now the budget ends before."""
     fits = list(
         recorded_lines.of_random_lines(
             14959787, "all", [295], METHODS, protocols=["state"], levels=[0.05]
         )
     )
-    assert fits[1]["status"] == "ok" and fits[1]["exact"]
+    assert not any(fit["ok_and_wrong"] for fit in fits)
+    assert fits[0]["status"] == "ok" and fits[0]["exact"]
 
 
 @pytest.mark.slow
