@@ -29,8 +29,8 @@ REASONS = (
      "not have acted on the line, such as gusts.", WIND),
     (r"more modes gallop", "More modes of the span gallop or swing than the model has.", PLACES),
     (r"delayed against|clock", "The sensors do not share one clock, or one of them lags.", CLOCKS),
-    (r"is not the rate of|(?<!time )scale", "Two sensors contradict each other: the scale of one of them is "
-     "off.", "a check of the scale and unit of each sensor"),
+    (r"is not the rate of|(?<!time )scale", "Two sensors contradict each other: the scale of "
+     "one of them is off.", "a check of the scale and unit of each sensor"),
     (r"drifts", "A sensor drifts.", "a sensor whose zero holds still"),
     (r"noise grows with the signal", "The sensors err more where the motion is larger.",
      "a check of the sensors at large motions"),
