@@ -267,7 +267,7 @@ def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):
         field.names,
         longest_period(field.recordings),
         lambda parts: refused,
-        field.clipped,
+        field.faults,
     )
     assert re.match(
         r"q_v of a\.csv is clipped at -0\.3, from row \d+ on; the iteration diverges", found.reason

@@ -251,7 +251,7 @@ def identify(
         click.echo(json_text(result))
     else:
         told, _, _ = (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL)
-        click.echo(f"{told}Written to {output}: summary.md has the equations and the rest")
+        click.echo(f"{told}Written to {output}: summary.md also holds the technical part")
     if identified.status == "refused":
         raise SystemExit(REFUSED)
 

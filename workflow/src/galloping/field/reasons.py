@@ -43,8 +43,8 @@ REASONS = (
     (r"outliers", "Many samples lie far from those beside them.", "a check of the sensor"),
     (r"free of gaps|too few complete samples", "The recording has too many gaps.",
      "a recording without gaps for some ten periods"),
-    (r"out of the noise|above its noise", "The motion hardly stands out of the noise of the "
-     "sensors.", "a larger motion, or better sensors"),
+    (r"out of the noise|above its noise|more than noise", "The motion hardly stands out of the "
+     "noise of the sensors.", "a larger motion, or better sensors"),
     (r"not measured", "Not all that moves was measured.",
      "displacements in both directions, beside what was measured"),
     (r"the data alone cannot tell", "Where the samples alone leave open which of two sets of terms "

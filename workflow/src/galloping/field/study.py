@@ -65,14 +65,14 @@ class Field:
         ]
 
     @property
-    def clipped(self) -> list[str]:
-        """Channels whose largest samples are cut off, as reasons."""
+    def faults(self) -> list[str]:
+        """Why there may be no model, as reasons: channels that are cut off, or mostly noise."""
         return [
             f"{problem['column']} of {report['file']} is {problem['what']}, from row "
             f"{problem['row']} on"
             for report in self.reports
             for problem in report["problems"]
-            if problem["what"].startswith("clipped")
+            if problem["what"].startswith(("clipped", "hardly more than noise"))
         ]
 
 
@@ -179,7 +179,7 @@ def analyse(
         identified = identify(given)
     with part("summarise", until=0.8):
         summary = summarised(
-            identified, given, identify, question.seed, names=field.names, faults=field.clipped
+            identified, given, identify, question.seed, names=field.names, faults=field.faults
         )
     case = None
     if beside and summary.found.status != "refused":

@@ -31,7 +31,8 @@ MEANING = {
     "those recorded.",
     "not identifiable": "The model follows the recording down to the noise of its sensors, so what "
     "it says of motions like the recorded ones can be used; but the recording leaves open which "
-    "terms the equations have, and with others larger motions would be different.",
+    "terms the equations have: with others, much smaller or larger motions would be different, by "
+    "more than the intervals say.",
     "approximate": "No equations of this kind follow the recording exactly, and these come near: "
     "take them for how far and how fast the line moves, within the intervals, which are widened by "
     "what the model misses, and read no meaning into single terms.",
