@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import pickle
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pandas as pd
-from scipy.io import savemat
+from scipy.io import netcdf_file, savemat
 
 TIME = np.arange(1000) / 25.0
 V, W = np.sin(2.6 * TIME), 0.5 * np.cos(2.6 * TIME)
@@ -69,10 +70,19 @@ def parquet(path: Path, **columns: np.ndarray) -> None:
     pd.DataFrame(columns).to_parquet(path)
 
 
-def hdf5(path: Path, **columns: np.ndarray) -> None:
+def hdf5(path: Path, units: tuple[str, ...] = (), **columns: np.ndarray) -> None:
     with h5py.File(path, "w") as file:
         for name, values in columns.items():
             file[name] = values
+        for name, unit in zip(columns, units, strict=False):
+            file[name].attrs["units"] = unit
+
+
+def netcdf(path: Path, **columns: np.ndarray) -> None:
+    with netcdf_file(path, "w") as file:
+        file.createDimension("n", len(TIME))
+        for name, values in columns.items():
+            file.createVariable(name, "d", ("n",))[:] = values
 
 
 def cut(path: Path, make: Callable) -> None:
@@ -183,6 +193,10 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
                                              "horizontal [m]": W}), ()),
     "dates.xlsx": (lambda path: sheet(path, {"Time": STAMPS, "q_v (m)": V, "q_w (m)": W}), ()),
     "units_of_velocity.csv": (lines("t [s],v [m],w [m]"), ("--states", "q_v,q_w,dq_v,dq_w")),
+    "classic.nc": (lambda path: netcdf(path, t=TIME, v=V, w=W), PLAIN),
+    "plain.mat": (lambda path: savemat(path, {"t": TIME, "v": V, "w": W}), PLAIN),
+    "units.h5": (lambda path: hdf5(path, units=("s", "mm", "m"), t=TIME, v=1e3 * V, w=W), BY_NAME),
+    "zones.csv": (lines(columns=([f"{s}+01:00" for s in STAMPS], V, W)), (*BY_NAME, "--unit", "m")),
     "matrix_beside.mat": (
         lambda path: savemat(path, {"t": TIME, "v": V, "w": W, "picture": np.zeros((9, 9))}),
         PLAIN,
@@ -226,6 +240,17 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("'q_v [m]' is not a name", "--measure")),
     "position.csv": (lines(), ("--states", "q_v", "--measure", "q_v=v@abc", *UNITS),
         ("position 'abc' is not a number",)),
+    "empty.csv": ("", PLAIN, ("the file is empty",)),
+    "blank.csv": ("\n\n", PLAIN, ("no header",)),
+    "no_rows.csv": ("t,v,w\n", PLAIN, ("no rows",)),
+    "huge.csv": (edited(57, "2.2,1e308,2"), PLAIN, ("1e+308 is no measurement",)),
+    "clock.csv": (lines() + "0.0,77,1\n", PLAIN, ("a time that was there before",)),
+    "deep.csv": (lines("t,v,w,note", columns=(TIME, V, W, ["fine" * 20] * 1000)).encode()
+                 + b"0,1,2,\x8d\x81\n", PLAIN, ("byte 0x8d is no text in UTF-8",)),
+    "short.mat": (lambda path: savemat(path, {"t": TIME, "v": V[:9], "w": W}), PLAIN,
+        ("column 'v' has 9 rows, the times 't' have 1000",)),
+    "pickle.csv": (pickle.dumps({"t": TIME}), PLAIN, ("pickle, which is never loaded",)),
+    "unit_of_time.csv": (lines("t [s],v [s],w [m]"), BY_NAME, ("column 'v': unit 's' does not",)),
     "unit_unknown.csv": (lines("t [s],v [furlong/],w [m]"), BY_NAME, ("column 'v': unit",)),
     "no_unit.csv": (lines("t [s],v,w"), BY_NAME, ("column 'v' has no unit", "--unit v=m")),
     "more_cells.csv": (edited(57, "2.2,1,2,3,4"), PLAIN, ("row 57 has 5 cells, the header 3",)),

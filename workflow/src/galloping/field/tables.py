@@ -239,7 +239,8 @@ def _netcdf_items(path: Path) -> Iterator[tuple]:
 
     with netcdf_file(path, "r", mmap=False) as file:
         for name, variable in file.variables.items():
-            yield name, np.array(variable.data), getattr(variable, "units", b"").decode() or None
+            own = variable.data.astype(variable.data.dtype.newbyteorder("="))  # as pandas wants it
+            yield name, own, getattr(variable, "units", b"").decode() or None
 
 
 def _matlab_items(path: Path) -> Iterator[tuple]:
