@@ -111,7 +111,7 @@ def chosen(problem: Problem, columns: np.ndarray, rates: np.ndarray) -> Identifi
     information, right = columns.T @ columns, columns.T @ rates
     penalty = 2.0 * np.log(len(rates))
     start = np.isin(np.arange(6), [1, XY])
-    worth = costs(problem.prior, problem.degrees, penalty)
+    worth = costs(problem.prior, problem.complexity, penalty)
     support = select(information, right, [start], worth)
     size = np.sqrt(np.mean(columns**2, axis=0))
     largest = np.sqrt(np.mean(rates**2)) / size
@@ -125,7 +125,7 @@ def test_between_terms_that_the_data_cannot_tell_apart_the_prior_takes_the_simpl
     assert np.flatnonzero(result.support[0]).tolist() == [1, Y]
     assert result.status == "ok"
     assert "the data alone cannot tell y in d(x)/dt from x y in d(x)/dt" in result.reason
-    assert "the prior prefers the terms of lower degree" in result.reason
+    assert "the prior prefers the simpler terms" in result.reason
     without, *_ = alike(None)
     result = chosen(without, columns, rates)
     assert result.status == "not identifiable" and "the data cannot tell" in result.reason
@@ -151,13 +151,21 @@ def test_a_simple_term_that_the_data_would_not_show_is_never_under_an_ok() -> No
 
 
 def test_the_prior_costs_the_same_in_any_unit_and_its_odds_are_checked() -> None:
-    problem, *_ = alike(Prior(term=0.5, degree=0.1))
-    paid = costs(problem.prior, problem.degrees, 2.0 * np.log(400)) - np.log(400)
+    problem, *_ = alike(Prior(term=0.5, nonlinear=0.1))
+    paid = costs(problem.prior, problem.complexity, 2.0 * np.log(400)) - np.log(400)
     assert np.allclose(paid[[0, 1, Y]], 2.0 * np.log(2.0))
     assert np.allclose(paid[3:] - paid[1], 2.0 * np.log(10.0))
-    for odds in ({"term": 0.0}, {"degree": 1.5}, {"degree": "small"}):
+    for odds in ({"term": 0.0}, {"nonlinear": 1.5}, {"nonlinear": "small"}):
         with pytest.raises(ValueError, match=r"prior: \w+: .*; must be a number in \(0, 1\]"):
             Prior(**odds)
+
+
+def test_a_constant_beside_a_displacement_costs_more_than_a_nonlinear_term() -> None:
+    line = posed(("q", "dq"), PLANE, prior=Prior(nonlinear=0.1))
+    plain = posed(("x", "y"), PLANE, prior=Prior(nonlinear=0.1))
+    rate = line.prior.of_complexity(line.complexity) / np.log(10.0)
+    assert np.allclose(rate, 2.0 * np.array([2, 0, 0, 1, 1, 1]))
+    assert np.all(plain.complexity[[0, 6]] == 0)
 
 
 def test_the_prior_settles_ties_and_nothing_else() -> None:

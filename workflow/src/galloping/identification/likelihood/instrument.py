@@ -14,9 +14,16 @@ import numpy as np
 from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import Condensed, of_rates
+from galloping.identification.likelihood.prior import costs
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.likelihood.selection import (
+    select,
+    solve_support,
+    tableau,
+    whiten,
+)
 from galloping.identification.likelihood.shooting import (
+    Eliminated,
     Linearised,
     Segments,
     eliminate,
@@ -98,9 +105,9 @@ def faults(
     if doubtful and max(scores) < np.sqrt(penalty):
         quadratic = eliminate(linear(np.ones(len(support), bool)), segments, starts)
         for k in doubtful:
-            z = _instead(
-                problem, quadratic.information, quadratic.right, support, free, tests[k], penalty
-            )
+            z = _instead(problem, quadratic, support, free, tests[k], penalty)
+            if tests[k].or_model:
+                tested[k] = replace(tested[k], z=_beside(quadratic, support, free, tests[k]))
             tested[k] = replace(tested[k], z=max(tested[k].z, z))
     shown = [fault for fault in tested if fault.z > limit]
     return sorted(shown, key=lambda fault: -fault.z)
@@ -261,10 +268,23 @@ def _mixed(
     return to.T @ information @ to, right @ to
 
 
+def _beside(quadratic: Eliminated, support: np.ndarray, free: np.ndarray, test: _Test) -> float:
+    """z of a fault beside the one term that the model lacks most: weak terms are left out, and what
+    they leave in the residuals may look like a fault.
+    """
+    n = len(support)
+    whitened = whiten(quadratic.information[:n, :n], quadratic.right[:n], free)
+    here = tableau(whitened, support & whitened.usable)
+    more = support.copy()
+    more[here.out[np.argmax(here.additions())]] = True
+    kept = np.append(more, np.ones(len(test.mixture), bool))
+    information = quadratic.information[np.ix_(kept, kept)]
+    return _score(information, quadratic.right[kept], int(more.sum()), test.mixture)
+
+
 def _instead(
     problem: Problem,
-    information: np.ndarray,
-    right: np.ndarray,
+    quadratic: Eliminated,
     support: np.ndarray,
     free: np.ndarray,
     test: _Test,
@@ -273,11 +293,12 @@ def _instead(
     """z of a fault that may replace terms which only imitate it: by how much the data prefer the
     fault with other terms, selected anew, to the terms without it; 0 where they do not.
     """
-    information, right = _mixed(information, right, test.mixture)
+    information, right = _mixed(quadratic.information, quadratic.right, test.mixture)
+    prices = np.append(costs(problem.prior, problem.complexity, penalty), penalty)
     about = np.append(free, 0.0)
     without = np.append(support, False)
     apart = np.append(problem.chosen_about(free), 0.0)
-    chosen = select(information, right, [without, np.append(support, True)], penalty, apart)
+    chosen = select(information, right, [without, np.append(support, True)], prices, apart)
     if not chosen[-1]:
         return 0.0
 
@@ -287,7 +308,7 @@ def _instead(
         rest = right - information @ gone
         change, _ = solve_support(information, rest, present)
         moved = gone @ information @ gone - 2.0 * right @ gone
-        return float(moved - change @ rest) + penalty * np.count_nonzero(present)
+        return float(moved - change @ rest) + prices[present].sum()
 
     return float(np.sqrt(max(worth(without) - worth(chosen), 0.0)))
 

@@ -242,7 +242,7 @@ def _joined(problem: Problem, begun: Start, largest: np.ndarray) -> JoinedFit | 
     """The fit of the first start that settles, else of the first that follows the data, else of
     the first that can be integrated; None where none can.
     """
-    prices = costs(problem.prior, problem.degrees, begun.penalty)
+    prices = costs(problem.prior, problem.complexity, begun.penalty)
     best = None
     for start in starts_of_terms(problem, begun, prices):
         free = free_fit(problem, begun, start.fit)
@@ -271,7 +271,7 @@ def _with_coloured_noise(
     noise = np.sqrt(power)
     fit = replace(joined.fit, sigma=noise, floor=noise, reference=noise, chi2=np.inf)
     free = replace(joined.free, step=replace(joined.step, before=fit, fit=fit))
-    again = join(problem, free, costs(problem.prior, problem.degrees, begun.penalty), 1.0, False)
+    again = join(problem, free, costs(problem.prior, problem.complexity, begun.penalty), 1.0, False)
     path = (*joined.path, "coloured noise", *again.path)
     return replace(again, free=joined.free, path=path)
 

@@ -96,7 +96,10 @@ def with_prior(problem: Problem, plausible: Plausible) -> Plausible:
     """
     if problem.prior is None:
         return plausible
-    cost, size = plausible.supports @ problem.prior.of_degrees(problem.degrees), plausible.size
+    cost, size = (
+        plausible.supports @ problem.prior.of_complexity(problem.complexity),
+        plausible.size,
+    )
     clearly = plausible.chi2 < plausible.chi2[0] - CLEARLY
     is_no_tie = (size < size[0]) | (size > size[0]) & clearly
     dearer = np.where(is_no_tie, np.minimum(cost - cost[0], 0.0), cost - cost[0])

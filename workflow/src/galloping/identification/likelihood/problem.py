@@ -91,6 +91,16 @@ class Problem:
         return self.of_states.sum(axis=1)[self.candidates[:, 1]]
 
     @cached_property
+    def complexity(self) -> np.ndarray:
+        """(n_candidates,) by how many factors `Prior.nonlinear` each is less probable than `term`.
+
+        A nonlinear term by one. A constant where the displacement is a state by two: displacements
+        count from rest, where nothing pulls.
+        """
+        of_rates = np.isin(self.candidates[:, 0], list(velocity_pairs(self.states).values()))
+        return np.where(of_rates & (self.degrees == 0), 2, self.degrees > 1)
+
+    @cached_property
     def tables(self) -> Tables:
         return tables(self.terms, len(self.states))
 

@@ -234,7 +234,7 @@ def told_by_prior(problem: Problem, plausible: Plausible) -> str:
         return ""
     return (
         f"the data alone cannot tell {_difference(_names(problem), plausible, rival)}; the prior "
-        "prefers the terms of lower degree"
+        "prefers the simpler terms"
     )
 
 
