@@ -1,6 +1,7 @@
 """What a model says of its system, beside what is known in closed form."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -96,7 +97,8 @@ def test_systems_that_are_no_oscillators():
 
 def test_the_command_says_the_same_in_words_and_rows(tmp_path):
     path = tmp_path / "model.json"
-    oscillator().save(path, units={"U": "m/s"})
+    found = oscillator()
+    replace(found, diagnostics={"U_low": 5.0, "U_high": 9.0}).save(path, units={"U": "m/s"})
 
     def run(*options, code=0):
         result = CliRunner().invoke(main, ["assess", str(path), *options])
@@ -106,6 +108,8 @@ def test_the_command_says_the_same_in_words_and_rows(tmp_path):
     text = run("--at", "U=4:10:3")
     assert "Small motions about rest begin to grow above U = 5.0" in text
     assert "At U = 10 m/s:" in text and "limit cycle 1, stable: q ± 1.6" in text
+    assert "Nine tenths of the recorded U lie between 5 and 9: beyond, motions may grow" in text
+    assert "Nine tenths" not in run("--at", "U=6")
     rows = json.loads(run("--at", "U=10", "--json"))
     half = next(row for row in rows if row["quantity"] == "half range of q")
     assert half["U"] == 10.0 and half["value"] == pytest.approx(amplitude(10.0), rel=1e-2)

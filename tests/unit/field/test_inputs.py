@@ -189,7 +189,10 @@ def test_a_driven_system_is_identified_by_one_command(driven):
     rows = json.loads(run("show", folder / "out" / "model.json", "--json"))
     assert [r["unit"] for r in rows if r["term"] == "u" and r["equation"] == "dy"] == ["s^-1 N^-1"]
     assert r"u" in run("show", folder / "out" / "model.json", "--latex")
-    assert "u is an input" in (folder / "out" / "summary.md").read_text(encoding="utf-8")
+    summary = (folder / "out" / "summary.md").read_text(encoding="utf-8")
+    assert "u is an input" in summary
+    assert "u is taken for exact" in summary and "after the recording depends on u" in summary
+    assert "recordings with u below -" in summary
 
 
 def test_a_forecast_needs_the_inputs_ahead(driven):

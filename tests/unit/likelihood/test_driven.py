@@ -87,6 +87,7 @@ def test_a_line_in_gusts_holds_at_other_winds():
     found = galloping.maximum_likelihood(recorded(LINE, {"U": GUSTS}), WIND_LIBRARY)
     assert found.status == "ok"
     assert np.array_equal(found.support, unknown(on(LINE, WIND_LIBRARY)))
+    assert found.recorded("U") == pytest.approx(np.quantile(GUSTS.values, (0.05, 0.95)))
     for speed in (10.0, 12.0, 14.0):
         held, true = found.at({"U": speed}), LINE.at({"U": speed})
         place = held.model.terms.index((0, 1))
@@ -144,6 +145,7 @@ def test_what_no_model_follows_is_followed_best_when_it_runs_freely(seed):
     found = galloping.maximum_likelihood(recording, DUFFING_TERMS)
     assert found.status == "approximate"
     assert "over the whole recording it leaves" in found.reason
+    assert "such as gusts" not in found.reason  # which were measured
 
     def error(coefficients):
         model = replace(DUFFING, coefficients=coefficients)

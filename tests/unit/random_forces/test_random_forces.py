@@ -220,5 +220,6 @@ def test_further_modes_that_gallop_are_named():
     values[:, 0] = np.sin(2 * np.pi * 0.4 * time) + 0.01 * rng.standard_normal(len(time))
     assert unmodelled([Recording(time, ("q_v", "dq_v"), values)]) == ""
     values[:, 0] += 0.3 * np.sin(2 * np.pi * 2.1 * time) + 0.3 * np.sin(2 * np.pi * 2.8 * time)
+    values[:, 0] += time**2 / 1000  # its mean drifts
     said = unmodelled([Recording(time, ("q_v", "dq_v"), values)])
     assert said.endswith("q_v, which swings at 0.38 Hz, moves at 2.1, 2.8 Hz")  # in bins

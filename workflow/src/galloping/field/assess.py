@@ -135,7 +135,20 @@ def assess(
         raise ValueError(f"a range of {several[0]} and of {several[1]}; must be of one input")
     held = {name: np.ravel(value)[0] for name, value in at.items()}
     fast = _in_own_time(found, {name: float(value) for name, value in held.items()})
-    return _restored(_assessed(_slowed(found, fast), at, several, seed), fast)
+    notes = tuple(_beyond(found, at))
+    said = _restored(_assessed(_slowed(found, fast), at, several, seed), fast)
+    return replace(said, notes=(*said.notes, *notes))
+
+
+def _beyond(found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]) -> Iterator[str]:
+    """A line for each input that is asked for where it hardly was."""
+    for name, values in at.items():
+        ends = found.recorded(name)
+        if ends and not ends[0] <= np.min(values) <= np.max(values) <= ends[1]:
+            yield (
+                f"Nine tenths of the recorded {name} lie between {ends[0]:.3g} and {ends[1]:.3g}: "
+                "beyond, motions may grow that the recording does not show, such as further modes"
+            )
 
 
 def _assessed(

@@ -12,6 +12,7 @@ from galloping.field.excerpt import excerpts
 from galloping.field.forecast import Sensed, simulator_of
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.identification.random_forces.wavering import wavers
 from galloping.polynomial import library, velocity_pairs
 from galloping.recording import Recording
@@ -54,9 +55,11 @@ def objected(
     identify: the method, with its library and known equations. faults: of the recordings, as
     `quality` names them, the first reasons where there is no model.
     """
-    objection = _forced(identified, recordings, period) or _differing(
-        identified, recordings, names, identify
-    )
+    objection = _forced(identified, recordings, period)
+    if objection:
+        objection = unmodelled(list(recordings)) or objection
+    else:
+        objection = _differing(identified, recordings, names, identify)
     if objection or identified.status == "refused":
         reason = "; ".join([*faults, objection or identified.reason])
         return IdentifiedModel.refused(identified.model.states, identified.model.terms, reason)

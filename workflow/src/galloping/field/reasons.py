@@ -25,8 +25,10 @@ REASONS = (
      "gusts.", f"a shorter stretch in a steady wind; or {WIND}"),
     (r"do not share one model", "The recordings are not of one line in one wind.",
      f"each wind by itself; or {WIND}"),
-    (r"as in gusts|forces besides the model act|followed in pieces", "Forces that the model does "
-     "not have acted on the line, such as gusts.", WIND),
+    (r"(as in|such as) gusts", "Forces that the model does not have acted on the line, such as "
+     "gusts.", WIND),
+    (r"forces besides the model act", "Forces that the model does not have acted on the line, such "
+     "as those of further modes.", PLACES),
     (r"more modes gallop", "More modes of the span gallop or swing than the model has.", PLACES),
     (r"delayed against|clock", "The sensors do not share one clock, or one of them lags.", CLOCKS),
     (r"is not the rate of|(?<!time )scale", "Two sensors contradict each other: the scale of "

@@ -37,6 +37,7 @@ ENDS = {
     "irregular": "the motion never repeats, or settles too slowly to tell",
 }
 TECHNICAL = "## Technical part"
+LEAST = 1e-6  # width of an interval that is said, in its value
 KNOWN = 0.01  # standard error of a coefficient that no further recording needs to tell better
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
 
@@ -63,6 +64,7 @@ def summary_text(
         "of": of, "found": found, "known": known, "trial": trial, "ambient": ambient, "ends": ENDS,
         "rounding": ROUNDING, "technical": TECHNICAL, "most_problems": MOST_PROBLEMS,
         "refused": found.status == "refused",
+        "exact": [n for n in found.model.inputs if not of.recordings[-1].inputs[n].error],
         "odd": any("is the unit" in problem for problem in problems),
         "mixed": re.search(PARTS, found.reason),
         "recorded": list(_recorded(of.recordings)),
@@ -110,7 +112,7 @@ def in_words(of: Value, unit: str, factor: float = 1.0) -> str:
 def _cells(of: Value, unit: str, factor: float = 1.0) -> tuple[str, str]:
     """A value with its unit, and its interval."""
     value, low, high = (factor * number for number in (of.value, of.low, of.high))
-    if low == high:
+    if high - low <= LEAST * abs(value):
         number, interval = f"{value:.5g}", ""
     elif not np.isfinite(low):
         number, interval = f"{value:.3g}", "interval unknown"
@@ -242,6 +244,10 @@ def _helps(of: Summary, reports: Sequence[dict]) -> list[str]:
                      "galloping begins")  # fmt: skip
     if of.found.model.inputs:  # which were recorded
         helps = [each for each in helps if WIND not in each]
+    for name in of.found.model.inputs:
+        if ends := of.found.recorded(name):
+            helps.append(f"recordings with {name} below {ends[0]:.3g} or above {ends[1]:.3g}, if "
+                         "the model is to hold there")  # fmt: skip
     return list(dict.fromkeys(helps))
 
 

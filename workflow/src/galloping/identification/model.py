@@ -29,6 +29,7 @@ class Unusable(ValueError):
 # What ends an identification without a model. Any other ValueError is a mistake in the code.
 NO_MODEL = (Unusable, FloatingPointError, np.linalg.LinAlgError)
 STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
+RANGE = ("_low", "_high")  # behind the name of an input: diagnostics, its range
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 
@@ -147,6 +148,11 @@ class IdentifiedModel(Immutable):
     def verdict(self) -> str:
         """Status and reason in one line."""
         return f"{self.status}: {self.reason}" if self.reason else self.status
+
+    def recorded(self, name: str) -> tuple[float, ...]:
+        """Ends of the range of an input in which nine tenths of its samples are; none unknown."""
+        ends = tuple(f"{name}{end}" for end in RANGE)
+        return tuple(self.diagnostics[end] for end in ends if end in self.diagnostics)
 
     def at(self, values: Mapping[str, float]) -> IdentifiedModel:
         """What it is at constant values of inputs, its terms merged; the other inputs stay.

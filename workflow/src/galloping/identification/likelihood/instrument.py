@@ -47,7 +47,8 @@ CURIOUS = 2.5
 # least noise, and the projections' own estimate is never this far below the true one.
 EXACT = 0.25
 
-FORCES = "forces besides the model act, such as gusts, or terms are missing"
+GUSTS = ", such as gusts"  # but where the wind was measured
+FORCES = f"forces besides the model act{GUSTS}, or terms are missing"
 JITTER = "errors grow with the speed of the motion: sampling times jitter, or the model is wrong"
 GROWING = "the noise grows with the signal"
 # In the causes that name a channel first.

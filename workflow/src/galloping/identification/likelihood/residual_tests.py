@@ -62,9 +62,9 @@ class Residue:
         channels: names of the observed channels. Noise correlated over a few samples may have up
         to twice the power at the motion's frequencies.
         """
-        misfit = (
-            f"chi2/n {self.chi2:.2f}, residual power at the motion's frequencies {self.band:.2f}"
-        )
+        misfit = f"residual power at the motion's frequencies {self.band:.2f}"
+        if np.isfinite(self.chi2):
+            misfit = f"chi2/n {self.chi2:.2f}, {misfit}"
         if self.line > self.line_allowed:
             return (
                 f"model inadequate: the residual of {channels[self.channel]} has a line at "

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
+from galloping.identification.likelihood.instrument import GUSTS
 from galloping.identification.likelihood.plausible import (
     Plausible,
     detection_limits,
@@ -23,7 +24,8 @@ from galloping.identification.likelihood.selection import (
     tableau,
     whiten,
 )
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import RANGE, IdentifiedModel
+from galloping.intervals import QUANTILES_90
 from galloping.polynomial import term_name
 from galloping.recording import Recording
 
@@ -149,7 +151,8 @@ def refused(problem: Problem, reason: str) -> IdentifiedModel:
 def with_inputs(
     identified: IdentifiedModel, given: Sequence[Recording], used: Sequence[Recording]
 ) -> IdentifiedModel:
-    """The model with what its inputs add to its errors, and the share of samples without them.
+    """The model with what its inputs add to its errors, the share of samples without them, and the
+    range in which nine tenths of their samples are (`IdentifiedModel.recorded`).
 
     A factor on an input, unknown by its `error`, is one on every coefficient of a term with it, to
     the power of the input. given: recordings as they came; used: the stretches with inputs.
@@ -164,6 +167,9 @@ def with_inputs(
     added = np.zeros((len(places), len(places)))
     for k, name in enumerate(names, start=len(identified.model.states)):
         error = max(one.inputs[name].error for one in used)
+        values = np.concatenate([one.inputs[name](one.time) for one in used])
+        ends = np.nanquantile(values, QUANTILES_90)
+        about |= {f"{name}{end}": float(own) for end, own in zip(RANGE, ends, strict=True)}
         power = np.array([identified.model.terms[j][k] for _, j in places], float)
         moved = error * power * identified.model.coefficients[at]
         moved[identified.standard_errors[at] == 0.0] = 0.0  # of those that are fixed
@@ -173,7 +179,8 @@ def with_inputs(
         errors = np.array(getattr(identified, name))
         errors[at] = np.hypot(errors[at], np.sqrt(np.diag(added)))
         wider[name] = errors
-    return replace(identified, diagnostics=about, **wider)
+    reason = identified.reason.replace(GUSTS, "")
+    return replace(identified, reason=reason, diagnostics=about, **wider)
 
 
 def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> str:

@@ -10,6 +10,7 @@ from galloping.recording import Recording
 
 BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at three times that
 MUCH = 0.2  # share of the power of its velocity there, of another motion than its own
+PERIODS = 10  # of a swing, that a recording holds at least
 LEAST_PEAK = 0.05  # of the highest of a spectrum, to be named
 NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that of the swings
 
@@ -23,12 +24,13 @@ def unmodelled(recordings: list[Recording]) -> str:
     omega, power = spectra(grids, step)
     order = np.argsort(omega)
     omega, power = omega[order], power[order]
+    slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # slower is a drift
     power -= ABOVE_NOISE * np.median(power[int(FLOOR * len(power)) :], axis=0)
     for i, own in zip(channels.values, np.maximum(power.T, 0.0), strict=False):
         velocity = own * omega**2
         if i not in channels.pairs or not np.any(velocity):
             continue
-        main = omega[np.argmax(own * omega)]
+        main = omega[np.argmax(np.where(omega < slowest, 0.0, own * omega))]
         faster = np.where(omega > BEYOND * main, velocity, 0.0)
         if faster.sum() < MUCH * velocity.sum():
             continue
