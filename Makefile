@@ -52,17 +52,17 @@ repair: $(VENV)/made
 	@$(SCRIPT)/run_study.py --repair $(WHERE) $(OPTIONS)
 
 verify: $(VENV)/made
-	@$(SCRIPT)/$(if $(ARCHIVE),verify_archive.py '$(ARCHIVE)' $(DIGEST),verify_results.py) $(OPTIONS)
+	@$(SCRIPT)/results.py $(if $(ARCHIVE),verify_archive '$(ARCHIVE)' $(DIGEST),verify) $(OPTIONS)
 
 publish: $(VENV)/made
-	@$(SCRIPT)/publish.py --allow '$(ALLOW)' $(OPTIONS)
+	@$(SCRIPT)/results.py publish --allow '$(ALLOW)' $(OPTIONS)
 
 restore: $(VENV)/made
 	@[ -n '$(ARCHIVE)' ] || { echo "Say what to restore: make restore ARCHIVE=file"; exit 1; }
-	@$(SCRIPT)/restore.py '$(ARCHIVE)' $(if $(filter yes,$(REPLACE)),--replace) $(DIGEST) $(OPTIONS)
+	@$(SCRIPT)/results.py restore '$(ARCHIVE)' $(if $(filter yes,$(REPLACE)),--replace) $(DIGEST) $(OPTIONS)
 
 prune: $(VENV)/made
-	@$(SCRIPT)/prune_results.py $(if $(filter yes,$(DELETE)),--delete) $(OPTIONS)
+	@$(SCRIPT)/results.py prune $(if $(filter yes,$(DELETE)),--delete) $(OPTIONS)
 
 test: study browser
 	$(BIN)/python -m pytest -n 2 --dist loadgroup $(if $(CI)$(filter yes,$(SLOW)),-m 'not faults and not slurm')
@@ -90,7 +90,7 @@ bench: study
 	  $(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv $(OLDER)
 
 reference: study
-	@$(SCRIPT)/update_reference.py $(OPTIONS)
+	@$(SCRIPT)/results.py take_reference $(OPTIONS)
 ifndef CONFIG
 	cp results/figures/overview.png results/figures/prediction.png results/reference
 	@$(MAKE) --no-print-directory reference CONFIG=config/smoke.yaml

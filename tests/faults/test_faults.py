@@ -32,7 +32,7 @@ class Harmed:
         self.folder, self.results = folder, folder / "results/smoke"
         self.sound = contents(self.results)
 
-    def start(self, script="run_study", *options, **popen):
+    def start(self, script, *options, **popen):
         mine = {k: v for k, v in os.environ.items() if k != "GALLOPING_RESULTS"}
         return subprocess.Popen(
             [sys.executable, f"workflow/scripts/{script}.py", *options, *SMOKE],
@@ -71,7 +71,7 @@ class Harmed:
     def check(self):
         """Every byte is again what it was, and verification says so."""
         assert differing(self.sound, contents(self.results)) == []
-        status, said = end(self.start("verify_results"))
+        status, said = end(self.start("results", "verify"))
         assert status == 0, said
 
 
@@ -191,7 +191,7 @@ def test_without_the_records_of_snakemake_receipts_tell_what_an_edit_made_stale(
     changed = differing(harmed.sound, contents(harmed.results))
     depend = ("clearance", "measures", "report.html", "tables/reference_")
     assert changed and all(any(name in path for name in depend) for path in changed), changed
-    status, said = end(harmed.start("verify_results"))
+    status, said = end(harmed.start("results", "verify"))
     assert status == 0, said
 
 

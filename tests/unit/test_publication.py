@@ -16,7 +16,7 @@ from galloping.configuration.load import load, plain
 from galloping.publication import archive
 from galloping.publication.archive import (
     MANIFEST,
-    UnsafeArchive,
+    NotRestorable,
     is_plain,
     pack,
     unpack,
@@ -24,12 +24,7 @@ from galloping.publication.archive import (
 )
 from galloping.publication.provenance import Commit, commit
 from galloping.publication.publishing import files, obstacles
-from galloping.publication.restoration import (
-    NotRestorable,
-    changed_settings,
-    faults,
-    restore,
-)
+from galloping.publication.restoration import changed_settings, faults, restore
 from galloping.reproducibility import repair
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.receipts import Receipt, digest, read_receipt, write_receipt
@@ -80,7 +75,7 @@ def zipped(tmp_path, *entries):
 
 def refused(path, target, reason):
     target.mkdir(parents=True)
-    with pytest.raises(UnsafeArchive, match=reason) as error:
+    with pytest.raises(NotRestorable, match=reason) as error:
         unpack(path, target)
     assert "\n" not in str(error.value) and str(error.value).startswith(f"{path}: ")
     return [path for path in target.parent.rglob("*") if path != target]

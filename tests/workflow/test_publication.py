@@ -31,8 +31,8 @@ TERMS = {
 
 
 def smoke(folder, name, *options):
-    """(exit code, lines) of one of the project's scripts, on the smoke study in `folder`."""
-    return script(folder, name, *options, "--configfile", "config/smoke.yaml")
+    """(exit code, lines) of a command on the results of the smoke study in `folder`."""
+    return script(folder, "results", name, *options, "--configfile", "config/smoke.yaml")
 
 
 def planned(study, *config):

@@ -49,8 +49,8 @@ def test_another_reference_runs_the_comparison_alone_and_shows(edited, hold_to_r
         hold_to_reference(edited.results / "tables", edited.folder / "results/reference/smoke")
 
 
-def update_reference(study):
-    command = ("workflow/scripts/update_reference.py", "--configfile", "config/smoke.yaml")
+def take_reference(study):
+    command = ("workflow/scripts/results.py", "take_reference", "--configfile", "config/smoke.yaml")
     return studies.run(study.folder, *command)
 
 
@@ -59,7 +59,7 @@ def test_only_a_finished_study_becomes_the_reference(edited, study):
     lost = edited.results / "bounds/non_resonant/state/noise_0.05.npz"
     kept = lost.rename(lost.with_suffix(".kept"))
     before = {path.name: path.read_bytes() for path in reference.iterdir()}
-    run = update_reference(edited)
+    run = take_reference(edited)
     assert run.returncode != 0
     assert re.fullmatch(
         r"results/smoke: \d+ files are not finished as configured, such as results/smoke/\S+; "
@@ -70,7 +70,7 @@ def test_only_a_finished_study_becomes_the_reference(edited, study):
 
     kept.rename(lost)
     (reference / "gone.csv").write_text("case\n")
-    run = update_reference(edited)
+    run = take_reference(edited)
     assert run.returncode == 0, run.stdout
     tables = {path.name for path in reference.iterdir()} - {"origin.json"}
     assert tables == before.keys() - {"origin.json"}
@@ -78,7 +78,7 @@ def test_only_a_finished_study_becomes_the_reference(edited, study):
         assert (reference / name).read_bytes() == (study.results / "tables" / name).read_bytes()
 
     (reference / "origin.json").unlink()
-    run = update_reference(edited)
+    run = take_reference(edited)
     assert run.returncode != 0
     assert run.stdout.endswith("holds tables of something else; must be a folder of its own\n")
     assert {path.name for path in reference.iterdir()} == tables

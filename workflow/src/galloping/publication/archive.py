@@ -24,8 +24,8 @@ BROKEN = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, ValueError, Ru
 UNSOUND = (*BROKEN, FileExistsError, NotADirectoryError, IsADirectoryError)
 
 
-class UnsafeArchive(Exception):
-    """An archive that must not be unpacked; the message says why in one line."""
+class NotRestorable(Exception):
+    """An archive or publication that is not used; one line a reason."""
 
 
 def is_plain(path: str) -> bool:
@@ -58,7 +58,7 @@ def pack(folder: Path, target: Path) -> None:
 def unpack(archive: Path, folder: Path) -> None:
     """Write all files of a zip into an empty folder, as regular files whatever they claim to be.
 
-    Raises UnsafeArchive, before anything is written, for names that reach outside or hide and for
+    Raises NotRestorable, before anything is written, for names that reach outside or hide and for
     too much, and while writing for contents that are not as declared. The caller removes
     the folder.
     """
@@ -68,10 +68,10 @@ def unpack(archive: Path, folder: Path) -> None:
             size = sum(entry.file_size for entry in entries)
             if len(entries) > MAX_ENTRIES or size > MAX_SIZE:
                 told = f"{len(entries)} files of {size} bytes; at most {MAX_ENTRIES} of {MAX_SIZE}"
-                raise UnsafeArchive(f"{archive}: {told} are allowed")
+                raise NotRestorable(f"{archive}: {told} are allowed")
             for entry in entries:
                 if not is_plain(entry.orig_filename):
-                    raise UnsafeArchive(
+                    raise NotRestorable(
                         f"{archive}: {entry.orig_filename!r} is not a plain path (letters, digits "
                         "and _.+=-, with '/', no part beginning with a dot)"
                     )
@@ -81,7 +81,7 @@ def unpack(archive: Path, folder: Path) -> None:
                 with content.open(entry) as source, target.open("xb") as sink:
                     shutil.copyfileobj(source, sink)  # never more than declared
     except UNSOUND as error:
-        raise UnsafeArchive(f"{archive}: not a sound zip file ({error})") from None
+        raise NotRestorable(f"{archive}: not a sound zip file ({error})") from None
 
 
 MANIFEST = "manifest.sha256"

@@ -11,7 +11,13 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from galloping.configuration.load import ConfigurationError, load, plain, read
-from galloping.publication.archive import files_of, is_plain, manifest_faults, unpack
+from galloping.publication.archive import (
+    NotRestorable,
+    files_of,
+    is_plain,
+    manifest_faults,
+    unpack,
+)
 from galloping.publication.crate import CONFIGURATION
 from galloping.publication.publishing import RECEIPTS
 from galloping.reproducibility.plan import Plan
@@ -31,12 +37,8 @@ PLACES = ("results", "reference")  # settings on which no number depends
 RECEIPT_LIST = TypeAdapter(list[Receipt])
 
 
-class NotRestorable(ValueError):
-    """A publication that is not used; one line a reason."""
-
-
-def check_digest(archive: Path, expected: str) -> str:
-    """The SHA-256 of an archive. expected: what it has to be, or empty. Raises NotRestorable."""
+def check_digest(archive: str | Path, expected: str | None) -> str:
+    """The SHA-256 of an archive. expected: of the published one. Raises NotRestorable."""
     present = digest(archive)
     if expected and present != expected.lower():
         raise NotRestorable(f"{archive}: SHA-256 {present}, not {expected}")
@@ -103,7 +105,7 @@ def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[s
     No result is written before the archive is found whole and in agreement with what was computed
     here. Afterwards Snakemake takes a file as made if its receipt, and those of all that it was
     made from, are of the plan's jobs with the plan's settings; others are set aside. replacing: set
-    results aside that are not those of the archive. Raises UnsafeArchive and NotRestorable.
+    results aside that are not those of the archive. Raises NotRestorable.
     """
     results = plan.results
     # on the file system of the results; `make repair` sweeps it if this process is killed

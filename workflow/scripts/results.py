@@ -1,0 +1,189 @@
+"""What is done with the results of a finished study, by the command of the Makefile.
+
+Usage: results.py COMMAND [OPTIONS] [--configfile FILE ...]
+"""
+
+import argparse
+import shutil
+import sys
+import tempfile
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+
+from galloping.configuration.load import ConfigurationError, configured, plain
+from galloping.publication.archive import NotRestorable, unpack
+from galloping.publication.publishing import ALLOWABLE, NotPublishable
+from galloping.publication.publishing import publish as published
+from galloping.publication.restoration import changed_settings, check_digest, faults, settings
+from galloping.publication.restoration import restore as restored
+from galloping.reproducibility.inspection import inspect, make_command, remember
+from galloping.reproducibility.lock import Obstacle, locked
+from galloping.reproducibility.plan import planning
+from galloping.reproducibility.receipts import digest, receipts
+from galloping.reproducibility.repair import audit, remove
+from galloping.storage import replacing, write_json
+from galloping.tables.beside_reference import Origin, processor
+from galloping.tables.comparison import table_differences, tables
+
+FAULTS = {
+    "damaged": "not what its job wrote: `{repair}` makes it again",
+    "missing": "not here: `{run}` makes it",
+    "outdated": "made with other settings, code or inputs: `{run}` makes it again",
+    "unknown": "has no receipt that can be read: `{repair}` makes it again",
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    commands = parser.add_subparsers(required=True)
+    for function, *options in (
+        (verify,),
+        (verify_archive, "archive", "--sha256"),
+        (publish, "--allow"),
+        (restore, "archive", "--replace", "--sha256"),
+        (prune, "--delete"),
+        (take_reference,),
+    ):
+        command = commands.add_parser(function.__name__, help=function.__doc__)
+        command.set_defaults(run=function)
+        for name in options:
+            flag = name in ("--replace", "--delete")
+            command.add_argument(name, **({"action": "store_true"} if flag else {}))
+        command.add_argument("--configfile", nargs="+", default=[])
+    given = vars(parser.parse_args())
+    try:
+        configured(["config/config.yaml", *given["configfile"]])  # Snakemake would say less
+        given.pop("run")(**given)
+    except (ConfigurationError, Obstacle) as error:
+        sys.exit(str(error))
+
+
+@contextmanager
+def planned(configfile):
+    """The plan of a study that no other process works on."""
+    plan = planning(configfile)
+    with locked(plan.results, make_command(configfile, "repair")):
+        yield plan
+
+
+def verify(configfile):
+    """Compare every file of a study with its receipt, and every receipt with the settings."""
+    run, repair = make_command(configfile), make_command(configfile, "repair")
+    plan = planning(configfile)
+    checked, count = audit(plan), 0
+    for state, meaning in FAULTS.items():
+        for path in getattr(checked, state):
+            print(f"{path}: {meaning.format(run=run, repair=repair)}")
+            count += 1
+    print(f"{plan.results}: {len(checked.sound)} files verified, {count} at fault")
+    if checked.elsewhere:
+        print(f"{len(checked.elsewhere)} files are not here: the archive restored from has none")
+    if checked.left_over:
+        print(f"{len(checked.left_over)} files are no longer asked for: see `make prune`")
+    sys.exit(count > 0)
+
+
+def verify_archive(archive, sha256, configfile):
+    """Whether an archive is safe, whole and the published one, and agrees with the study here."""
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            present = check_digest(archive, sha256)
+            unpack(archive, Path(folder))
+            if lines := list(faults(Path(folder))):
+                raise NotRestorable("\n".join(lines))
+            print(f"{archive}: every file is as in its manifest; SHA-256 {present}")
+            if not sha256:
+                print("Compare it with the published SHA-256, or give that: SHA256=...")
+            compare(Path(folder), plain(configured(["config/config.yaml", *configfile])))
+    except (NotRestorable, ConfigurationError, OSError) as error:
+        sys.exit(f"{error}\n{archive}: not as it was published")
+
+
+def compare(folder: Path, study: dict) -> None:
+    """Compare an unpacked archive with the study here. Exits with 1 if it differs."""
+    results, before = study["results"], settings(folder)
+    if not tables(Path(results)):
+        print(f"{results}: no study here, so that no numbers were compared")
+        return
+    for line in changed_settings(before, study):
+        print(f"Other settings: {line}")
+    lines = list(table_differences(folder / before["results"], results))
+    print(*lines, f"{results}: {'differs from' if lines else 'agrees with'} the archive", sep="\n")
+    sys.exit(bool(lines))
+
+
+def publish(allow, configfile):
+    """Write the publication of a study: a folder, and an archive of it."""
+    allowed = allow.split(",") if allow else []
+    if unknown := [kind for kind in allowed if kind not in ALLOWABLE]:
+        sys.exit(f"ALLOW: {unknown[0]!r} is not allowed; must be of {', '.join(ALLOWABLE)}")
+    try:
+        with planned(configfile) as plan:
+            archive = published(plan, allowed)
+    except NotPublishable as error:
+        sys.exit(
+            f"{error}\nNot published. `make` completes a study, `make repair` mends it; "
+            f"ALLOW={','.join(ALLOWABLE)} publishes all the same and records it."
+        )
+    print(f"{archive}: {archive.stat().st_size / 1e6:.1f} MB, SHA-256 {digest(archive)}")
+    print("Publish this SHA-256 elsewhere than the archive: by it alone others know its numbers.")
+
+
+def restore(archive, replace, sha256, configfile):
+    """Put the results of an archive in place, without computing them again."""
+    try:
+        with planned(configfile) as plan:
+            check_digest(archive, sha256)
+            for line in restored(Path(archive), plan, replacing=replace):
+                print(line)
+            remember(plan.results, inspect(plan.results, receipts(plan.results)))
+    except NotRestorable as error:
+        sys.exit(f"{error}\nNothing was restored.")
+    except OSError as error:
+        sys.exit(f"{error}: when this is mended, restore again")
+
+
+def prune(delete, configfile):
+    """List results that the settings no longer ask for, or remove them, and leave all others."""
+    with planned(configfile) as plan:
+        left_over = audit(plan).left_over
+        for receipt in left_over:
+            print(*(remove(receipt) if delete else [receipt.path]))
+    if not left_over:
+        print(f"{plan.results}: nothing is left over; the settings ask for every result")
+        return
+    size = sum(receipt.size for receipt in left_over) / 1e6
+    done = "removed" if delete else "to be removed by DELETE=yes"
+    print(f"{plan.results}: {len(left_over)} left over files, {size:.1f} MB, {done}")
+
+
+def take_reference(configfile):
+    """Take the numbers of a study, run on this machine, as those that later runs are compared with.
+
+    Refuses a study in which anything is missing, damaged or not as configured.
+    """
+    plan = planning(configfile)
+    results, reference = plan.results, Path(plan.settings["reference"])
+    if any(reference.glob("*.csv")) and not (reference / "origin.json").exists():
+        sys.exit(f"{reference}: holds tables of something else; must be a folder of its own")
+    comparison = next(job for job in plan.jobs if job.rule == "compare_reference")
+    if unfinished := plan.maker.keys() - set(audit(plan).sound):
+        sys.exit(
+            f"{results}: {len(unfinished)} files are not finished as configured, such as "
+            f"{min(unfinished)}; the reference is left as it was"
+        )
+    found = [Path(path) for path in comparison.inputs if Path(path).is_relative_to(results)]
+    found = [path for path in found if not path.is_relative_to(reference)]
+    for gone in {path.name for path in reference.glob("*.csv")} - {path.name for path in found}:
+        (reference / gone).unlink()
+    for path in found:
+        with replacing(reference / path.name) as partial:
+            shutil.copyfile(path, partial)
+    origin = Origin(settings=comparison.settings["study"]["study"], processor=processor())
+    write_json(reference / "origin.json", asdict(origin))
+    print(f"{reference}: {len(found)} tables of {results} are the reference now")
+
+
+if __name__ == "__main__":
+    main()
