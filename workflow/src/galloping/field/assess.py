@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment, root
+from scipy.optimize import linear_sum_assignment
 
 from galloping.cycles.collocation import Orbit
 from galloping.cycles.continuation import NotConverged, Point, Range, corrected
@@ -20,7 +20,7 @@ from galloping.cycles.equilibria import equilibrium_branch, hopf_points
 from galloping.cycles.family import Family, VectorField
 from galloping.cycles.limit_cycles import VANISHED, CycleProblem, at_value, settled
 from galloping.cycles.settling import Settled, settle
-from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value
+from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value, zero_of
 from galloping.field.forecast import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.immutable import Immutable
@@ -133,11 +133,16 @@ def assess(
         raise ValueError(f"the model has the input {missing[0]}; say at which value of it")
     if len(several) > 1:
         raise ValueError(f"a range of {several[0]} and of {several[1]}; must be of one input")
-    held = {name: np.ravel(value)[0] for name, value in at.items()}
-    fast = _in_own_time(found, {name: float(value) for name, value in held.items()})
-    notes = tuple(_beyond(found, at))
-    said = _restored(_assessed(_slowed(found, fast), at, several, seed), fast)
-    return replace(said, notes=(*said.notes, *notes))
+    (along,) = several or [""]
+    values = np.unique(np.asarray(at.pop(along), float)) if along else np.empty(0)
+    if len(values) == 1:
+        at[along] = float(values[0])
+    of = _slowed(found, {**at, **({along: values[0]} if along else {})}, seed)
+    if len(values) < 2:
+        return Assessment((_condition(of, at),), notes=tuple(_beyond(found, at)))
+    conditions, onsets, notes = _along(of, at, along, values)
+    notes += _beyond(found, {**at, along: values})
+    return Assessment(conditions, along, (values[0], values[-1]), onsets, tuple(notes))
 
 
 def _beyond(found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]) -> Iterator[str]:
@@ -151,33 +156,49 @@ def _beyond(found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]) -
             )
 
 
-def _assessed(
-    found: IdentifiedModel, at: dict[str, float | Sequence[float]], several: list[str], seed: int
-) -> Assessment:
-    model = found.at({name: value for name, value in at.items() if name not in several})
-    models = drawn(model, DRAWS if len(model.covariance) else 1, np.random.default_rng(seed))
-    if not several:
-        return Assessment((_condition(model, models, at),))
-    (along,) = several
-    values = np.unique(np.asarray(at.pop(along), float))
-    if len(values) < 2:
-        return Assessment((_condition(model, models, at | {along: float(values[0])}),))
-    return _along(model, models, at, along, values)
+@dataclass(frozen=True)
+class _Slowed:
+    """A model that moves about as fast as a span, in a unit of time of 1/fast s, and its draws.
+
+    start: (n_states,) that was recorded.
+    """
+
+    model: PolynomialModel
+    draws: tuple[PolynomialModel, ...]
+    start: np.ndarray
+    fast: float
+
+    def at(self, values: Mapping[str, float]) -> _Slowed:
+        held = {name: value for name, value in values.items() if name in self.model.inputs}
+        draws = tuple(each.at(held) for each in self.draws)
+        return replace(self, model=self.model.at(held), draws=draws)
 
 
-def _condition(
-    identified: IdentifiedModel,
-    models: Sequence[PolynomialModel],
-    at: Mapping[str, float],
-    known: Sequence[Point] = (),
-) -> Condition:
+def _slowed(found: IdentifiedModel, first: Mapping[str, float], seed: int) -> _Slowed:
+    """A model in its own time where it is much faster or slower at its start than a span."""
+    known = found.initial_states[np.isfinite(found.initial_states).all(axis=1)]
+    start = known[-1] if len(known) else np.full(len(found.model.states), 0.1)  # not the origin
+    values = np.linalg.eigvals(found.model.at(first).jacobian(start[np.newaxis])[0])
+    fast = float(np.max(np.abs(values)) / (2 * np.pi * USUAL))
+    fast = 1.0 if ALIKE[0] < fast < ALIKE[1] or not fast > 0 else fast
+    size = np.ones(len(found.model.states))
+    size[list(velocity_pairs(found.model.states).values())] = fast
+    powers = np.array(found.model.terms)[:, : len(size)]
+    factors = np.prod(size**powers, axis=1) / (size[:, np.newaxis] * fast)
+    draws = drawn(found, DRAWS if len(found.covariance) else 1, np.random.default_rng(seed))
+    model, *draws = (
+        replace(each, coefficients=each.coefficients * factors) for each in (found.model, *draws)
+    )
+    return _Slowed(model, tuple(draws), start / size, fast)
+
+
+def _condition(of: _Slowed, at: Mapping[str, float], known: Sequence[Point] = ()) -> Condition:
     """At one value of every input: attractors by simulation from several starts.
 
     known: limit cycles there, found otherwise.
     """
-    held = {name: value for name, value in at.items() if name in identified.model.inputs}
-    best, models = identified.model.at(held), [model.at(held) for model in models]
-    begin = _start(identified)
+    here = of.at(at)
+    best, begin = here.model, here.start
     motion = _settled(best, begin)
     middle, size = _extent(motion, begin)
     rests = equilibria(best, middle, size)
@@ -200,8 +221,8 @@ def _condition(
             _add(cycles, point)
     return Condition(
         dict(at),
-        tuple(_equilibrium(best, models, rest) for rest in rests),
-        tuple(_cycle(best, models, each) for each in cycles),
+        tuple(_equilibrium(here, rest) for rest in rests),
+        tuple(_cycle(here, each) for each in cycles),
         tuple(dict.fromkeys(ends)),
     )
 
@@ -215,24 +236,19 @@ def _add(cycles: list[Point], point: Point) -> None:
 
 
 def _along(
-    identified: IdentifiedModel,
-    models: Sequence[PolynomialModel],
-    at: Mapping[str, float],
-    along: str,
-    values: np.ndarray,
-) -> Assessment:
+    of: _Slowed, at: Mapping[str, float], along: str, values: np.ndarray
+) -> tuple[tuple[Condition, ...], tuple[Onset, ...], list[str]]:
     """The same at every value of a range, with the limit cycles that are followed along it."""
-    family, span = _family(identified.model, along), Range(values[0], values[-1])
+    of = of.at(at)
+    family, span = _family(of.model, along), Range(values[0], values[-1])
     best = family.model(values[0])
-    begin = _start(identified)
-    motion = _settled(best, begin)
-    rests = equilibria(best, *_extent(motion, begin))
-    if not rests:
-        rest, found, notes, onsets = None, None, [f"no rest at {along} = {values[0]:g}"], ()
-    else:
-        rest = min(rests, key=lambda each: np.linalg.norm(each - _extent(motion, begin)[0]))
-        found, notes = _diagram(family, span, rest, identified, along)
-        onsets = tuple(_onsets(found, models, along, span, rest)) if found else ()
+    middle, size = _extent(_settled(best, of.start), of.start)
+    rests = equilibria(best, middle, size)
+    found, onsets, notes = None, (), [] if rests else [f"no rest at {along} = {values[0]:g}"]
+    if rests:
+        rest = min(rests, key=lambda each: np.linalg.norm(each - middle))
+        found, notes = _diagram(family, span, rest, of.start, along)
+        onsets = tuple(_onsets(found, of, along, span, rest)) if found else ()
     conditions = []
     for value in values.tolist():
         passing(f"{along} = {value:g}")
@@ -242,15 +258,15 @@ def _along(
                 known += at_value(family, each.branch, value)
             except ValueError as failure:
                 notes.append(str(failure))
-        conditions.append(_condition(identified, models, {**at, along: value}, known))
-    return Assessment(tuple(conditions), along, (span.low, span.high), onsets, tuple(notes))
+        conditions.append(_condition(of, {**at, along: value}, known))
+    return tuple(conditions), onsets, notes
 
 
 def _diagram(
-    family: Family, span: Range, rest: np.ndarray, identified: IdentifiedModel, along: str
+    family: Family, span: Range, rest: np.ndarray, begin: np.ndarray, along: str
 ) -> tuple[Diagram | None, list[str]]:
     middle = (span.low + span.high) / 2
-    motion = _settled(family.model(middle), _start(identified))
+    motion = _settled(family.model(middle), begin)
     cycle = motion.kind == "cycle"
     size = np.linalg.norm(motion.half_range) if cycle else np.inf
     start = (middle, motion.time, motion.states) if cycle else None
@@ -265,11 +281,11 @@ def _diagram(
 
 
 def _onsets(
-    found: Diagram, models: Sequence[PolynomialModel], along: str, span: Range, rest: np.ndarray
+    found: Diagram, of: _Slowed, along: str, span: Range, rest: np.ndarray
 ) -> Iterator[Onset]:
     """Hopf bifurcations, and where the draws have theirs: beyond an end of the range if nowhere."""
     branches = []
-    for model in models:
+    for model in of.draws:
         passing("draw onsets")
         try:
             branches.append(equilibrium_branch(_family(model, along), rest, span.low, span))
@@ -284,7 +300,7 @@ def _onsets(
             own = [h.point.solution.value for h in hopf_points(branch)]
             late = branch.points[-1].stability.stable == begins  # nothing has happened yet
             samples.append(min(own, key=lambda v: abs(v - value), default=np.inf * (2 * late - 1)))
-        frequency = hopf.point.stability.frequency / (2 * np.pi)
+        frequency = of.fast * hopf.point.stability.frequency / (2 * np.pi)
         yield Onset(_value(value, np.array(samples)), float(frequency), begins)
 
 
@@ -296,68 +312,8 @@ def _constant(model: PolynomialModel) -> Family:
     return Family(lambda _: model)
 
 
-def _start(identified: IdentifiedModel) -> np.ndarray:
-    """A state that was recorded, or where none is known one that is not the origin."""
-    known = identified.initial_states[np.isfinite(identified.initial_states).all(axis=1)]
-    return known[-1] if len(known) else np.full(len(identified.model.states), 0.1)
-
-
 def _settled(model: PolynomialModel, start: np.ndarray) -> Settled:
     return settle(simulator_of(model), model, start, duration=DURATION, window=WINDOW)
-
-
-def _in_own_time(identified: IdentifiedModel, at: Mapping[str, float]) -> float:
-    """How many times as fast as a span a model is at its start; 1 where it is about as fast."""
-    start = _start(identified)[np.newaxis]
-    values = np.linalg.eigvals(identified.model.at(at).jacobian(start)[0])
-    fast = np.max(np.abs(values)) / (2 * np.pi * USUAL)
-    return 1.0 if ALIKE[0] < fast < ALIKE[1] or not fast > 0 else float(fast)
-
-
-def _slowed(identified: IdentifiedModel, fast: float) -> IdentifiedModel:
-    """The same model in a unit of time of 1/fast s; velocities are in that unit as well."""
-    model = identified.model
-    size = np.ones(len(model.states))
-    size[list(velocity_pairs(model.states).values())] = fast
-    powers = np.array(model.terms)[:, : len(size)]
-    factors = np.prod(size**powers, axis=1) / (size[:, np.newaxis] * fast)
-    support = identified.support
-    covariance = identified.covariance
-    if len(covariance):
-        covariance = covariance * np.outer(factors[support], factors[support])
-    return replace(
-        identified,
-        model=replace(model, coefficients=model.coefficients * factors),
-        covariance=covariance,
-        initial_states=identified.initial_states / size,
-    )
-
-
-def _restored(of: Assessment, fast: float) -> Assessment:
-    """With all that has a time in it in seconds again."""
-
-    def times(value: Value, factor: float) -> Value:
-        return Value(factor * value.value, factor * value.low, factor * value.high)
-
-    def mode(one: Mode) -> Mode:
-        drifts = one.frequency.value == 0.0
-        damping = times(one.damping, fast) if drifts else one.damping
-        return replace(one, frequency=times(one.frequency, fast), damping=damping)
-
-    conditions = [
-        replace(
-            each,
-            equilibria=tuple(
-                replace(rest, modes=tuple(map(mode, rest.modes))) for rest in each.equilibria
-            ),
-            cycles=tuple(
-                replace(cycle, period=times(cycle.period, 1 / fast)) for cycle in each.cycles
-            ),
-        )
-        for each in of.conditions
-    ]
-    onsets = [replace(one, frequency=fast * one.frequency) for one in of.onsets]
-    return replace(of, conditions=tuple(conditions), onsets=tuple(onsets))
 
 
 def _extent(motion: Settled, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -381,10 +337,7 @@ def equilibria(model: PolynomialModel, middle: np.ndarray, size: np.ndarray) -> 
         start = middle.copy()
         start[list(pairs.values())] = 0.0
         start[own] += steps * size[own]
-        at = root(
-            lambda x: model(x[np.newaxis])[0], start,
-            jac=lambda x: model.jacobian(x[np.newaxis])[0], tol=ROUNDING,
-        )  # fmt: skip
+        at = zero_of(model, start)
         place = np.where(np.abs(at.x) < ROUNDING, 0.0, at.x)
         near_by = np.all(np.abs(place - middle)[own] <= BEYOND * size[own])
         new = all(np.max(np.abs(place - other)[own] / size[own]) > APART for other in found)
@@ -393,16 +346,12 @@ def equilibria(model: PolynomialModel, middle: np.ndarray, size: np.ndarray) -> 
     return sorted(found, key=lambda place: float(np.linalg.norm((place - middle)[own])))
 
 
-def _equilibrium(
-    best: PolynomialModel, models: Sequence[PolynomialModel], rest: np.ndarray
-) -> Equilibrium:
+def _equilibrium(of: _Slowed, rest: np.ndarray) -> Equilibrium:
+    best = of.model
     values, vectors = np.linalg.eig(best.jacobian(rest[np.newaxis])[0])
     places, matched = [], []
-    for model in models:
-        at = root(
-            lambda x, of=model: of(x[np.newaxis])[0], rest,
-            jac=lambda x, of=model: of.jacobian(x[np.newaxis])[0], tol=ROUNDING,
-        )  # fmt: skip
+    for model in of.draws:
+        at = zero_of(model, rest)
         if at.success:
             own = np.linalg.eigvals(model.jacobian(at.x[np.newaxis])[0])
             _, order = linear_sum_assignment(np.abs(values[:, np.newaxis] - own))
@@ -414,7 +363,7 @@ def _equilibrium(
     modes = []
     for k in left:
         state = best.states[shown[int(np.argmax(shares[:, k]))]]
-        rate, own = values[k], np.array([each[k] for each in matched])
+        rate, own = of.fast * values[k], of.fast * np.array([each[k] for each in matched])
         if rate.imag > 0:
             frequency = _value(abs(rate) / (2 * np.pi), np.abs(own) / (2 * np.pi))
             damping = _value(-rate.real / abs(rate), -own.real / np.abs(own))
@@ -445,22 +394,22 @@ def _drawn_cycle(best: PolynomialModel, model: PolynomialModel, orbit: Orbit) ->
     return None
 
 
-def _cycle(best: PolynomialModel, models: Sequence[PolynomialModel], point: Point) -> Cycle:
-    states, orbits = best.states, []
-    for model in models:
+def _cycle(of: _Slowed, point: Point) -> Cycle:
+    states, orbits = of.model.states, []
+    for model in of.draws:
         passing("draw limit cycles")
-        orbits.append(_drawn_cycle(best, model, point.solution))
+        orbits.append(_drawn_cycle(of.model, model, point.solution))
     kept = [orbit for orbit in orbits if orbit is not None]
-    found = len(kept) / len(models)
+    found = len(kept) / len(of.draws)
     shown = list(velocity_pairs(states)) or list(range(len(states)))
     ranges = np.array([orbit.half_range() for orbit in kept]).reshape(-1, len(states))
-    periods = np.array([orbit.period for orbit in kept])
+    periods = np.array([orbit.period for orbit in kept]) / of.fast
     if found < ENOUGH:  # the band would be that of the tame ones
         ranges, periods = np.full((1, len(states)), np.nan), np.array([np.nan])
     half = point.solution.half_range()
     return Cycle(
         {states[i]: _value(half[i], ranges[:, i]) for i in shown},
-        _value(point.solution.period, periods),
+        _value(point.solution.period / of.fast, periods),
         point.stability.stable,
         found,
     )

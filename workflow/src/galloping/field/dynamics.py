@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import root
+from scipy.optimize import OptimizeResult, root
 
 from galloping.cycles.collocation import Orbit
 from galloping.cycles.family import Family
@@ -63,17 +63,20 @@ class Surroundings(Immutable):
 
     def rest(self, model: PolynomialModel) -> np.ndarray | None:
         """(n_states,) the equilibrium nearest to the middle, None where none is inside."""
-        found = root(
-            lambda x: model(x[np.newaxis])[0],
-            self.middle,
-            jac=lambda x: model.jacobian(x[np.newaxis])[0],
-            tol=ROUNDING,
-        )
+        found = zero_of(model, self.middle)
         inside = np.all((found.x >= self.low) & (found.x <= self.high))
         at_rest = found.success or np.max(np.abs(found.fun)) < ROUNDING  # from where it began, too
         if not (at_rest and inside):
             return None
         return np.where(np.abs(found.x) < ROUNDING, 0.0, found.x)
+
+
+def zero_of(model: PolynomialModel, start: np.ndarray) -> OptimizeResult:
+    """The search for an equilibrium from a state (n_states,): `x`, `success`, and `fun` there."""
+    return root(
+        lambda x: model(x[np.newaxis])[0], start,
+        jac=lambda x: model.jacobian(x[np.newaxis])[0], tol=ROUNDING,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
