@@ -4,9 +4,8 @@ from contextlib import suppress
 
 import numpy as np
 
-from galloping.cycles.collocation import circle
 from galloping.cycles.family import LIBRARY, initial_state, line_family
-from galloping.cycles.limit_cycles import settled
+from galloping.cycles.limit_cycles import circle, settled
 from galloping.cycles.settling import settle
 from galloping.figures.engineering import write_animation
 from galloping.figures.style import spoken
@@ -22,10 +21,10 @@ def animate_line(animation, case, line, wind):
     orbit = None
     if motion.kind == "cycle":
         with suppress(ValueError):  # none near enough
-            _, point = settled(family, wind, motion.time, motion.states, resolution=1.0)
+            point = settled(family, wind, motion.time, motion.states, resolution=1.0)
             orbit = point.solution
     if orbit is None:
-        orbit = circle(np.zeros(len(STATES)), np.zeros(len(STATES), complex), 1.0, wind, 8)
+        orbit = circle(np.zeros(len(STATES)), np.zeros(len(STATES), complex), 1.0, wind)
         title += f": no limit cycle ({motion.kind})"
     write_animation(animation, line, orbit, title)
 

@@ -7,8 +7,8 @@ from drawing import drawn
 from PIL import Image
 
 from galloping.configuration.load import load, plain
-from galloping.cycles.collocation import circle
 from galloping.cycles.family import LIBRARY
+from galloping.cycles.limit_cycles import circle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, derived, ranked
 from galloping.cycles.rows import (
@@ -136,7 +136,7 @@ def test_prediction(case, simulator):
 
 
 def test_animation_is_the_same_twice_and_small(tmp_path, case):
-    swing = circle(np.zeros(4), np.array([1.0, 0.5j, 0, 0]), 2.4, 12.0, 8)
+    swing = circle(np.zeros(4), np.array([1.0, 0.5j, 0, 0]), 2.4, 12.0)
     files = [tmp_path / name for name in ("one.gif", "two.gif")]
     for path in files:
         write_animation(path, case, swing, "line", frames=3)

@@ -11,6 +11,7 @@ follows sensitivities for bounds, compiles its variational equations for every l
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -44,6 +45,7 @@ class Tables:
     factors: tuple[Factor, ...]
 
 
+@lru_cache(maxsize=64)
 def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
     """Index tables of the library `terms` (n_terms exponents of states, and of inputs if any)."""
     of_inputs = [term[n_states:] for term in terms]

@@ -2,61 +2,64 @@
 
 Predictor along the tangent, Newton corrector on the plane across it, step controlled by the
 corrector and the turn of the tangent (Keller 1977; Seydel, Practical Bifurcation and Stability
-Analysis, ch. 4). What is continued, equilibria or limit cycles, is a `ContinuationProblem`.
+Analysis, ch. 4). What is continued, equilibria or limit cycles, is a `Problem`: m equations in
+m + 1 unknowns, of which the last is the parameter.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 import numpy as np
 from scipy.optimize import brentq
 
 CORRECTIONS = 8
-CORRECTED = 1e-9  # size of the last correction, in steps
+CORRECTED = 1e-9  # length of the last correction, in steps
 SMALLEST_STEP = 1e-6
 LEAST_COSINE = 0.9  # of the turn of the tangent in one step
 CLOSED = 1e-3  # relative difference of period and size at which a branch has returned to its start
 
 
 @dataclass(frozen=True)
-class Change:
-    """A change of a solution; also a linear condition on such changes.
+class Linearised:
+    """The equations at some unknowns.
 
-    parts: by the names of the solution's fields, among them `value`, of the parameter.
+    solution: with a `vector` (n,) of all that tells it from others, a `value` of the parameter,
+    which is the vector's last entry, and a `signature` that tells two at one value apart.
+    unknowns: (m + 1,). residual: (m,), jacobian: (m, m + 1) of the equations. moved: (n, m + 1)
+    derivative of the vector by the unknowns.
     """
 
-    parts: Mapping[str, Any]
+    solution: Any
+    unknowns: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    moved: np.ndarray
 
-    @property
-    def value(self) -> float:
-        """Of the parameter."""
-        return self.parts["value"]
+    def bordered(self, border: np.ndarray) -> np.ndarray:
+        """(m + 1, m + 1) with the condition `border` (n,) on changes of the vector as last row."""
+        return np.vstack([self.jacobian, border @ self.moved])
 
-    def applied(self, solution: Any, factor: float = 1.0) -> Any:
-        changed = {k: getattr(solution, k) + factor * part for k, part in self.parts.items()}
-        return replace(solution, **changed)
-
-    def scaled(self, factor: float) -> Self:
-        return Change({name: factor * part for name, part in self.parts.items()})
-
-    def of(self, change: Self) -> float:
-        """The sum of its products with the parts of a change."""
-        return float(sum(np.sum(own * change.parts[name]) for name, own in self.parts.items()))
+    def along(self, border: np.ndarray) -> np.ndarray:
+        """(n,) the change of the vector that keeps the equations, of one across the border."""
+        return self.moved @ np.linalg.solve(self.bordered(border), np.eye(len(self.unknowns))[-1])
 
 
-class ContinuationProblem(Protocol):
-    """What is continued. A solution has a `value` of the parameter; a change of it is linear."""
+class Problem(Protocol):
+    """What is continued.
 
-    def linearise(self, solution: Any) -> Any: ...
+    metric: (n,) the square of a change of a vector is the sum of its squares times these; a step of
+    one is as long as steps may be.
+    """
 
-    def across(self, change: Change) -> Change:
-        """The inner product with a change, in which a step of one is as long as steps may be."""
+    metric: np.ndarray
 
-    def along_parameter(self) -> Change:
-        """The change of the parameter alone."""
+    def unknowns(self, vector: np.ndarray) -> np.ndarray:
+        """(m + 1,) of a solution with this vector (n,)."""
 
-    def examine(self, solution: Any, linearisation: Any, tangent: Change) -> tuple[Any, dict]:
+    def linearise(self, unknowns: np.ndarray) -> Linearised:
+        """Raises NotConverged where the equations cannot be evaluated."""
+
+    def examine(self, at: Linearised, tangent: np.ndarray) -> tuple[Any, dict[str, float]]:
         """Stability of a solution, and the tests whose sign changes are bifurcations."""
 
     def confirmed(self, name: str, stability: Any) -> bool:
@@ -64,15 +67,18 @@ class ContinuationProblem(Protocol):
 
     def moved(self, solution: Any) -> Self:
         """The problem about a new solution."""
+        return self
 
-    def refined(self, solution: Any, tangent: Any, stability: Any) -> tuple[Any, Any] | None:
-        """Solution and tangent in a better discretisation, or None where it is good."""
-
-    def ended(self, solution: Any, start: Any) -> str:
+    def ended(self, solution: Any) -> str:
         """Why the branch cannot go on at a solution just found, or ''."""
+        return ""
 
-    def signature(self, solution: Any) -> np.ndarray:
-        """Numbers that tell two solutions at one value of the parameter apart."""
+    def along_parameter(self) -> np.ndarray:
+        """(n,) the condition that picks the parameter's change."""
+        return np.append(np.zeros(len(self.metric) - 1), 1.0)
+
+    def length(self, change: np.ndarray) -> float:
+        return float(np.sqrt(np.sum(self.metric * change**2)))
 
 
 class NotConverged(Exception):
@@ -81,10 +87,10 @@ class NotConverged(Exception):
 
 @dataclass(frozen=True)
 class Point:
-    """solution on the branch, its tangent, its stability and the values of the tests."""
+    """solution on the branch, its tangent (n,), its stability and the values of the tests."""
 
     solution: Any
-    tangent: Change
+    tangent: np.ndarray
     stability: Any
     tests: dict[str, float]
 
@@ -135,59 +141,46 @@ class Range:
         object.__setattr__(self, "longest", self.longest or (self.high - self.low) / 50)
 
 
-def corrected(problem: ContinuationProblem, solution: Any, border: Change) -> tuple[Any, Any]:
-    """The solution near a guess on the plane of `border`, with its linearisation.
+def corrected(
+    problem: Problem, guess: np.ndarray, border: np.ndarray, accuracy: float = CORRECTED
+) -> Linearised:
+    """The solution near a guess of its vector (n,), on the plane through it across `border` (n,).
 
-    Raises NotConverged.
+    accuracy: length of the last correction, in steps. Raises NotConverged.
     """
-    previous = np.inf
+    at, previous = problem.linearise(problem.unknowns(guess)), np.inf
     for _ in range(CORRECTIONS):
+        residual = np.append(at.residual, border @ (at.solution.vector - guess))
         try:
-            change = problem.linearise(solution).solve(border, 0.0, True)
+            change = np.linalg.solve(at.bordered(border), -residual)
         except np.linalg.LinAlgError:
             raise NotConverged("the equations became singular") from None
-        size = length(problem, change)
+        size = problem.length(at.moved @ change)
         if not np.isfinite(size) or size > max(10 * previous, 100.0):
             raise NotConverged("the correction diverged")
-        solution = change.applied(solution)
-        if size < CORRECTED:
-            return solution, problem.linearise(solution)
+        at = problem.linearise(at.unknowns + change)
+        if size < accuracy:
+            return at
         previous = size
     raise NotConverged(f"no convergence in {CORRECTIONS} corrections (the last {size:.1e})")
 
 
-def length(problem: ContinuationProblem, change: Change) -> float:
-    return float(np.sqrt(abs(problem.across(change).of(change))))
+def point_at(problem: Problem, at: Linearised, border: np.ndarray) -> Point:
+    """The solution with its tangent, oriented so that `border` (n,) is positive on it."""
+    tangent = at.along(border)
+    tangent = tangent / problem.length(tangent)
+    return Point(at.solution, tangent, *problem.examine(at, tangent))
 
 
-def point_at(
-    problem: ContinuationProblem, solution: Any, linearisation: Any, border: Change
-) -> Point:
-    """The solution with its tangent, oriented so that `border` is positive on it."""
-    tangent = linearisation.solve(border, 1.0, False)
-    tangent = tangent.scaled(1 / length(problem, tangent))
-    return Point(solution, tangent, *problem.examine(solution, linearisation, tangent))
-
-
-def resolved(problem: ContinuationProblem, point: Point) -> Point:
-    """The point in a discretisation that is good enough for it. Raises NotConverged."""
-    while better := problem.refined(point.solution, point.tangent, point.stability):
-        solution, tangent = better
-        problem = problem.moved(solution)
-        border = problem.across(tangent)
-        point = point_at(problem, *corrected(problem, solution, border), border)
-    return point
-
-
-def follow(
-    problem: ContinuationProblem, start: Point, span: Range, first_step: float = 0.1
-) -> Branch:
+def follow(problem: Problem, start: Point, span: Range, first_step: float = 0.1) -> Branch:
     """The branch from `start` in the direction of its tangent."""
     points, bifurcations = [start], []
     step, largest = first_step, 1.0
-    while True:
-        if len(points) == span.max_points:
-            return _branch(points, bifurcations, False, f"stopped after {len(points)} points")
+
+    def ended(complete: bool, reason: str) -> Branch:
+        return Branch(tuple(points), tuple(bifurcations), complete, reason)
+
+    while len(points) < span.max_points:
         last = points[-1]
         problem = problem.moved(last.solution)
         try:
@@ -195,61 +188,50 @@ def follow(
         except NotConverged as failure:
             step /= 2
             if step < SMALLEST_STEP:
-                reason = f"continuation failed at {last.solution.value:.6g}: {failure}"
-                return _branch(points, bifurcations, False, reason)
+                return ended(False, f"continuation failed at {last.solution.value:.6g}: {failure}")
             continue
-        beyond = not span.low <= point.solution.value <= span.high
+        bound = np.clip(point.solution.value, span.low, span.high)
+        beyond = point.solution.value != bound
         if beyond:
-            bound = span.low if point.solution.value < span.low else span.high
             try:
                 point = _at_value(problem, point, bound)
             except NotConverged as failure:
-                reason = f"continuation failed at the bound {bound:g}: {failure}"
-                return _branch(points, bifurcations, False, reason)
-        reason = problem.ended(point.solution, start.solution)
+                return ended(False, f"continuation failed at the bound {bound:g}: {failure}")
+        reason = problem.ended(point.solution)
         if not reason:
             bifurcations += _bifurcations(problem, last, point, step)
+            if beyond:
+                reason = f"reached {bound:g}"
+            elif len(points) > 3 and _returned(start.solution, last.solution, point.solution):
+                reason = "returned to its start"
         points.append(point)
         if reason:
-            return _branch(points, bifurcations, True, reason)
-        if beyond:
-            return _branch(points, bifurcations, True, f"reached {bound:g}")
-        if len(points) > 4 and _returned(problem, start, last, point):
-            return _branch(points, bifurcations, True, "returned to its start")
+            return ended(True, reason)
         step = min(1.5 * step, largest)
+    return ended(False, f"stopped after {len(points)} points")
 
 
-def _branch(points: list, bifurcations: list, complete: bool, reason: str) -> Branch:
-    return Branch(tuple(points), tuple(bifurcations), complete, reason)
-
-
-def _next(problem: ContinuationProblem, last: Point, step: float) -> Point:
+def _next(problem: Problem, last: Point, step: float) -> Point:
     """The point one step ahead. Raises NotConverged."""
-    border = problem.across(last.tangent)
-    guess = last.tangent.applied(last.solution, step)
-    point = point_at(problem, *corrected(problem, guess, border), border)
-    turn = border.of(point.tangent) / np.sqrt(
-        border.of(last.tangent) * problem.across(point.tangent).of(point.tangent)
-    )
-    if turn < LEAST_COSINE:
+    border = problem.metric * last.tangent
+    guess = last.solution.vector + step * last.tangent
+    point = point_at(problem, corrected(problem, guess, border), border)
+    lengths = problem.length(last.tangent) * problem.length(point.tangent)
+    if border @ point.tangent < LEAST_COSINE * lengths:
         raise NotConverged("the branch turns too sharply")
-    return resolved(problem, point)
+    return point
 
 
-def _at_value(problem: ContinuationProblem, near: Point, value: float) -> Point:
+def _at_value(problem: Problem, near: Point, value: float) -> Point:
     """The point of the branch at a value of the parameter close to that of `near`."""
     problem = problem.moved(near.solution)
-    along = problem.along_parameter()
-    factor = (value - near.solution.value) / along.of(near.tangent)
-    guess = near.tangent.applied(near.solution, factor)
-    solution, linearisation = corrected(problem, guess, along)
-    point = point_at(problem, solution, linearisation, problem.across(near.tangent))
-    return resolved(problem, point)
+    factor = (value - near.solution.value) / near.tangent[-1]
+    guess = near.solution.vector + factor * near.tangent
+    at = corrected(problem, guess, problem.along_parameter())
+    return point_at(problem, at, problem.metric * near.tangent)
 
 
-def _bifurcations(
-    problem: ContinuationProblem, last: Point, point: Point, step: float
-) -> list[Bifurcation]:
+def _bifurcations(problem: Problem, last: Point, point: Point, step: float) -> list[Bifurcation]:
     """Bifurcations between two points, in order, each located along the step."""
     between = []
     for name, before in last.tests.items():
@@ -264,9 +246,7 @@ def _bifurcations(
     return [bifurcation for _, bifurcation in sorted(between, key=lambda pair: pair[0])]
 
 
-def _located(
-    problem: ContinuationProblem, last: Point, name: str, step: float
-) -> tuple[float, Point]:
+def _located(problem: Problem, last: Point, name: str, step: float) -> tuple[float, Point]:
     """Length along the last tangent and the point where a test vanishes."""
     points = {0.0: last}
 
@@ -280,12 +260,11 @@ def _located(
     return root, points[root]
 
 
-def _returned(problem: ContinuationProblem, start: Point, last: Point, point: Point) -> bool:
-    """Whether the branch passes its start between two points."""
-    begin, end = last.solution.value, point.solution.value
-    if begin == end or not min(begin, end) <= start.solution.value <= max(begin, end):
+def _returned(start: Any, last: Any, now: Any) -> bool:
+    """Whether the branch passes its start between two solutions."""
+    begin, end = last.value, now.value
+    if begin == end or not min(begin, end) <= start.value <= max(begin, end):
         return False
-    share = (start.solution.value - begin) / (end - begin)
-    before, after = problem.signature(last.solution), problem.signature(point.solution)
-    there, here = problem.signature(start.solution), before + share * (after - before)
-    return bool(np.all(np.abs(here - there) <= CLOSED * np.abs(there)))
+    share = (start.value - begin) / (end - begin)
+    here = last.signature + share * (now.signature - last.signature)
+    return bool(np.all(np.abs(here - start.signature) <= CLOSED * np.abs(start.signature)))

@@ -2,22 +2,31 @@
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Self
 
 import numpy as np
 
 from galloping.cycles import continuation
 from galloping.cycles.family import Family, VectorField
+from galloping.polynomial import design_matrix
 
 HOPF, FOLD, BRANCH_POINT = "Hopf", "fold", "branch point"
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """state: (n_states,) where dx/dt = 0. value: of the parameter."""
+    """vector: (n_states + 1,), the state where dx/dt = 0 and the value of the parameter."""
 
-    state: np.ndarray
-    value: float
+    vector: np.ndarray
+
+    @property
+    def state(self) -> np.ndarray:
+        return self.vector[:-1]
+
+    signature = state
+
+    @property
+    def value(self) -> float:
+        return float(self.vector[-1])
 
 
 @dataclass(frozen=True)
@@ -36,46 +45,34 @@ class Eigenvalues:
 
 
 @dataclass(frozen=True)
-class _Linearisation:
-    rates: np.ndarray
-    jacobian: np.ndarray
-    by_value: np.ndarray
-
-    def bordered(self, border: continuation.Change) -> np.ndarray:
-        upper = np.column_stack([self.jacobian, self.by_value])
-        return np.vstack([upper, [*border.parts["state"], border.value]])
-
-    def solve(self, border: continuation.Change, value: float, newton: bool) -> continuation.Change:
-        side = np.append(-self.rates if newton else 0 * self.rates, value)
-        *state, parameter = np.linalg.solve(self.bordered(border), side)
-        return continuation.Change({"state": np.array(state), "value": parameter})
-
-
-@dataclass(frozen=True)
-class EquilibriumProblem:
+class EquilibriumProblem(continuation.Problem):
     """Equilibria of a vector field. resolution: longest step of the parameter; size: of a state."""
 
     field: VectorField
     resolution: float
     size: float
 
-    def linearise(self, solution: Equilibrium) -> _Linearisation:
-        coefficients = self.field.coefficients(solution.value)
-        slope = self.field.slope(solution.value, self.resolution)
-        parts = self.field(solution.state[np.newaxis], coefficients, slope)
-        return _Linearisation(*(part[0] for part in parts))
+    @property
+    def metric(self) -> np.ndarray:
+        return np.append(np.full(self.field.n_states, self.size), self.resolution) ** -2.0
 
-    def across(self, change: continuation.Change) -> continuation.Change:
-        state, value = change.parts["state"] / self.size**2, change.value / self.resolution**2
-        return continuation.Change({"state": state, "value": value})
+    def unknowns(self, vector: np.ndarray) -> np.ndarray:
+        return vector
 
-    def along_parameter(self) -> continuation.Change:
-        return continuation.Change({"state": np.zeros(self.field.n_states), "value": 1.0})
+    def linearise(self, unknowns: np.ndarray) -> continuation.Linearised:
+        model, x = self.field.model(unknowns[-1]), unknowns[np.newaxis, :-1]
+        slope = self.field.slope(unknowns[-1], self.resolution)
+        by_value = design_matrix(x, model.terms) @ slope.T
+        jacobian = np.column_stack([model.jacobian(x)[0], by_value[0]])
+        found = Equilibrium(unknowns)
+        return continuation.Linearised(
+            found, unknowns, model(x)[0], jacobian, np.eye(len(unknowns))
+        )
 
     def examine(
-        self, solution: Equilibrium, linearisation: _Linearisation, tangent: continuation.Change
+        self, at: continuation.Linearised, tangent: np.ndarray
     ) -> tuple[Eigenvalues, dict[str, float]]:
-        values, modes = np.linalg.eig(linearisation.jacobian)
+        values, modes = np.linalg.eig(at.jacobian[:, :-1])
         pair = min(
             (k for k, v in enumerate(values) if v.imag > 0),
             key=lambda k: abs(values[k].real),
@@ -87,11 +84,10 @@ class EquilibriumProblem:
             0.0 if pair is None else float(values[pair].imag),
         )
         sums = np.prod([a + b for a, b in combinations(values, 2)]) if len(values) > 1 else 1.0
-        border = self.across(tangent)
         return stability, {
             HOPF: float(np.real(sums)),
-            FOLD: tangent.value,
-            BRANCH_POINT: float(np.linalg.det(linearisation.bordered(border))),
+            FOLD: tangent[-1],
+            BRANCH_POINT: float(np.linalg.det(at.bordered(self.metric * tangent))),
         }
 
     def confirmed(self, name: str, stability: Eigenvalues) -> bool:
@@ -101,18 +97,6 @@ class EquilibriumProblem:
         rates = np.abs(stability.values.real)
         complex_pair = np.abs(stability.values.imag) > 0
         return bool(np.any(complex_pair & (rates < 1e-6 * np.max(np.abs(stability.values)))))
-
-    def moved(self, solution: Equilibrium) -> Self:
-        return self
-
-    def refined(self, solution, tangent, stability) -> None:
-        return None
-
-    def ended(self, solution, start) -> str:
-        return ""
-
-    def signature(self, solution: Equilibrium) -> np.ndarray:
-        return solution.state
 
 
 def equilibrium_branch(
@@ -131,12 +115,12 @@ def equilibrium_branch(
     problem = EquilibriumProblem(VectorField(family, value), span.longest, size)
     along = problem.along_parameter()
     try:
-        at = continuation.corrected(problem, Equilibrium(np.asarray(state, float), value), along)
+        at = continuation.corrected(problem, np.append(state, value), along)
     except continuation.NotConverged as failure:
         message = f"no equilibrium near the given state at {value:g} {family.unit}: {failure}"
         raise ValueError(message) from None
-    orientation = along if upward else along.scaled(-1.0)
-    return continuation.follow(problem, continuation.point_at(problem, *at, orientation), span)
+    orientation = along if upward else -along
+    return continuation.follow(problem, continuation.point_at(problem, at, orientation), span)
 
 
 def hopf_points(branch: continuation.Branch) -> list[continuation.Bifurcation]:

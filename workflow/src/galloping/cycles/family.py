@@ -8,7 +8,7 @@ import numpy as np
 from galloping.physics.equations import STATES, TERMS, model
 from galloping.physics.galerkin import coefficients, frequencies, ice_coefficients, modes
 from galloping.physics.line import Line, integrate
-from galloping.polynomial import PolynomialModel, design_matrix
+from galloping.polynomial import PolynomialModel
 
 DIFFERENCE = 1e-5  # of the parameter's scale: central differences are good to about 1e-10
 
@@ -27,9 +27,9 @@ class Family:
 
 
 class VectorField:
-    """f(x, p) of a family with its derivatives, for many states at once.
+    """f(x, p) of a family: its models, which must have the same states and terms.
 
-    Raises ValueError where the models of the family differ in states or terms.
+    Raises ValueError where they do not.
     """
 
     def __init__(self, family: Family, value: float) -> None:
@@ -37,32 +37,22 @@ class VectorField:
         first = family.model(value)
         self.states, self.terms = first.states, first.terms
         self.n_states = len(self.states)
-        self.shape = (self.n_states, len(self.terms))
 
-    def coefficients(self, value: float) -> np.ndarray:
-        """(n_states, n_terms) at a value of the parameter."""
+    def model(self, value: float) -> PolynomialModel:
+        """At a value of the parameter."""
         model = self.family.model(value)
         if model.states != self.states or model.terms != self.terms:
             raise ValueError(
                 f"family over {self.family.parameter}: states or terms change at {value:g}; "
                 "all models must be written in one library"
             )
-        return model.coefficients
+        return model
 
     def slope(self, value: float, scale: float) -> np.ndarray:
         """dC/dp (n_states, n_terms) by central differences, `scale` being the parameter's size."""
         step = DIFFERENCE * scale
-        return (self.coefficients(value + step) - self.coefficients(value - step)) / (2 * step)
-
-    def __call__(
-        self, x: np.ndarray, coefficients: np.ndarray, slope: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """f, df/dx and df/dp: (n, n_states), (n, n_states, n_states), (n, n_states).
-
-        x: (n, n_states). coefficients, slope: (n_states, n_terms).
-        """
-        model = PolynomialModel(self.states, self.terms, coefficients)
-        return model(x), model.jacobian(x), design_matrix(x, self.terms) @ slope.T
+        above, below = (self.model(value + change).coefficients for change in (step, -step))
+        return (above - below) / (2 * step)
 
 
 # every term the derivation can produce, so that the library never changes along a parameter

@@ -1,8 +1,12 @@
-"""Limit cycles along a parameter: their stability and where it changes (Kuznetsov, Elements of
-Applied Bifurcation Theory, ch. 5 and 10)."""
+"""Limit cycles along a parameter by shooting: their stability and where it changes (Kuznetsov,
+Elements of Applied Bifurcation Theory, ch. 5 and 10).
 
-from collections.abc import Callable
+One period is integrated with its derivatives by start and parameter; that by the start, over the
+whole period, is the monodromy matrix.
+"""
+
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations, pairwise
 from typing import Self
 
@@ -10,18 +14,73 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.cycles import continuation
-from galloping.cycles.collocation import STAGES, C, Linearisation, Orbit, circle
 from galloping.cycles.family import Family, VectorField
+from galloping.taylor import ORDER, integrate, system, tables
 
 FOLD, BRANCH_POINT = "fold of cycles", "branch point"
 PERIOD_DOUBLING, NEIMARK_SACKER = "period doubling", "Neimark-Sacker"
 ENDED_DOUBLED = "ended at a period doubling"
 
-INTERVALS, MOST_INTERVALS = 20, 400
-DEFECT = 1e-7  # of the trivial multiplier, beyond which the mesh is refined
-LEVEL = 4.0  # largest over mean roughness of an interval, beyond which the mesh is redistributed
+PHASES = 256  # at which orbits are compared, a power of two
+STEPS, MOST_STEPS = 32, 2**14  # of the integration of a period, powers of two
+ACCURACY = 1e-13  # truncation of a step's Taylor series, relative to the size of each state
 STEP = 0.5  # longest step, of the orbit's size and of its period
 VANISHED = 1e-3  # of the largest orbit of the branch: an orbit as small is an equilibrium
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A periodic solution.
+
+    states: (n, n_states) at even phases of the period, n a multiple of PHASES. period: s. value: of
+    the parameter. steps: of an integration of the period that resolves it.
+    """
+
+    states: np.ndarray
+    period: float
+    value: float
+    steps: int = STEPS
+
+    @cached_property
+    def vector(self) -> np.ndarray:
+        """States at PHASES even phases, one after the other, period and parameter."""
+        thinned = self.states[:: len(self.states) // PHASES]
+        return np.append(thinned.ravel(), [self.period, self.value])
+
+    @cached_property
+    def at(self) -> CubicSpline:
+        """States (n_phases, n_states) at phases of the period (its fractions, any real number)."""
+        closed = np.vstack([self.states, self.states[:1]])
+        return CubicSpline(np.linspace(0, 1, len(closed)), closed, bc_type="periodic")
+
+    @cached_property
+    def spread(self) -> float:
+        """Root mean square distance of the orbit from its mean."""
+        return float(np.sqrt(np.sum(np.var(self.states, axis=0))))
+
+    @property
+    def signature(self) -> np.ndarray:
+        return np.array([self.period, self.spread])
+
+    def half_range(self) -> np.ndarray:
+        """Half of the range of each state over a period: (n_states,)."""
+        turns = self.at.derivative().roots(extrapolate=False)
+        return np.array([np.ptp(self.at(turn)[:, k]) / 2 for k, turn in enumerate(turns)])
+
+    def halves(self) -> np.ndarray:
+        """(PHASES / 2 n_states,) by how much the second half of an orbit differs from the first.
+
+        A branch of doubled period ends where both are one orbit; what continuation finds beyond is
+        the branch again, with the halves exchanged.
+        """
+        first, second = np.split(self.vector[:-2], 2)
+        return second - first
+
+
+def circle(centre: np.ndarray, mode: np.ndarray, period: float, value: float) -> Orbit:
+    """centre + Re(mode exp(2 pi i t / period))."""
+    turn = np.exp(2j * np.pi * np.arange(PHASES) / PHASES)[:, np.newaxis]
+    return Orbit(centre + (mode * turn).real, period, value)
 
 
 @dataclass(frozen=True)
@@ -44,9 +103,9 @@ class Floquet:
         return self.largest < 1
 
 
-def floquet(linearisation: Linearisation) -> Floquet:
+def floquet(monodromy: np.ndarray) -> Floquet:
     """Multipliers of a limit cycle, the largest first, and the error of the trivial one."""
-    values = np.linalg.eigvals(linearisation.monodromy()).astype(complex)
+    values = np.linalg.eigvals(monodromy).astype(complex)
     trivial = np.argmin(np.abs(values - 1))
     others = np.delete(values, trivial)
     order = np.lexsort([-others.imag, -np.abs(others)])
@@ -54,12 +113,13 @@ def floquet(linearisation: Linearisation) -> Floquet:
 
 
 @dataclass(frozen=True)
-class CycleProblem:
+class CycleProblem(continuation.Problem):
     """Limit cycles of a vector field about a reference orbit, whose phase is kept.
 
-    resolution: longest step of the parameter. slope: of the coefficients along the parameter,
-    at the reference. largest: size of the largest orbit so far. ceiling: size (root mean square
-    about the mean, units of the states) beyond which the branch is not followed.
+    Unknowns are the state at phase 0, the period and the parameter. resolution: longest step of the
+    parameter. slope: (n_states, n_terms) of the coefficients along the parameter, at the reference.
+    largest: size of the largest orbit so far. ceiling: size (root mean square about the mean, units
+    of the states) beyond which the branch is not followed.
     """
 
     field: VectorField
@@ -71,38 +131,76 @@ class CycleProblem:
 
     @classmethod
     def about(
-        cls, field: VectorField, orbit: Orbit, resolution: float, ceiling: float = np.inf
+        cls, family: Family, orbit: Orbit, resolution: float, ceiling: float = np.inf
     ) -> Self:
+        field = VectorField(family, orbit.value)
         slope = field.slope(orbit.value, resolution)
         return cls(field, orbit, resolution, slope, ceiling, orbit.spread)
 
-    def linearise(self, orbit: Orbit) -> Linearisation:
-        coefficients = self.field.coefficients(orbit.value)
-        return Linearisation(self.field, orbit, self.reference, coefficients, self.slope)
+    @classmethod
+    def beside(cls, family: Family, orbit: Orbit) -> Self:
+        """Limit cycles of a family near an orbit of another one, at its value of the parameter."""
+        field = VectorField(family, orbit.value)
+        still = np.zeros((field.n_states, len(field.terms)))
+        return cls(field, orbit, 1.0, still, np.inf, orbit.spread)
 
-    def across(self, change: continuation.Change) -> continuation.Change:
-        weights = self.reference.stage_weights[..., np.newaxis]
-        stages = weights * change.parts["stage_states"] / (STEP * self.reference.spread) ** 2
-        period = change.parts["period"] / (STEP * self.reference.period) ** 2
-        value = change.value / self.resolution**2
-        return continuation.Change({"stage_states": stages, "period": period, "value": value})
+    @cached_property
+    def metric(self) -> np.ndarray:
+        orbit = self.reference
+        states = np.full(len(orbit.vector) - 2, 1 / (PHASES * (STEP * orbit.spread) ** 2))
+        return np.append(states, [(STEP * orbit.period) ** -2.0, self.resolution**-2.0])
 
-    def along_parameter(self) -> continuation.Change:
-        nothing = np.zeros_like(self.reference.stage_states)
-        return continuation.Change({"stage_states": nothing, "period": 0.0, "value": 1.0})
+    @cached_property
+    def phase(self) -> np.ndarray:
+        """(n,) the integral phase condition on changes of the vector."""
+        velocity = self.reference.at(np.arange(PHASES) / PHASES, 1)
+        return np.append(velocity.ravel() / PHASES, [0.0, 0.0])
+
+    def unknowns(self, vector: np.ndarray) -> np.ndarray:
+        return np.append(vector[: self.field.n_states], vector[-2:])
+
+    def linearise(self, unknowns: np.ndarray) -> continuation.Linearised:
+        n, (period, value) = self.field.n_states, unknowns[-2:]
+        model = self.field.model(value)
+        free = np.argwhere(self.slope)
+        compiled = system(tables(model.terms, n), model.coefficients, free)
+        by_value = np.vstack([self.slope[tuple(free.T)][:, np.newaxis], np.zeros((n, 1))])
+        by_start = np.vstack([np.zeros((len(free), n)), np.eye(n)])
+        chosen, steps = (
+            np.hstack([by_start, np.zeros_like(by_value), by_value]),
+            self.reference.steps,
+        )
+        while True:
+            states, moved, end, end_moved, truncation = _turn(compiled, unknowns[:n], period, steps)
+            if truncation < ACCURACY:
+                break
+            steps *= 2
+            if steps > MOST_STEPS:
+                raise continuation.NotConverged(f"{MOST_STEPS} steps do not resolve the orbit")
+        orbit = Orbit(states, period, value, steps)
+        moved, end_moved = moved[:: len(states) // PHASES] @ chosen, end_moved @ chosen
+        rates = model(orbit.vector[:-2].reshape(PHASES, n))
+        moved[..., n] = np.arange(PHASES)[:, np.newaxis] / PHASES * rates
+        end_moved[:, n] = model(end[np.newaxis])[0]
+        moved = np.vstack([moved.reshape(-1, n + 2), np.eye(n + 2)[n:]])
+        return continuation.Linearised(
+            orbit,
+            unknowns,
+            np.append(end - unknowns[:n], self.phase @ (orbit.vector - self.reference.vector)),
+            np.vstack([end_moved - np.eye(n, n + 2), self.phase @ moved]),
+            moved,
+        )
 
     def examine(
-        self, orbit: Orbit, linearisation: Linearisation, tangent: continuation.Change
+        self, at: continuation.Linearised, tangent: np.ndarray
     ) -> tuple[Floquet, dict[str, float]]:
-        stability = floquet(linearisation)
+        n = self.field.n_states
+        stability = floquet(at.jacobian[:n, :n] + np.eye(n))
         mu = stability.multipliers
-        sign, log = linearisation.determinant(self.across(tangent))
-        n, n_states = orbit.mesh_states.shape
-        parity = -1.0 if (n - 1) * n_states % 2 else 1.0  # of the ring of mesh points
         pairs = [a * b - 1 for a, b in combinations(mu, 2)]
         return stability, {
-            FOLD: tangent.value / self.resolution,
-            BRANCH_POINT: parity * sign * np.exp(log / (n * n_states + 2)),
+            FOLD: tangent[-1],
+            BRANCH_POINT: float(np.linalg.det(at.bordered(self.metric * tangent))),
             PERIOD_DOUBLING: float(np.prod(mu + 1).real),
             NEIMARK_SACKER: float(np.prod(pairs).real) if pairs else 1.0,
         }
@@ -119,54 +217,27 @@ class CycleProblem:
         largest = max(self.largest, orbit.spread)
         return replace(self, reference=orbit, slope=slope, largest=largest)
 
-    def refined(
-        self, orbit: Orbit, tangent: continuation.Change, stability: Floquet
-    ) -> tuple[Orbit, continuation.Change] | None:
-        intervals = len(orbit.widths)
-        if stability.trivial_defect > DEFECT:
-            if intervals == MOST_INTERVALS:
-                raise continuation.NotConverged(
-                    f"{intervals} intervals do not resolve the orbit: its trivial multiplier is "
-                    f"off by {stability.trivial_defect:.1e}"
-                )
-            widths = orbit.levelled(min(MOST_INTERVALS, intervals + intervals // 2))
-        else:
-            roughness = orbit.roughness()
-            if np.max(roughness) < LEVEL * np.mean(roughness):
-                return None
-            widths = orbit.levelled(intervals)
-            levelled = orbit.on(widths).roughness()
-            if np.max(levelled) / np.mean(levelled) > 0.7 * np.max(roughness) / np.mean(roughness):
-                return None
-        return orbit.on(widths), _through(lambda each: each.on(widths), orbit, tangent)
-
-    def ended(self, orbit: Orbit, start: Orbit) -> str:
+    def ended(self, orbit: Orbit) -> str:
         if orbit.spread > self.ceiling:
             return f"grew beyond {self.ceiling:g}"
-        if np.sum(_halves(orbit) * _halves(self.reference)) < 0:
+        if np.sum(orbit.halves() * self.reference.halves()) < 0:
             return ENDED_DOUBLED
         return "ended at an equilibrium" if orbit.spread < VANISHED * self.largest else ""
 
-    def signature(self, orbit: Orbit) -> np.ndarray:
-        return np.array([orbit.period, orbit.spread])
 
-
-def _through(
-    done: Callable[[Orbit], Orbit], orbit: Orbit, change: continuation.Change
-) -> continuation.Change:
-    """A change of an orbit after what is done, linearly, to the orbit itself."""
-    changed = done(replace(orbit, **change.parts))
-    return continuation.Change({name: getattr(changed, name) for name in change.parts})
-
-
-def _halves(orbit: Orbit) -> np.ndarray:
-    """(n, n_states) by how much the second half of an orbit differs from the first.
-
-    A branch of doubled period ends where both are one orbit; what continuation finds beyond is
-    the branch again, with the halves exchanged.
-    """
-    phase = np.arange(INTERVALS) / (2 * INTERVALS)
-    return orbit.at(phase + 0.5) - orbit.at(phase)
+def _turn(compiled, start: np.ndarray, period: float, steps: int) -> tuple:
+    """One period from `start` (n,): states at even phases, their derivatives by the free
+    coefficients and the start, the same of the end, and the truncation error."""
+    n, places = len(start), np.arange(max(1, PHASES // steps))[:, np.newaxis]
+    powers = (places / len(places)) ** np.arange(ORDER + 1)
+    powers = np.broadcast_to(powers, (steps, n, *powers.shape)).copy()
+    with np.errstate(all="ignore"):
+        states, moved, end, end_moved, truncation = integrate(
+            compiled, period / steps, np.array([0, steps]), start[np.newaxis], powers,
+            np.arange(n), np.zeros((steps, 1, 0)), True,
+        )  # fmt: skip
+    states, moved = (of.swapaxes(1, 2).reshape(-1, n, *of.shape[3:]) for of in (states, moved))
+    return states, moved, end[0], end_moved[0], truncation
 
 
 def from_hopf(
@@ -177,12 +248,11 @@ def from_hopf(
     size: of the first one, in units of the states.
     """
     at, mode = hopf.point.solution, hopf.point.stability
-    period = 2 * np.pi / mode.frequency
     swing = mode.mode * (size * np.sqrt(2) / np.linalg.norm(mode.mode))
-    orbit = circle(at.state, swing, period, at.value, INTERVALS)
-    problem = CycleProblem.about(VectorField(family, at.value), orbit, span.longest, span.ceiling)
-    growth = {"stage_states": orbit.stage_states - at.state, "period": 0.0, "value": 0.0}
-    start = _first(problem, orbit, problem.across(continuation.Change(growth)), family)
+    orbit = circle(at.state, swing, 2 * np.pi / mode.frequency, at.value)
+    problem = CycleProblem.about(family, orbit, span.longest, span.ceiling)
+    growth = np.append((orbit.states - at.state).ravel(), [0.0, 0.0])
+    start = _first(problem, orbit.vector, problem.metric * growth)
     return continuation.follow(problem, start, span)
 
 
@@ -200,18 +270,25 @@ def from_branching(
         raise ValueError(f"no limit cycles branch off at a {at.name} at {orbit.value:g}")
     doubled = at.name == PERIOD_DOUBLING
     if doubled:
-        orbit, tangent = orbit.twice(), _through(Orbit.twice, orbit, tangent)
-    field = VectorField(family, orbit.value)
-    problem = CycleProblem.about(field, orbit, span.longest, span.ceiling)
-    border = problem.across(tangent)
-    direction = problem.linearise(orbit).other_direction(border)
+        states, change = (v[:-2].reshape(PHASES, -1) for v in (orbit.vector, tangent))
+        tangent = np.append(_twice(change).ravel(), tangent[-2:] * (2, 1))
+        orbit = Orbit(_twice(states), 2 * orbit.period, orbit.value, 2 * orbit.steps)
+    problem = CycleProblem.about(family, orbit, span.longest, span.ceiling)
+    linearised = problem.linearise(problem.unknowns(orbit.vector))
+    # where the equations have a second null vector, the one across the tangent
+    *_, right = np.linalg.svd(linearised.bordered(problem.metric * tangent))
+    direction = linearised.moved @ right[-1]
+    direction *= size / (STEP * problem.length(direction))
     branches = []
-    for sign in (1.0,) if doubled else (1.0, -1.0):
-        away = direction.scaled(sign * size / (STEP * continuation.length(problem, direction)))
-        guess = away.applied(orbit)
-        start = _first(problem, guess, problem.across(away), family)
+    for away in (direction,) if doubled else (direction, -direction):
+        start = _first(problem, orbit.vector + away, problem.metric * away)
         branches.append(continuation.follow(problem, start, span))
     return tuple(branches)
+
+
+def _twice(states: np.ndarray) -> np.ndarray:
+    """Two turns of an orbit at as many phases (PHASES, n_states)."""
+    return np.tile(states[::2], (2, 1))
 
 
 def from_motion(
@@ -222,35 +299,31 @@ def from_motion(
     time: (n,) s, states: (n, n_states) of the settled motion at `value` of the parameter; several
     periods of it. Raises ValueError where it does not come back to itself.
     """
-    problem, start = settled(family, value, time, states, span.longest)
-    problem = replace(problem, ceiling=span.ceiling).moved(start.solution)
-    linearisation = problem.linearise(start.solution)
-    back = problem.across(start.tangent.scaled(-1.0))
-    down = continuation.point_at(problem, start.solution, linearisation, back)
+    start = settled(family, value, time, states, span.longest)
+    problem = CycleProblem.about(family, start.solution, span.longest, span.ceiling)
+    linearised = problem.linearise(problem.unknowns(start.solution.vector))
+    down = continuation.point_at(problem, linearised, -problem.metric * start.tangent)
     return continuation.follow(problem, down, span), continuation.follow(problem, start, span)
 
 
 def settled(
     family: Family, value: float, time: np.ndarray, states: np.ndarray, resolution: float
-) -> tuple[CycleProblem, continuation.Point]:
+) -> continuation.Point:
     """The limit cycle on which a motion has settled, as in `from_motion`."""
     orbit = _last_turn(time, states, value)
-    problem = CycleProblem.about(VectorField(family, value), orbit, resolution)
-    return problem, _first(problem, orbit, problem.along_parameter(), family)
+    problem = CycleProblem.about(family, orbit, resolution)
+    return _first(problem, orbit.vector, problem.along_parameter())
 
 
-def _first(
-    problem: CycleProblem, orbit: Orbit, border: continuation.Change, family: Family
-) -> continuation.Point:
+def _first(problem: CycleProblem, guess: np.ndarray, border: np.ndarray) -> continuation.Point:
     """The limit cycle near a guess. Raises ValueError where there is none."""
     try:
-        point = continuation.point_at(
-            problem, *continuation.corrected(problem, orbit, border), border
-        )
-        return continuation.resolved(problem, point)
+        found = continuation.corrected(problem, guess, border)
+        return continuation.point_at(problem, found, border)
     except continuation.NotConverged as failure:
         raise ValueError(
-            f"no limit cycle near the given motion at {orbit.value:g} {family.unit}: {failure}"
+            f"no limit cycle near the given motion at {guess[-1]:g} {problem.field.family.unit}: "
+            f"{failure}"
         ) from None
 
 
@@ -264,17 +337,9 @@ def _last_turn(time: np.ndarray, states: np.ndarray, value: float) -> Orbit:
         raise ValueError(f"the motion at {value:g} does not come back to where it ends")
     stretch = np.arange(np.max(np.flatnonzero(~near[: before[-1]]), initial=-1) + 1, before[-1] + 1)
     back = stretch[np.argmin(distance[stretch])]
-    spline = CubicSpline(time, states)
-    period = time[-1] - time[back]
-    left = np.arange(INTERVALS) / INTERVALS
-    stages = left[:, np.newaxis] + C / INTERVALS
-    return Orbit(
-        np.full(INTERVALS, 1 / INTERVALS),
-        spline(time[back] + period * left),
-        spline(time[back] + period * stages).reshape(INTERVALS, STAGES, -1),
-        float(period),
-        value,
-    )
+    period = float(time[-1] - time[back])
+    phases = time[back] + period * np.arange(PHASES) / PHASES
+    return Orbit(CubicSpline(time, states)(phases), period, value)
 
 
 def at_value(family: Family, branch: continuation.Branch, value: float) -> list[continuation.Point]:
@@ -282,16 +347,15 @@ def at_value(family: Family, branch: continuation.Branch, value: float) -> list[
 
     Raises ValueError where one cannot be computed from its neighbours.
     """
-    points, field = [], VectorField(family, value)
+    points = []
     for before, after in pairwise(branch.points):
         begin, end = before.solution.value, after.solution.value
         if (begin - value) * (end - value) > 0 or begin == end or end == value:
             continue
         near = min(before, after, key=lambda p: abs(p.solution.value - value))
-        problem = CycleProblem.about(field, near.solution, abs(end - begin))
-        along = problem.along_parameter()
-        ahead = near.tangent.scaled((value - near.solution.value) / along.of(near.tangent))
-        points.append(_first(problem, ahead.applied(near.solution), along, family))
+        problem = CycleProblem.about(family, near.solution, abs(end - begin))
+        ahead = near.tangent * ((value - near.solution.value) / near.tangent[-1])
+        points.append(_first(problem, near.solution.vector + ahead, problem.along_parameter()))
     if branch.points[-1].solution.value == value:
         points.append(branch.points[-1])
     return points

@@ -8,14 +8,21 @@ at two wind speeds.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.cycles.collocation import Orbit
-from galloping.cycles.continuation import Range, length
-from galloping.cycles.family import Family, VectorField
-from galloping.cycles.limit_cycles import CycleProblem, at_value, from_motion, settled
+from galloping.cycles.continuation import NotConverged, Range, corrected
+from galloping.cycles.family import Family
+from galloping.cycles.limit_cycles import (
+    VANISHED,
+    CycleProblem,
+    Orbit,
+    at_value,
+    from_motion,
+    settled,
+)
 from galloping.cycles.settling import settle
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import Identified, drawn, normal, of_draws
@@ -24,7 +31,7 @@ from galloping.simulation import Simulator
 
 SAMPLES = 39  # of which the least and the greatest are then the ends of the band, without bias
 SETTLING, WINDOW = 1500.0, 50.0  # s: close enough for the correction, and a stretch to begin from
-SETTLED = 0.01  # steps: the second correction of a sampled cycle that is near the predicted one
+CORRECTED = 1e-4  # steps: what is left is about its square, far below the band
 
 
 @dataclass(frozen=True)
@@ -225,20 +232,14 @@ def predict(
 
 
 def near(families: Iterable[Family], orbit: Orbit) -> list[Orbit]:
-    """The limit cycles of other families near an orbit, of those that have one.
-
-    Two corrections leave an error of the fourth power of the distance, far below the band.
-    """
+    """The limit cycles of other families near an orbit, of those that have one."""
     found = []
     for family in families:
-        field = VectorField(family, orbit.value)
-        problem = CycleProblem(field, orbit, 1.0, np.zeros(field.shape), np.inf, orbit.spread)
-        along, moved = problem.along_parameter(), orbit
-        for _ in range(2):
-            change = problem.linearise(moved).solve(along, 0.0, True)
-            moved = change.applied(moved)
-        if length(problem, change) < SETTLED:
-            found.append(moved)
+        problem = CycleProblem.beside(family, orbit)
+        with suppress(NotConverged):
+            at = corrected(problem, orbit.vector, problem.along_parameter(), CORRECTED)
+            if at.solution.spread > VANISHED * orbit.spread:
+                found.append(at.solution)
     return found
 
 
@@ -274,7 +275,7 @@ def limit_cycle_ahead(
     motion = settle(simulator, found, start, SETTLING, WINDOW)
     if not np.all(np.isfinite(motion.states)):
         raise ValueError(f"the model does not settle: {motion.kind}")
-    _, point = settled(Family(lambda _: found), 0.0, motion.time, motion.states, resolution=1.0)
+    point = settled(Family(lambda _: found), 0.0, motion.time, motion.states, resolution=1.0)
     low = high = np.full(len(found.states), np.nan)
     if len(identified.covariance) == identified.support.sum() > 0:
         models = map(lean, drawn(identified, SAMPLES, rng))

@@ -16,7 +16,7 @@ from galloping.physics.galerkin import coefficients
 from galloping.physics.measures import NOTHING, Measure, added, modal_masses
 from galloping.simulation import Simulator
 
-OUTLINE = 120  # places of an orbit that are enough for its clearance
+OUTLINE = 256  # places of an orbit that are enough for its clearance
 DAMPING = (("dq_v", "vertical"), ("dq_w", "horizontal"))
 
 
@@ -154,20 +154,19 @@ def evaluate(
     family, point = line.family(), None
     if motion.kind == "cycle":
         with suppress(ValueError):  # of none near enough the motion itself is shown
-            _, point = settled(family, design.wind, motion.time, motion.states, resolution=1.0)
+            point = settled(family, design.wind, motion.time, motion.states, resolution=1.0)
     if point is not None:
         orbits = near(map(line.family, scaled), point.solution)
-        places = [_places(orbit.sampled()[1]) for orbit in orbits]
-        centre = _places(point.solution.sampled()[1])
+        places = [_places(orbit.states) for orbit in orbits]
+        centre, half = _places(point.solution.states), point.solution.half_range()
     elif np.all(np.isfinite(motion.states)):
-        places, centre = [], _places(motion.states[:: max(1, len(motion.states) // 2000)])
+        orbits, places, half = [], [], motion.half_range
+        centre = _places(motion.states[:: max(1, len(motion.states) // 2000)])
     else:
         return Outcome(measure, critical_wind, nothing, nothing, nothing, motion.kind)
     distance = _interval(_apart(centre, design), np.array([_apart(p, design) for p in places]))
-    halves = np.array([np.ptp(p, axis=0) / 2 for p in places]).reshape(-1, 2)
-    w, v = (
-        _interval(float(half), halves[:, k]) for k, half in enumerate(np.ptp(centre, axis=0) / 2)
-    )
+    halves = np.array([orbit.half_range() for orbit in orbits]).reshape(-1, len(STATES))
+    v, w = (_interval(float(half[k]), halves[:, k]) for k in range(2))
     return Outcome(measure, critical_wind, v, w, distance, motion.kind)
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.cycles.collocation import Orbit
 from galloping.cycles.continuation import Branch, Range
 from galloping.cycles.diagram import Diagram, diagram
 from galloping.cycles.equilibria import HOPF
@@ -15,6 +14,7 @@ from galloping.cycles.family import (
     line_family,
     parameter,
 )
+from galloping.cycles.limit_cycles import Orbit
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, Outcome
 from galloping.cycles.settling import Settled, settle

@@ -13,12 +13,11 @@ from itertools import product
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from galloping.cycles.collocation import Orbit
 from galloping.cycles.continuation import NotConverged, Point, Range, corrected
 from galloping.cycles.diagram import Diagram, diagram
 from galloping.cycles.equilibria import equilibrium_branch, hopf_points
-from galloping.cycles.family import Family, VectorField
-from galloping.cycles.limit_cycles import VANISHED, CycleProblem, at_value, settled
+from galloping.cycles.family import Family
+from galloping.cycles.limit_cycles import VANISHED, CycleProblem, Orbit, at_value, settled
 from galloping.cycles.settling import Settled, settle
 from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value, zero_of
 from galloping.field.forecast import simulator_of
@@ -213,7 +212,7 @@ def _condition(of: _Slowed, at: Mapping[str, float], known: Sequence[Point] = ()
             ends.append(motion.kind)
             continue
         try:
-            point = settled(_constant(best), 0.0, motion.time, motion.states, 1.0)[1]
+            point = settled(_constant(best), 0.0, motion.time, motion.states, 1.0)
         except ValueError as failure:
             ends.append(str(failure))
             continue
@@ -382,11 +381,8 @@ def _drawn_cycle(best: PolynomialModel, model: PolynomialModel, orbit: Orbit) ->
         try:
             for share in steps:
                 between = replace(best, coefficients=best.coefficients + share * change)
-                field = VectorField(_constant(between), orbit.value)
-                problem = CycleProblem(
-                    field, found, 1.0, np.zeros(field.shape), np.inf, found.spread
-                )
-                found, _ = corrected(problem, found, problem.along_parameter())
+                problem = CycleProblem.beside(_constant(between), found)
+                found = corrected(problem, found.vector, problem.along_parameter()).solution
         except NotConverged:
             continue
         if found.spread > VANISHED * orbit.spread:

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, root
 
-from galloping.cycles.collocation import Orbit
 from galloping.cycles.family import Family
-from galloping.cycles.limit_cycles import settled
+from galloping.cycles.limit_cycles import Orbit, settled
 from galloping.cycles.prediction import near
 from galloping.cycles.settling import settle
 from galloping.field.forecast import simulator_of
@@ -125,7 +124,7 @@ def dynamics(
     if motion.kind != "cycle":
         return Dynamics(rest, frequencies, damping, motion.kind, None, {})
     try:
-        orbit = settled(Family(lambda _: model), 0.0, motion.time, motion.states, 1.0)[1].solution
+        orbit = settled(Family(lambda _: model), 0.0, motion.time, motion.states, 1.0).solution
     except ValueError:  # of the solver: the motion itself does repeat
         half = {model.states[i]: _value(motion.half_range[i], np.array([np.nan])) for i in pairs}
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
@@ -197,12 +196,12 @@ def _orbit(model: PolynomialModel, orbit: Orbit, simulator: Simulator) -> Orbit 
     family = Family(lambda _: model)
     if close := near([family], orbit):
         return close[0]
-    start = orbit.mesh_states[0]
+    start = orbit.states[0]
     motion = settle(simulator, model, start, duration=FROM_NEARBY, window=WINDOW)
     if motion.kind != "cycle":
         return None
     try:
-        return settled(family, 0.0, motion.time, motion.states, 1.0)[1].solution
+        return settled(family, 0.0, motion.time, motion.states, 1.0).solution
     except ValueError:
         return None
 
