@@ -73,7 +73,7 @@ def zipped(tmp_path, *entries):
     return path
 
 
-def refused(path, target, reason):
+def refused(path, target, reason="not a sound zip file"):
     target.mkdir(parents=True)
     with pytest.raises(NotRestorable, match=reason) as error:
         unpack(path, target)
@@ -123,7 +123,7 @@ def test_a_bomb_that_lies_about_its_size_is_stopped_at_what_it_declared(tmp_path
     for signature, offset in ((b"PK\3\4", 22), (b"PK\1\2", 24)):
         struct.pack_into("<L", content, content.index(signature) + offset, 100)
     path.write_bytes(content)
-    refused(path, tmp_path / "outside/target", "not a sound zip file")
+    refused(path, tmp_path / "outside/target")
     assert (tmp_path / "outside/target/bomb").stat().st_size <= 100
 
 
@@ -131,11 +131,11 @@ def test_a_bomb_that_lies_about_its_size_is_stopped_at_what_it_declared(tmp_path
 def test_names_that_clash_and_what_is_no_zip_are_refused(tmp_path):
     for number, names in enumerate([("a", "a"), ("a", "a/b"), ("a/b", "a")]):
         path = zipped(tmp_path, *((name, "1") for name in names))
-        refused(path, tmp_path / f"{number}/target", "not a sound zip file")
+        refused(path, tmp_path / f"{number}/target")
     for number, harm in enumerate([lambda c: c[:-30], lambda c: b"", lambda c: b"no zip" * 100]):
         path = zipped(tmp_path, ("a", "1"))
         path.write_bytes(harm(path.read_bytes()))
-        refused(path, tmp_path / f"harm{number}/target", "not a sound zip file")
+        refused(path, tmp_path / f"harm{number}/target")
 
 
 # publications
@@ -153,27 +153,15 @@ def test_files_of_the_field_are_published_only_where_they_may(publish):
     assert ("config/span.csv" in chosen) == publish
 
 
-def receipt(path, **others):
-    described = Receipt(
-        path=path,
-        rule=Path(path).stem,
-        wildcards={},
-        log=f"{RESULTS}/logs/{Path(path).stem}.log",
-        settings={"code": "abc"},
-        inputs=dict.fromkeys(INPUTS[path], "0" * 64),
-        sha256=digest(path) if Path(path).exists() else "0" * 64,
-        size=1,
-        seconds=1.5,
-    )
-    return replace(described, **others)
-
-
-def made_here(inputs=INPUTS):
+def made_here():
     """The receipts of a table, its model and its recording, as they lie in the working folder."""
     made = {}
-    for path in inputs:
-        known = {p: made[p].sha256 for p in inputs[path]}
-        made[path] = replace(receipt(path), inputs=known)
+    for path, inputs in INPUTS.items():
+        name, sha256 = Path(path).stem, digest(path) if Path(path).exists() else "0" * 64
+        known = {each: made[each].sha256 for each in inputs}
+        made[path] = Receipt(
+            path, name, {}, f"{RESULTS}/logs/{name}.log", {"code": "abc"}, known, sha256, 1, 1.5
+        )
     return made
 
 
@@ -186,15 +174,10 @@ def told(monkeypatch):
 
 
 def plan(results=RESULTS):
-    jobs = (
-        PlannedJob(
-            rule=Path(path).stem,
-            settings={"code": "abc"},
-            inputs=inputs,
-            outputs=(path,),
-        )
+    jobs = [
+        PlannedJob(Path(path).stem, {"code": "abc"}, inputs, (path,))
         for path, inputs in INPUTS.items()
-    )
+    ]
     Path(results).mkdir(parents=True, exist_ok=True)
     return Plan(plain(load({"results": results})), tuple(jobs))
 

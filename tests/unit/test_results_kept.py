@@ -48,15 +48,10 @@ def make(path, content="1\n", inputs=(), settings=SETTINGS):
 
 def plan(*paths, settings=SETTINGS, **inputs):
     """The plan of jobs that write `paths`, each from its inputs by the stem of its name."""
-    jobs = (
-        PlannedJob(
-            rule="make",
-            settings=settings,
-            inputs=tuple(f"{RESULTS}/{name}" for name in inputs.get(Path(path).stem, ())),
-            outputs=(f"{RESULTS}/{path}",),
-        )
-        for path in paths
-    )
+    jobs = []
+    for path in paths:
+        given = tuple(f"{RESULTS}/{name}" for name in inputs.get(Path(path).stem, ()))
+        jobs.append(PlannedJob("make", settings, given, (f"{RESULTS}/{path}",)))
     return Plan({"results": RESULTS}, tuple(jobs))
 
 
@@ -120,13 +115,11 @@ def test_failures_are_told_in_a_line_with_the_log(folder):
     os.utime(killed, (0, 0))  # of an earlier run
     assert len(job.failures(RESULTS, since)) == 1
 
-
-def test_a_full_disk_is_called_by_its_name():
-    def work(made, speed):
+    def full(made, speed):
         raise OSError(28, "No space left on device", "x.npz")
 
     with pytest.raises(SystemExit, match=r"The disk is full: x\.npz; free some space"):
-        job.run(work, script("models/a.json"))
+        job.run(full, script("models/d.json"))
 
 
 def test_a_job_refuses_an_input_that_is_not_what_its_job_wrote():
@@ -134,13 +127,6 @@ def test_a_job_refuses_an_input_that_is_not_what_its_job_wrote():
     with pytest.raises(SystemExit, match=r"models/a\.json is not what its job wrote"):
         make("tables/t.csv", inputs=["models/a.json"])
     assert not Path(f"{RESULTS}/tables/t.csv").exists()
-
-
-@pytest.mark.parametrize("text", ["", "{", '{"path": 1}', "[1]"])
-def test_an_unreadable_receipt_is_none(text):
-    model = make("models/a.json")
-    receipt_path(model).write_text(text)
-    assert read_receipt(model) is None
 
 
 # the start of a run
@@ -152,11 +138,7 @@ def same_size_and_times(path):
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
-@pytest.mark.parametrize(
-    "harm",
-    [lambda p: p.write_text("22\n"), lambda p: os.truncate(p, 1), same_size_and_times],
-    ids=["edited", "truncated", "size and times kept"],
-)
+@pytest.mark.parametrize("harm", [lambda p: os.truncate(p, 1), same_size_and_times])
 def test_what_is_not_as_its_receipt_says_is_named(harm):
     model, table, lost = make("models/a.json"), make("tables/t.csv"), make("tables/u.csv")
     inspection.remember(RESULTS, look())
@@ -222,19 +204,24 @@ def test_only_what_is_made_as_planned_is_adopted(adopted):
     names = ("models/a.json", "tables/t.csv", "tables/u.csv", "tables/v.csv")
     (kept, aside), times = adopted(plan(*names, t=["models/a.json"]))
     assert kept.startswith("2 files") and aside.startswith("3 files") and times == 1
-    assert [Path(path).exists() for path in (model, table, other, unknown, old)] == [True] * 2 + [
-        False
-    ] * 3
+    assert Path(model).exists() and Path(table).exists()
+    assert not any(Path(path).exists() for path in (other, unknown, old))
     assert set(receipts(RESULTS)) == {model, table, other}
 
 
-def test_a_file_made_from_another_input_is_not_as_planned(folder):
+def test_nothing_made_from_another_input_is_as_planned(folder):
     make("models/a.json")
     make("tables/t.csv", inputs=["models/a.json"])
     study = plan("models/a.json", "tables/t.csv", t=["models/a.json"])
     assert len(as_planned(study)) == 2
     model = make("models/a.json", "2\n")
     assert as_planned(study) == [model]
+    make("models/a.json", settings=OTHER)
+    make("scores/s.csv", inputs=["models/a.json"])
+    make("tables/t.csv", inputs=["scores/s.csv"])
+    alone = make("tables/u.csv")
+    names = ("tables/t.csv", "scores/s.csv", "models/a.json", "tables/u.csv")
+    assert as_planned(plan(*names, t=["scores/s.csv"], s=["models/a.json"])) == [alone]
     source = folder / RESULTS / "published.csv"
     source.write_text("1\n")
     table = make("tables/v.csv", inputs=["published.csv"])
@@ -242,15 +229,6 @@ def test_a_file_made_from_another_input_is_not_as_planned(folder):
     assert as_planned(study) == [table]
     source.write_text("2\n")
     assert as_planned(study) == [] and audit(study).outdated == (table,)
-
-
-def test_nothing_made_from_what_is_not_as_planned_is_as_planned():
-    make("models/a.json", settings=OTHER)
-    make("scores/s.csv", inputs=["models/a.json"])
-    make("tables/t.csv", inputs=["scores/s.csv"])
-    alone = make("tables/u.csv")
-    names = ("tables/t.csv", "scores/s.csv", "models/a.json", "tables/u.csv")
-    assert as_planned(plan(*names, t=["scores/s.csv"], s=["models/a.json"])) == [alone]
 
 
 @pytest.mark.parametrize("settings", [SETTINGS, OTHER], ids=["same", "other"])
@@ -289,13 +267,11 @@ def test_each_file_has_one_state():
     assert audit(plan("models/b.json")).missing == (f"{RESULTS}/models/b.json",)
 
 
-def test_a_study_in_the_folder_of_another_is_its_own(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    small = tmp_path / "results" / "smoke" / "a.csv"
-    small.parent.mkdir(parents=True)
-    small.write_text("1\n")
-    (tmp_path / ".snakemake").mkdir()
-    kept = {"results/smoke/a.csv": [1, 2, 3, 4, "digest"]}
-    inspection.remember("results/smoke", inspection.Deviations((), (), (), (), kept))
-    assert inspection.inspect("results", {}).unknown == ()
-    assert inspection.inspect("results/smoke", {}).unknown == ("results/smoke/a.csv",)
+def test_a_study_in_the_folder_of_another_is_its_own():
+    inner = Path("results/smoke/a.csv")
+    inner.parent.mkdir(parents=True)
+    inner.touch()
+    kept = inspection.Deviations((), (), (), (), {str(inner): [1, 2, 3, 4, "digest"]})
+    inspection.remember("results/smoke", kept)
+    assert inspect("results", {}).unknown == ()
+    assert inspect("results/smoke", {}).unknown == (str(inner),)

@@ -162,12 +162,10 @@ NEW_METHOD = """METHODS = (
 
 EDITS = {
     "the wind speed of the first case": settings(
-        "cases: {internal_resonance: {wind: {speed: 12.5}}}"
-    ),
+        "cases: {internal_resonance: {wind: {speed: 12.5}}}"),
     "the wind speed of another case": settings("cases: {non_resonant: {wind: {speed: 12.5}}}"),
     "an initial state of the first case": settings(
-        "cases: {internal_resonance: {initial_state: {q_v: 0.2}}}"
-    ),
+        "cases: {internal_resonance: {initial_state: {q_v: 0.2}}}"),
     "a case added": settings("cases: {strong_wind: {wind: {speed: 16}}}"),
     "a noise level added between others": settings("measurement: {levels: [0, 0.03, 0.05]}"),
     "a noise level added above the others": settings("measurement: {levels: [0, 0.05, 0.1]}"),
@@ -177,15 +175,12 @@ EDITS = {
     "a subset size added": settings("measurement: {subsets: {points: [1000, 2000]}}"),
     "the noise level of the subsets": settings("measurement: {subsets: {level: 0.04}}"),
     "a method added": settings(
-        "identification: {methods: [paper, stlsq, maximum_likelihood, lasso]}"
-    ),
+        "identification: {methods: [paper, stlsq, maximum_likelihood, lasso]}"),
     "a method removed": settings("identification: {methods: [paper, stlsq]}"),
     "the order of the methods": settings(
-        "identification: {methods: [maximum_likelihood, stlsq, paper]}"
-    ),
+        "identification: {methods: [maximum_likelihood, stlsq, paper]}"),
     "two damping ratios swapped": settings(
-        "cases: {internal_resonance: {damping: {vertical: 0.0014, horizontal: 0.0016}}}"
-    ),
+        "cases: {internal_resonance: {damping: {vertical: 0.0014, horizontal: 0.0016}}}"),
     "the threshold of the paper's method": settings("identification: {paper: {threshold: 0.004}}"),
     "a threshold of `stlsq`": settings("identification: {stlsq: {threshold: 0.01}}"),
     "the degree of the library": settings("identification: {degree: 2}"),
@@ -198,23 +193,16 @@ EDITS = {
         "  # a comment\n  sampling_rate: 1e2\n  duration: 300.0\n",
     ),
     "a function body in `physics/galerkin.py`": statement_added(
-        "physics/galerkin.py", "frequencies"
-    ),
+        "physics/galerkin.py", "frequencies"),
     "a function body in `sparse/stlsq.py`": statement_added(
-        "identification/sparse/stlsq.py", "normalised"
-    ),
+        "identification/sparse/stlsq.py", "normalised"),
     "a function body in `evaluation/motion.py`": statement_added(
-        "evaluation/motion.py", "r_squared"
-    ),
-    "a function body in `figures/errors.py`": statement_added(
-        "figures/errors.py", "draw_methods"
-    ),
+        "evaluation/motion.py", "r_squared"),
+    "a function body in `figures/errors.py`": statement_added("figures/errors.py", "draw_methods"),
     "a colour in `figures/style.py`": replaced(
-        module("figures/style.py"), 'BAND = "#f2c46d"', 'BAND = "#f2c46e"'
-    ),
+        module("figures/style.py"), 'BAND = "#f2c46d"', 'BAND = "#f2c46e"'),
     "a function body in `tables/table3.py`": statement_added(
-        "tables/table3.py", "identified_terms"
-    ),
+        "tables/table3.py", "identified_terms"),
     "a function body in `storage.py`": statement_added("storage.py", "write_text"),
     "a script's own code: `rank_releases.py`": replaced(
         "workflow/scripts/rank_releases.py", "heights=HEIGHTS):\n", "heights=HEIGHTS):\n    pass\n"
@@ -224,15 +212,13 @@ EDITS = {
         replaced(module("identification/registry.py"), "METHODS = (\n", NEW_METHOD),
     ),
     "a function body in a method that is not asked for": statement_added(
-        "identification/sparse/lasso.py", "lasso"
-    ),
+        "identification/sparse/lasso.py", "lasso"),
     "a comment, a docstring or the layout of a module": all_of(
         replaced(module("physics/galerkin.py"), '"""From the', '"""Words.\n\nFrom the'),
         replaced(module("physics/galerkin.py"), " * omega_v + ", " * (\n omega_v  # words\n) + "),
     ),
     "an error message where no number is computed: `reproducibility/job.py`": replaced(
-        module("reproducibility/job.py"), "The disk is full: ", "No space is left: "
-    ),
+        module("reproducibility/job.py"), "The disk is full: ", "No space is left: "),
     "a rule's message or a comment in a rule": replaced(
         "workflow/rules/derive.smk", '        "Deriving', '        # words\n        "Now deriving'
     ),
