@@ -99,7 +99,7 @@ endif
 
 docs: $(VENV)/made
 	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.reference \
-	  --write config/README.md workflow/schemas/config.schema.json
+	  config/README.md workflow/schemas/config.schema.json
 
 pages: $(VENV)/made
 	@PYTHONPATH='$(CURDIR)/workflow/src' $(BIN)/python -m sphinx -q -W --keep-going docs results/pages

@@ -552,24 +552,17 @@ def test_both_tables_together_hold_every_parameter():
 GENERATED = [ROOT / "config/README.md", ROOT / "workflow/schemas/config.schema.json"]
 
 
-def test_generated_reference_is_up_to_date():
-    assert reference.main(["--check", *map(str, GENERATED)]) == 0
+@pytest.mark.parametrize("path", GENERATED, ids=lambda path: path.name)
+def test_generated_reference_is_up_to_date(path):
+    assert reference.generated(path) == path.read_text(encoding="utf-8")  # else: make docs
 
 
-def test_a_stale_reference_is_found_and_mended(tmp_path, capsys):
-    readme, schema_file = tmp_path / "README.md", tmp_path / "config.schema.json"
-    readme.write_text(f"before\n{reference.BEGIN}\nold\n{reference.END}\nafter\n")
-    files = [str(readme), str(schema_file)]
-    assert reference.main(["--check", *files]) == 1
-    assert capsys.readouterr().err.count("out of date") == 2
-    assert reference.main(["--write", *files]) == 0
-    assert reference.main(["--check", *files]) == 0
-    text = readme.read_text()
+def test_a_stale_key_table_is_mended_and_one_without_markers_refused():
+    text = reference.with_key_table(f"before\n{reference.BEGIN}\nold\n{reference.END}\nafter\n")
     assert text.startswith("before\n") and text.endswith("\nafter\n")
     assert "| `measurement.seed` | `20260130` | 1 | a whole number >= 0 |" in text
-    readme.write_text("prose\n")
-    assert reference.main(["--write", str(readme)]) == 1
-    assert "needs the two lines" in capsys.readouterr().err and readme.read_text() == "prose\n"
+    with pytest.raises(ValueError, match="needs the two lines"):
+        reference.with_key_table("prose\n")
 
 
 def test_configuration_stays_light():

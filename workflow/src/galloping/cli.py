@@ -1,7 +1,5 @@
 """The command `galloping`: from files to models, from models to motions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """The commands that need a model and no recording: show, simulate, assess, derive."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

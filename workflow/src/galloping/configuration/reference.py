@@ -1,10 +1,8 @@
-r"""Write or check what is generated from the settings: the key table and the JSON schema.
+"""What is generated from the settings, for files that are named: the key table and the JSON schema.
 
-python -m galloping.configuration.reference --write config/README.md \
-    workflow/schemas/config.schema.json
+python -m galloping.configuration.reference config/README.md workflow/schemas/config.schema.json
 """
 
-import argparse
 import json
 import sys
 from pathlib import Path
@@ -61,30 +59,13 @@ def _row(cells: list[str] | tuple[str, ...]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m galloping.configuration.reference")
-    mode = parser.add_mutually_exclusive_group(required=True)
-    mode.add_argument("--check", action="store_true", help="fail where a file is out of date")
-    mode.add_argument("--write", action="store_true", help="bring the files up to date")
-    parser.add_argument("files", nargs="+", type=Path, help=".md: key table, .json: JSON schema")
-    options = parser.parse_args(arguments)
-
-    stale = False
-    for path in options.files:
-        present = path.read_text(encoding="utf-8") if path.exists() else ""
-        try:
-            wanted = json_schema() if path.suffix == ".json" else with_key_table(present)
-        except ValueError as error:
-            print(f"{path}: {error}", file=sys.stderr)
-            return 1
-        if options.write:
-            path.write_text(wanted, encoding="utf-8")
-        elif wanted != present:
-            print(f"{path}: out of date; run with --write", file=sys.stderr)
-            stale = True
-    return int(stale)
+def generated(path: Path) -> str:
+    """What a file has to hold: `.md` with the key table, `.json` the JSON schema."""
+    if path.suffix == ".json":
+        return json_schema()
+    return with_key_table(path.read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    for path in map(Path, sys.argv[1:]):
+        path.write_text(generated(path), encoding="utf-8")

@@ -1,7 +1,5 @@
 """Which further recording would tell most about the terms of an identified model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from math import floor, log10
 

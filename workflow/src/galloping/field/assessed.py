@@ -1,7 +1,5 @@
 """An assessment of a model in words, and as rows of a table."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What drives a model that is simulated or forecast: held values, and inputs from a file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

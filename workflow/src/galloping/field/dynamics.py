@@ -1,7 +1,5 @@
 """What a model says of a line: rest, natural frequencies, damping, limit cycle, with intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -51,7 +49,7 @@ class Surroundings(Immutable):
     high: NDArray[np.float64]
 
     @classmethod
-    def of(cls, recordings: Sequence[Recording]) -> Surroundings:
+    def of(cls, recordings: Sequence[Recording]) -> "Surroundings":
         values = np.concatenate([recording.values for recording in recordings])
         known = np.isfinite(values)
         counts = known.sum(axis=0)

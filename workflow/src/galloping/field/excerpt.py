@@ -1,7 +1,5 @@
 """The stretches of a long recording that a model is identified from."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the columns of a file measure: states or their rates, units, places along the span."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Annotated, Literal
@@ -120,7 +118,7 @@ class ColumnMapping(_Section):
     decimal: Literal[".", ","] | None = None
 
     @model_validator(mode="after")
-    def _consistent(self) -> ColumnMapping:
+    def _consistent(self) -> "ColumnMapping":
         for name in self.states:
             if not NAME.fullmatch(name):
                 hint = (

@@ -1,7 +1,5 @@
 """What of recordings, rather than of a model, must be said before any number of the model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

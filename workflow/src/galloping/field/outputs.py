@@ -1,7 +1,5 @@
 """The tables that come out of a user's recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

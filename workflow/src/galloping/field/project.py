@@ -1,7 +1,5 @@
 """From the channels of a file to a recording of states: delays, places along the span, modes."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 

@@ -1,7 +1,5 @@
 """From a file and its mapping to a recording of states, and a list of what was mended."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, pairwise

@@ -1,7 +1,5 @@
 """The reasons of a verdict without symbols, and what would help against each."""
 
-from __future__ import annotations
-
 import re
 
 WIND = "the wind speed, recorded beside the motion (`--input`)"

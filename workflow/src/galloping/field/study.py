@@ -1,7 +1,5 @@
 """From files to everything that is written about them: quality, model, fit, forecast, summary."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Columns of numbers from the files of instruments: text, Excel, Parquet, HDF5, NetCDF, MATLAB."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """What a terminal shows: rows and JSON, and on standard error how far a computation is."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

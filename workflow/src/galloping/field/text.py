@@ -1,7 +1,5 @@
 """Text tables as instruments and spreadsheets write them: where columns part and rows begin."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """Units of columns, in SI. A unit is never guessed."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence

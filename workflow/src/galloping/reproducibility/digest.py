@@ -6,8 +6,6 @@ data beside them. It leaves out comments,
 docstrings and layout, and modules that run a script's work but have no part in it.
 """
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import sys

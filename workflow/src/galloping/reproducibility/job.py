@@ -3,8 +3,6 @@
 Nothing here changes a number, so that the digest of code leaves this module out.
 """
 
-from __future__ import annotations
-
 import errno
 import sys
 import time

@@ -4,8 +4,6 @@ This module is an executor plugin of Snakemake's for dry runs, which keeps the j
 (https://github.com/snakemake/snakemake-interface-executor-plugins).
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

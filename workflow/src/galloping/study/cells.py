@@ -1,7 +1,5 @@
 """A study as its settings describe it: cases, protocols, and the cells in which both meet."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

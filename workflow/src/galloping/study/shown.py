@@ -1,7 +1,5 @@
 """Where tables and figures look that cannot show all cells of a study."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from galloping.configuration.parameters import departures

@@ -1,7 +1,5 @@
 """What is varied of the lines, and in which pieces."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Which recordings the trials of a study make, and in which batches: more make new batches only."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
