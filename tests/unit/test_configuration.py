@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from snakemake.utils import update_config
 
-from galloping.configuration import assessment, reference
+from galloping.configuration import reference
 from galloping.configuration.load import (
     ENDLESS,
     ConfigurationError,
@@ -32,7 +32,7 @@ from galloping.configuration.parameters import (
     spacer_parameters,
 )
 from galloping.configuration.schema import leaves, schema
-from galloping.configuration.settings import Settings
+from galloping.configuration.settings import MEASURES, SWEPT, Settings
 from galloping.cycles import family
 from galloping.names import OPEN_PARAMETERS
 from galloping.physics import continuous, measures
@@ -579,6 +579,6 @@ def test_settings_allow_what_there_is():
     nodes = dict(leaves())
     aerodynamics = nodes["cases.<name>.truth.aerodynamics"]["enum"]
     assert tuple(aerodynamics) == continuous.AERODYNAMICS
-    assert set(assessment.SWEPT) == set(family.PARAMETERS)
-    assert set(assessment.MEASURES) == set(measures.KINDS)
+    assert set(SWEPT) == set(family.PARAMETERS)
+    assert set(MEASURES) == set(measures.KINDS)
     assert set(OPEN_PARAMETERS) == set(variations.OPEN)

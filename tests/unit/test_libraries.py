@@ -7,7 +7,7 @@ from importlib import metadata
 
 import pytest
 
-from galloping.reproducibility import libraries
+from galloping.reproducibility import digest
 
 
 @pytest.fixture
@@ -30,25 +30,25 @@ def installed(tmp_path, monkeypatch):
 
 def forget():
     """As in another process."""
-    for cached in (libraries._with_requirements, libraries._distribution):
+    for cached in (digest._with_requirements, digest._distribution):
         cached.cache_clear()
     importlib.invalidate_caches()
 
 
 def test_versions_are_those_of_a_library_and_all_that_it_requires():
-    found = libraries.versions(["pysindy"])
+    found = digest.versions(["pysindy"])
     assert {"pysindy", "scikit-learn", "scipy", "numpy"} <= set(found)
     assert all(found[name] == metadata.version(name) for name in set(found) - {"python"})
     assert found["python"] == f"{sys.version_info.major}.{sys.version_info.minor}"
     assert not {"matplotlib", "pytest", "snakemake"} & set(found)
-    assert "matplotlib" not in libraries.versions(["numpy", "scipy", "numba", "heyoka", "sklearn"])
+    assert "matplotlib" not in digest.versions(["numpy", "scipy", "numba", "heyoka", "sklearn"])
 
 
 def test_an_upgrade_shows_in_what_requires_it(installed):
     installed("upper", "1.0", "lower>=1; python_version > '3'", "other; sys_platform == 'nowhere'")
     installed("lower", "1.1", "other; extra == 'test'")
     installed("other", "1.2")
-    found = libraries.versions(["upper"])
+    found = digest.versions(["upper"])
     del found["python"]
     assert found == {"lower": "1.1", "upper": "1.0"}
 
@@ -62,8 +62,8 @@ def test_every_import_of_the_project_is_found_by_its_distribution(root):
     assert {"sklearn", "yaml", "numpy"} <= tops
     provided = metadata.packages_distributions()
     for name in tops:
-        found = libraries.versions([name])
+        found = digest.versions([name])
         assert any(
-            found.get(libraries.canonicalize_name(distribution)) == metadata.version(distribution)
+            found.get(digest.canonicalize_name(distribution)) == metadata.version(distribution)
             for distribution in provided[name]
         ), name

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from galloping.configuration.trials import KINDS
+from galloping.configuration.kinds import KINDS
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.model import IdentifiedModel

@@ -2,7 +2,7 @@
 
 import pytest
 
-from galloping.configuration.trials import KINDS
+from galloping.configuration.kinds import KINDS
 from galloping.importing import imported
 
 TRIALS = ", ".join(f"{kind}: {{kind: {kind}}}" for kind in KINDS)

@@ -9,8 +9,8 @@ from galloping.reproducibility.lock import OF_STUDY
 from galloping.study import shown
 from galloping.study.cells import Study
 from galloping.names import OPEN_PARAMETERS, OURS_FAMILY
-from galloping.study.sweeps import without
-from galloping.configuration.trials import PAPER
+from galloping.study.pieces import without
+from galloping.configuration.kinds import PAPER
 
 try:
     files = [read(file) for file in workflow.configfiles]  # the Snakefile's own comes last

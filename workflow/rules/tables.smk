@@ -6,7 +6,7 @@
 from types import SimpleNamespace
 
 from galloping.names import OURS
-from galloping.configuration.trials import EXACT_TERMS, INTERVALS, MODEL_ERROR, SYSTEMS, TRUST
+from galloping.configuration.kinds import EXACT_TERMS, INTERVALS, MODEL_ERROR, SYSTEMS, TRUST
 
 SCORES = "<results>/tables/scores.csv"
 SAMPLES = "<results>/tables/paper_samples.csv"

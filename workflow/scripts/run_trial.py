@@ -1,4 +1,4 @@
-"""One batch of a trial of `galloping.configuration.trials`: a row for each fit."""
+"""One batch of a trial of `galloping.configuration.kinds`: a row for each fit."""
 
 import pandas as pd
 

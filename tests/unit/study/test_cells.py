@@ -9,7 +9,7 @@ import pytest
 from galloping.configuration.load import load
 from galloping.polynomial import PolynomialModel
 from galloping.results import Derived, Motion
-from galloping.study import files, sweeps
+from galloping.study import files, pieces
 from galloping.study.cells import Study
 
 
@@ -79,7 +79,7 @@ def test_more_replicates_of_a_trial_are_further_batches():
 def test_rules_import_neither_figures_nor_methods():
     code = (
         "import sys; import galloping.field, galloping.paper.printed;"
-        "from galloping.study import cells, shown, sweeps, trials;"
+        "from galloping.study import cells, pieces, shown;"
         "print([m for m in ('matplotlib', 'pysindy', 'pandas', 'heyoka', 'numba', 'snakemake')"
         " if m in sys.modules])"
     )
@@ -91,10 +91,10 @@ def test_rules_import_neither_figures_nor_methods():
 
 def test_a_sweep_does_not_read_what_it_varies(default):
     line = default.cases[0].released
-    told = sweeps.without(line, "wind_speed", "tension", None, "span")
+    told = pieces.without(line, "wind_speed", "tension", None, "span")
     assert "speed" not in told["wind"] and "tension" not in told["line"]
     assert told["line"]["span"] == line["line"]["span"]  # its spacers move with it
-    ratios = sweeps.without(line, "damping_ratio")
+    ratios = pieces.without(line, "damping_ratio")
     assert ratios["damping"] == {} and ratios["initial_state"] == line["initial_state"]
 
 

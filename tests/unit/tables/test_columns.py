@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from galloping.configuration.trials import KINDS
+from galloping.configuration.kinds import KINDS
 from galloping.report.data_dictionary import columns, meaning
 from galloping.tables import judged_claims as claims
 

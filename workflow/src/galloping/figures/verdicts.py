@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from galloping.configuration.trials import GAMMAS
+from galloping.configuration.kinds import GAMMAS
 from galloping.figures import parts
 from galloping.figures.style import DOUBLE, MODEL, PAPER, QUIET, SERIES, SHADE, method_style, spoken
 from galloping.names import OURS

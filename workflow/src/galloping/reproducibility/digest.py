@@ -2,19 +2,22 @@
 
 Snakemake tracks a rule's script by its time, and not at all what the script imports. The digest
 covers the script and its imports from this package, transitively, with the templates and tables of
-data beside them. It leaves out comments,
-docstrings and layout, and modules that run a script's work but have no part in it.
+data beside them. It leaves out comments, docstrings and layout, and modules that run a script's
+work but have no part in it. Versions of the libraries that are imported stand beside it.
 """
 
 import ast
 import hashlib
+import platform
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 
-from galloping.reproducibility.libraries import versions
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 SOURCE = Path(__file__).parents[2]
 PACKAGE = Path(__file__).parents[1].name
@@ -22,6 +25,8 @@ PACKAGE = Path(__file__).parents[1].name
 UNCOUNTED = (f"{PACKAGE}.reproducibility.job", f"{PACKAGE}.passes")
 DOCUMENTED = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 IMPORTS = (ast.Import, ast.ImportFrom)
+# Distributions that are not named as what is imported of them.
+DISTRIBUTIONS = {"sklearn": "scikit-learn", "yaml": "PyYAML"}
 
 
 @cache
@@ -122,3 +127,42 @@ def _find(name: str) -> Path | None:
         if path.is_file():
             return path
     return None
+
+
+def versions(imported: Iterable[str]) -> dict[str, str]:
+    """Versions of Python and of the installed libraries behind some imports, by name.
+
+    imported: names of top-level packages. What their distributions require counts as well, as far
+    as it is installed.
+    """
+    found: dict[str, str] = {}
+    for name in imported:
+        distribution = canonicalize_name(DISTRIBUTIONS.get(name, name))
+        found |= _with_requirements(distribution)
+    return {"python": ".".join(platform.python_version_tuple()[:2]), **dict(sorted(found.items()))}
+
+
+@cache
+def _with_requirements(distribution: str) -> dict[str, str]:
+    """Versions of an installed distribution and of all it requires on this platform, by name."""
+    found: dict[str, str] = {}
+    waiting = [distribution]
+    while waiting:
+        name = waiting.pop()
+        if name not in found and (described := _distribution(name)):
+            found[name] = described["Version"]
+            required = map(Requirement, described.get_all("Requires-Dist") or [])
+            waiting += [
+                canonicalize_name(requirement.name)
+                for requirement in required
+                if requirement.marker is None or requirement.marker.evaluate({"extra": ""})
+            ]
+    return found
+
+
+@cache
+def _distribution(name: str) -> metadata.PackageMetadata | None:
+    try:
+        return metadata.distribution(name).metadata
+    except metadata.PackageNotFoundError:
+        return None

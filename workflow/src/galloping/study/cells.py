@@ -11,8 +11,7 @@ from galloping.identification.registry import Method
 from galloping.measurement import protocols
 from galloping.measurement.protocols import Protocol
 from galloping.names import JOINT, NOISE, SUBSET
-from galloping.study.sweeps import Sweep, sweep
-from galloping.study.trials import Trial, trial
+from galloping.study.pieces import Sweep, Trial, sweep, trial
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 
 from galloping.bounds.cell import on_library
 from galloping.bounds.information import Experiment, state_bound
-from galloping.configuration.trials import GAMMAS, LONGEST
+from galloping.configuration.kinds import GAMMAS, LONGEST
 from galloping.identification.cell import identify
 from galloping.intervals import NORMAL_95
 from galloping.polynomial import PolynomialModel

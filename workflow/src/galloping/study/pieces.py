@@ -1,9 +1,15 @@
-"""What is varied of the lines, and in which pieces."""
+"""What is varied of the lines, and which recordings trials make, in the pieces that jobs make.
 
+A piece keeps its name and file when more is asked for: what is new comes in pieces of its own.
+"""
+
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from galloping.configuration import assessment
+from galloping.configuration.kinds import KINDS, Kind
+from galloping.configuration.settings import SweepSection, TrialSection
+from galloping.identification.registry import BY_NAME, Method
 
 # Where a line has what a sweep can vary, for what is a key of its own there.
 KEYS = {
@@ -58,7 +64,7 @@ class Sweep:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """Each keeps its name and file when the ranges grow: new values are added to it."""
+        """New values are added to the file of each."""
         if not self.is_map:
             return (Block(self.parameter, self.values),)
         return tuple(
@@ -66,7 +72,7 @@ class Sweep:
         )
 
 
-def sweep(name: str, configured: assessment.SweepSection) -> Sweep:
+def sweep(name: str, configured: SweepSection) -> Sweep:
     """A sweep as configured, its ranges written out."""
     return Sweep(
         name,
@@ -81,3 +87,57 @@ def _values(given: tuple[float, float, float]) -> tuple[float, ...]:
     first, last, step = given
     count = int((last - first) / step + 1e-9) + 1
     return tuple(round(first + k * step, 12) for k in range(count))
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What one job tries: replicates of one case."""
+
+    name: str
+    case: str
+    replicates: range
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One trial. options: keywords of the kind's function, in plain values."""
+
+    name: str
+    kind: Kind
+    seed: int
+    replicates: int
+    batch: int
+    cases: tuple[str, ...]
+    methods: tuple[Method, ...]
+    options: Mapping[str, list]
+
+    @property
+    def batches(self) -> tuple[Batch, ...]:
+        """Named by their case and replicates."""
+        starts = range(0, self.replicates, self.batch)
+        parts = [range(k, min(k + self.batch, self.replicates)) for k in starts]
+        return tuple(
+            Batch(f"{_file_name(case)}_{part[0]}_to_{part[-1]}", case, part)
+            for case in self.cases
+            for part in parts
+        )
+
+
+def trial(name: str, configured: TrialSection) -> Trial:
+    """A trial as configured, keys left out at the defaults of its kind."""
+    kind = KINDS[configured.kind]
+    options = {key: getattr(configured, key) or default for key, default in kind.options.items()}
+    return Trial(
+        name,
+        kind,
+        configured.seed,
+        configured.replicates,
+        configured.batch,
+        configured.cases or kind.cases,
+        tuple(BY_NAME[name] for name in configured.methods or kind.methods),
+        {key: list(values) for key, values in options.items()},
+    )
+
+
+def _file_name(case: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", case.lower())
