@@ -1,7 +1,7 @@
 """What of recordings, rather than of a model, must be said before any number of the model."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -56,8 +56,8 @@ def objected(
     objection = _forced(identified, recordings, period)
     if objection:
         objection = unmodelled(list(recordings)) or objection
-    else:
-        objection = _differing(identified, recordings, names, identify)
+    elif found := difference(identified, recordings, identify):
+        objection = f"{', '.join(names)} do not share one model: {found}; {BY_ITSELF}"
     if objection or identified.status == "refused":
         reason = "; ".join([*faults, objection or identified.reason])
         return IdentifiedModel.refused(identified.model.states, identified.model.terms, reason)
@@ -86,22 +86,12 @@ def _forced(identified: IdentifiedModel, recordings: Sequence[Recording], period
     return FORCED if little_told(linear) or kept_up(linear, own) else ""
 
 
-def _differing(
-    identified: IdentifiedModel,
-    recordings: Sequence[Recording],
-    names: Sequence[str],
-    identify: Identify,
-) -> str:
-    found = difference(identified, recordings, identify)
-    return f"{', '.join(names)} do not share one model: {found}; {BY_ITSELF}" if found else ""
-
-
 def _changing(
     identified: IdentifiedModel, recording: Recording, period: float, identify: Identify
 ) -> str:
-    """The same of one recording, the thirds of which a gusty wind may set apart as well."""
+    """What sets the thirds of one recording apart, which a gusty wind may do as well."""
     parts = parts_of(recording, period) if identified.status == "approximate" else []
-    if (found := difference(identified, parts, identify)) is None:
+    if not (found := difference(identified, parts, identify)):
         return ""
     spans = ", ".join(f"{part.time[0]:.0f} to {part.time[-1]:.0f} s" for part in parts)
     return (
@@ -146,28 +136,6 @@ def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> boo
     return bool(kept) and all(kept)
 
 
-@dataclass(frozen=True)
-class Difference:
-    """How much worse one model of several parts is than a model of each.
-
-    channel: of which this is plainest. together, alone: share of its motion that forecasts miss, by
-    one model, NaN where there is none, and at the median by those of the parts.
-    """
-
-    channel: str
-    together: float
-    alone: float
-
-    def __str__(self) -> str:
-        own = f"{self.alone:.1%}" if self.alone else "nothing but noise"
-        if np.isnan(self.together):
-            return f"none follows all; models of each by itself miss {own} of {self.channel}"
-        return (
-            f"its forecasts miss {self.together:.1%} of {self.channel}, and models of each by "
-            f"itself miss {own}"
-        )
-
-
 def parts_of(recording: Recording, period: float) -> list[Recording]:
     """A recording in thirds of its time, empty where they hold too few periods, s, to tell."""
     time = recording.time
@@ -177,30 +145,27 @@ def parts_of(recording: Recording, period: float) -> list[Recording]:
     return [recording[slice(a, b)] for a, b in pairwise(edges)]
 
 
-def difference(
-    together: IdentifiedModel, parts: Sequence[Recording], identify: Identify
-) -> Difference | None:
-    """What sets parts of recordings apart that were identified together, None where nothing does.
+def difference(together: IdentifiedModel, parts: Sequence[Recording], identify: Identify) -> str:
+    """What sets parts of recordings apart that were identified together, '' where nothing does.
 
-    A model that is exact misses nothing, and what is followed by one is one system.
+    A model that is exact misses nothing, and what is followed by one is one system. Told is of the
+    channel of which it is plainest, what share of its motion forecasts miss: by the one model, and
+    at the median by those of the parts.
     """
     if together.status not in ("approximate", "refused") or len(parts) < 2:
-        return None
+        return ""
     alone = [identify([part]) for part in parts]
     if any(each.status == "refused" for each in alone):
-        return None
-    names = {
-        key.removeprefix(SHARE)
-        for each in (together, *alone)
-        for key in each.diagnostics
-        if key.startswith(SHARE)
-    }
+        return ""
+    told = {key for each in (together, *alone) for key in each.diagnostics if SHARE in key}
     found = []
-    for name in sorted(names) or [together.model.states[0]]:
-        missed = together.diagnostics.get(SHARE + name, np.nan)
-        own = float(np.median([each.diagnostics.get(SHARE + name, 0.0) for each in alone]))
-        if together.status == "refused":
-            found += [Difference(name, np.nan, own)] if own < RELEVANT else []
+    for key in sorted(told) or [SHARE + together.model.states[0]]:
+        name, missed = key.removeprefix(SHARE), together.diagnostics.get(key, np.nan)
+        own = float(np.median([each.diagnostics.get(key, 0.0) for each in alone]))
+        miss = f"{own:.1%}" if own else "nothing but noise"
+        if together.status == "refused" and own < RELEVANT:
+            found.append((0.0, f"none follows all; models of each by itself miss {miss} of {name}"))
         elif missed > max(RELEVANT, WORSE * own):
-            found.append(Difference(name, missed, own))
-    return max(found, key=lambda each: each.together, default=None)
+            both = f"its forecasts miss {missed:.1%} of {name}, and models of each by itself"
+            found.append((missed, f"{both} miss {miss}"))
+    return max(found, key=lambda each: each[0], default=(0.0, ""))[1]
