@@ -9,19 +9,12 @@ from galloping.configuration.keys import keys
 from galloping.fields import Name, invalid, one_of, show
 from galloping.physics.gusts import SPECTRA
 
+LineSection = keys("line", "The span and how it hangs.")
+InitialStateSection = keys("initial_state", "Where the trajectory starts.")
+GUSTS = keys(
+    "gusts", "The wind about its mean, the same along the span.", spectrum=one_of(tuple(SPECTRA))
+)
 LARGEST_SAG = 0.25  # of the span: beyond, the parabola is off by more than a tenth of the tension
-
-
-class ConductorSection(keys("conductor")):
-    """One sub-conductor."""
-
-
-class BundleSection(keys("bundle")):
-    """How many sub-conductors there are, and the size the wind sees."""
-
-
-class LineSection(keys("line")):
-    """The span and how it hangs."""
 
 
 class SpacersSection(keys("spacers")):
@@ -55,23 +48,7 @@ class IceSection(keys("ice")):
         return value
 
 
-class WindSection(keys("wind")):
-    """The steady wind across the line."""
-
-
-class DampingSection(keys("damping")):
-    """Structural damping, as ratios to critical."""
-
-
-class InitialStateSection(keys("initial_state")):
-    """Where the trajectory starts."""
-
-
-class GustsSection(keys("gusts", spectrum=one_of(tuple(SPECTRA)))):
-    """The wind about its mean, the same along the span."""
-
-
-class TruthSection(keys("truth", gusts=GustsSection)):
+class TruthSection(keys("truth", gusts=GUSTS)):
     """What moves, and where it is observed."""
 
     @model_validator(mode="after")
@@ -90,13 +67,13 @@ class TruthSection(keys("truth", gusts=GustsSection)):
 class CaseSection(
     keys(
         "case",
-        conductor=ConductorSection,
-        bundle=BundleSection,
+        conductor=keys("conductor", "One sub-conductor."),
+        bundle=keys("bundle", "How many sub-conductors there are, and the size the wind sees."),
         line=LineSection,
         spacers=SpacersSection,
         ice=IceSection,
-        wind=WindSection,
-        damping=DampingSection,
+        wind=keys("wind", "The steady wind across the line."),
+        damping=keys("damping", "Structural damping, as ratios to critical."),
         initial_state=InitialStateSection,
         releases=dict[Name, InitialStateSection],
         truth=TruthSection,

@@ -85,11 +85,12 @@ class SimulationSection(keys("simulation")):
         return window
 
 
-class SubsetsSection(keys("subsets")):
-    """Random subsets of the record, to see how much data is needed."""
-
-
-class MeasurementSection(keys("measurement", subsets=SubsetsSection)):
+class MeasurementSection(
+    keys(
+        "measurement",
+        subsets=keys("subsets", "Random subsets of the record, to see how much data is needed."),
+    )
+):
     """What a recording keeps of the trajectory."""
 
     protocols: selection(ProtocolName) = setting(
@@ -223,22 +224,17 @@ class MeasureSection(keys("measure", kind=one_of(tuple(MEASURES)))):
         return self.positions or (() if self.position is None else (self.position,))
 
 
-class OpenParametersSection(keys("open_parameters")):
-    """What the paper leaves open of its first line: values at which its claims are judged."""
-
-
 class AssessmentSection(
     keys(
         "assessment",
-        open_parameters=OpenParametersSection,
+        open_parameters=keys(
+            "open_parameters",
+            "What the paper leaves open of its first line: values at which its claims are judged.",
+        ),
         measures=dict[Name, MeasureSection],
     )
 ):
     """What a line engineer asks of the lines: how far they gallop, and what stops them."""
-
-
-class FiguresSection(keys("figures")):
-    """How figures are drawn."""
 
 
 def _sweeps() -> dict[str, SweepSection]:
@@ -259,7 +255,7 @@ class Settings(
         sweeps=(dict[Name, SweepSection], _sweeps),
         assessment=AssessmentSection,
         trials=dict[Name, TrialSection],
-        figures=FiguresSection,
+        figures=keys("figures", "How figures are drawn."),
     )
 ):
     """A study."""

@@ -38,15 +38,19 @@ def _rows() -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def keys(section: str, **types: Any) -> type[fields.Section]:
+def keys(section: str, doc: str | None = None, **types: Any) -> type[fields.Section]:
     """A section of the settings with the keys that the table has for it.
 
-    types: of the keys whose type is not in the table; a pair of type and the function that makes
-    the default, where that is neither in the table nor what the type makes of nothing.
+    doc: what the section is, where it needs no class with checks of its own. types: of the keys
+    whose type is not in the table; a pair of type and the function that makes the default, where
+    that is neither in the table nor what the type makes of nothing.
     """
     rows = [row for row in _rows() if row["section"] == section]
     return create_model(
-        section, __base__=fields.Section, **{row["key"]: _field(row, types) for row in rows}
+        f"{section.title().replace('_', '')}Section",
+        __base__=fields.Section,
+        __doc__=doc,
+        **{row["key"]: _field(row, types) for row in rows},
     )
 
 
