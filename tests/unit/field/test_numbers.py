@@ -268,6 +268,9 @@ def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):
         lambda parts: refused,
         field.faults,
     )
+    wind = IdentifiedModel.refused(files.STATES, ((1, 0, 0, 0, 1),), "diverges", ("U",))
+    again = objected(wind, field.recordings, field.names, 5.0, lambda parts: wind)
+    assert again.verdict == "refused: diverges" and again.model.inputs == ("U",)
     assert re.match(
         r"q_v of a\.csv is clipped at -0\.3, from row \d+ on; the iteration diverges", found.reason
     )

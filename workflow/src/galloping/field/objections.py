@@ -53,17 +53,20 @@ def objected(
     identify: the method, with its library and known equations. faults: of the recordings, as
     `quality` names them, the first reasons where there is no model.
     """
+    inexact = identified.status in ("approximate", "refused") and not identified.is_forced
+    more = unmodelled(list(recordings)) if inexact else ""
     objection = _forced(identified, recordings, period)
     if objection:
-        objection = unmodelled(list(recordings)) or objection
+        objection = more or objection
     elif found := difference(identified, recordings, identify):
         objection = f"{', '.join(names)} do not share one model: {found}; {BY_ITSELF}"
     if objection or identified.status == "refused":
         reason = "; ".join([*faults, objection or identified.reason])
-        return IdentifiedModel.refused(identified.model.states, identified.model.terms, reason)
-    if len(recordings) == 1 and (change := _changing(identified, recordings[0], period, identify)):
-        return replace(identified, reason=f"{change}; {identified.reason}")
-    return identified
+        model = identified.model
+        return IdentifiedModel.refused(model.states, model.terms, reason, model.inputs)
+    if not more and len(recordings) == 1:  # else the parts differ by what the other modes do
+        more = _changing(identified, recordings[0], period, identify)
+    return replace(identified, reason=f"{more}; {identified.reason}") if more else identified
 
 
 def _forced(identified: IdentifiedModel, recordings: Sequence[Recording], period: float) -> str:

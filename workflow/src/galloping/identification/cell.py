@@ -36,7 +36,9 @@ def identify(
                 model = imported(settings["function"])(evidence(settings["evidence"]), **options)
             except NO_MODEL as error:
                 reason = f"{method}: {str(error).splitlines()[0]}"
-                model = IdentifiedModel.refused(recordings[0].states, terms, reason)
+                states, inputs = recordings[0].states, tuple(recordings[0].inputs)
+                inputs = inputs[: len(terms[0]) - len(states)]
+                model = IdentifiedModel.refused(states, terms, reason, inputs)
             models[method].append(model)
     return models
 

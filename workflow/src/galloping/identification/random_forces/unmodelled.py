@@ -12,6 +12,7 @@ BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at 
 MUCH = 0.2  # share of the power of its velocity there, of another motion than its own
 PERIODS = 10  # of a swing, that a recording holds at least
 LEAST_PEAK = 0.05  # of the highest of a spectrum, to be named
+NARROW = 0.1  # share of the faster power that is about the frequencies that are named
 NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that of the swings
 
 
@@ -40,6 +41,9 @@ def unmodelled(recordings: list[Recording]) -> str:
                 break
             if all(abs(omega[k] - other) > APART * main for other in peaks):
                 peaks.append(omega[k])
+        near = np.abs(omega[:, None] - np.array(peaks)).min(axis=1) < APART * main
+        if faster[near].sum() < NARROW * faster.sum():
+            continue  # as of a random walk, whose velocity is white
         hz = ", ".join(f"{peak / (2.0 * np.pi):.2g}" for peak in sorted(peaks))
         said.append(
             f"{channels.states[i]}, which swings at {main / (2.0 * np.pi):.2g} Hz, moves at {hz} Hz"
