@@ -295,28 +295,14 @@ if REDRAWN:
         {"labels": OPEN_LABELS},
         table=table_of("reproduction"),
     )
-if has_trials(TRUST):
-    FIGURES["trust"] = drawn(
-        "how often each status is right", "verdicts:draw_trust", table=table_of("fits")
-    )
-if has_trials(MODEL_ERROR):
-    FIGURES["model_error"] = drawn(
-        "what a recording of a real line gives",
-        "verdicts:draw_model_error",
-        table=table_of("model_error"),
-    )
-if has_trials(EXACT_TERMS):
-    FIGURES["published_terms"] = drawn(
-        "exact terms beside published methods",
-        "verdicts:draw_published_terms",
-        table=table_of("published_terms"),
-    )
-if has_trials(INTERVALS):
-    FIGURES["published_intervals"] = drawn(
-        "intervals after selection beside published ones",
-        "verdicts:draw_published_intervals",
-        table=table_of("published_intervals"),
-    )
+for kind, label, table in (
+    (TRUST, "how often each status is right", "fits"),
+    (MODEL_ERROR, "what a recording of a real line gives", MODEL_ERROR),
+    (EXACT_TERMS, "exact terms beside published methods", EXACT_TERMS),
+    (INTERVALS, "intervals after selection beside published ones", INTERVALS),
+):
+    if has_trials(kind):
+        FIGURES[kind] = drawn(label, f"verdicts:draw_{kind}", table=table_of(table))
 if has_trials(PAPER):
     FIGURES["paper_region"] = drawn(
         "what the paper leaves out", "against_paper:draw_region", samples=SAMPLES, readings=READINGS

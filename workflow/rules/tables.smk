@@ -69,6 +69,11 @@ def fits_of(*tables):
     }
 
 
+def joined(parts):
+    """The rows of all parts."""
+    return made("tables.scores:together", parts=parts)
+
+
 def has_trials(*tables):
     return any(trial.kind.table in tables for trial in STUDY.trials)
 
@@ -152,28 +157,21 @@ if LINES:
             models=every("<results>/models/{case}.json", case=LINES),
             bounds=every("<results>/bounds/{cell}.npz", cell=noisy),
         ),
-        "further_recordings": made(
-            "tables.scores:together",
-            parts=every(
+        "further_recordings": joined(
+            every(
                 "<results>/bounds/{case}/further_recordings.csv",
                 case=[case.name for case in STUDY.cases if not case.is_continuous],
-            ),
+            )
         ),
-        "limit_cycles": made(
-            "tables.scores:together", parts=swept(["cycles", "simulated/{block}"])
-        ),
-        "bifurcations": made("tables.scores:together", parts=swept(["bifurcations"])),
+        "limit_cycles": joined(swept(["cycles", "simulated/{block}"])),
+        "bifurcations": joined(swept(["bifurcations"])),
         # of the first case: lines that differ in what is varied have the same map
-        "resonance_map": made(
-            "tables.scores:together",
-            parts=swept(["simulated/{block}"], cases=LINES[:1], maps=True),
-        ),
-        "prediction": made(
-            "tables.scores:together",
-            parts=every(
+        "resonance_map": joined(swept(["simulated/{block}"], cases=LINES[:1], maps=True)),
+        "prediction": joined(
+            every(
                 f"<results>/assessment/{FIRST}/prediction_{{protocol}}.csv",
                 protocol=shown.predicted_cells(STUDY, FIRST),
-            ),
+            )
         ),
         "limit_cycle_ahead": made(
             "tables.limit_cycle_ahead:limit_cycles_ahead",
@@ -197,23 +195,16 @@ if LINES:
                 "spectrum": first_case.truth["gusts"]["spectrum"],
             },
         ),
-        "clearance": made(
-            "tables.scores:together",
-            parts=every("<results>/assessment/{case}/clearance.csv", case=LINES),
-        ),
-        "measures": made(
-            "tables.scores:together",
-            parts=every("<results>/assessment/{case}/measures.csv", case=LINES),
-        ),
+        "clearance": joined(every("<results>/assessment/{case}/clearance.csv", case=LINES)),
+        "measures": joined(every("<results>/assessment/{case}/measures.csv", case=LINES)),
     }
 if REDRAWN:
     opened = STUDY.plain["assessment"]["open_parameters"]
-    TABLES["reproduction"] = made(
-        "tables.scores:together",
-        parts=every(
+    TABLES["reproduction"] = joined(
+        every(
             "<results>/reproduction/{parameter}.csv",
             parameter=[name for name in OPEN_PARAMETERS if opened[name]],
-        ),
+        )
     )
 if LINES:
     TABLES["scores"] = made(
@@ -223,26 +214,17 @@ if LINES:
 TABLES["columns"] = made("report.data_dictionary:columns")  # its settings, all tables: below
 if has_trials(TRUST):
     TABLES |= {
-        "fits": made("tables.scores:together", parts=fits_of(TRUST)),
+        "fits": joined(fits_of(TRUST)),
         "trust": made("tables.trial_summaries:trust", fits="<results>/tables/fits.csv"),
     }
-if has_trials(SYSTEMS):
-    TABLES["systems"] = made("tables.trial_summaries:systems", parts=fits_of(SYSTEMS))
-if has_trials(MODEL_ERROR):
-    TABLES["model_error"] = made("tables.trial_summaries:model_error", parts=fits_of(MODEL_ERROR))
+for kind in (SYSTEMS, MODEL_ERROR, EXACT_TERMS, INTERVALS):  # by the name of their table
+    if has_trials(kind):
+        TABLES[kind] = made(f"tables.trial_summaries:{kind}", parts=fits_of(kind))
 if has_trials(TRUST, SYSTEMS, MODEL_ERROR):
     TABLES["paths"] = made(
         "tables.trial_summaries:paths",
         {"kinds": {name: of.kind for name, of in STUDY.settings.trials.items()}},
         parts=fits_of(TRUST, SYSTEMS, MODEL_ERROR),
-    )
-if has_trials(EXACT_TERMS):
-    TABLES["published_terms"] = made(
-        "tables.trial_summaries:published_terms", parts=fits_of(EXACT_TERMS)
-    )
-if has_trials(INTERVALS):
-    TABLES["published_intervals"] = made(
-        "tables.trial_summaries:published_intervals", parts=fits_of(INTERVALS)
     )
 if has_trials(PAPER):
     TABLES |= {

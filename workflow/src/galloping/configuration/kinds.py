@@ -10,7 +10,7 @@ from pathlib import Path
 
 from galloping.paper.unknowns import BY_NAME
 
-with (Path(__file__).parents[1] / "trials/systems/systems.csv").open(encoding="utf-8") as file:
+with (Path(__file__).parents[1] / "trials/systems.csv").open(encoding="utf-8") as file:
     PUBLISHED = tuple(row["name"] for row in csv.DictReader(file))
 # tables: of lines, of other systems, of lines that are not their own model, of what the paper
 # leaves out, beside what others published of exact terms and of intervals
