@@ -68,7 +68,7 @@ def test_accelerations_with_offset_and_drift_sharpen_the_model():
 def test_a_camera_of_unknown_scale_is_calibrated_by_the_accelerometer():
     measured = recording(np.random.default_rng(5), scale=1.15)
     start = begin(posed(LINE.states, TERMS), [measured])
-    (calibrated,) = scaled([measured], start)
+    (calibrated,) = scaled([measured], start.period)
     scale = measured.values[:, :2] / calibrated.values[:, :2]
     np.testing.assert_allclose(scale, 1.15, rtol=4e-3)
     told = scales_told([measured], [calibrated])

@@ -181,6 +181,33 @@ def test_noise_alone_is_refused_in_words():
     assert found.status in ("refused", "approximate") or not held_by_noise(found)
 
 
+def of_one_coordinate(time, values=None, accelerations=None):
+    held = np.full((2, len(time), 2), np.nan)
+    held[0, :, 0] = np.nan if values is None else values
+    held[1, :, 1] = np.nan if accelerations is None else accelerations
+    rates = {} if accelerations is None else {"rates": held[1], "unknown_offsets": [False, True]}
+    return Recording(time, ("q_v", "dq_v"), held[0], **rates)
+
+
+@pytest.mark.parametrize("of", ["values", "accelerations"])
+def test_a_swing_that_goes_on_by_itself_needs_no_random_force(of):
+    time = np.arange(0.0, 40.0, 0.05)
+    swing = np.sin(4.4 * time) + 0.05 * np.random.default_rng(9).standard_normal(len(time))
+    recording = of_one_coordinate(time, **{of: swing})
+    assert not maximum_likelihood(recording, library(2, 3)).is_forced
+    told = maximum_likelihood(recording, library(2, 1), forced=())
+    assert told.status == "refused"
+    assert told.reason.startswith("no random force is needed")
+
+
+def test_a_weak_mode_that_is_missing_is_no_sound_model():
+    recording, _, _ = two_modes(2, shapes=((1, 0.3), (0, 1)))
+    alone = of_one_coordinate(recording.time, recording.values[:, 0])
+    found = maximum_likelihood(alone, library(2, 1), forced=())
+    assert found.status == "approximate"
+    assert "q_v moves at 0.78" in found.reason  # in bins about 0.8 Hz
+
+
 def held_by_noise(found):
     return np.all(np.abs(found.model.coefficients[found.support]) > 0)
 

@@ -129,7 +129,7 @@ def _at_time_scale(
     asked = share == 1.0 and plain
     if asked and (forced := moved_at_random(problem, begun)) is not None:
         return forced
-    rescaled = scaled(recordings, begun)
+    rescaled = scaled(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
         begun = begin(problem, rescaled, share)
     begun = with_rates(begun, rescaled)

@@ -66,12 +66,12 @@ def with_rates(start: Start, recordings: list[Recording]) -> Start:
     return replace(start, recordings=[_without_offsets(*each, start.period) for each in pairs])
 
 
-def scaled(recordings: list[Recording], start: Start) -> list[Recording]:
+def scaled(recordings: list[Recording], period: float) -> list[Recording]:
     """The recordings with values of unknown scale divided by it, told by the rates beside them.
 
-    Raises ValueError where no channel tells it.
+    period: s, the shortest of the motion. Raises ValueError where no channel tells it.
     """
-    return [_scaled(recording, start.period) for recording in recordings]
+    return [_scaled(recording, period) for recording in recordings]
 
 
 def scales_told(recordings: list[Recording], scaled: list[Recording]) -> dict[str, float]:

@@ -25,6 +25,7 @@ ROUNDING = 1e-9  # of a log-likelihood
 MOST_STEPS, MOST_DAMPED = 40, 12
 TINY = 0.1  # of the least noise, to which noise beside it may fall
 UNTOLD = 1e-6  # information on a coefficient in its unit, below which the data say nothing of it
+FAINTEST = -200.0  # logarithm of a root of covariance, below which it stays: zero has none
 FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
 
 
@@ -219,8 +220,9 @@ class _Parameters:
         if self.correlated:
             root[lower], slow = slow[: len(lower[0])], slow[len(lower[0]) :]
         noise = np.hypot(np.exp(vector[-m:]), self.question.least_noise)
-        *slow, rate = np.exp(slow) if len(slow) else (1.0,)
-        return Model(coefficients, root * np.exp(vector[k : k + f]), noise, tuple(slow), rate)
+        *slow, rate = np.exp(np.maximum(slow, FAINTEST)) if len(slow) else (1.0,)
+        root = root * np.exp(np.maximum(vector[k : k + f], FAINTEST))
+        return Model(coefficients, root, noise, tuple(slow), rate)
 
 
 def fitted(

@@ -18,6 +18,7 @@ from galloping.identification.likelihood.constants import MOST_MISFIT
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.plausible import detection_limits
 from galloping.identification.likelihood.problem import Problem, posed
+from galloping.identification.likelihood.rate_channels import scaled, scales_told
 from galloping.identification.likelihood.selection import added_deviation
 from galloping.identification.likelihood.verdict import by, refused
 from galloping.identification.likelihood.weak_gls import Start, prepared
@@ -53,6 +54,7 @@ SLOWER = 4.0  # times the period of the swings, at which a start then follows so
 TRIED_PER_PERIOD = 16  # samples a shortest period, at which it is tried whether forces are random
 COUPLED_RATE = 0.01  # of uncoupled coordinates that are taken for coupled ones
 LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
+FAINT = 1e-3  # of the forces, as good as none
 START_PERIODS = 20.0  # shortest periods, over which the first state is told
 
 
@@ -79,7 +81,9 @@ def random_forces(
     places = forced_equations(problem, forced)
     try:
         cleaned, _, period = prepared(recordings)
-        return in_random_forces(problem, cleaned, period, places)[0]
+        rescaled = scaled(cleaned, period)
+        found, _ = in_random_forces(problem, rescaled, period, places)
+        return _with_scales(found, cleaned, rescaled)
     except NO_MODEL as error:
         return by(["random forces"], refused(problem, str(error)))
 
@@ -90,22 +94,25 @@ def moved_at_random(problem: Problem, begun: Start) -> IdentifiedModel | None:
     begun: the start of all methods. A motion that follows from its first state leaves little in the
     weak form, and one that repeats leaves its harmonics in the innovations.
     """
-    if any(
-        np.any(each.unknown_scales) for each in begun.recordings if each.unknown_scales is not None
-    ):
-        return None
     try:
         may_be_slow = wavers(begun.recordings, begun.period)
         if begun.fit.misfit < MOST_MISFIT and not (may_be_slow and _is_slow(begun)):
             return None
-        forced, thinned = problem.unknown, _thinned(begun.recordings)
-        for given in (thinned, begun.recordings):
+        forced, rescaled = problem.unknown, scaled(begun.recordings, begun.period)
+        for given in (_thinned(rescaled), rescaled):
             found, left = in_random_forces(problem, given, begun.period, forced, may_be_slow)
             if not left.nearly:
                 return None
     except NO_MODEL:
         return None
-    return found
+    return _with_scales(found, begun.recordings, rescaled)
+
+
+def _with_scales(
+    found: IdentifiedModel, recordings: list[Recording], rescaled: list[Recording]
+) -> IdentifiedModel:
+    told = scales_told(recordings, rescaled)
+    return replace(found, diagnostics={**found.diagnostics, **told})
 
 
 def _thinned(recordings: list[Recording]) -> list[Recording]:
@@ -167,6 +174,8 @@ def in_random_forces(
     fit = fitted(question, question.without(whole.model, support), support, correlated)
     left = _left(question, fit, recordings)
     values = np.linalg.eigvals(question.tracker(fit.model).system)
+    if not _are_needed(question, fit, penalty):
+        raise Unusable("no random force is needed: a motion from its first state explains as much")
     if np.any(np.abs(values.real) > MOST_DAMPING * np.abs(values)):
         raise Unusable(f"no oscillations in random forces: {in_words(left, channels)}")
     return _identified(question, fit, recordings, period, known, penalty, left), left
@@ -235,6 +244,14 @@ def _with_slow_forces(question: Question, start: Model, white: Fit, penalty: flo
         return white
     gain = fit.filtered.log_likelihood - white.filtered.log_likelihood
     return fit if 2.0 * gain > penalty * (len(fit.model.slow) + 1) else white
+
+
+def _are_needed(question: Question, fit: Fit, penalty: float) -> bool:
+    """Whether a model without its forces follows the samples less well than noise explains."""
+    model = fit.model
+    still = replace(model, root=FAINT * model.root, slow=tuple(FAINT * np.array(model.slow)))
+    lost = fit.filtered.log_likelihood - question.filtered(still).log_likelihood
+    return bool(2.0 * lost > penalty * (model.root.size + len(model.slow)))
 
 
 def _is_correlated(question: Question, fit: Fit, penalty: float) -> bool:

@@ -94,7 +94,10 @@ class Tracker:
     def rest(self) -> np.ndarray:
         """(n_states,) where the linear part is in equilibrium."""
         constant = np.sum(np.array(self.model.terms), axis=1) == 0
-        return -np.linalg.solve(self.system, self.model.coefficients[:, constant].sum(axis=1))
+        try:
+            return -np.linalg.solve(self.system, self.model.coefficients[:, constant].sum(axis=1))
+        except np.linalg.LinAlgError:
+            raise np.linalg.LinAlgError("a stiffness cannot be told in random forces") from None
 
     @cached_property
     def driven(self) -> tuple[np.ndarray, np.ndarray]:

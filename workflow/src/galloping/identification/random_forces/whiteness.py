@@ -21,7 +21,8 @@ MOST_LINE, MOST_TOLD = 10.0, 0.05
 class Whiteness:
     """statistic, allowed: of the correlations of innovations, over their degrees of freedom.
     told: share of their power that their past tells. frequency: Hz, at which a spectrum of theirs
-    stands out most; channel: index; excess: over what surrounds it, allowed: most by chance.
+    stands out most; channel: index; peak: over what surrounds it, peak_allowed: most by chance.
+    swings: whether that is where modes swing.
     """
 
     statistic: float
@@ -31,6 +32,7 @@ class Whiteness:
     channel: int
     peak: float
     peak_allowed: float
+    swings: bool
 
     @property
     def white(self) -> bool:
@@ -45,7 +47,7 @@ class Whiteness:
 
     @property
     def relevant(self) -> bool:
-        return self.told > RELEVANT or self.peak > 2.0 * self.peak_allowed
+        return self.told > RELEVANT or self.peak > (1.0 if self.swings else 2.0) * self.peak_allowed
 
 
 def whiteness(grids: list[np.ndarray], step: float, period: float) -> Whiteness:
@@ -65,7 +67,7 @@ def whiteness(grids: list[np.ndarray], step: float, period: float) -> Whiteness:
             total[k - 1] += filled[k:].T @ filled[:-k]
             counts[k - 1] += known[k:].T @ known[:-k]
     power = np.nanmean(np.concatenate(grids) ** 2, axis=0)
-    scale = np.sqrt(np.outer(power, power))
+    scale = np.maximum(np.sqrt(np.outer(power, power)), np.finfo(float).tiny)
     correlation = total / np.maximum(counts, 1.0) / scale
     freedom = np.count_nonzero(counts)
     statistic = float(np.sum(correlation**2 * counts)) / max(freedom, 1)
@@ -84,7 +86,7 @@ def whiteness(grids: list[np.ndarray], step: float, period: float) -> Whiteness:
     around = 2 * BINS * 8
     return Whiteness(
         statistic, float(chi2.ppf(1.0 - RATE, freedom) / freedom), told, frequency, channel, peak,
-        float(f.ppf(1.0 - RATE / bins, 2 * BINS, around)),
+        float(f.ppf(1.0 - RATE / bins, 2 * BINS, around)), frequency > 0.5 / period,
     )  # fmt: skip
 
 
