@@ -74,7 +74,7 @@ def test_other_code_is_named_by_its_rules(finished):
 def test_the_first_run_has_nothing_to_tell_times_by(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert told(job("model.json")) == [
-        "1 of 1 jobs will run, for the first time, so that nothing tells how long"
+        "1 of 1 jobs will run, for the first time: how long is not known yet"
     ]
 
 

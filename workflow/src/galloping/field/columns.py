@@ -112,8 +112,8 @@ class Proposal:
         for column, doubt in self.doubts.items():
             if doubt != NO_UNIT and self.channels:  # which whoever reads the column says
                 raise ValueError(
-                    f"{file}: column {column!r} is not plain ({doubt}): say what it measures, such "
-                    f"as --measure 'q_v={column}', or check and edit the mapping that "
+                    f"{file}: what column {column!r} measures is not plain ({doubt}): say so, such "
+                    f"as --measure 'q_v={column} [mm]', or check and edit the mapping that "
                     f"`galloping inspect {file} --write-map map.yaml` writes"
                 )
         if not self.channels:
@@ -227,7 +227,7 @@ def proposal(
         likely = {name: order for name, order in likely.items() if order is not None}
         for stem, (name, order) in zip(DIRECTION, likely.items(), strict=False):
             channels.append(channel(name, "d" * order + stem))
-            doubts[name] = "a guess, from its place among the columns"
+            doubts[name] = "it could only be guessed, from its place among the columns"
     used = {clock, *(each["column"] for each in channels)}
     for name in used:
         if not (table.unit(name) or said(name) or (name == clock and not table.is_numeric(name))):
@@ -259,7 +259,9 @@ def clock_of(table: FileTable, said: str | None, doubts: dict[str, str]) -> str:
     ]
     if not found:
         found = [name for name in table.columns if _increases(table, name)][:1]
-        doubts |= dict.fromkeys(found, "a guess for the time, as its values increase")
+        doubts |= dict.fromkeys(
+            found, "it could only be guessed to be the time, as its values increase"
+        )
     if not found:
         raise ValueError(
             f"{table.path}: no column of times; it has {', '.join(map(repr, table.columns))}; name "

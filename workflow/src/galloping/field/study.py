@@ -33,6 +33,8 @@ from galloping.recording import Recording
 from galloping.storage import write_json, write_rows, write_text
 from galloping.terms import known_model, parse
 
+UNUSED = "columns that are not used: {}; a wind among them is named by --input U=COLUMN"
+
 
 @dataclass(frozen=True)
 class Field:
@@ -57,7 +59,7 @@ class Field:
     def unused(self) -> list[str]:
         """Columns that were measured and are not used, a line for each file."""
         return [
-            f"{one.path.name}: columns that are not used: {', '.join(one.unused)}"
+            f"{one.path.name}: {UNUSED.format(', '.join(one.unused))}"
             for one in self.series
             if one.unused
         ]
@@ -89,7 +91,7 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
         report["inputs"] = described(one, mapping.inputs)
         report["notes"] += input_notes(of_file)
         if one.unused:
-            report["notes"].append(f"columns that are not used: {', '.join(one.unused)}")
+            report["notes"].append(UNUSED.format(", ".join(one.unused)))
         if len(parts) > 1 or len(parts[0].time) < len(of_file.time):
             kept = sum(np.ptp(each.time) for each in parts)
             report["notes"].append(

@@ -172,7 +172,7 @@ def _layout(lines: list[str], decimal: str | None, time: str | None) -> _Layout:
         units = [unit if is_unit(unit) else None for unit in _bare(cells[below[0]])]
         passed.remove(below[0])
     rows = [k + 1 for k in passed if k in plain]
-    notes += [f"{len(rows)} rows before the data were left out, row {k}" for k in rows[:1]]
+    notes += [f"rows before the data were left out: {len(rows)}, from row {k} on" for k in rows[:1]]
     return _Layout(separator, decimal, cells[header], units, start, tuple(notes))
 
 

@@ -226,6 +226,10 @@ def _helps(of: Summary, reports: Sequence[dict]) -> list[str]:
     """What would help, that which helps most first."""
     said = [problem["what"] for report in reports for problem in report["problems"]]
     helps = [help_ for part, help_ in PROBLEMS if any(part in what for what in said)]
+    if len({"q_v", "q_w"}.intersection(of.found.model.states)) == 1:
+        helps.append(
+            "a sensor of the other direction: vertical and horizontal motion drive each other"
+        )
     for _, more in plain_reasons(of.found.reason):
         helps += [more] if more and more not in " ".join(helps) else []
     advice = of.advice
@@ -233,8 +237,8 @@ def _helps(of: Summary, reports: Sequence[dict]) -> list[str]:
         name, error = advice.options[0]
         now, then = (100.0 * e / abs(advice.coefficient) for e in (advice.error, error))
         helps.append(
-            f"of one more recording at the same wind, best {name}: the term known worst would then "
-            f"be known to {then:.2g} % instead of {now:.2g} %"
+            f"one more recording at the same wind, best of {name}: the coefficient that is known "
+            f"worst would then be known to {then:.2g} % instead of {now:.2g} %"
         )
     if of.found.status == "approximate" and PLACES not in helps:
         helps.append(f"{PLACES}; more of the same kind would not, for what the model misses is no "

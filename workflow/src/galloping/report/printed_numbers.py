@@ -68,7 +68,9 @@ def count(paper: pd.DataFrame) -> str:
     judged = single[single["verdict"] != "not judged"]
     held = judged["verdict"].isin(HELD)
     numbers = Counter(judged["verdict"])
+    run = len(single) - numbers["not run"]
     text = f"Of the paper's {len(single)} printed numbers and bounds {held.sum()} hold"
+    text += f", of {run} that were run" * (run < len(single))
     kinds = ", ".join(f"{n} {verdict}" for verdict, n in numbers.items())
     text += f" ({kinds})." if kinds else "."
     for (case, reason), rows in single[single["verdict"] == "not judged"].groupby(

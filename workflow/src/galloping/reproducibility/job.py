@@ -47,6 +47,8 @@ def run(function: Callable[..., None], job) -> None:
                 traceback.print_exc(file=file)
                 print(f"{FAILED}{_line(error)}", file=file)
                 raise
+    except KeyboardInterrupt:  # Ctrl-C, which is told once, where the run began
+        sys.exit(130)
     except Exception as error:
         sys.exit(f"{_line(error)} (details: {log})")
 

@@ -50,7 +50,7 @@ def _duration(jobs: list[PlannedJob], known: Mapping[str, Receipt], cores: int |
         if seconds or job.rule in of_rule
     ]
     if not times:
-        return "for the first time, so that nothing tells how long"
+        return "for the first time: how long is not known yet"
     least = "at least " if len(times) < len(jobs) else ""
     if cores is None:
         return f"{least}about {spoken(sum(times))} of work"
