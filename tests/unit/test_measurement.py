@@ -12,6 +12,8 @@ from galloping.seeds import generator
 from galloping.study.files import read_recordings, write_recordings
 
 NAME = ("internal_resonance", "state", "noise_0.05")
+DRAWN = {"protocol": "state", "level": 0.05, "relative": True, "samples": 30001, "replicates": 2,
+         "seed": 1, "name": NAME}  # fmt: skip
 
 
 def moved(line, trajectory, factor=1.0):
@@ -21,17 +23,7 @@ def moved(line, trajectory, factor=1.0):
 
 def record(simulated, motions=None, **settings):
     """The first recording of each replicate."""
-    defaults = {
-        "protocol": "state",
-        "level": 0.05,
-        "relative": True,
-        "samples": 30001,
-        "recordings": 1,
-        "replicates": 2,
-        "seed": 1,
-        "name": NAME,
-    }
-    measured = measure(motions or [moved(*simulated)], **(defaults | settings))
+    measured = measure(motions or [moved(*simulated)], recordings=1, **(DRAWN | settings))
     return [each[0] for each in measured]
 
 
@@ -51,31 +43,27 @@ def same(a, b):
     return a.states == b.states and all(np.array_equal(x, y, equal_nan=True) for x, y in arrays)
 
 
-@pytest.mark.parametrize("level", [0.01, 0.15])
-def test_noise_of_derivatives_is_absolute(simulated, level):
-    line, trajectory = simulated
-    (recording,) = record(simulated, protocol="derivative", level=level, replicates=1)
-    assert np.array_equal(recording.values, trajectory.states)
-    check_noise(recording.derivatives - line(trajectory.states), np.full(4, level))
-
-
 @pytest.mark.parametrize("relative", [True, False])
-def test_noise_of_states(simulated, relative):
-    _, trajectory = simulated
-    (recording,) = record(simulated, relative=relative, replicates=1)
-    assert recording.derivatives is None
-    deviation = trajectory.states.std(axis=0) if relative else np.ones(4)
-    check_noise(recording.values - trajectory.states, 0.05 * deviation)
-
-
-def test_noise_of_accelerations(simulated):
-    """Nothing but the rates of the velocities, which stay what they are through a file."""
+@pytest.mark.parametrize("protocol", ["derivative", "state", "displacement", "acceleration"])
+def test_noise_of_each_protocol(simulated, protocol, relative):
+    """On what it measures, in standard deviations of the motion or in SI units; of derivatives
+    always in these. What it does not measure is missing."""
     line, trajectory = simulated
-    exact = line(trajectory.states)
-    (recording,) = record(simulated, protocol="acceleration", replicates=1)
-    assert recording.derivatives is None and np.isnan(recording.values).all()
-    assert np.isnan(recording.rates[:, :2]).all()
-    check_noise((recording.rates - exact)[:, 2:], 0.05 * exact.std(axis=0)[2:])
+    exact, rates = trajectory.states, line(trajectory.states)
+    (recording,) = record(simulated, protocol=protocol, relative=relative, replicates=1)
+    values, further = recording.values, recording.derivatives
+    if protocol == "derivative":
+        assert np.array_equal(values, exact)
+        check_noise(further - rates, np.full(4, 0.05))
+        return
+    measured = {"state": slice(None), "displacement": slice(2), "acceleration": slice(2, None)}
+    if protocol == "acceleration":
+        assert np.isnan(values).all()
+        values, exact = recording.rates, rates
+    sigma = 0.05 * (exact.std(axis=0) if relative else np.ones(4))
+    kept = measured[protocol]
+    assert further is None and np.isnan(np.delete(values, kept, axis=1)).all()
+    check_noise((values - exact)[:, kept], sigma[kept])
 
 
 def check_noise(noise, sigma):
@@ -119,12 +107,6 @@ def test_a_subset_measures_the_trajectory_at_its_times(resonant):
     assert np.array_equal(recording.time, trajectory.time[rows])
     assert np.array_equal(recording.values, trajectory.states[rows])
     check_noise(recording.derivatives - line(trajectory.states[rows]), np.full(4, 0.05))
-
-
-def test_a_subset_of_all_points_is_the_record(resonant):
-    _, trajectory = resonant
-    (recording,) = record(resonant, samples=30001, replicates=1)
-    assert np.array_equal(recording.time, trajectory.time)
 
 
 def test_replicates_are_independent(resonant):
@@ -197,53 +179,22 @@ def test_what_replicates_share_is_stored_once(resonant, tmp_path):
     assert shapes["derivatives_0"] == (3, 30001, 4)
 
 
-def test_missing_samples_survive_files(tmp_path):
+def test_missing_samples_and_equal_replicates_survive_files(tmp_path):
     values = np.array([[0.0, np.nan], [1.0, 2.0], [np.nan, 3.0]])
-    recording = Recording(np.arange(3.0), ("a", "b"), values)
-    (read,) = as_file([recording], tmp_path / "a.npz")
-    assert np.array_equal(read.values, values, equal_nan=True)
-
-
-def test_equal_replicates_stay_as_many(tmp_path):
-    recording = Recording(np.arange(3.0), ("a",), np.ones((3, 1)))
-    assert len(as_file([recording, recording], tmp_path / "a.npz")) == 2
+    written = [Recording(np.arange(3.0), ("a", "b"), values)] * 2
+    read = as_file(written, tmp_path / "a.npz")
+    assert len(read) == 2 and all(map(same, read, written))
 
 
 def test_several_releases_in_one_replicate(resonant, tmp_path):
     motions = [moved(*resonant), moved(*resonant, factor=2)]
-    drawn = {"protocol": "state", "level": 0.05, "relative": True, "samples": 30001,
-             "replicates": 2, "seed": 1, "name": NAME}  # fmt: skip
-    both, first = (measure(motions, recordings=count, **drawn) for count in (2, 1))
+    both, first = (measure(motions, recordings=count, **DRAWN) for count in (2, 1))
     write_recordings(tmp_path / "a.npz", both)
     for pair, (alone,), again in zip(both, first, read_recordings(tmp_path / "a.npz"), strict=True):
         assert same(pair[0], alone)  # a further release changes nothing of the first
         twice = motions[1].states
         check_noise(pair[1].values - twice, 0.05 * twice.std(axis=0))
         assert all(map(same, pair, again))
-
-
-def test_displacements_without_velocities(resonant):
-    _, trajectory = resonant
-    (recording,) = record(resonant, protocol="displacement", replicates=1)
-    assert np.isnan(recording.values[:, 2:]).all()
-    check_noise(
-        (recording.values - trajectory.states)[:, :2], 0.05 * trajectory.states.std(axis=0)[:2]
-    )
-
-
-@pytest.mark.parametrize(
-    ("time", "values", "derivatives", "reason"),
-    [
-        ([0.0, 1.0, 1.0], np.ones((3, 1)), None, "strictly increasing"),
-        ([0.0], np.ones((1, 1)), None, "two samples or more"),
-        ([0.0, np.nan, 2.0], np.ones((3, 1)), None, "strictly increasing"),
-        ([0.0, 1.0], np.ones((3, 1)), None, r"must have shape \(2, 1\)"),
-        ([0.0, 1.0], np.ones((2, 1)), np.ones((2, 2)), "derivatives: has shape"),
-    ],
-)
-def test_recordings_that_cannot_be(time, values, derivatives, reason):
-    with pytest.raises(ValueError, match=reason):
-        Recording(np.array(time), ("a",), values, derivatives)
 
 
 def test_uniform_sampling(resonant):
