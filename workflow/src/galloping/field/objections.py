@@ -64,7 +64,7 @@ def objected(
         reason = "; ".join([*faults, objection or identified.reason])
         model = identified.model
         return IdentifiedModel.refused(model.states, model.terms, reason, model.inputs)
-    if not more and len(recordings) == 1:  # else the parts differ by what the other modes do
+    if len(recordings) == 1 and not (more or identified.further_modes):  # by which parts differ
         more = _changing(identified, recordings[0], period, identify)
     return replace(identified, reason=f"{more}; {identified.reason}") if more else identified
 
