@@ -1,10 +1,14 @@
 """README and pages: their numbers are those of the reference, their links lead somewhere."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pandas as pd
 import pytest
+
+from galloping.intervals import QUANTILES_95
+from galloping.storage import read_json
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -32,10 +36,45 @@ def test_the_readme_has_the_claims_of_the_reference(claims):
     lines = (ROOT / "README.md").read_text().splitlines()
     first = lines.index(shown[0])
     assert lines[first : first + len(shown)] == shown
+
+
+def sentences(claims):
+    """What the README says in numbers beside that table, with the numbers of their sources."""
+    origin, smoke = (
+        read_json(ROOT / "results" / "reference" / folder / "origin.json")
+        for folder in ("", "smoke")
+    )
+    settings = origin["settings"]
+    measured, first = settings["measurement"], settings["cases"]["internal_resonance"]
     single = claims[claims["printed"].notna()]
-    said = re.search(r"Of (\d+) printed numbers and bounds (\d+) come out", "\n".join(lines))
     held = single["verdict"].isin(("reproduced", "met"))
-    assert (int(said[1]), int(said[2])) == (len(single), held.sum())
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    ended = pd.read_csv(ROOT / "examples" / "span.csv").iloc[-1, 0]
+    processor = re.search(r"znver(\d)", origin["processor"])[1]
+    other = min(settings["assessment"]["open_parameters"]["release_vertical"])
+    level = 100 * measured["subsets"]["level"]
+    assert other < first["initial_state"]["q_v"]
+    yield f"postprint of {pd.Timestamp(str(measured['seed'])):%-d %B %Y}"
+    yield f"with a {100 * (QUANTILES_95[1] - QUANTILES_95[0]):.0f} % band"
+    yield f"from one recording at {first['wind']['speed']:g} m/s with {level:g} % noise"
+    yield f"Python {project['requires-python'].removeprefix('>=')} or newer"
+    minutes = f"{origin['core_minutes']:.0f} minutes"
+    yield f"AMD Zen {processor} processors the jobs of `make` take {minutes} of one core"
+    yield f"takes {smoke['core_minutes']:.0f} minutes of one core there"
+    yield f"Of {len(single)} printed numbers and bounds {held.sum()} come out"
+    yield f"of {measured['paper_draws']} draws of the noise"
+    yield f"to {other:g} m, and the report begins with"
+    yield f"# {ended:.0f} s of a galloping span"
+
+
+def test_every_number_of_the_readme_has_a_source(claims):
+    text = " ".join((ROOT / "README.md").read_text().split())
+    for said in [*sentences(claims), *rows(claims)]:
+        assert said in text or said.startswith("|"), said
+        text = text.replace(said, "")
+    for code in (r"`[^`]*`", r"\]\([^)]*\)", r"--duration \d+", r"U=[\d:]+", "SHA-256"):
+        text = re.sub(code, "", text)
+    assert re.findall(r"\S*\d\S*", text) == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

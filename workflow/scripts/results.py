@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
+import pandas as pd
+
 from galloping.configuration.load import ConfigurationError, configured, plain
 from galloping.publication.archive import NotRestorable, unpack
 from galloping.publication.publishing import ALLOWABLE, NotPublishable
@@ -180,7 +182,10 @@ def take_reference(configfile):
     for path in found:
         with replacing(reference / path.name) as partial:
             shutil.copyfile(path, partial)
-    origin = Origin(settings=comparison.settings["study"]["study"], processor=processor())
+    measured = Path(results, "benchmarks").rglob("*.tsv")  # what each job took, by Snakemake
+    minutes = sum(pd.read_csv(path, sep="\t")["cpu_time"].sum() for path in measured) / 60
+    study = comparison.settings["study"]["study"]
+    origin = Origin(settings=study, processor=processor(), core_minutes=round(float(minutes), 1))
     write_json(reference / "origin.json", asdict(origin))
     print(f"{reference}: {len(found)} tables of {results} are the reference now")
 

@@ -35,10 +35,14 @@ SUMMARY_COLUMNS = (
 
 @dataclass(frozen=True)
 class Origin:
-    """What numbers were made with. settings: those on which they depend."""
+    """What numbers were made with. settings: those on which they depend.
+
+    core_minutes: that the jobs took on the processor; none where nobody asks.
+    """
 
     settings: dict
     processor: str
+    core_minutes: float | None = None
 
 
 def read_origin(path: str) -> Origin:
