@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from galloping.field.analysis import Question, analyse, read_field
 from galloping.field.mapping import read_mapping
-from galloping.field.study import Question, analyse, read_field
 from galloping.reproducibility.job import run
 from galloping.study.files import read_model
 

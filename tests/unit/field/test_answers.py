@@ -15,7 +15,7 @@ from odd_files import QUESTIONED, READ, REFUSED, TIME, UNITS, V, W, lines, writt
 
 from galloping import IdentifiedModel, PolynomialModel
 from galloping.cli import main
-from galloping.field import OUTPUTS, study
+from galloping.field import OUTPUTS, analysis
 from galloping.polynomial import library
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -117,7 +117,7 @@ def test_an_earlier_output_is_kept_unless_it_is_to_be_replaced(tmp_path):
 
 @pytest.mark.parametrize("output", ["a.csv/out", "/proc/out"])
 def test_an_output_that_cannot_be_written_is_refused_first(tmp_path, monkeypatch, output):
-    monkeypatch.setattr(study, "analyse", lambda *_: pytest.fail("the computation has begun"))
+    monkeypatch.setattr(analysis, "analyse", lambda *_: pytest.fail("the computation has begun"))
     said = run("identify", *recorded(tmp_path / "a.csv"), "--output", tmp_path / output, code=1)
     assert f"{tmp_path / output}: cannot be written: " in said and said.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
@@ -135,7 +135,7 @@ def test_a_computation_that_ends_early_leaves_nothing(tmp_path, monkeypatch, fau
     def ended(*_):
         raise fault
 
-    monkeypatch.setattr(study, "write_figures", ended)
+    monkeypatch.setattr(analysis, "write_figures", ended)
     command = ("identify", *recorded(tmp_path / "a.csv"), "--method", "weak_gls", "--output")
     printed = run(*command, tmp_path / "new" / "out", code=code)
     *before, last = printed.splitlines()

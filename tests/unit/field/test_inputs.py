@@ -11,9 +11,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from galloping import IdentifiedModel, Input, PolynomialModel, Simulator
 from galloping.cli import main
+from galloping.field.analysis import read_field
 from galloping.field.mapping import input_of, validated
 from galloping.field.read import read_series
-from galloping.field.study import read_field
 from galloping.field.units import coefficient_unit
 from galloping.terms import parse
 

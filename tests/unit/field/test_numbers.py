@@ -11,13 +11,13 @@ from click.testing import CliRunner
 
 from galloping import IdentifiedModel, Recording
 from galloping.cli import main
+from galloping.field.analysis import read_field
 from galloping.field.dynamics import Surroundings, dynamics
+from galloping.field.file_table import FileError
 from galloping.field.forecast import check_followed, forecast, held_out, with_factors
 from galloping.field.mapping import validated
 from galloping.field.objections import difference, kept_up, objected, unmoved
-from galloping.field.study import read_field
 from galloping.field.summary import Summary, longest_period
-from galloping.field.tables import FileError
 from galloping.identification.likelihood.screening import smooth_without_outliers
 from galloping.identification.random_forces.wavering import wavers
 from galloping.polynomial import PolynomialModel, design_matrix, library
@@ -49,15 +49,8 @@ def sure(model, share=1e-3, status="ok", **more):
     covariance = np.diag((share * present) ** 2)
     sigma = np.array([[files.NOISE, files.NOISE, np.nan, np.nan]])
     start = np.array([files.RELEASE])
-    return IdentifiedModel(
-        model,
-        status,
-        covariance=covariance,
-        known=(0, 1),
-        sigma=sigma,
-        initial_states=start,
-        **more,
-    )
+    given = {"covariance": covariance, "known": (0, 1), "sigma": sigma, "initial_states": start}
+    return IdentifiedModel(model, status, **given, **more)
 
 
 def recorded(wind=12.0, duration=300.0, seed=1):
@@ -118,23 +111,6 @@ def test_a_clock_that_starts_again_parts_a_recording_and_rows_out_of_order_do_no
     np.testing.assert_array_equal(whole.values, field.recordings[0].values)
 
 
-def test_a_conflict_of_units_is_refused_and_another_name_of_a_unit_is_none(tmp_path):
-    path = files.shifted(tmp_path / "a.csv", (0.0, 0.0))
-
-    def channels(unit):
-        first, second = MAPPING["channels"]
-        return {"channels": [{**first, "unit": unit}, second]}
-
-    with pytest.raises(FileError, match=r"'q_v' is in m by the file and in mm by the mapping"):
-        read(path, **channels("mm"))
-    assert len(read(path, **channels("metre")).recordings) == 1
-    with pytest.raises(FileError, match="'t' is in s by the file and in ms by the mapping"):
-        read(path, time={"column": "t", "unit": "ms"})
-    time, states = files.motion()
-    path = files.write(tmp_path / "b.csv", time, states[:, :2], "t [s],q_v [counts],q_w [m]")
-    assert len(read(path, **channels("mm")).recordings) == 1
-
-
 def test_samples_count_once(tmp_path):
     path = files.shifted(tmp_path / "a.csv", (0.0, 0.0))
     head, *rows = path.read_text(encoding="utf-8").splitlines()
@@ -159,10 +135,8 @@ def test_a_cut_off_last_cell_is_an_outlier(tmp_path):
 
 @pytest.mark.parametrize("status", ["ok", "approximate"])
 def test_the_band_at_an_instant_is_one_band(status):
-    recording, identified = (
-        recorded(),
-        sure(files.line().on_library(TERMS), status=status, chi2=1.0),
-    )
+    recording = recorded()
+    identified = sure(files.line().on_library(TERMS), status=status, chi2=1.0)
     time = recording.time[-1] + np.arange(1, 400) / files.RATE
     short, long = (
         forecast(identified, recording, time[:count], 25.0, np.random.default_rng(0))
@@ -260,20 +234,13 @@ def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
 def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):
     field = read(files.clipped(tmp_path / "a.csv"))
     refused = IdentifiedModel.refused(files.STATES, TERMS, "the iteration diverges")
-    found = objected(
-        refused,
-        field.recordings,
-        field.names,
-        longest_period(field.recordings),
-        lambda parts: refused,
-        field.faults,
-    )
+    period = longest_period(field.recordings)
+    given = (field.recordings, field.names, period, lambda parts: refused, field.faults)
+    reason = objected(refused, *given).reason
+    assert re.match(r"q_v of a\.csv is clipped at -0\.3, from row \d+ on; the iteration", reason)
     wind = IdentifiedModel.refused(files.STATES, ((1, 0, 0, 0, 1),), "diverges", ("U",))
     again = objected(wind, field.recordings, field.names, 5.0, lambda parts: wind)
     assert again.verdict == "refused: diverges" and again.model.inputs == ("U",)
-    assert re.match(
-        r"q_v of a\.csv is clipped at -0\.3, from row \d+ on; the iteration diverges", found.reason
-    )
 
 
 LIMIT_CYCLE = {"q_v": 1.305, "q_w": 2.133}  # m, of the line in 12 m/s, simulated over 4000 s

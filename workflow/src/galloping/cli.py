@@ -173,7 +173,7 @@ def _units(units):
 
 def _proposal(file, by_column, for_all, time_column, decimal, taken=()):
     from galloping.field.columns import ROWS, proposal
-    from galloping.field.tables import read_table
+    from galloping.field.file_table import read_table
 
     table = read_table(file, decimal, time_column, ROWS)
     return proposal(table, by_column, for_all, time_column, taken)
@@ -222,7 +222,7 @@ def identify(
     Everything is written to the folder of --output, or nothing; begin with its summary.md.
     """
     from galloping.field import OUTPUTS
-    from galloping.field.study import Question, analyse, read_field
+    from galloping.field.analysis import Question, analyse, read_field
     from galloping.field.wording import TECHNICAL
     from galloping.storage import replacing_folder
 
@@ -272,7 +272,7 @@ def _forced(text: str | None, method: str) -> tuple[str, ...] | None:
 @click.option("--json", "as_json", is_flag=True, help="Print the report for machines.")
 def inspect(file, write_map, as_json, **mapping):
     """What a recording is worth: sampling, gaps, noise, spectrum, problems."""
-    from galloping.field.study import read_field
+    from galloping.field.analysis import read_field
     from galloping.field.wording import report_lines
 
     if write_map and not _written_map(file, write_map, mapping):
@@ -325,9 +325,9 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     """
     import numpy as np
 
+    from galloping.field.analysis import read_field
     from galloping.field.driving import inputs_after
     from galloping.field.outputs import forecast_rows
-    from galloping.field.study import read_field
     from galloping.field.summary import forecast as forecast_from
 
     loaded = answered(model)

@@ -21,7 +21,7 @@ from galloping.field.units import (
 )
 
 if TYPE_CHECKING:
-    from galloping.field.tables import FileTable
+    from galloping.field.file_table import FileTable
 
 # Stems of words, and whole words where short; English, German, and some Romance and Chinese ones.
 TIMES = {"time", "zeit", "timestamp", "uhr", "elapsed", "temps", "tiempo", "时间"}

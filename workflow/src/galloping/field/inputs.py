@@ -13,9 +13,9 @@ from galloping.field.units import UnitError, input_si
 from galloping.inputs import GAP, Input
 
 if TYPE_CHECKING:
+    from galloping.field.file_table import FileTable
     from galloping.field.mapping import InputColumn
     from galloping.field.read import Series
-    from galloping.field.tables import FileTable
     from galloping.polynomial import Exponents, PolynomialModel
     from galloping.recording import Recording
 

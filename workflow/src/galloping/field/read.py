@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
+from galloping.field.file_table import FileError, FileTable, read_table
 from galloping.field.inputs import input_unit, inputs_of
 from galloping.field.mapping import Channel, ColumnMapping
-from galloping.field.tables import FileError, FileTable, read_table
 from galloping.field.units import UnitError, amount, factor, named, state_unit
 from galloping.identification.likelihood.inputs import FEWEST
 from galloping.inputs import Input
@@ -68,7 +68,8 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     notes = list(table.notes)
     columns, units = [], {}
     for channel in (*mapping.channels, *mapping.inputs):
-        column, codes = _without_codes(_numbers(table, channel.column, mapping))
+        _column(table, channel.column, mapping)
+        column, codes = _without_codes(table.numbers(channel.column))
         notes += [
             f"column {channel.column!r}: {count} samples of {code:g}, a code for missing ones, "
             "were left out"
@@ -104,22 +105,17 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
         time, values, rows = time[order], values[order], rows[order]
     again = np.flatnonzero(np.diff(time) == 0) + 1
     if len(again):
-        differ = np.any(
-            (values[again] != values[again - 1]) & np.isfinite(values[again] + values[again - 1]),
-            axis=1,
-        )
-        if differ.any():
-            row = rows[again[differ][0]]
+        of_time = pd.DataFrame(values).groupby(time)
+        differ = of_time.nunique().gt(1).any(axis=1)
+        strange = again[differ[time[again]]]
+        if len(strange):
             raise FileError(
-                f"{table.path}: row {row}: a time that was there before, with other values: a "
-                "clock with a coarse step, or two recordings in one file"
+                f"{table.path}: row {rows[strange[0]]}: a time that was there before, with other "
+                "values: a clock with a coarse step, or two recordings in one file"
             )
         notes.append(f"{len(again)} repeated rows were dropped, first row {rows[again[0]]}")
-        merged = np.where(np.isnan(values[again - 1]), values[again], values[again - 1])
-        values[again - 1] = merged
-        keep = np.ones(len(time), bool)
-        keep[again] = False
-        time, values, rows = time[keep], values[keep], rows[keep]
+        values = of_time.first().to_numpy()
+        time, rows = (np.delete(each, again) for each in (time, rows))
     measured = len(mapping.channels)
     inputs = inputs_of(table.path, mapping.inputs, time, values[:, measured:])
     values = values[:, :measured]
@@ -270,11 +266,6 @@ def _column(table: FileTable, name: str, mapping: ColumnMapping) -> np.ndarray:
         else:
             hint = "--measure STATE=COLUMN names a column of the file (channels: in a mapping)"
         raise FileError(f"{error}; {hint}") from None
-
-
-def _numbers(table: FileTable, name: str, mapping: ColumnMapping) -> np.ndarray:
-    _column(table, name, mapping)
-    return table.numbers(name)
 
 
 def _without_codes(values: np.ndarray) -> tuple[np.ndarray, dict[float, int]]:
