@@ -7,10 +7,15 @@ import pandas as pd
 import pytest
 from lines import simulate
 
-from galloping.bounds.cell import at_the_bound, bounds_of, deviations, free_terms
-from galloping.bounds.identifiable import IDENTIFIABLE
 from galloping.bounds.information import Experiment, state_bound
-from galloping.bounds.releases import ranked_releases
+from galloping.bounds.recordings import (
+    at_the_bound,
+    bounds_of,
+    deviations,
+    free_terms,
+    ranked_releases,
+)
+from galloping.intervals import IDENTIFIABLE
 from galloping.measurement.measuring import Motion, channel_scale
 from galloping.measurement.protocols import BY_NAME, Noise
 from galloping.physics.galerkin import Derived

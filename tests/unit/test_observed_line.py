@@ -7,7 +7,7 @@ from galloping.configuration.load import ConfigurationError, load, plain
 from galloping.configuration.parameters import conductor_parameters
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.model import IdentifiedModel
-from galloping.measurement.continuous import motion
+from galloping.measurement.sensors import motion
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
 from galloping.study.cells import Study

@@ -1,6 +1,6 @@
 """The Cramer-Rao bound of one cell, and scores of its models and of models at the bound."""
 
-from galloping.bounds.cell import cell_bounds, deviations, models_at, no_models
+from galloping.bounds.recordings import cell_bounds, deviations, models_at, no_models
 from galloping.evaluation.score import Truth, evaluate
 from galloping.names import BOUND
 from galloping.physics.equations import EQUATIONS

@@ -1,6 +1,6 @@
 """Trajectories of one line of many modes as the sensors along its span see it, by release."""
 
-from galloping.measurement.continuous import motion
+from galloping.measurement.sensors import motion
 from galloping.reproducibility.job import run
 from galloping.seeds import generator
 from galloping.simulation import time_grid

@@ -25,7 +25,7 @@ from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.seeds import generator
 from galloping.simulation import Simulator
-from galloping.trials.model_error import LAYOUTS, TRUTHS, combined, line_of, motion
+from galloping.trials.real_lines import LAYOUTS, TRUTHS, combined, line_of, motion
 from galloping.trials.recorded_lines import draw
 
 STATES = ("q_v", "q_w", "dq_v", "dq_w")

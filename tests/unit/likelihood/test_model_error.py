@@ -19,7 +19,7 @@ from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.study.cells import Study
 from galloping.tables.trial_summaries import model_error
-from galloping.trials.model_error import (
+from galloping.trials.real_lines import (
     TRUTHS,
     combined,
     gusts,

@@ -11,6 +11,8 @@ from galloping.polynomial import PolynomialModel
 QUANTILES_90 = (0.05, 0.95)
 QUANTILES_95 = (0.025, 0.975)
 NORMAL_95 = 1.959963984540054  # half width in standard deviations
+# |coefficient| over its bound from which a selection with penalty 2 ln N can be trusted.
+IDENTIFIABLE = 7.6
 
 
 def interval(values: Sequence[float]) -> tuple[float, float, float]:

@@ -79,7 +79,7 @@ KINDS = {
         options={"levels": (0.01, 0.05, 0.1, 0.2), "samples": (500, 2000)},
     ),
     "model_error": Kind(
-        "galloping.trials.model_error:trial",
+        "galloping.trials.real_lines:trial",
         MODEL_ERROR,
         cases=(
             "9 modes", "9 modes, relative wind", "9 modes, gusts 5 %", "9 modes, mid-span",

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from galloping.bounds.identifiable import IDENTIFIABLE
 from galloping.figures import parts
 from galloping.figures.style import (
     DOUBLE,
@@ -23,6 +22,7 @@ from galloping.figures.style import (
     spoken,
 )
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import IDENTIFIABLE
 from galloping.physics.equations import EQUATIONS, STATES, TERMS
 from galloping.physics.galerkin import Derived
 from galloping.polynomial import library, term_name

@@ -1,7 +1,7 @@
 """Measurement protocols: what each measures of a motion, and how well.
 
 A protocol is its noise on each state and on each state's derivative: from it follow the recordings
-(`measuring`), the Cramer-Rao bound (`bounds.cell`) and which methods can use them
+(`measuring`), the Cramer-Rao bound (`bounds.recordings`) and which methods can use them
 (`identification.registry`).
 """
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from galloping.bounds.identifiable import IDENTIFIABLE
+from galloping.intervals import IDENTIFIABLE
 from galloping.physics.equations import EQUATIONS
 from galloping.physics.galerkin import Derived
 from galloping.polynomial import extended, library

@@ -42,7 +42,7 @@ def systems(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFram
 def model_error(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     """One row for each truth, sensors and method, of lines that are not their own model.
 
-    parts: fits of `galloping.trials.model_error`. Errors are medians over the answered replicates,
+    parts: fits of `galloping.trials.real_lines`. Errors are medians over the answered replicates,
     and the worst of them; coverage_95_percent: of the intervals of the quantities that are judged.
     settings: none are read.
     """

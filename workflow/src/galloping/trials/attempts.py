@@ -6,7 +6,7 @@ from time import process_time
 
 import numpy as np
 
-from galloping.bounds.cell import bounds_of, on_library
+from galloping.bounds.recordings import bounds_of, on_library
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.bounds.cell import on_library
 from galloping.bounds.information import Experiment, state_bound
+from galloping.bounds.recordings import on_library
 from galloping.configuration.kinds import GAMMAS, LONGEST
 from galloping.identification.cell import identify
 from galloping.intervals import NORMAL_95

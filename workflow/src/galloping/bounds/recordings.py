@@ -1,4 +1,6 @@
-"""The Cramer-Rao bound of a cell, and models drawn at it."""
+"""The Cramer-Rao bound from recordings of a line, models drawn at it, and which further recording
+would help identification most.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +15,17 @@ from galloping.bounds.information import (
     bound_of,
     derivative_bound,
     fisher_information,
+    ranked_experiments,
     weighted_sensitivities,
 )
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import IDENTIFIABLE
 from galloping.measurement.measuring import Motion, measure, noises_of
 from galloping.measurement.protocols import Noise
-from galloping.polynomial import PolynomialModel
+from galloping.physics.equations import EQUATIONS
+from galloping.polynomial import PolynomialModel, term_name
 from galloping.seeds import generator
+from galloping.simulation import Simulator
 
 
 def free_terms(model: PolynomialModel, equations: Sequence[int]) -> np.ndarray:
@@ -159,3 +165,45 @@ def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int)
     std = np.stack([on_library(model, each) for each in bounds])
     std[:, :, candidates:] = np.nan
     return std
+
+
+def ranked_releases(
+    line: PolynomialModel, first: Motion, level: float, heights: Sequence[float]
+) -> list[dict]:
+    """One row a release from rest at one of the `heights` (m) in either direction, the best first.
+
+    first: the recording that there is. level: of the noise on every state, in units of its
+    deviation. Releases from which the line's motion ends early are left out; where that of `first`
+    does, or there is no noise, which leaves nothing to learn, all are.
+    """
+    if first.status != "ok" or level == 0:
+        return []
+    simulator = Simulator(line.states, line.terms)
+    names, options = [], []
+    for state in ("q_v", "q_w"):
+        for height in heights:
+            start = first.states[0].copy()
+            start[line.states.index(state)] = height
+            motion = simulator(line, start, first.time)
+            if motion.status == "ok":
+                names.append(f"{state}(0) = {height:g} m")
+                options.append(_noisy(first.time, motion.states, level))
+    done = [_noisy(first.time, first.states, level)]
+    rows = []
+    for k, bound in ranked_experiments(line, free_terms(line, tuple(EQUATIONS)), done, options):
+        weakest = int(np.argmin(bound.t))
+        equation, term = bound.free[weakest]
+        rows.append(
+            {
+                "release": names[k],
+                "level": level,
+                "weakest_t": float(bound.t[weakest]),
+                "weakest_term": f"{EQUATIONS[equation]} {term_name(line.terms[term], line.states)}",
+                "identifiable": bool(bound.t[weakest] > IDENTIFIABLE),
+            }
+        )
+    return rows
+
+
+def _noisy(time: np.ndarray, states: np.ndarray, level: float) -> Experiment:
+    return Experiment(states[0], time, level * states.std(axis=0))
