@@ -17,16 +17,16 @@ from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import evidence as sparse_evidence
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.differentiation import differentiate
-from galloping.identification.sparse.ensemble import bagged_medians
 from galloping.identification.sparse.evidence import reduce
-from galloping.identification.sparse.filters import seeded
 from galloping.identification.sparse.regression import regression, stretches
+from galloping.identification.sparse.stlsq import bagged_medians
 from galloping.identification.sparse.supports import (
     best_threshold,
     ebic,
     refit,
     thresholded_supports,
 )
+from galloping.identification.sparse.tuning import seeded
 from galloping.importing import imported
 from galloping.measurement.measuring import Motion, measure
 from galloping.polynomial import PolynomialModel, design_matrix, library

@@ -8,11 +8,10 @@ import pytest
 from galloping.evaluation.oracle import PATHS, alternatives, oracles
 from galloping.figures.overview import beaten_at
 from galloping.identification.sparse import stlsq
-from galloping.identification.sparse.cross_validation import FOLDS, Judged, judge
 from galloping.identification.sparse.evidence import Regressions, reduce
-from galloping.identification.sparse.filters import Filtered, savitzky_golay, seeded, weak_form
-from galloping.identification.sparse.regression import Regression
+from galloping.identification.sparse.regression import FOLDS, Judged, Regression, judge
 from galloping.identification.sparse.supports import forward_models
+from galloping.identification.sparse.tuning import Filtered, savitzky_golay, seeded, weak_form
 from galloping.measurement.measuring import Motion, measure
 from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import PolynomialModel, library

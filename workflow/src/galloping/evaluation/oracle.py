@@ -13,8 +13,8 @@ from galloping.evaluation.coefficients import ORDERS
 from galloping.evaluation.score import UNKNOWN, Truth, reconstruct, score
 from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.identification.sparse import evidence, frols, stlsq
-from galloping.identification.sparse.cross_validation import Path
 from galloping.identification.sparse.evidence import Regressions
+from galloping.identification.sparse.regression import Path
 from galloping.identification.sparse.supports import solve, threshold_path
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording

@@ -3,11 +3,10 @@
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.sparse.cross_validation import judge
 from galloping.identification.sparse.evidence import Regressions
+from galloping.identification.sparse.regression import Scaled, compact, judge
 from galloping.identification.sparse.supports import (
     NEGLIGIBLE,
-    compact,
     forward_models,
     refit,
     scores,
@@ -23,9 +22,8 @@ def frols(evidence: Regressions) -> IdentifiedModel:
     Terms that their successors have made NEGLIGIBLE are dropped.
     """
     problem = evidence.tuned
-    library, targets = compact(problem)
-    lengths, scale = np.linalg.norm(library, axis=0), np.linalg.norm(targets, axis=0)
-    library, targets = library / lengths, targets / scale
+    scaled = Scaled.of(*compact(problem))
+    library, targets = scaled.library, scaled.targets
     if problem.held_out is None:
         products = library.T @ library, targets.T @ library
         supports = models_along(*(each[np.newaxis] for each in products))[0] != 0
@@ -34,8 +32,7 @@ def frols(evidence: Regressions) -> IdentifiedModel:
         judged = judge(problem, models_along)
         supports, places = judged.supports, judged.chosen()
     support = supports[np.arange(len(places)), places]
-    coefficients = refit(library, targets, support[:, np.newaxis])[:, 0]
-    return problem.model(coefficients * scale[:, np.newaxis] / lengths)
+    return problem.model(scaled.unscaled(refit(library, targets, support[:, np.newaxis])[:, 0]))
 
 
 def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:

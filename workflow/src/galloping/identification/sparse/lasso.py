@@ -5,9 +5,9 @@ from pysindy.optimizers import WrappedOptimizer
 from sklearn.linear_model import LassoLars, lars_path, lars_path_gram
 
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.sparse.cross_validation import judge
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.supports import NEGLIGIBLE, compact, refit, scores, solve
+from galloping.identification.sparse.regression import Scaled, compact, judge
+from galloping.identification.sparse.supports import NEGLIGIBLE, refit, scores, solve
 
 PENALTIES = np.geomspace(1, 1e-6, 45)  # of unit columns and targets, as sums over rows
 
@@ -19,9 +19,8 @@ def lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
     refitted share is NEGLIGIBLE are dropped.
     """
     problem = evidence.tuned
-    library, targets = compact(problem)
-    scale, lengths = np.linalg.norm(targets, axis=0), np.linalg.norm(library, axis=0)
-    library, targets = library / lengths, targets / scale
+    scaled = Scaled.of(*compact(problem))
+    library, targets = scaled.library, scaled.targets
     if threshold is not None:
         alphas = np.full(targets.shape[1], threshold)
     elif problem.held_out is None:
@@ -36,7 +35,7 @@ def lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
         support = optimizer.fit(library, target).coef_ != 0
         support = _prune(library, target, support[np.newaxis])
         rows.append(refit(library, target, support)[0, 0])
-    return problem.model(np.stack(rows) * scale[:, np.newaxis] / lengths, alphas)
+    return problem.model(scaled.unscaled(np.stack(rows)), alphas)
 
 
 def models_along(grams: np.ndarray, moments: np.ndarray) -> np.ndarray:

@@ -2,20 +2,28 @@
 
 The rows of [Theta(X) | dX/dt] enter a regression only through their inner products, and an
 orthogonal transformation keeps those. Identification therefore works on the triangular factor.
+
+Fits to some stretches of a recording are judged by the others, in the weak form of the raw samples:
+what a model predicts of a held-out stretch, int phi Theta(x) c, is compared with -int phi' y, which
+no smoothing has touched, so that its noise has zero mean and is the same for all settings.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.polynomial import Exponents, PolynomialModel
 
 # Contiguous stretches of a recording that are reduced separately, for the bootstrap and for
 # cross-validation.
 BLOCKS = 10
+FOLDS = 5  # every fifth of them is left out at a time
+ROUNDING = 1e-13  # share of a sum of squares below which a difference of such sums is nothing
+Path = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""From Gram matrices (f, p, p) of unit columns and moments (f, m, p) to models (f, m, k, p)."""
 
 
 @dataclass(frozen=True, eq=False)  # itself alone, so that what was made of it can be kept
@@ -52,6 +60,39 @@ class Regression:
         return factors.transpose(0, 2, 1) @ factors
 
 
+@dataclass(frozen=True)
+class Scaled:
+    """A regression with columns of unit length: library (rows, p) and targets (rows, m) over
+    their `lengths` (p,) and `scale` (m,).
+    """
+
+    library: np.ndarray
+    targets: np.ndarray
+    lengths: np.ndarray
+    scale: np.ndarray
+
+    @classmethod
+    def of(cls, library: np.ndarray, targets: np.ndarray) -> "Scaled":
+        lengths, scale = np.linalg.norm(library, axis=0), np.linalg.norm(targets, axis=0)
+        return cls(library / lengths, targets / scale, lengths, scale)
+
+    def unscaled(self, shares: np.ndarray) -> np.ndarray:
+        """Coefficients (m, p) from those of the scaled columns."""
+        return shares * self.scale[:, np.newaxis] / self.lengths
+
+
+def compact(problem: Regression) -> tuple[np.ndarray, np.ndarray]:
+    """Library and targets as the rows of one triangle, (p + m, p) and (p + m, m).
+
+    Raises ValueError where a column has no length to scale it by.
+    """
+    p = problem.library.shape[1]
+    triangle = np.linalg.qr(np.hstack([problem.library, problem.targets]), mode="r")
+    if not np.all(np.linalg.norm(triangle, axis=0) > 0):
+        raise Unusable("a state or a derivative is zero throughout the recording")
+    return triangle[:, :p], triangle[:, p:]
+
+
 def stretches(n: int) -> list[slice]:
     """The rows of each block: at most BLOCKS contiguous stretches of n rows."""
     edges = np.linspace(0, n, min(BLOCKS, n) + 1).astype(int)
@@ -85,3 +126,55 @@ def _triangle(rows: np.ndarray) -> np.ndarray:
         rows = np.concatenate([tops.reshape(-1, columns), rows[whole * panel :]])
     factor = np.linalg.qr(rows, mode="r")
     return np.pad(factor, ((0, columns - len(factor)), (0, 0)))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Models along a path, fitted to all stretches, with the errors of their like elsewhere.
+
+    supports: (m, k, p) of the m state derivatives. errors: (FOLDS, m, k) squared errors on held-out
+    stretches.
+    """
+
+    supports: np.ndarray
+    errors: np.ndarray
+
+    @property
+    def best(self) -> np.ndarray:
+        """(m,) the lowest error of each state derivative."""
+        return self.errors.sum(axis=0).min(axis=1)
+
+    def chosen(self) -> np.ndarray:
+        """(m,) the place on the path of each model chosen: the sparsest of all within one
+        standard error of the best (the one-standard-error rule; Breiman et al. 1984).
+        """
+        total, sizes = self.errors.sum(axis=0), self.supports.sum(axis=2)
+        rows = np.arange(len(total))
+        best = total.argmin(axis=1)
+        excess = self.errors - self.errors[:, rows, best][..., np.newaxis]
+        error = np.sqrt(len(excess)) * excess.std(axis=0, ddof=1)
+        near = excess.sum(axis=0) <= error
+        sizes = np.where(near, sizes, sizes.max() + 1)
+        return np.array([np.lexsort(keys)[0] for keys in zip(total, sizes, strict=True)])
+
+
+def judge(problem: Regression, path: Path) -> Judged:
+    """Fits along a path to all stretches of a problem, and to all but each fold of them."""
+    blocks = problem.products
+    p = blocks.shape[1] - len(problem.states)
+    fold = np.arange(len(blocks)) % FOLDS
+    whole = blocks.sum(axis=0)
+    lengths = np.sqrt(np.diagonal(whole))
+    if not np.all(lengths > 0):
+        raise Unusable("a state or a derivative is zero throughout the recording")
+    trained = [whole - blocks[fold == f].sum(axis=0) for f in range(FOLDS)]
+    unit = np.stack([*trained, whole]) / np.outer(lengths, lengths)
+    *models, model = path(unit[:, :p, :p], unit[:, p:, :p])
+    errors = []
+    for f, c in enumerate(models):
+        held_out = problem.held_out[fold == f].sum(axis=0) / np.outer(lengths, lengths)
+        squares = np.einsum("mkp,mkp->mk", c @ held_out[:p, :p], c)
+        cross = np.einsum("mkp,mp->mk", c, held_out[p:, :p])
+        total = np.diagonal(held_out)[p:, np.newaxis]
+        errors.append(np.maximum(total - 2 * cross + squares, ROUNDING * total))
+    return Judged(model != 0, np.stack(errors) * lengths[p:, np.newaxis] ** 2)

@@ -1,19 +1,22 @@
-"""Sequentially thresholded least squares (pysindy's STLSQ), normalised or as printed."""
+"""Sequentially thresholded least squares (pysindy's STLSQ), normalised, as printed, or of many
+bootstrapped samples.
+"""
 
 from functools import lru_cache, partial
 
 import numpy as np
 import pysindy as ps
+from scipy.fft import dct
 from sklearn import config_context
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.options import IDENTIFIED, KNOWN
-from galloping.identification.sparse.cross_validation import judge
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.regression import Regression
+from galloping.identification.sparse.regression import Regression, Scaled, compact, judge
 from galloping.identification.sparse.supports import (
+    NEGLIGIBLE,
     best_threshold,
-    compact,
+    refit,
     scores,
     solve,
     threshold_path,
@@ -24,6 +27,7 @@ from galloping.polynomial import velocity_pairs
 # Of unit columns: a ridge keeps nearly collinear ones from large coefficients of opposite sign
 # while thresholds act; the last step is least squares without it.
 RIDGES = (0.0, 1e-4)
+MOST_PASSES = 20  # of a bootstrapped sample, as in pysindy
 
 
 def normalised(
@@ -35,16 +39,13 @@ def normalised(
     between NEGLIGIBLE and 1: by cross-validation, or where nothing is held out by EBIC.
     """
     problem = evidence.tuned
-    library, targets = compact(problem)
-    scale = np.linalg.norm(targets, axis=0)
-    lengths = np.linalg.norm(library, axis=0)
-    library, targets = library / lengths, targets / scale
+    scaled = Scaled.of(*compact(problem))
     chosen, ridges = choose(problem, threshold, path_length)
-    coefficients = np.zeros((len(scale), library.shape[1]))
+    shares = np.zeros((len(scaled.scale), len(scaled.lengths)))
     for ridge in np.unique(ridges):
         rows = ridges == ridge
-        coefficients[rows] = fit(library, targets[:, rows], chosen[rows], ridge)
-    return problem.model(coefficients * scale[:, np.newaxis] / lengths, chosen)
+        shares[rows] = fit(scaled.library, scaled.targets[:, rows], chosen[rows], ridge)
+    return problem.model(scaled.unscaled(shares), chosen)
 
 
 def raw(
@@ -94,9 +95,9 @@ def choose(
     if threshold is not None:
         return np.full(len(ridges), threshold), ridges
     if problem.held_out is None:
-        library, targets = (each / np.linalg.norm(each, axis=0) for each in compact(problem))
+        scaled = Scaled.of(*compact(problem))
         candidates = np.tile(path, (len(ridges), 1))
-        return _scan(library, targets, candidates, problem.observations), ridges
+        return _scan(scaled.library, scaled.targets, candidates, problem.observations), ridges
     judged = judge(problem, partial(models_along, path))
     ridges, places = np.divmod(judged.chosen(), len(path))
     supports = judged.supports.reshape(len(ridges), len(RIDGES), len(path), -1)
@@ -128,3 +129,70 @@ def fit(
     with config_context(assume_finite=True, skip_parameter_validation=True):
         scaled = optimizer.fit(library, targets / thresholds).coef_
     return scaled * thresholds[:, np.newaxis]
+
+
+def ensemble(
+    evidence: Regressions,
+    *,
+    threshold: float | None,
+    path_length: int,
+    models: int,
+    rng: np.random.Generator,
+) -> IdentifiedModel:
+    """Ensemble SINDy (Fasel et al. 2022): the median of models of bootstrapped rows, all fitted at
+    once, as pysindy's EnsembleOptimizer does; a term stays if most of `models` have it.
+
+    threshold: share, or None to take what STLSQ chooses for each equation. The rows of a
+    block's factor are exchangeable once an orthogonal transform has mixed them.
+    """
+    problem = evidence.tuned
+    compact(problem)  # refuses what cannot be scaled
+    scaled = Scaled.of(problem.library, problem.targets)
+    thresholds, _ = choose(problem, threshold, path_length)
+    size = len(scaled.lengths) + len(scaled.scale)  # rows of a block
+    targets = _mixed(scaled.targets, size) / thresholds  # in units of their threshold, as in `fit`
+    medians = bagged_medians(_mixed(scaled.library, size), targets, models, rng)
+    medians = medians * thresholds[:, np.newaxis]
+    support = (np.abs(medians) >= NEGLIGIBLE)[:, np.newaxis]
+    shares = refit(scaled.library, scaled.targets, support)[:, 0]
+    return problem.model(scaled.unscaled(shares), thresholds)
+
+
+def _mixed(rows: np.ndarray, size: int) -> np.ndarray:
+    """Rows of each block of `size` mixed by an orthogonal transform: (rows, columns) again."""
+    blocks = rows.reshape(-1, size, rows.shape[1])
+    return dct(blocks, axis=1, norm="ortho").reshape(rows.shape)
+
+
+def bagged_medians(
+    library: np.ndarray, targets: np.ndarray, models: int, rng: np.random.Generator
+) -> np.ndarray:
+    """(n_targets, n_terms) medians over models whose terms stay while |coefficient| >= 1.
+
+    library: (rows, n_terms); targets: (rows, n_targets), in units of their threshold. The rows are
+    those that pysindy draws with NumPy's global generator seeded by `rng`.
+    """
+    draws = np.random.RandomState(rng.integers(2**32))
+    samples = [draws.choice(len(library), len(library)) for _ in range(models)]
+    gram = np.stack([library[rows].T @ library[rows] for rows in samples])[:, np.newaxis]
+    moment = np.stack([targets[rows].T @ library[rows] for rows in samples])
+    support = np.ones(moment.shape, bool)
+    diagonal = np.arange(library.shape[1])
+    for _ in range(MOST_PASSES):
+        masks = support.astype(float)
+        systems = gram * masks[..., :, np.newaxis] * masks[..., np.newaxis, :]
+        systems[..., diagonal, diagonal] += 1 - masks
+        solved = _solved(systems, moment * masks)
+        kept = support & (np.abs(solved) >= 1)
+        if np.array_equal(kept, support):
+            break
+        support = kept
+    return np.median(np.where(kept, solved, 0.0), axis=0)
+
+
+def _solved(systems: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solutions of (..., p, p) symmetric systems; the shortest where one is singular."""
+    try:
+        return np.linalg.solve(systems, right[..., np.newaxis])[..., 0]
+    except np.linalg.LinAlgError:
+        return (np.linalg.pinv(systems, hermitian=True) @ right[..., np.newaxis])[..., 0]

@@ -2,9 +2,6 @@
 
 import numpy as np
 
-from galloping.identification.model import Unusable
-from galloping.identification.sparse.regression import Regression
-
 # A term that moves its state derivative by less than this share is beyond any sensor.
 NEGLIGIBLE = 1e-4
 COLLINEAR = 1e-12  # of a unit column's square: what rounding leaves of one that others make up
@@ -22,18 +19,6 @@ def ebic(rss: np.ndarray, terms: np.ndarray, observations: int, candidates: int)
     """
     rss = np.maximum(rss, np.finfo(float).tiny)
     return observations * np.log(rss) + terms * (np.log(observations) + 2 * np.log(candidates))
-
-
-def compact(problem: Regression) -> tuple[np.ndarray, np.ndarray]:
-    """Library and targets as the rows of one triangle, (p + m, p) and (p + m, m).
-
-    Raises ValueError where a column has no length to scale it by.
-    """
-    p = problem.library.shape[1]
-    triangle = np.linalg.qr(np.hstack([problem.library, problem.targets]), mode="r")
-    if not np.all(np.linalg.norm(triangle, axis=0) > 0):
-        raise Unusable("a state or a derivative is zero throughout the recording")
-    return triangle[:, :p], triangle[:, p:]
 
 
 def solve(gram: np.ndarray, moments: np.ndarray, supports: np.ndarray) -> np.ndarray:
