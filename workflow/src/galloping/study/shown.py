@@ -117,15 +117,10 @@ def assessed_cell(study: Study, case: str) -> Cell | None:
     recordings of the case together where it has several; None where ours does not run, or models
     are not the line's own.
     """
-    level = study.settings.measurement.subsets.level
     chosen = [
         cell
-        for cell in study.cells
-        if (cell.case.name, cell.protocol) == (case, sensor_protocol(study))
-        and not cell.case.is_continuous
-        and cell.kind in (NOISE, JOINT)
-        and cell.level == level
-        and any(method.name == OURS for method in cell.methods)
+        for cell in _at_one_level(study, case)
+        if cell.protocol == sensor_protocol(study) and cell.kind in (NOISE, JOINT)
     ]
     return max(chosen, key=lambda cell: cell.recordings, default=None)
 
@@ -134,15 +129,10 @@ def predicted_cells(study: Study, case: str) -> dict[str, Cell]:
     """Whole records of sensors at the level of the subsets, by protocol, that ours can use; none
     of a continuous line, whose motion at other wind speeds is not known.
     """
-    level = study.settings.measurement.subsets.level
     return {
         cell.protocol.name: cell
-        for cell in study.cells
-        if cell.case.name == case
-        and not cell.case.is_continuous
-        and (cell.kind, cell.level) == (NOISE, level)
-        and cell.protocol.measures != DERIVATIVES
-        and any(method.name == OURS for method in cell.methods)
+        for cell in _at_one_level(study, case)
+        if cell.kind == NOISE and cell.protocol.measures != DERIVATIVES
     }
 
 
@@ -160,12 +150,7 @@ def families_of(cell: Cell) -> list[str]:
 
 def ahead_cells(study: Study) -> list[Cell]:
     """Whole records of the first case that ours can use."""
-    return [
-        cell
-        for cell in study.cells
-        if (cell.case, cell.kind) == (first_case(study), NOISE)
-        and any(method.name == OURS for method in cell.methods)
-    ]
+    return [cell for cell in _ours(study, first_case(study)) if cell.kind == NOISE]
 
 
 def oracle_cells(study: Study) -> list[Cell]:
@@ -177,6 +162,18 @@ def oracle_cells(study: Study) -> list[Cell]:
         and not cell.case.is_continuous
         and any(method.evidence in (REGRESSION, WEAK_FORM) for method in cell.methods)
     ]  # fmt: skip
+
+
+def _ours(study: Study, case: Case) -> list[Cell]:
+    """The cells of a case that ours can use."""
+    used = (cell for cell in study.cells if OURS in [method.name for method in cell.methods])
+    return [cell for cell in used if cell.case == case]
+
+
+def _at_one_level(study: Study, case: str) -> list[Cell]:
+    """Those at the noise level of the subsets; none of a continuous line."""
+    of, level = study.case(case), study.settings.measurement.subsets.level
+    return [c for c in _ours(study, of) if c.level == level and not of.is_continuous]
 
 
 def _cells(study: Study, case: Case, pair: Pair, kind: str) -> list[Cell]:
