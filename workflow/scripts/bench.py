@@ -3,8 +3,7 @@
 RESULTS is a finished default study, for its motions and the cost of its jobs. OLDER is the results
 folder of the same study by an older version, run on the same machine: the sums of job seconds
 stand beside each other. The study, smoke and idle times are of real runs in a temporary copy of
-the project. `make bench` sets one
-thread a process, as in a job, but where the default is measured.
+the project. `make bench` sets one thread a process, as in a job, but where the default is measured.
 """
 
 import os
@@ -58,14 +57,8 @@ def seconds(work, repeats: int) -> float:
 
 def row(quantity: str, value: float, unit: str, peer: str = "", ratio: float = np.nan, bar=""):
     print(f"{quantity}: {value:.4g} {unit}" + (f" ({ratio:.4g} x {peer})" if peer else ""))
-    return {
-        "quantity": quantity,
-        "value": value,
-        "unit": unit,
-        "peer": peer,
-        "ratio": ratio,
-        "bar": bar,
-    }
+    told = (quantity, value, unit, peer, ratio, bar)
+    return dict(zip(("quantity", "value", "unit", "peer", "ratio", "bar"), told, strict=True))
 
 
 def simulation(results: Path) -> list[dict]:
@@ -86,11 +79,11 @@ def simulation(results: Path) -> list[dict]:
     theirs = sindy.simulate(exact[0], grid)
     peer = time.perf_counter() - start
     same = PolynomialModel(full.states, terms, np.asarray(sindy.coefficients()))
-    reference = _reference(same, exact[0], grid)
+    reference = _solve(same, exact[0], grid, 3e-14)  # the strictest that scipy allows
     error = np.abs(simulator(same, exact[0], grid).states - reference).max()
     peer_error = np.abs(theirs - reference).max()
 
-    dop = seconds(lambda: _solve(line, exact[0], grid, "DOP853", 1e-10), 1)
+    dop = seconds(lambda: _solve(line, exact[0], grid, 1e-10), 1)
     own = Simulator(line.states, line.terms)
     return [
         row("re-simulation of an identified model, 300 s", ours, "s",
@@ -103,16 +96,11 @@ def simulation(results: Path) -> list[dict]:
     ]  # fmt: skip
 
 
-def _solve(line, x0, grid, method, tolerance):
+def _solve(line, x0, grid, tolerance):
     return solve_ivp(
         lambda _, x: line(x[np.newaxis])[0], (grid[0], grid[-1]), x0,
-        method=method, t_eval=grid, rtol=tolerance, atol=tolerance,
+        method="DOP853", t_eval=grid, rtol=tolerance, atol=tolerance,
     ).y.T  # fmt: skip
-
-
-def _reference(line, x0, grid):
-    """The strictest that scipy allows, in eighth order."""
-    return _solve(line, x0, grid, "DOP853", 3e-14)
 
 
 def identification(results: Path) -> list[dict]:
@@ -147,11 +135,8 @@ def identification(results: Path) -> list[dict]:
         noisy = line(states) + 0.05 * rng.standard_normal(states.shape)
         recording = Recording(grid, line.states, states, noisy)
         cost = seconds(partial(fit, recording), 3)
-        rows.append(
-            row(f"the same, {n} x 4", cost, "s", *(
-                ("a tenth of the samples", cost / previous, "about 10") if previous else ()
-            ))
-        )  # fmt: skip
+        peer = ("a tenth of the samples", cost / previous, "about 10") if previous else ()
+        rows.append(row(f"the same, {n} x 4", cost, "s", *peer))
         previous = cost
     return rows
 
@@ -161,16 +146,14 @@ def limit(results: Path) -> list[dict]:
     replicates = recordings(results, "state")
     terms = library(4, 3)
     maximum_likelihood(list(replicates[0]), terms)
-    times, weak = (
-        [seconds(partial(method, list(replicate), terms), 1) for replicate in replicates]
+    ours, weak = (
+        np.median([seconds(partial(method, list(each), terms), 1) for each in replicates])
         for method in (maximum_likelihood, weak_gls)
     )
-    ours = float(np.median(times))
     return [
         row("maximum_likelihood on 30,001 x 4 at 0.05, median", ours, "s", bar="<= 1.0"),
-        row("weak_gls on the same, median", float(np.median(weak)), "s",
-            "maximum_likelihood", ours / float(np.median(weak))),
-    ]  # fmt: skip
+        row("weak_gls on the same, median", weak, "s", "maximum_likelihood", ours / weak),
+    ]
 
 
 def command() -> list[dict]:
@@ -192,10 +175,8 @@ def command() -> list[dict]:
     cost(default)  # compiled before
     one = cost(default | dict.fromkeys(threads, "1"))
     ours = cost(default)
-    return [
-        row("galloping identify on the example, of a core", ours, "s",
-            "the same with one thread", one / ours, "<= 8"),
-    ]  # fmt: skip
+    what = "galloping identify on the example, of a core"
+    return [row(what, ours, "s", "the same with one thread", one / ours, "<= 8")]
 
 
 def sensitivity(results: Path) -> list[dict]:
@@ -240,10 +221,8 @@ def sensitivity(results: Path) -> list[dict]:
         integrator.propagate_until(300.0)
 
     mine, peer = seconds(ours, 15), seconds(theirs, 15)
-    return [
-        row(f"sensitivities to {len(free)} coefficients with projections, 300 s", mine, "s",
-            "heyoka's variational equations without output", peer / mine),
-    ]  # fmt: skip
+    what = f"sensitivities to {len(free)} coefficients with projections, 300 s"
+    return [row(what, mine, "s", "heyoka's variational equations without output", peer / mine)]
 
 
 def recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
@@ -256,28 +235,23 @@ def recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
 def costs(results: Path) -> pd.DataFrame:
     """Snakemake's benchmarks of all jobs: rule, s (wall time), max_rss (MiB)."""
     folder = results / "benchmarks"
-    tables = []
-    for path in sorted(folder.rglob("*.tsv")):
-        rule = path.relative_to(folder).parts[0].removesuffix(".tsv")
-        tables.append(pd.read_csv(path, sep="\t", na_values="-").assign(rule=rule))
-    return pd.concat(tables, ignore_index=True)
+    return pd.concat(
+        pd.read_csv(path, sep="\t", na_values="-").assign(
+            rule=path.relative_to(folder).parts[0].removesuffix(".tsv")
+        )
+        for path in sorted(folder.rglob("*.tsv"))
+    )
 
 
 def jobs(results: Path, older: Path | None) -> list[dict]:
     """Sums of job seconds, by rule, and largest resident set of a job; beside an older study."""
-    now = costs(results)
-    rows = [
-        row(f"job seconds of {rule}, {len(table)} jobs", table["s"].sum(), "s")
-        for rule, table in now.groupby("rule")
-    ]
-    rows.append(row("memory of the largest job", now["max_rss"].max(), "MiB", bar="<= 1024"))
-    peer = {}
+    now, before = costs(results), costs(older) if older else None
+    rows, peer = [row("memory of the largest job", now["max_rss"].max(), "MiB", bar="<= 1024")], {}
+    for study, when in ((now, ""), (before, " before")):
+        for rule, table in study.groupby("rule") if study is not None else ():
+            what = f"job seconds of {rule}{when}, {len(table)} jobs"
+            rows.append(row(what, table["s"].sum(), "s"))
     if older:
-        before = costs(older)
-        rows += [
-            row(f"job seconds of {rule} before, {len(table)} jobs", table["s"].sum(), "s")
-            for rule, table in before.groupby("rule")
-        ]
         ratio = now["s"].sum() / before["s"].sum()
         peer = {"peer": f"before, {len(before)} jobs", "ratio": ratio, "bar": "<= 0.333"}
     return [*rows, row(f"job seconds of all {len(now)} jobs", now["s"].sum(), "s", **peer)]
@@ -317,28 +291,20 @@ def whole_runs() -> list[dict]:
             subprocess.run([*snakemake, *options], cwd=folder, check=True)
             return time.perf_counter() - start
 
-        smoke = ("--configfile", "config/smoke.yaml")
+        smoke = study("--configfile", "config/smoke.yaml")
         return [
-            row("smoke study and report, two cores", study(*smoke), "s",
-                bar="<= 60"),
+            row("smoke study and report, two cores", smoke, "s", bar="<= 60"),
             row("default study and report, two cores", study(), "s", bar="<= 480"),
             row("repetition with nothing to do", study(), "s", bar="<= 5"),
             *planning(folder),
-        ]  # fmt: skip
+        ]
 
 
 def main(results: str, output: str, older: str | None = None) -> None:
-    folder = Path(results)
-    rows = [
-        *jobs(folder, Path(older) if older else None),
-        *simulation(folder),
-        *identification(folder),
-        *limit(folder),
-        *command(),
-        *sensitivity(folder),
-        *whole_runs(),
-    ]
-    write_rows(output, rows)
+    folder, measured = Path(results), (simulation, identification, limit, sensitivity)
+    rows = jobs(folder, Path(older) if older else None)
+    rows += [each for measure in measured for each in measure(folder)]
+    write_rows(output, [*rows, *command(), *whole_runs()])
 
 
 if __name__ == "__main__":
