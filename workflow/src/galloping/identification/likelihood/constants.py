@@ -40,7 +40,7 @@ WINDOWS_PER_PERIOD, ROWS = 12, 3
 INPUT_DEGREE = 3
 HUGE = 1e30  # of a state or a derivative, from which a solution counts as diverged
 
-BATCH = 64  # segments integrated together: what they need is held at once
+BATCH = 8  # segments integrated together: what they need is held at once, in the cache
 
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
 

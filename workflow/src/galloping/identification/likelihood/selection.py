@@ -220,7 +220,9 @@ def moves(
     leave, leave_too, enter, enter_too = np.array(terms).astype(int)
     price = np.append(cost, 0.0)  # the last place takes `nothing`
     rise = rise + price[enter] + price[enter_too] - price[leave] - price[leave_too]
-    best = np.argsort(rise, kind="stable")[:most]
+    edge = np.partition(rise, most - 1)[most - 1] if most < len(rise) else np.inf
+    best = np.flatnonzero(rise <= edge)
+    best = best[np.argsort(rise[best], kind="stable")][:most]
     row, others = np.arange(len(best)), np.zeros((len(best), len(support) + 1), bool)
     others[:, :-1] = support
     for place, present in ((leave, False), (leave_too, False), (enter, True), (enter_too, True)):
