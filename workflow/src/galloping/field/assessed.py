@@ -1,10 +1,10 @@
 """An assessment of a model in words, and as rows of a table."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from galloping.field.assess import Assessment, Condition, Cycle, Equilibrium, Mode
+from galloping.field.assess import Assessment, Condition, Mode
 from galloping.field.dynamics import Value
 from galloping.field.units import state_unit
 from galloping.field.wording import ENDS, in_words
@@ -12,54 +12,39 @@ from galloping.field.wording import ENDS, in_words
 
 def assessment_text(of: Assessment, units: Mapping[str, str]) -> str:
     """A line for each thing that there is. units: of inputs, by name."""
-    lines = []
+    lines, unit = [], units.get(of.along, "")
     for condition in of.conditions:
         held = ", ".join(
-            f"{name} = {value:g} {units.get(name, '')}".rstrip()
-            for name, value in condition.at.items()
+            f"{k} = {v:g} {units.get(k, '')}".rstrip() for k, v in condition.at.items()
         )
         lines.append(f"At {held}:" if held else "The model by itself:")
         lines += [f"  {line}" for line in _condition_lines(condition)]
     for onset in of.onsets:
         what = "begin to grow above" if onset.begins else "cease to grow above"
-        unit = units.get(of.along, "")
-        lines.append(
-            f"Small motions about rest {what} {of.along} = {_said(onset.value, unit)}, at "
-            f"{onset.frequency:.3g} Hz"
-        )
+        where = f"{of.along} = {_said(onset.value, unit)}"
+        lines.append(f"Small motions about rest {what} {where}, at {onset.frequency:.3g} Hz")
     if of.along and not of.onsets:
         low, high = of.span
-        unit = f" {units.get(of.along, '')}".rstrip()
-        lines.append(f"No onset between {of.along} = {low:g} and {high:g}{unit}")
+        lines.append(f"No onset between {of.along} = {low:g} and {high:g} {unit}".rstrip())
     return "\n".join([*lines, *of.notes])
 
 
-def _condition_lines(of: Condition) -> Iterator[str]:
+def _condition_lines(of: Condition) -> list[str]:
+    lines = []
     for number, rest in enumerate(of.equilibria, start=1):
-        places = ", ".join(
-            f"{name} = {_said(value, _unit(name))}" for name, value in rest.place.items()
-        )
-        yield f"rest {number}, {_stability(rest)}: {places}"
-        for mode in rest.modes:
-            yield f"  {_mode_line(mode)}"
-    if not of.equilibria:
-        yield "no rest near the motion"
+        places = ", ".join(f"{k} = {_said(v, _unit(k))}" for k, v in rest.place.items())
+        lines.append(f"rest {number}, {'' if rest.stable else 'un'}stable: {places}")
+        lines += [f"  {_mode_line(mode)}" for mode in rest.modes]
     for number, cycle in enumerate(of.cycles, start=1):
-        halves = ", ".join(
-            f"{name} ± {_said(value, _unit(name))}" for name, value in cycle.half_range.items()
+        halves = ", ".join(f"{k} ± {_said(v, _unit(k))}" for k, v in cycle.half_range.items())
+        some = f"; {100 * cycle.found:.0f} % of the draws have it" if cycle.found < 1.0 else ""
+        lines.append(
+            f"limit cycle {number}, {'' if cycle.stable else 'un'}stable: {halves}, period "
+            f"{_said(cycle.period, 's')}{some}"
         )
-        yield (
-            f"limit cycle {number}, {_stability(cycle)}: {halves}, period "
-            f"{_said(cycle.period, 's')}"
-            + (f"; {100 * cycle.found:.0f} % of the draws have it" if cycle.found < 1.0 else "")
-        )
-    if not of.cycles:
-        for kind in of.ends:
-            yield ENDS.get(kind, kind)
-
-
-def _stability(of: Equilibrium | Cycle) -> str:
-    return "stable" if of.stable else "unstable"
+    none = [] if of.equilibria else ["no rest near the motion"]
+    ends = [] if of.cycles else [ENDS.get(kind, kind) for kind in of.ends]
+    return [*none, *lines, *ends]
 
 
 def _mode_line(mode: Mode) -> str:
@@ -98,8 +83,7 @@ def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:
     rows = []
     for condition in of.conditions:
         for number, rest in enumerate(condition.equilibria, start=1):
-            values = [(f"place of {name}", value, _unit(name)) for name, value in
-                      rest.place.items()]  # fmt: skip
+            values = [(f"place of {k}", value, _unit(k)) for k, value in rest.place.items()]
             for k, mode in enumerate(rest.modes, start=1):
                 if mode.frequency.value:
                     values.append((f"frequency of mode {k} ({mode.state})", mode.frequency, "Hz"))
@@ -108,8 +92,7 @@ def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:
                     values.append((f"decay of mode {k} ({mode.state})", mode.damping, "1/s"))
             rows += _rows(condition.at, "rest", number, rest.stable, values)
         for number, cycle in enumerate(condition.cycles, start=1):
-            values = [(f"half range of {name}", value, _unit(name)) for name, value in
-                      cycle.half_range.items()]  # fmt: skip
+            values = [(f"half range of {k}", v, _unit(k)) for k, v in cycle.half_range.items()]
             values.append(("period", cycle.period, "s"))
             rows += _rows(condition.at, "limit cycle", number, cycle.stable, values)
     for number, onset in enumerate(of.onsets, start=1):
