@@ -9,7 +9,7 @@ import numpy as np
 from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
 from galloping.field.excerpt import by_excerpts
-from galloping.field.forecast import Sensed
+from galloping.field.following import Sensed
 from galloping.field.inputs import check_inputs, described, input_notes, mean_inputs
 from galloping.field.mapping import ColumnMapping
 from galloping.field.outputs import (

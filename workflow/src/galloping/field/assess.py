@@ -20,7 +20,7 @@ from galloping.cycles.family import Family
 from galloping.cycles.limit_cycles import VANISHED, CycleProblem, Orbit, at_value, settled
 from galloping.cycles.settling import Settled, settle
 from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value, zero_of
-from galloping.field.forecast import simulator_of
+from galloping.field.following import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.immutable import Immutable
 from galloping.intervals import drawn, of_draws

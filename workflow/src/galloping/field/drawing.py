@@ -11,7 +11,8 @@ from matplotlib.ticker import NullLocator
 from scipy.signal import welch
 
 from galloping.field.assess import Assessment, Cycle
-from galloping.field.forecast import Forecast, Sensed
+from galloping.field.following import Sensed
+from galloping.field.forecast import Forecast
 from galloping.field.quality import GAP, spectrum
 from galloping.field.units import meaning, state_unit
 from galloping.figures import parts

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from galloping.field.excerpt import excerpts
-from galloping.field.forecast import Sensed, simulator_of
+from galloping.field.following import Sensed, simulator_of
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.unmodelled import unmodelled

@@ -26,7 +26,7 @@ REASONS = (
     (r"(as in|such as) gusts", "Forces that the model does not have acted on the line, such as "
      "gusts.", WIND),
     (r"forces besides the model act", "Forces that the model does not have acted on the line, such "
-     "as those of further modes.", PLACES),
+     "as those of further modes, or the sensor of an input erred.", PLACES),
     (r"more modes gallop", "More modes of the span gallop or swing than the model has.", PLACES),
     (r"delayed against|clock", "The sensors do not share one clock, or one of them lags.", CLOCKS),
     (r"is not the rate of|(?<!time )scale", "Two sensors contradict each other: the scale of "

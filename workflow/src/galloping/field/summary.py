@@ -15,15 +15,12 @@ from galloping.field import forecast as ahead
 from galloping.field.advice import Advice, advice
 from galloping.field.dynamics import Dynamics, Surroundings
 from galloping.field.excerpt import by_excerpts
+from galloping.field.following import Following, Sensed, first_guess, simulator_of
 from galloping.field.forecast import (
-    Following,
     Forecast,
     HeldOut,
-    Sensed,
     check_followed,
     deviations,
-    first_guess,
-    simulator_of,
     with_factors,
 )
 from galloping.field.inputs import mean_inputs

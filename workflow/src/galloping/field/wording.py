@@ -19,7 +19,8 @@ from galloping.field import ambient
 from galloping.field.advice import Advice
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
 from galloping.field.excerpt import excerpts
-from galloping.field.forecast import HeldOut, Sensed
+from galloping.field.following import Sensed
+from galloping.field.forecast import HeldOut
 from galloping.field.inputs import input_lines
 from galloping.field.quality import peaks_of, spectrum
 from galloping.field.reasons import PARTS, PLACES, PROBLEMS, WIND, plain_reasons
