@@ -119,10 +119,11 @@ def by_settings(varied: pd.DataFrame) -> str:
         + (f" {row['unit']}" if row["unit"] != "1" else "")
         for row in worst.sort_values("sum").to_dict("records")
     )
-    of = f", where the study's settings keep {own['sum'].iloc[0]}" if len(own) else ""
+    of = f"{own['sum'].iloc[0]} at the study's settings; " if len(own) else ""
     return (
-        f"What the paper does not print decides what holds: of {others['size'].iloc[0]} claims "
-        f"about the first line hold {examples}{of}."
+        "The paper leaves some settings open, and they decide what holds. Of "
+        f"{others['size'].iloc[0]} claims about the first line hold {of}with one setting "
+        f"changed, {examples}."
     )
 
 
