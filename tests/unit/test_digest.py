@@ -1,6 +1,9 @@
-"""The code digest changes with the code that a script runs, and with nothing else."""
+"""The code digest changes with what a script runs, its libraries too, and with nothing else."""
 
 import ast
+import importlib
+import sys
+from importlib import metadata
 
 import pytest
 
@@ -57,41 +60,32 @@ def package(tmp_path, monkeypatch):
 
 def forget():
     """As in another process."""
-    for cached in (digest.code, digest._parse, digest._find):
+    for cached in (digest.code, digest._parse, digest._find, digest._with_requirements,
+                   digest._distribution):  # fmt: skip
         cached.cache_clear()
+    importlib.invalidate_caches()
 
 
 @pytest.mark.parametrize(
-    ("name", "old", "new"),
+    ("name", "old", "new", "counts"),
     [
-        ("stage.py", '"""Works."""', '"""Works hard."""'),
-        ("stage.py", '"""A stage."""\n', ""),
-        ("stage.py", "return 2 * LIMIT", "return 2 * LIMIT  # twice"),
-        ("stage.py", "return 2 * LIMIT", "return (\n        2 * LIMIT\n    )"),
-        ("script.py", '    """Works."""\n', "    # works\n"),
+        ("stage.py", '"""Works."""', '"""Works hard."""', False),
+        ("stage.py", '"""A stage."""\n', "", False),
+        ("stage.py", "return 2 * LIMIT", "return 2 * LIMIT  # twice", False),
+        ("stage.py", "return 2 * LIMIT", "return (\n        2 * LIMIT\n    )", False),
+        ("script.py", '    """Works."""\n', "    # works\n", False),
+        ("script.py", "work(sys.argv)", "work()", True),
+        ("stage.py", "2 * LIMIT", "3 * LIMIT", True),
+        ("stage.py", "return 2 * LIMIT", "text = '''words'''\n    return 2 * LIMIT", True),
+        ("base.py", "ONE = 1", "ONE = 1.0", True),
+        ("part/__init__.py", "", "import os\n", True),
     ],
 )
-def test_words_do_not_change_the_digest(package, name, old, new):
+def test_code_changes_the_digest_however_deep_and_words_do_not(package, name, old, new, counts):
     before = package()
     text = {"script.py": SCRIPT, **FILES}[name]
     assert old in text
-    assert package(name, text.replace(old, new)) == before
-
-
-@pytest.mark.parametrize(
-    ("name", "old", "new"),
-    [
-        ("script.py", "work(sys.argv)", "work()"),
-        ("stage.py", "2 * LIMIT", "3 * LIMIT"),
-        ("stage.py", "return 2 * LIMIT", "text = '''words'''\n    return 2 * LIMIT"),
-        ("base.py", "ONE = 1", "ONE = 1.0"),
-        ("part/__init__.py", "", "import os\n"),
-    ],
-)
-def test_code_changes_the_digest_however_deep(package, name, old, new):
-    before = package()
-    text = {"script.py": SCRIPT, **FILES}[name]
-    assert package(name, text.replace(old, new)) != before
+    assert (package(name, text.replace(old, new)) != before) == counts
 
 
 @pytest.mark.parametrize("name", ["part/page.jinja", "part/data.csv"])
@@ -155,3 +149,58 @@ def test_compiled_functions_use_no_other_module_of_the_package():
                 used = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
                 assert not used & others, (path, node.name)
     assert compiled > 5
+
+
+# versions of libraries
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """Pretends to install a distribution, before others on the path, and returns its folder."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def install(name, version, *requirements):
+        record = tmp_path / f"{name}-{version}.dist-info"
+        record.mkdir()
+        lines = [f"Name: {name}", f"Version: {version}"]
+        lines += [f"Requires-Dist: {requirement}" for requirement in requirements]
+        (record / "METADATA").write_text("\n".join(["Metadata-Version: 2.1", *lines, "", ""]))
+        forget()
+        return record
+
+    yield install
+    forget()
+
+
+def test_versions_are_those_of_a_library_and_all_that_it_requires():
+    found = digest.versions(["pysindy"])
+    assert {"pysindy", "scikit-learn", "scipy", "numpy"} <= set(found)
+    assert all(found[name] == metadata.version(name) for name in set(found) - {"python"})
+    assert found["python"] == f"{sys.version_info.major}.{sys.version_info.minor}"
+    assert not {"matplotlib", "pytest", "snakemake"} & set(found)
+    assert "matplotlib" not in digest.versions(["numpy", "scipy", "numba", "heyoka", "sklearn"])
+
+
+def test_an_upgrade_shows_in_what_requires_it(installed):
+    installed("upper", "1.0", "lower>=1; python_version > '3'", "other; sys_platform == 'nowhere'")
+    installed("lower", "1.1", "other; extra == 'test'")
+    installed("other", "1.2")
+    found = digest.versions(["upper"])
+    del found["python"]
+    assert found == {"lower": "1.1", "upper": "1.0"}
+
+
+def test_every_import_of_the_project_is_found_by_its_distribution(root):
+    files = [*(root / "workflow" / "src").rglob("*.py"), *(root / "workflow/scripts").glob("*.py")]
+    nodes = [node for file in files for node in ast.walk(ast.parse(file.read_text()))]
+    names = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
+    names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
+    tops = {name.partition(".")[0] for name in names} - sys.stdlib_module_names - {"galloping"}
+    assert {"sklearn", "yaml", "numpy"} <= tops
+    provided = metadata.packages_distributions()
+    for name in tops:
+        found = digest.versions([name])
+        assert any(
+            found.get(digest.canonicalize_name(distribution)) == metadata.version(distribution)
+            for distribution in provided[name]
+        ), name
