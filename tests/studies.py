@@ -1,5 +1,6 @@
 """One real run of the smoke study, in copies of the repository, for all tests that look at it."""
 
+import csv
 import fcntl
 import json
 import os
@@ -60,6 +61,11 @@ class Study:
         """The smoke study with further configuration files, options and environment variables."""
         command = ("-m", "snakemake", "--configfile", "config/smoke.yaml", *config, "--cores", "2")
         return run(self.folder, *command, *options, **{"PYTHONPATH": "", **variables})
+
+    def table(self, name: str) -> list[dict[str, str]]:
+        """The rows of a table, as text."""
+        with (self.results / "tables" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
 
     def files(self) -> dict[str, tuple[int, int]]:
         """Size and time of every file, but Snakemake's records and compiled Python."""

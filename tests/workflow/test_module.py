@@ -148,15 +148,6 @@ def test_rules_have_the_users_names(user):
     assert len(rules) >= 9 and all(rule.startswith("galloping_") for rule in rules)
 
 
-def test_a_mistake_in_the_users_settings_is_one_line(user, tmp_path):
-    bad = tmp_path / "bad.yaml"
-    bad.write_text("measurement: {replicates: many}\n")
-    run = user.snakemake("--configfile", str(bad))
-    said = [line for line in run.stdout.splitlines() if not line.startswith("Config ")]
-    assert run.returncode != 0
-    assert len(said) == 1 and said[0].startswith("measurement.replicates: 'many' is text"), said
-
-
 @pytest.fixture(scope="module")
 def host(fresh, tmp_path_factory):
     """Settings of git that make this repository the one at the user's git host."""

@@ -1,6 +1,5 @@
 """The smoke study beside its reference, and what another reference runs again."""
 
-import csv
 import re
 import shutil
 from dataclasses import replace
@@ -10,11 +9,6 @@ import pytest
 import studies
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
-
-
-def table(study, name):
-    with (study.results / "tables" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def test_the_numbers_of_the_reference_come_out_again(study, root, hold_to_reference):
@@ -37,10 +31,10 @@ def test_another_reference_runs_the_comparison_alone_and_shows(edited, hold_to_r
     run = edited.first
     assert run.returncode == 0, run.stdout
     assert "3 of 3 steps (100%) done" in run.stdout  # the comparison, the report, the rule of all
-    summary = {row["table"]: row for row in table(edited, "reference_summary")}
+    summary = {row["table"]: row for row in edited.table("reference_summary")}
     rows = int(summary["efficiency"]["rows_compared"])
     assert int(summary["efficiency"]["values_beyond_tolerance"]) >= rows > 10
-    found = [row for row in table(edited, "reference_differences") if row["table"] == "efficiency"]
+    found = [row for row in edited.table("reference_differences") if row["table"] == "efficiency"]
     found = [row for row in found if row["column"] == "weakest_t"]
     assert {row["verdict"] for row in found} == {"beyond tolerance"} and len(found) == rows
     for row in found:

@@ -1,8 +1,6 @@
 """The smoke study through Snakemake: what it writes, and that it is as it was when run again."""
 
-import csv
 import math
-import re
 
 import pytest
 
@@ -24,18 +22,13 @@ COLUMNS = {
 CASES = {"internal_resonance", "non_resonant"}
 
 
-def table(study, name):
-    with (study.results / "tables" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def test_study_runs_to_the_end(study):
     assert study.first.returncode == 0, study.first.stdout
 
 
 @pytest.mark.parametrize("name", COLUMNS)
 def test_tables_have_the_columns_of_the_contract(study, name):
-    rows = table(study, name)
+    rows = study.table(name)
     assert set(COLUMNS[name].split()) <= set(rows[0])
     if "case" in rows[0]:
         assert {row["case"] for row in rows} == CASES
@@ -44,13 +37,13 @@ def test_tables_have_the_columns_of_the_contract(study, name):
 
 
 def test_models_without_noise_are_exact(study):
-    rows = table(study, "table3_coefficients")
+    rows = study.table("table3_coefficients")
     assert len(rows) == 2 * 14
     assert all(float(row["relative_error_percent"]) < 1e-4 for row in rows)
 
 
 def test_every_cell_has_all_its_replicates(study):
-    rows = table(study, "scores")
+    rows = study.table("scores")
     cells = {}
     for row in rows:
         key = tuple(row[k] for k in ("case", "protocol", "cell", "method"))
@@ -61,7 +54,7 @@ def test_every_cell_has_all_its_replicates(study):
 
 
 def test_claims_are_judged(study):
-    rows = table(study, "claims")
+    rows = study.table("claims")
     verdicts = {row["verdict"] for row in rows}
     assert {"met", "not run"} < verdicts
     for row in rows:
@@ -69,7 +62,7 @@ def test_claims_are_judged(study):
         assert (row["study_value"] == "") == (row["verdict"] == "not run")
     exact = [r for r in rows if r["claim"].startswith("exact") and r["method"] == "stlsq"]
     assert exact and {row["verdict"] for row in exact} == {"met"}
-    papers = table(study, "paper")
+    papers = study.table("paper")
     assert sum("in the same draw" not in row["claim"] for row in papers) == 34
     assert "not judged" not in {row["verdict"] for row in papers}
 
@@ -99,22 +92,14 @@ def test_second_run_has_nothing_to_do(study):
     assert study.files() == before
 
 
-@pytest.mark.parametrize(
-    ("edit", "line"),
-    [
-        ("measurment: {seed: 1}", r"measurment: unknown key; did you mean 'measurement'\?"),
-        (
-            "measurement: {subsets: {points: [30002]}}",
-            r"measurement\.subsets\.points: 30002 is larger than the record \(30001 samples\)",
-        ),
-    ],
-)
-def test_bad_configurations_end_in_one_line_and_write_nothing(fresh, tmp_path, edit, line):
+def test_a_bad_configuration_ends_in_one_line_and_writes_nothing(fresh, tmp_path):
     file = tmp_path / "edit.yaml"
-    file.write_text(f"{edit}\n")
+    file.write_text("measurement: {subsets: {points: [30002]}}\n")
     before = fresh.files()
     run = fresh.snakemake(config=(str(file),))
     assert run.returncode != 0
     assert fresh.files() == before
     said = [text for text in run.stdout.splitlines() if not text.startswith(("Using ", "Config "))]
-    assert len(said) == 1 and re.match(line, said[0]), run.stdout
+    assert said == [
+        "measurement.subsets.points: 30002 is larger than the record (30001 samples)"
+    ], run.stdout
