@@ -82,7 +82,7 @@ def summary_text(
         **(_of_advice(of.advice) if of.advice else {}),
     }  # fmt: skip
     text = _template().render(values)
-    text = re.sub(r"(?<=\S)\n {4,}|(?<=[.:]) {2,}", " ", text)
+    text = re.sub(r"(?<=\S)( *\n {4,})+|(?<=[.:]) {2,}", " ", text)
     text = re.sub(r"^ {4,}| +$", "", text, flags=re.MULTILINE)
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
 
