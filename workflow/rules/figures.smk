@@ -295,14 +295,19 @@ if REDRAWN:
         {"labels": OPEN_LABELS},
         table=table_of("reproduction"),
     )
-for kind, label, table in (
-    (TRUST, "how often each status is right", "fits"),
-    (MODEL_ERROR, "what a recording of a real line gives", MODEL_ERROR),
-    (EXACT_TERMS, "exact terms beside published methods", EXACT_TERMS),
-    (INTERVALS, "intervals after selection beside published ones", INTERVALS),
+for kind, function, label, table in (
+    (TRUST, "draw_trust", "how often each status is right", "fits"),
+    (MODEL_ERROR, "draw_model_error", "what a recording of a real line gives", MODEL_ERROR),
+    (EXACT_TERMS, "draw_published_terms", "exact terms beside published methods", EXACT_TERMS),
+    (
+        INTERVALS,
+        "draw_published_intervals",
+        "intervals after selection beside published ones",
+        INTERVALS,
+    ),
 ):
     if has_trials(kind):
-        FIGURES[kind] = drawn(label, f"verdicts:draw_{kind}", table=table_of(table))
+        FIGURES[kind] = drawn(label, f"verdicts:{function}", table=table_of(table))
 if has_trials(PAPER):
     FIGURES["paper_region"] = drawn(
         "what the paper leaves out", "against_paper:draw_region", samples=SAMPLES, readings=READINGS

@@ -6,8 +6,8 @@ import numpy as np
 
 from galloping.cycles.family import LIBRARY, initial_state, line_family
 from galloping.cycles.prediction import SAMPLES, split
-from galloping.cycles.ranking import DAMPING, Design, derived, ranked
-from galloping.cycles.rows import clearance_rows, measure_rows, places
+from galloping.cycles.ranking import DAMPING, Design, derived, places, ranked
+from galloping.cycles.rows import clearance_rows, measure_rows
 from galloping.cycles.settling import settle
 from galloping.names import OURS
 from galloping.physics.equations import STATES
@@ -30,11 +30,11 @@ def assess_line(
 ):  # fmt: skip
     simulator, distance = Simulator(STATES, LIBRARY), tuple(phase_distance)
     winds = sorted({*winds, design_wind})
-    write_rows(clearance, clearance_rows(case, line, winds, distance, limit, simulator))
     family, start = line_family(line, "wind_speed"), np.array(initial_state(line))
     settled = {wind: settle(simulator, family.model(wind), start) for wind in winds}
-    finite = {wind: motion for wind, motion in settled.items() if motion.kind == "cycle"}
-    write_orbits(orbits, {wind: places(motion) for wind, motion in finite.items()})
+    write_rows(clearance, clearance_rows(case, line, settled, distance, limit))
+    cycles = {wind: motion.states for wind, motion in settled.items() if motion.kind == "cycle"}
+    write_orbits(orbits, {wind: places(states) for wind, states in cycles.items()})
     parts = derived(line)
     draws = np.zeros((0, len(parts.values)))
     for model in read_families(identified).get(OURS, [])[:1]:  # of the first replicate

@@ -7,7 +7,7 @@ from drawing import drawn
 from PIL import Image
 
 from galloping.configuration.load import load, plain
-from galloping.cycles.family import LIBRARY
+from galloping.cycles.family import LIBRARY, line_family
 from galloping.cycles.limit_cycles import circle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, derived, ranked
@@ -22,6 +22,7 @@ from galloping.cycles.rows import (
     simulation_rows,
     steady_truth,
 )
+from galloping.cycles.settling import settle
 from galloping.figures.against_paper import draw_reproduction
 from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
 from galloping.figures.settled_motion import draw_limit_cycles, draw_prediction, draw_resonance_map
@@ -103,7 +104,8 @@ def test_map_and_orbits(case, simulator):
 
 
 def test_clearance_and_measures(case, simulator):
-    rows = clearance_rows("line", case, [12.0], (0.0, 8.0), 3.0, simulator)
+    motion = settle(simulator, line_family(case, "wind_speed").model(12.0), START)
+    rows = clearance_rows("line", case, {12.0: motion}, (0.0, 8.0), 3.0)
     assert [row["what"] for row in rows] == ["Davison", "Toye", "CIGRE 322", "cycle"]
     assert rows[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3) and rows[-1]["kept"]
     design, parts = Design(12.0, START, (0.0, 8.0), 3.0), derived(case)

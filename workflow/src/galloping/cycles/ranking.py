@@ -9,6 +9,7 @@ import numpy as np
 from galloping.cycles.limit_cycles import settled
 from galloping.cycles.prediction import Split, near, split
 from galloping.cycles.settling import settle
+from galloping.identification.model import IdentifiedModel
 from galloping.intervals import of_draws
 from galloping.physics.clearance import clearance
 from galloping.physics.equations import STATES, model
@@ -47,25 +48,12 @@ class Outcome:
     kind: str
 
 
-@dataclass(frozen=True)
-class Exact:
-    """The derived model of a case, as if it had been identified without error."""
-
-    model: object
-    covariance: np.ndarray
-
-    @property
-    def support(self) -> np.ndarray:
-        present = self.model.support.copy()
-        present[:2] = False
-        return present
-
-
 def derived(case: Mapping) -> Split:
     """Structure and wind of a case as derived, at no uncertainty."""
     line = model(coefficients(case))
     damping = {state: case["damping"][name] for state, name in DAMPING}
-    exact = Exact(line, np.eye(int(line.support[2:].sum())))
+    exact = IdentifiedModel(line, "unjudged", known=(0, 1))
+    exact = replace(exact, covariance=np.eye(exact.support.sum()))
     parts = split([exact], [case["wind"]["speed"]], damping)
     return replace(parts, covariance=np.zeros_like(parts.covariance))
 
@@ -157,26 +145,26 @@ def evaluate(
             point = settled(family, design.wind, motion.time, motion.states, resolution=1.0)
     if point is not None:
         orbits = near(map(line.family, scaled), point.solution)
-        places = [_places(orbit.states) for orbit in orbits]
-        centre, half = _places(point.solution.states), point.solution.half_range()
+        centre, half = places(point.solution.states), point.solution.half_range()
     elif np.all(np.isfinite(motion.states)):
-        orbits, places, half = [], [], motion.half_range
-        centre = _places(motion.states[:: max(1, len(motion.states) // 2000)])
+        orbits, half = [], motion.half_range
+        centre = places(motion.states[:: max(1, len(motion.states) // 2000)])
     else:
         return Outcome(measure, critical_wind, nothing, nothing, nothing, motion.kind)
-    distance = _interval(_apart(centre, design), np.array([_apart(p, design) for p in places]))
+    apart = np.array([_apart(places(orbit.states), design) for orbit in orbits])
+    distance = _interval(_apart(centre, design), apart)
     halves = np.array([orbit.half_range() for orbit in orbits]).reshape(-1, len(STATES))
     v, w = (_interval(float(half[k]), halves[:, k]) for k in range(2))
     return Outcome(measure, critical_wind, v, w, distance, motion.kind)
 
 
-def _places(states: np.ndarray) -> np.ndarray:
-    """(n, 2) places (w, v) at mid-span."""
+def places(states: np.ndarray) -> np.ndarray:
+    """(n, 2) places (w, v) at mid-span, of states (n, n_states)."""
     return states[:, [STATES.index("q_w"), STATES.index("q_v")]]
 
 
-def _apart(places: np.ndarray, design: Design) -> float:
-    thinned = places[:: max(1, len(places) // OUTLINE)]
+def _apart(outline: np.ndarray, design: Design) -> float:
+    thinned = outline[:: max(1, len(outline) // OUTLINE)]
     return clearance(thinned, thinned, design.distance).least
 
 

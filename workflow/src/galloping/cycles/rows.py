@@ -16,7 +16,7 @@ from galloping.cycles.family import (
 )
 from galloping.cycles.limit_cycles import Orbit
 from galloping.cycles.prediction import Prediction
-from galloping.cycles.ranking import Design, Outcome
+from galloping.cycles.ranking import Design, Outcome, places
 from galloping.cycles.settling import Settled, settle
 from galloping.physics.clearance import clearance, design_ellipses, envelope
 from galloping.physics.equations import STATES
@@ -216,14 +216,14 @@ def prediction_rows(
 def clearance_rows(
     label: str,
     case: Mapping,
-    winds: Sequence[float],
+    motions: Mapping[float, Settled],
     distance: tuple[float, float],
     limit: float,
-    simulator: Simulator,
 ) -> list[dict]:
     """Room that orbits at mid-span and design ellipses need, and the clearance of two phases.
 
-    distance: (horizontal, vertical) in m of the phases at rest; limit: clearance in m to keep.
+    motions: what the line settles to, by wind speed in m/s. distance: (horizontal, vertical) in m
+    of the phases at rest; limit: clearance in m to keep.
     Columns case, what, wind_m_s, height_m, width_m, below_m, least_clearance_m, limit_m, kept.
     """
     rows = []
@@ -236,17 +236,10 @@ def clearance_rows(
 
     for what, ellipse in design_ellipses(case).items():
         row(what, np.nan, ellipse.outline())
-    family = line_family(case, "wind_speed")
-    for wind in winds:
-        motion = settle(simulator, family.model(wind), initial_state(case))
+    for wind, motion in motions.items():
         if np.all(np.isfinite(motion.states)):
-            row(motion.kind, float(wind), places(motion)[:400])
+            row(motion.kind, float(wind), places(motion.states)[:400])
     return rows
-
-
-def places(motion: Settled) -> np.ndarray:
-    """(n, 2) places (w, v) at mid-span of a settled motion."""
-    return motion.states[:, [STATES.index("q_w"), STATES.index("q_v")]]
 
 
 def measure_rows(label: str, outcomes: Sequence[Outcome], design: Design) -> list[dict]:

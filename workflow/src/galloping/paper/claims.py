@@ -16,7 +16,6 @@ from galloping.intervals import interval
 from galloping.paper.printed import Claim
 
 HELD = ("reproduced", "better", "met")  # verdicts of claims that hold
-VERDICTS = (*HELD, "seldom met", "worse", "not met", "undecided", "not run", "not judged")
 MOST, SELDOM = 1 / 2, 1 / 20  # shares of the draws
 WIDE = 10.0  # an interval whose ends differ by this factor holds nearly any printed error
 

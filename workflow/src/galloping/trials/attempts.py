@@ -15,6 +15,10 @@ from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 
 FAR = 4.0  # standard errors beyond which a coefficient is wrong
+COUNTS = (
+    "false_terms", "above_limit", "off", "off_given_terms", "terms", "terms_found",
+    "holding_given_terms", "holding_unconditional",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -137,43 +141,34 @@ def claims(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
     """
     terms = true.support.copy()
     terms[list(result.known)] = False
+    present = result.support
     row: dict[str, object] = {
         "status": result.status,
-        "exact": bool(np.array_equal(result.support, terms)),
+        "exact": bool(np.array_equal(present, terms)),
         "ok_and_wrong": False,
-        "false_terms": 0,
-        "above_limit": 0,
-        "off": 0,
-        "off_given_terms": 0,
-        "terms": 0,
-        "terms_found": 0,
-        "holding_given_terms": 0,
-        "holding_unconditional": 0,
+        **dict.fromkeys(COUNTS, 0),
         "width_ratio": np.nan,
         "reason": result.reason,
         "path": result.diagnostics.get("path", ""),
     }
     if result.status == "refused":
         return row
+    trusting, errors = result.standard_errors, result.unconditional_errors
     distance = np.abs(result.model.coefficients - true.coefficients)
-    present = result.support
-    absent = terms & ~present
-    row["false_terms"] = int(np.sum(present & ~terms))
-    row["above_limit"] = int(
-        np.sum(np.abs(true.coefficients[absent]) > result.detection_limits[absent])
+    unseen, both = terms & ~present, terms & present
+    counted = (
+        present & ~terms,
+        unseen & (np.abs(true.coefficients) > result.detection_limits),
+        present & (distance > FAR * errors),
+        present & (distance > FAR * trusting),
+        terms,
+        both,
+        both & (distance <= NORMAL_95 * trusting),
+        terms & (distance <= NORMAL_95 * errors),
     )
-    row["off"] = int(np.sum(distance[present] > FAR * result.unconditional_errors[present]))
-    row["off_given_terms"] = int(np.sum(distance[present] > FAR * result.standard_errors[present]))
+    row |= {name: int(which.sum()) for name, which in zip(COUNTS, counted, strict=True)}
     wrong = row["false_terms"] or row["above_limit"] or row["off"]
     row["ok_and_wrong"] = bool(result.status == "ok" and wrong)
-    row["terms"], row["terms_found"] = int(terms.sum()), int(np.sum(terms & present))
-    both = terms & present
-    row["holding_given_terms"] = int(
-        np.sum(distance[both] <= NORMAL_95 * result.standard_errors[both])
-    )
-    row["holding_unconditional"] = int(
-        np.sum(distance[terms] <= NORMAL_95 * result.unconditional_errors[terms])
-    )
-    ratios = (result.unconditional_errors / result.standard_errors)[present]
+    ratios = (errors / trusting)[present]
     row["width_ratio"] = float(np.median(ratios)) if ratios.size else np.nan
     return row

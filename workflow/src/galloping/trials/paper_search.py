@@ -13,6 +13,7 @@ are probable. This is Bayesian optimisation for likelihood-free inference (Gutma
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
+from operator import itemgetter
 
 import cma
 import emcee
@@ -74,7 +75,8 @@ def trial(
     case: name in `unknowns.BY_NAME`. replicates: searches. draws: of the noise at each setting.
     screened: settings at random, beside STARTS in the first search. evaluations: settings that the
     strategy tries. judged: draws of the best setting, which no search saw.
-    Columns variant, replicate, stage, the unknowns, change (of the steady amplitude),
+    Columns variant, replicate, stage, the unknowns, change (of the steady amplitude), height (what
+    is climbed: log_probability, or how far a motion is from steady),
     log_probability (NaN where the motion is excluded), without_amplitudes (the same but for the
     amplitude errors), the logarithm of each cell, and a column for each claim. stage: `screened`,
     `searched`; `draw`, a draw of a setting that was tried, with its value of each claim; `best`,
@@ -90,7 +92,7 @@ def trial(
         tried = [*STARTS[: 0 if replicate else None], *_at_random(variant, screened, rng)]
         rows = [evaluated(variant, values, draws, rng) for values in tried]
         stages = ["screened"] * len(rows)
-        start = max(rows, key=_height)
+        start = max(rows, key=itemgetter("height"))
         strategy = cma.CMAEvolutionStrategy(
             np.log([start[name] for name in NAMES]),
             SPREAD,
@@ -102,7 +104,7 @@ def trial(
                 evaluated(variant, dict(zip(NAMES, np.exp(x), strict=True)), draws, rng)
                 for x in points
             ]
-            strategy.tell(points, [-_height(row) for row in found])
+            strategy.tell(points, [-row["height"] for row in found])
             rows += found
             stages += ["searched"] * len(found)
         for stage, row in zip(stages, rows, strict=True):
@@ -116,16 +118,11 @@ def _best(
     variant: Variant, rows: Sequence[Mapping], draws: int, rng: np.random.Generator
 ) -> dict[str, float]:
     """The best of the highest settings, by draws of its own: the highest was lucky in part."""
-    highest = sorted(rows, key=_height, reverse=True)[:FINALISTS]
+    highest = sorted(rows, key=itemgetter("height"), reverse=True)[:FINALISTS]
     values = [{name: row[name] for name in NAMES} for row in highest]
     again = [evaluated(variant, each, draws, rng, summed=True) for each in values]
-    best = max(range(len(again)), key=lambda k: _height(again[k]))
+    best = max(range(len(again)), key=lambda k: again[k]["height"])
     return evaluated(variant, values[best], draws, rng, summed=True)
-
-
-def _height(row: Mapping) -> float:
-    """What is climbed: the logarithm of the probability, or how far a motion is from steady."""
-    return row["height"]
 
 
 def evaluated(

@@ -161,10 +161,11 @@ def _long_or_steady(seed: int, case: str, replicate: int, level: float) -> Attem
     rng = generator(seed, LONG_AND_STEADY, case, replicate)
     time = time_grid(*LONG.get(case, (DURATION, RATE)))
     simulator = Simulator(STATES, TERMS)
-    if case == "limit cycle, random lines":
-        true, states = _settled_line(rng, simulator, time)
-    elif case == "sensitive lines":
-        true, states = _sensitive_line(rng, simulator, time)
+    if case in CHOSEN:
+        states, drawn = None, lines(rng, simulator, time)
+        while states is None:
+            true, motions = next(drawn)
+            states = CHOSEN[case](simulator, true, motions[0], time)
     else:
         line = default_line()
         true, start = line.model.on_library(TERMS), line.start
@@ -178,26 +179,21 @@ def _long_or_steady(seed: int, case: str, replicate: int, level: float) -> Attem
     return measured(columns, true, time, states)
 
 
-def _settled_line(
-    rng: np.random.Generator, simulator: Simulator, time: np.ndarray
-) -> tuple[PolynomialModel, np.ndarray]:
-    """The first line drawn that has a limit cycle, and its motion there."""
-    for true, motions in lines(rng, simulator, time):
-        settled = settle(simulator, true, motions[0][-1])
-        if settled.kind == "cycle":
-            return true, simulator(true, settled.states[-1], time).states
-    raise AssertionError("lines are drawn without end")
+def _settled(
+    simulator: Simulator, true: PolynomialModel, motion: np.ndarray, time: np.ndarray
+) -> np.ndarray | None:
+    """The motion on the limit cycle of a line, None where it has none."""
+    settled = settle(simulator, true, motion[-1])
+    return simulator(true, settled.states[-1], time).states if settled.kind == "cycle" else None
 
 
-def _sensitive_line(
-    rng: np.random.Generator, simulator: Simulator, time: np.ndarray
-) -> tuple[PolynomialModel, np.ndarray]:
-    """The first line drawn that forgets its start, and its motion."""
-    for true, motions in lines(rng, simulator, time):
-        beside = simulator(true, motions[0][0] + [APART, 0.0, 0.0, 0.0], time).states
-        if np.max(np.abs(beside - motions[0])) > SENSITIVE * APART:
-            return true, motions[0]
-    raise AssertionError("lines are drawn without end")
+def _sensitive(
+    simulator: Simulator, true: PolynomialModel, motion: np.ndarray, time: np.ndarray
+) -> np.ndarray | None:
+    """The motion of a line that forgets its start, None where it does not."""
+    beside = simulator(true, motion[0] + [APART, 0.0, 0.0, 0.0], time).states
+    return motion if np.max(np.abs(beside - motion)) > SENSITIVE * APART else None
 
 
+CHOSEN = {"limit cycle, random lines": _settled, "sensitive lines": _sensitive}  # first of its kind
 of_long_and_steady_motions = trial_of(_long_or_steady)
