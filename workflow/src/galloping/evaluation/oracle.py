@@ -9,8 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from galloping.evaluation.coefficients import ORDERS
-from galloping.evaluation.score import UNKNOWN, Truth, reconstruct, score
+from galloping.evaluation.score import ORDERS, UNKNOWN, Truth, reconstruct, score
 from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.identification.sparse import evidence, frols, stlsq
 from galloping.identification.sparse.evidence import Regressions

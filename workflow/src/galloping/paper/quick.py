@@ -13,8 +13,12 @@ import numba
 import numpy as np
 import pandas as pd
 
-from galloping.evaluation.coefficients import mean_error_by_order, support_scores
-from galloping.evaluation.score import DISPLACEMENT_COLUMNS, UNKNOWN
+from galloping.evaluation.score import (
+    DISPLACEMENT_COLUMNS,
+    UNKNOWN,
+    mean_error_by_order,
+    support_scores,
+)
 from galloping.identification.options import KNOWN
 from galloping.identification.sparse.supports import (
     ebic,
