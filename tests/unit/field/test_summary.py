@@ -1,11 +1,13 @@
 """What a model says of its line, from Python: values with intervals, beside the truth."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import galloping
+from galloping.field.dynamics import Value
 
 START = [0.3, 0.2, 0, 0]
 
@@ -75,3 +77,24 @@ def test_a_refused_model_says_so_and_no_more(recorded):
     assert summary.dynamics is summary.held_out is summary.forecast is summary.advice is None
     with pytest.raises(ValueError, match="no model to forecast with: no luck"):
         galloping.forecast(refused, recorded)
+
+
+DIES, GROWS, UNSURE = (0.01, 0.008, 0.012), (-0.01, -0.012, -0.008), (0.001, -0.002, 0.004)
+
+
+@pytest.mark.parametrize(
+    ("damping", "kind", "said"),
+    [
+        ((GROWS, DIES), "cycle", "**As recorded, the line gallops**: small motions grow, vertical"),
+        ((UNSURE, DIES), "cycle", "**Whether small vertical motions grow or die out is not told**"),
+        ((DIES, DIES), "cycle", "small motions of the line die out, and larger ones go on**"),
+        ((DIES, DIES), "rest", "**As recorded, the line does not gallop**: small motions die out."),
+        (((0, 0, 0), (0, 0, 0)), "cycle", "small motions of the line neither grow nor die out**: "),
+        ((GROWS, GROWS), "diverged", "The model does not tell where the motion ends: in"),
+    ],
+)  # fmt: skip
+def test_whether_a_line_gallops_is_one_line_of_a_summary(summary, damping, kind, said):
+    values = {state: Value(*each) for state, each in zip(("q_v", "q_w"), damping, strict=True)}
+    known = replace(summary.dynamics, damping=values, kind=kind)
+    outcome = str(replace(summary, dynamics=known)).splitlines()[4]
+    assert said in outcome and "  " not in outcome
