@@ -252,7 +252,7 @@ def _helps(of: Summary, reports: Sequence[dict]) -> list[str]:
     for name in of.found.model.inputs:
         if ends := of.found.recorded(name):
             helps.append(f"recordings with {name} below {ends[0]:.3g} or above {ends[1]:.3g}, if "
-                         "the model is to hold there")  # fmt: skip
+                         "the model is to hold there; or a known damping (`--known`)")  # fmt: skip
     return list(dict.fromkeys(helps))
 
 
