@@ -88,7 +88,7 @@ def _mapping_options(command):
             ),
             click.option(
                 "--between", type=click.Choice(["zero", "linear", "cubic"]),
-                help="What inputs are between samples: held, linear, or smooth; cubic.",
+                help="What inputs are between samples: held, linear, or smooth; else cubic.",
             ),
             click.option("--span", type=float, help="m, where columns have positions."),
             click.option("--decimal", help="Decimal mark of text files; else told from them."),
@@ -182,7 +182,7 @@ def _proposal(file, by_column, for_all, time_column, decimal, taken=()):
 @main.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path())
 @_mapping_options
-@click.option("--degree", type=click.IntRange(1, 5), help="Of the highest terms; 3.")
+@click.option("--degree", type=click.IntRange(1, 5), help="Highest degree of the terms; else 3.")
 @click.option(
     "--library", multiple=True, metavar="TERMS",
     help="Candidate terms, such as 'poly(q_v, dq_v; 3) + U*dq_v', or wind: the quasi-static law.",
@@ -201,7 +201,9 @@ def _proposal(file, by_column, for_all, time_column, decimal, taken=()):
               "tells.")  # fmt: skip
 @click.option("--output", type=click.Path(file_okay=False), required=True, help="Folder to write.")
 @click.option("--replace", is_flag=True, help="Write over an earlier model in that folder.")
-@click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws of intervals.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, help="Seed of the draws behind intervals."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result for machines.")
 def identify(
     files, degree, library, method, known, random_force, output, replace, seed, as_json, **mapping
@@ -271,7 +273,11 @@ def _forced(text: str | None, method: str) -> tuple[str, ...] | None:
               help="Write how the columns are read to a new YAML file, for --map.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print the report for machines.")
 def inspect(file, write_map, as_json, **mapping):
-    """What a recording is worth: sampling, gaps, noise, spectrum, problems."""
+    """Tell what a recording is worth.
+
+    Prints how each column is read, sampling, gaps, noise, the frequencies of the motion, and what
+    is odd about the samples. Nothing is computed from them yet.
+    """
     from galloping.field.analysis import read_field
     from galloping.field.wording import report_lines
 
@@ -309,15 +315,20 @@ def _written_map(file, path, mapping) -> bool:
 @click.argument("model", type=click.Path(dir_okay=False))
 @click.argument("file", type=click.Path())
 @_mapping_options
-@click.option("--duration", type=click.FloatRange(0, 1e4, min_open=True), default=30.0, help="s.")
+@click.option("--duration", type=click.FloatRange(0, 1e4, min_open=True), default=30.0,
+              show_default=True, help="Length of the forecast, s.")  # fmt: skip
 @click.option("--window", type=click.FloatRange(0, 1e4, min_open=True),
-              help="s at the end of FILE to start from; else six periods.")  # fmt: skip
+              help="Length of the end of FILE to start from, s; else six periods.")  # fmt: skip
 @at_option
 @inputs_option
-@click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, help="Seed of the draws behind the band."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print rows for machines.")
 def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **mapping):
-    """Forecast with a MODEL where the recording of FILE goes on: CSV with 90 % bands.
+    """Forecast the motion after the end of FILE.
+
+    By a MODEL; prints CSV with a 90 % band for each channel.
 
     FILE may be newer than the recordings of the model; only its end is used. Its columns are read
     as those of "galloping identify". The inputs of a model after that are held, --at U=12, or come

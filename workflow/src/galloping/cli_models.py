@@ -120,13 +120,17 @@ def _simulated(model, state, rate: float, last: int, inputs) -> Iterator[dict]:
 @click.command()
 @click.argument("model", type=click.Path(dir_okay=False))
 @at_option
-@click.option("--seed", type=click.IntRange(0), default=0, help="Of the draws of intervals.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, help="Seed of the draws behind intervals."
+)
 @click.option("--figure", type=click.Path(dir_okay=False), metavar="FILE",
               help="Draw limit cycles and onset along the range, as SVG and PNG.")  # fmt: skip
 @click.option("--csv", "as_csv", is_flag=True, help="Print a table.")
 @click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
 def assess(model, at, seed, figure, as_csv, as_json):
-    """What a MODEL says of its system: rest and its stability, limit cycles, onset.
+    """Tell from which wind on a line gallops, how far.
+
+    From a MODEL: positions of rest and their stability, limit cycles, and the onset.
 
     Inputs are held at what --at says. Along a range of one, such as U=8:16 or U=8:16:0.5, limit
     cycles are followed, the unstable ones as well, and the onset is looked for: where small motions
@@ -162,7 +166,10 @@ def assess(model, at, seed, figure, as_csv, as_json):
 @click.argument("case", type=click.Path(dir_okay=False))
 @click.option("--json", "as_json", is_flag=True, help="Print coefficients for machines.")
 def derive(case, as_json):
-    """Derive the galloping equations of a line from CASE.yaml, a case of the configuration."""
+    """Derive the equations of a line.
+
+    CASE.yaml is a case of the configuration: config/README.md has its keys.
+    """
     from galloping.configuration.load import ConfigurationError, read
     from galloping.stages import derive as derived
 

@@ -91,7 +91,7 @@ class Input(Immutable):
         return [piece for piece in pieces if len(piece[0]) > 1]
 
     def covered(self, time: ArrayLike) -> NDArray[np.bool_]:
-        """(n,) whether each time lies in one of the stretches."""
+        """(n,) whether each time lies in a stretch without a gap."""
         time = np.asarray(time, float)
         inside = np.zeros(time.shape, bool)
         for first, last in self.stretches:

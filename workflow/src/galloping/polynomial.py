@@ -162,7 +162,7 @@ class PolynomialModel(Immutable):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the states and then of the inputs, in the order of a term's exponents."""
+        """Names of the states and then of the inputs, in the order of a term's exponents."""
         return self.states + self.inputs
 
     @property
@@ -181,7 +181,7 @@ class PolynomialModel(Immutable):
     def jacobian(
         self, x: NDArray[np.float64], u: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """How they depend on the states: (n, n_states) -> (n, n_states, n_states)."""
+        """Derivatives of the rates by the states: (n, n_states) -> (n, n_states, n_states)."""
         both = beside(x, u)
         slopes = [
             design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
@@ -200,7 +200,7 @@ class PolynomialModel(Immutable):
         return PolynomialModel(self.states, terms, self.coefficients @ merge, inputs)
 
     def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
-        """The same model written in another library.
+        """This model, written in another library.
 
         Raises ValueError where a term with a non-zero coefficient is missing from `terms`.
         """

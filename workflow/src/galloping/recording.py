@@ -102,7 +102,7 @@ class Recording(Immutable):
 
     @property
     def samples(self) -> int:
-        """How many samples of values and rates there are."""
+        """Number of samples of values and rates."""
         parts = [self.values] if self.rates is None else [self.values, self.rates]
         return sum(int(np.isfinite(part).sum()) for part in parts)
 

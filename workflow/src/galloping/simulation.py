@@ -31,7 +31,9 @@ COMPILATION = {"compact_mode": True, "opt_level": 1}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Immutable):
-    """time: (n,) s. states: (n, n_states), NaN from where the integration ended early.
+    """Motion of a model.
+
+    time: (n,) s. states: (n, n_states), NaN from where the integration ended early.
 
     status: `ok`, or why it ended early.
     """

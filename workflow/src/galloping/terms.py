@@ -72,10 +72,11 @@ Sum = dict[Exponents, float]  # coefficients by term
 def parse(
     texts: str | Sequence[str], states: Sequence[str], inputs: Sequence[str] = ()
 ) -> tuple[tuple[Exponents, ...], NDArray[np.bool_] | None]:
-    """Terms of a library, exponents of states and inputs in this order, and where they may be.
+    """Terms of a library that is written as text, and the equations in which each may be.
 
-    The latter is (n_states, n_terms) boolean, None where every term may be in every equation.
-    Raises ValueError, in one line that names the character, for what is no library.
+    Terms are exponents of the states and then of the inputs. The equations are (n_states, n_terms)
+    boolean, None where every term may be in every equation.
+    Raises ValueError, in one line that names the character, for text that is no library.
     """
     texts = [texts] if isinstance(texts, str) else list(texts)
     allowed: list[dict[Exponents, None]] = [{} for _ in states]

@@ -99,8 +99,10 @@ class Onset(Immutable):
 
 @dataclass(frozen=True, eq=False)
 class Assessment(Immutable):
-    """conditions: at each value. along: the input that has a range, or ''. span: of it. onsets: in
-    its order. notes: what could not be computed.
+    """What a model says at each value of its inputs.
+
+    conditions: one for each value. along: name of the input that has a range, or ''. span: the ends
+    of that range. onsets: in its order. notes: what could not be computed.
     """
 
     conditions: tuple[Condition, ...]

@@ -78,7 +78,7 @@ def zero_of(model: PolynomialModel, start: np.ndarray) -> OptimizeResult:
 
 @dataclass(frozen=True, eq=False)
 class Dynamics(Immutable):
-    """Of a model with coordinates X and velocities dX.
+    """What a model says of its motion: position of rest, frequencies, damping, limit cycle.
 
     rest: m, of each coordinate, the equilibrium that the recorded motion surrounds; empty where
     there is none. frequencies: Hz, damping: ratio to critical, of small motions about it, wind

@@ -40,7 +40,9 @@ MOST_SAMPLES = 4000  # that a start is told from: more say little more of a few 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Forecast(Immutable):
-    """names: of the n_sensed channels, the states first. time: (n,) s. median, low, high:
+    """What the sensors will show.
+
+    names: of the n_sensed channels, the states first. time: (n,) s. median, low, high:
     (n, n_sensed), the 90 % band of what sensors will show. chance: (n_sensed,) share of the samples
     below which a band that is right holds once in a hundred times.
     """
@@ -57,7 +59,7 @@ class Forecast(Immutable):
         return f"Forecast of {', '.join(self.names)} from {first:.6g} to {last:.6g} s"
 
     def widened(self, factors: NDArray[np.float64]) -> Forecast:
-        """With a band so many times as wide, (n_sensed,), about the median."""
+        """The forecast with its band made wider about the median, by (n_sensed,) factors."""
         low, high = (self.median + factors * (end - self.median) for end in (self.low, self.high))
         return replace(self, low=low, high=high)
 

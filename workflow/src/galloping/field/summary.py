@@ -78,7 +78,7 @@ class Summary(Immutable):
 
     @property
     def forecasts(self) -> list[Forecast]:
-        """Of what was held out, as wide as it had to be, and after the recording."""
+        """Forecasts of the end that was held out, its band widened, and of what follows."""
         trial = self.held_out
         useful = trial is not None and trial.useful
         parts = trial.forecast.widened(trial.factors) if useful else None, self.forecast
@@ -91,7 +91,7 @@ class Summary(Immutable):
         return f"Summary of {self.found!r}"
 
     def draw_fit(self) -> Figure:
-        """The model's motion beside the samples; of one that random forces move the spectra.
+        """The model's motion beside the samples; the spectra where the model has random forces.
 
         Needs matplotlib, as `draw_forecast` does.
         """
@@ -119,7 +119,7 @@ def summarise(
     seed: int = 0,
     **options: object,
 ) -> Summary:
-    """All that a model and the recordings it was identified from tell.
+    """What an identified model and its recordings say: numbers, forecasts, text and figures.
 
     method: `maximum_likelihood` or `weak_gls`, by which the model was found: the end of the last
     recording is held out, and forecast by what it finds in the rest. options: further keywords of
@@ -190,9 +190,9 @@ def dynamics(
 ) -> Dynamics | None:
     """Position of rest, natural frequencies, damping and limit cycle, with 95 % intervals.
 
-    Of a model with inputs at their means. recordings: from which the model was identified. seed: of
-    the draws behind the intervals. None where no state is the velocity of another one, or where
-    there is no model. Raises ValueError for other input.
+    Inputs of the model are held at their means. recordings: from which the model was identified.
+    seed: of the draws behind the intervals. None where no state is the velocity of another one, or
+    where there is no model. Raises ValueError for other input.
     """
     given = _checked(found, recordings)
     at = mean_inputs(found.model, given)
@@ -211,15 +211,15 @@ def forecast(
     inputs: Mapping[str, Input | float] = NONE,
     seed: int = 0,
 ) -> Forecast:
-    """Where a recording goes on, with the 90 % band of what its sensors will show.
+    """What the sensors of a recording will show after its end: median and 90 % band.
 
-    recording: as new as one likes; its end is used. time: (n,) s, later than its last sample, on
-    its clock; by default as long as `window`. window: s of its end, to start from; by default six
-    periods of the motion. inputs: those of the model after the recording, by name, measured or
-    constant, where it does not hold them itself. seed: of the draws behind the band. A band is as
-    wide as that of the held-out end had to be, where the model is `found` of a `Summary`. Raises
-    ValueError where there is no model, where it does not follow the recording, where an input is
-    not known, where most draws of it diverge, and for other input.
+    recording: may be newer than those of the model; its end is used. time: (n,) s, later than its
+    last sample, on its clock; by default as long as `window`. window: s of its end, to start from;
+    by default six periods of the motion. inputs: those of the model after the recording, by name,
+    measured or constant, where it does not hold them itself. seed: of the draws behind the band. A
+    band is as wide as that of the held-out end had to be, where the model is `found` of a
+    `Summary`. Raises ValueError where there is no model, where it does not follow the recording,
+    where an input is not known, where most draws of it diverge, and for other input.
     """
     _checked(found, recording)
     if window is None:

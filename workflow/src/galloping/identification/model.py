@@ -128,7 +128,7 @@ class IdentifiedModel(Immutable):
         reason: str,
         inputs: tuple[str, ...] = (),
     ) -> IdentifiedModel:
-        """No model, for `reason`."""
+        """The answer where there is no model: status `refused`, with the reason."""
         nothing = np.full((len(states), len(terms)), np.nan)
         return cls(PolynomialModel(states, terms, nothing, inputs), "refused", reason)
 
@@ -141,7 +141,7 @@ class IdentifiedModel(Immutable):
 
     @property
     def is_forced(self) -> bool:
-        """Whether random forces move it."""
+        """Whether the model has random forces."""
         return bool(np.any(self.forces) or np.any(self.slow_forces))
 
     @property

@@ -48,7 +48,7 @@ class Prior:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
     def of_complexity(self, complexity: NDArray[np.int_]) -> NDArray[np.float64]:
-        """How much dearer than linear terms those of such complexity are, (n,)."""
+        """Price of terms of a given complexity beyond that of linear terms, (n,)."""
         return -2.0 * np.log(self.nonlinear) * complexity
 
 

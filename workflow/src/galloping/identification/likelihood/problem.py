@@ -29,11 +29,11 @@ APART = 1e4
 
 @dataclass(frozen=True)
 class Coefficient:
-    """What is known beforehand of one coefficient.
+    """What is known of one coefficient before any recording.
 
-    state: of whose equation. term: its exponents. mean, deviation: of a Gaussian prior, in the
-    coefficient's unit; with a deviation of zero it has that value. Raises ValueError where they are
-    not finite or the deviation is below zero.
+    state: in whose equation the coefficient stands. term: exponents of its term. mean, deviation:
+    of its Gaussian prior, in the coefficient's unit; a deviation of zero fixes the coefficient.
+    Raises ValueError where they are not finite or the deviation is below zero.
     """
 
     state: str
@@ -106,7 +106,7 @@ class Problem:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the states and then of the inputs, in the order of a term's exponents."""
+        """Names of the states and then of the inputs, in the order of a term's exponents."""
         return self.states + self.inputs
 
     @property

@@ -144,7 +144,7 @@ def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
 
 
 def refused(problem: Problem, reason: str) -> IdentifiedModel:
-    """No model, for `reason`."""
+    """The answer where there is no model: status `refused`, with the reason."""
     return IdentifiedModel.refused(problem.states, problem.terms, reason, problem.inputs)
 
 
