@@ -16,13 +16,14 @@ from galloping.figures.against_paper import draw_claims
 from galloping.figures.each_term import draw_coefficients, draw_identifiability
 from galloping.figures.errors import (
     QUANTITIES,
+    best_of_pysindy,
     draw_draws,
     draw_efficiency,
     draw_methods,
+    draw_overview,
     printed,
 )
 from galloping.figures.histories import draw_histories, draw_recovery
-from galloping.figures.overview import best_of_pysindy, draw_overview
 from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_line
 from galloping.figures.style import METHODS, method_style, styled, write_figure
 from galloping.figures.verdicts import draw_reduction, draw_trust

@@ -6,7 +6,7 @@ import pysindy as ps
 import pytest
 
 from galloping.evaluation.oracle import PATHS, alternatives, oracles
-from galloping.figures.overview import beaten_at
+from galloping.figures.errors import beaten_at
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions, reduce
 from galloping.identification.sparse.regression import FOLDS, Judged, Regression, judge

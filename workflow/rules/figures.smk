@@ -211,7 +211,7 @@ if LINES:
         ),
         "overview": drawn(
             "overview: error against noise, and the bound",
-            "overview:draw_overview",
+            "errors:draw_overview",
             {
                 "case": FIRST,
                 "protocol": sensors.name,

@@ -171,7 +171,7 @@ def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Tra
 def mean_error_by_order(
     true: PolynomialModel, coefficients: np.ndarray, equations: tuple[int, ...]
 ) -> dict[str, float]:
-    """Mean of |c_hat - c| / |c| over true terms of each order in `equations`; inf for no model."""
+    """Mean |c_hat - c| / |c| of the true terms of each order in `equations`; inf for no model."""
     chosen, degree, means = list(equations), np.array([sum(term) for term in true.terms]), {}
     with np.errstate(divide="ignore", invalid="ignore"):
         errors = np.abs(coefficients - true.coefficients) / np.abs(true.coefficients)

@@ -17,7 +17,6 @@ from galloping.figures.style import (
     QUIET,
     SERIES,
     TRUE,
-    method_style,
     protocol_style,
     spoken,
 )
@@ -102,8 +101,7 @@ def draw_coefficients(
     for level, (color, marker) in zip(levels, SERIES, strict=False):
         label = f"noise level {level:g} {settings['unit']}"
         grid[0, 0].plot([], [], ls="", color=color, marker=marker, label=label)
-    by = f"{method_style(settings['method']).label}, protocol {settings['protocol']}"
-    parts.legend(figure, columns=2, title=f"{spoken(settings['case'])}, {by}")
+    parts.legend(figure, columns=2, title=parts.origin(settings))
     return figure
 
 

@@ -110,8 +110,7 @@ def draw_histories(
             grid[2 * k + j].set_ylabel(f"{STATE_LABELS[state]}, m")
     grid[-1].set_xlabel("time, s")
     figure.align_ylabels(grid)
-    by = f"{method_style(settings['method']).label}, protocol {settings['protocol']}"
-    parts.legend(figure, columns=3, title=f"{spoken(settings['case'])}, {by}")
+    parts.legend(figure, columns=3, title=parts.origin(settings))
     return figure
 
 

@@ -163,6 +163,13 @@ class LogAxis:
             axes.axvline(np.sqrt(self._zero * self._positive[0]), color="#bbbbbb", lw=0.6, ls=":")
 
 
+def prepare_log(axes: Axes, limits: tuple[float, float], label: str) -> None:
+    """A logarithmic y axis with plain numbers."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set(ylim=limits, ylabel=label)
+
+
 def r2_place(r2: float | np.ndarray) -> float | np.ndarray:
     """-log10(1 - R2), which spreads the values near one."""
     return -np.log10(1 - np.clip(r2, *R2_LIMITS))
@@ -266,6 +273,12 @@ def dot(
 
 
 # --- methods and legends ---
+
+
+def origin(settings: Mapping) -> str:
+    """Case, method and protocol of the settings, as a title says them."""
+    method = method_style(settings["method"]).label
+    return f"{spoken(settings['case'])}, {method}, protocol {settings['protocol']}"
 
 
 def line_look(method: str) -> dict:

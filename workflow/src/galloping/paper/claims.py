@@ -45,21 +45,9 @@ def judged(claim: Claim, scores: pd.DataFrame) -> dict:
             "share_of_draws": share,
             "draws": len(values),
         }
-    verdict = _of_number(claim, values, low, high) if number else _of_bound(values, share)
-    reason = _why_number if number else _why_bound
-    return {**found, "verdict": verdict, "reason": reason(claim, scores, values, found, verdict)}
-
-
-def _is_undecided(values: np.ndarray) -> bool:
-    return np.mean(np.isfinite(values)) < MOST
-
-
-def _of_number(claim: Claim, values: np.ndarray, low: float, high: float) -> str:
-    if _is_undecided(values):
-        return "undecided"
-    if claim.paper_value > high:
-        return "better"
-    return "reproduced" if claim.paper_value >= low else "worse"
+    judge = _of_number if number else _of_bound
+    verdict, reason = judge(claim, scores, values, found)
+    return {**found, "verdict": verdict, "reason": reason}
 
 
 def verdict_of_share(share: float) -> str:
@@ -69,35 +57,35 @@ def verdict_of_share(share: float) -> str:
     return "seldom met" if share >= SELDOM else "not met"
 
 
-def _of_bound(values: np.ndarray, share: float) -> str:
-    return "undecided" if np.mean(np.isnan(values)) > MOST else verdict_of_share(share)
-
-
-def _why_number(
-    claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict, verdict: str
-) -> str:
-    if verdict == "undecided":
-        return f"only {_percent(np.mean(np.isfinite(values)))} of the draws give a number"
-    if verdict == "better":
-        return f"95 % of the draws err by less than {found['high']:.3g} %, where the paper errs by \
-{claim.paper_value:g} %"
-    if verdict == "worse":
-        return f"95 % of the draws err by more than {found['low']:.3g} %, where the paper errs by \
-{claim.paper_value:g} %"
+def _of_number(
+    claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict
+) -> tuple[str, str]:
+    finite, printed = np.mean(np.isfinite(values)), claim.paper_value
+    if finite < MOST:
+        return "undecided", f"only {_percent(finite)} of the draws give a number"
+    paper = f"where the paper errs by {printed:g} %"
+    if printed > found["high"]:
+        return "better", f"95 % of the draws err by less than {found['high']:.3g} %, {paper}"
+    if printed < found["low"]:
+        return "worse", f"95 % of the draws err by more than {found['low']:.3g} %, {paper}"
     text = f"{_percent(found['share_of_draws'])} of the draws err less than the paper"
     if not found["spread"] < WIDE:
-        text += f", but the draws spread from {found['low']:.2g} to {found['high']:.3g} %: nearly \
-any printed error would lie inside"
-    return text
+        text += (
+            f", but the draws spread from {found['low']:.2g} to {found['high']:.3g} %: nearly any "
+            "printed error would lie inside"
+        )
+    return "reproduced", text
 
 
-def _why_bound(
-    claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict, verdict: str
-) -> str:
-    text = f"{_percent(found['share_of_draws'])} of the draws keep the bound"
+def _of_bound(
+    claim: Claim, scores: pd.DataFrame, values: np.ndarray, found: dict
+) -> tuple[str, str]:
+    kept = found["share_of_draws"]
+    verdict = "undecided" if np.mean(np.isnan(values)) > MOST else verdict_of_share(kept)
+    text = f"{_percent(kept)} of the draws keep the bound"
     missed = ~claim.met(values)
     if not np.any(missed):
-        return text
+        return verdict, text
     others = claim.rows(scores)[missed]
     faults = {
         "lost a true term": others["missing"] > 0,
@@ -108,8 +96,9 @@ def _why_bound(
         f"{_percent(np.mean(which))} {fault}" for fault, which in faults.items() if any(which)
     ]
     if not causes:
-        return f"{text}; the others have exactly the true terms, with coefficients that are off"
-    return f"{text}; of the others {', '.join(causes)}"
+        text += "; the others have exactly the true terms, with coefficients that are off"
+        return verdict, text
+    return verdict, f"{text}; of the others {', '.join(causes)}"
 
 
 def together(claims: Sequence[Claim], scores: pd.DataFrame) -> tuple[float, int] | None:
