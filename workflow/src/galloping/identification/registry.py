@@ -16,9 +16,11 @@ from galloping.measurement.protocols import (
     Protocol,
 )
 
-REGRESSION = "galloping.identification.sparse.evidence:reduce"
-WEAK_FORM = "galloping.identification.sparse.evidence:reduce_weakly"
-START = "galloping.identification.likelihood.methods:start"
+SPARSE = "galloping.identification.sparse"
+LIKELIHOOD = "galloping.identification.likelihood.methods"
+REGRESSION = f"{SPARSE}.evidence:reduce"
+WEAK_FORM = f"{SPARSE}.evidence:reduce_weakly"
+START = f"{LIKELIHOOD}:start"
 
 
 @dataclass(frozen=True)
@@ -38,12 +40,12 @@ class Method:
     """
 
     name: str
-    family: str
-    evidence: str | None
     function: str
     options: type[Section]
-    takes: tuple[str, ...]
-    needs_uniform: bool
+    family: str = "sparse"
+    evidence: str | None = REGRESSION
+    takes: tuple[str, ...] = (DERIVATIVES, ALL_STATES)
+    needs_uniform: bool = False
     given: tuple[str, ...] = ()
     by_default: bool = True
 
@@ -78,79 +80,24 @@ class Method:
 
 
 METHODS = (
+    Method("paper", f"{SPARSE}.stlsq:raw", Paper),
+    Method("stlsq", f"{SPARSE}.stlsq:normalised", Scanned),
+    # no better than frols where it was tried, at twenty times the cost
+    Method("lasso", f"{SPARSE}.lasso:lasso", Thresholded, by_default=False),
+    Method("frols", f"{SPARSE}.frols:frols", NoOptions),
+    Method("ensemble", f"{SPARSE}.stlsq:ensemble", Ensemble, given=("rng",)),
     Method(
-        name="paper",
-        family="sparse",
-        evidence=REGRESSION,
-        function="galloping.identification.sparse.stlsq:raw",
-        options=Paper,
-        takes=(DERIVATIVES, ALL_STATES),
-        needs_uniform=False,
+        "weak", f"{SPARSE}.stlsq:normalised", Scanned,
+        evidence=WEAK_FORM, takes=(ALL_STATES,), needs_uniform=True,
     ),
     Method(
-        name="stlsq",
-        family="sparse",
-        evidence=REGRESSION,
-        function="galloping.identification.sparse.stlsq:normalised",
-        options=Scanned,
-        takes=(DERIVATIVES, ALL_STATES),
-        needs_uniform=False,
+        "weak_gls", f"{LIKELIHOOD}:by_weak_gls", NoOptions,
+        family="likelihood", evidence=START, takes=(ALL_STATES, DISPLACEMENTS_ALONE),
     ),
     Method(
-        name="lasso",
-        family="sparse",
-        evidence=REGRESSION,
-        function="galloping.identification.sparse.lasso:lasso",
-        options=Thresholded,
-        takes=(DERIVATIVES, ALL_STATES),
-        needs_uniform=False,
-        by_default=False,  # no better than frols where it was tried, at twenty times the cost
-    ),
-    Method(
-        name="frols",
-        family="sparse",
-        evidence=REGRESSION,
-        function="galloping.identification.sparse.frols:frols",
-        options=NoOptions,
-        takes=(DERIVATIVES, ALL_STATES),
-        needs_uniform=False,
-    ),
-    Method(
-        name="ensemble",
-        family="sparse",
-        evidence=REGRESSION,
-        function="galloping.identification.sparse.stlsq:ensemble",
-        options=Ensemble,
-        given=("rng",),
-        takes=(DERIVATIVES, ALL_STATES),
-        needs_uniform=False,
-    ),
-    Method(
-        name="weak",
-        family="sparse",
-        evidence=WEAK_FORM,
-        function="galloping.identification.sparse.stlsq:normalised",
-        options=Scanned,
-        takes=(ALL_STATES,),
-        needs_uniform=True,
-    ),
-    Method(
-        name="weak_gls",
-        family="likelihood",
-        evidence=START,
-        function="galloping.identification.likelihood.methods:by_weak_gls",
-        options=NoOptions,
-        takes=(ALL_STATES, DISPLACEMENTS_ALONE),
-        needs_uniform=False,
-    ),
-    Method(
-        name="maximum_likelihood",
-        family="likelihood",
-        evidence=START,
-        function="galloping.identification.likelihood.methods:by_maximum_likelihood",
-        options=NoOptions,
+        "maximum_likelihood", f"{LIKELIHOOD}:by_maximum_likelihood", NoOptions,
+        family="likelihood", evidence=START,
         takes=(DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE, RATES),
-        needs_uniform=False,
     ),
-)
+)  # fmt: skip
 BY_NAME = {method.name: method for method in METHODS}
