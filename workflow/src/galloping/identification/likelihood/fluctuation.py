@@ -16,7 +16,6 @@ from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.weak_constraint import (
     STRETCH_PERIODS,
-    Joint,
     Linear,
     Record,
     StretchFit,
@@ -24,6 +23,7 @@ from galloping.identification.likelihood.weak_constraint import (
     joint,
     jump_covariance,
     linearised,
+    moved,
     white_misfit,
 )
 from galloping.passes import passing
@@ -43,6 +43,22 @@ FLUCTUATING_PASSES, VARIANCE_PASSES = 4, 5  # of the fit, and of the variances i
 # to 0.50 on a line with more modes in the same gusts, of which the terms that are then chosen
 # imitate the modes, and 0.06 or less without gusts.
 EXPLAINED = 0.53
+
+
+def chosen(
+    problem: Problem,
+    information: np.ndarray,
+    right: np.ndarray,
+    support: np.ndarray,
+    penalty: float,
+) -> np.ndarray:
+    """The terms that are worth their penalty, looked for from all and from those before.
+
+    With a term comes what the library has of it with other powers of the inputs: a recording about
+    one mean wind hardly tells them apart, and to leave one out would claim a law for other winds.
+    """
+    tried, about = [np.ones(len(right), bool), support], problem.chosen_about()
+    return problem.alike(select(information, right, tried, penalty, about))
 
 
 def fluctuating(
@@ -65,7 +81,7 @@ def fluctuating(
     divisible = windows.min() >= FLUCTUATION_PARTS and len(windows) <= MOST_DIVIDED
     if not (len(rates) and excess > 0.0 and divisible):
         return None
-    parts, edges = _parts(record)
+    parts, jumping = _parts(record)
     size = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     unit = _units(record, size, rates)
     variance, least = (FIRST_FLUCTUATION * unit) ** 2, (LEAST_FLUCTUATION * unit) ** 2
@@ -80,23 +96,20 @@ def fluctuating(
         starts = np.pad(fine.starts, ((0, 0), (0, len(rates))))
         support, jump = fine.support, fine.jump
         for settling in reversed(range(VARIANCE_PASSES)):
-            precision = _precision(parts, edges, jump, size, variance)
+            precision = _precision(parts, jumping, jump, size, variance)
             solved = joint(parts, _stationary(parts, wider, variance), starts, precision)
             solved = solved.with_prior(record.problem, fine.free)
             right = solved.right + solved.information @ fine.free
             if not settling and 0 < passed < FLUCTUATING_PASSES - 1:
-                tried = [np.ones(len(right), bool), support]
-                about = record.problem.chosen_about()
-                chosen = select(solved.information, right, tried, penalty, about)
-                support = record.problem.alike(chosen)
+                support = chosen(record.problem, solved.information, right, support, penalty)
             free, covariance = solve_support(solved.information, right, support)
             change = free - fine.free
-            moved = solved.response[:, :, :-1] @ change + solved.response[:, :, -1]
-            jump = _jumps(parts, edges, wider, starts, solved, change, moved, size)
-            own = np.diagonal(solved.variance, axis1=1, axis2=2) + moved**2
+            jump = jump_covariance(parts, wider, starts, solved, change, jumping)
+            step = moved(solved, change)
+            own = np.diagonal(solved.variance, axis1=1, axis2=2) + step**2
             variance = np.maximum(own[:, len(size) :].mean(axis=0), least)
         following = StretchFit(
-            fine.free + change, support, fine.starts + moved[:, : len(size)], misfit, jump
+            fine.free + change, support, fine.starts + step[:, : len(size)], misfit, jump
         )
         fine = integrable(parts, fine, following)
     if not fine.support.any():
@@ -120,15 +133,17 @@ def _rate_terms(problem: Problem) -> np.ndarray:
 
 
 def _parts(record: Record) -> tuple[Record, np.ndarray]:
-    """The record in parts of its segments, and whether each is the last of a segment."""
+    """The record in parts of its segments, and those after which it may jump: the last ones of a
+    segment that another one follows.
+    """
     segments = record.segments
     first = np.linspace(
         segments.first[:-1], segments.first[1:], FLUCTUATION_PARTS, endpoint=False, axis=1
     )
     first = np.append(first.round().astype(np.int64), segments.first[-1])
     owner = np.repeat(segments.recording, FLUCTUATION_PARTS)
-    edges = np.arange(len(owner)) % FLUCTUATION_PARTS == FLUCTUATION_PARTS - 1
-    return replace(record, segments=replace(segments, first=first, recording=owner)), edges
+    jumping = FLUCTUATION_PARTS * (record.followed + 1) - 1
+    return replace(record, segments=replace(segments, first=first, recording=owner)), jumping
 
 
 def _units(record: Record, size: np.ndarray, rates: np.ndarray) -> np.ndarray:
@@ -176,33 +191,13 @@ def _stationary(record: Record, linear: Linear, variance: np.ndarray) -> Linear:
 
 
 def _precision(
-    record: Record, edges: np.ndarray, jump: np.ndarray, size: np.ndarray, variance: np.ndarray
+    record: Record, jumping: np.ndarray, jump: np.ndarray, size: np.ndarray, variance: np.ndarray
 ) -> np.ndarray:
-    """Of state and fluctuations from each segment to the next: states jump at `edges` only."""
+    """Of state and fluctuations from each segment to the next: states jump after `jumping` only."""
     n_states, extra = len(size), len(variance)
-    precision = np.zeros((len(edges), n_states + extra, n_states + extra))
-    continuous = record.precision(np.diag((CONTINUOUS * size) ** 2))
-    states = np.where(edges[:, None, None], record.precision(jump), continuous)
+    precision = np.zeros((len(record.size), n_states + extra, n_states + extra))
+    states = record.precision(np.diag((CONTINUOUS * size) ** 2))
+    states[jumping] = record.precision(jump)[jumping]
     precision[:, :n_states, :n_states] = states
     precision[:, n_states:, n_states:] = np.diag(1.0 / ((1.0 - _memory() ** 2) * variance))
     return precision
-
-
-def _jumps(
-    record: Record,
-    edges: np.ndarray,
-    linear: Linear,
-    starts: np.ndarray,
-    solved: Joint,
-    change: np.ndarray,
-    moved: np.ndarray,
-    size: np.ndarray,
-) -> np.ndarray:
-    """Expected covariance of the states' jumps at full motion, given the data."""
-    at = record.followed[edges[record.followed]]
-    own = slice(len(size))
-    by_state = linear.by_state[at]
-    ends = linear.ends[at] + linear.by_coefficients[at] @ change
-    ends += np.einsum("gij,gj->gi", by_state, moved[at])
-    gap = (starts[at + 1] + moved[at + 1] - ends)[:, own]
-    return jump_covariance(record, at, gap, by_state, solved)

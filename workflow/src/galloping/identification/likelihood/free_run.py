@@ -68,11 +68,8 @@ def whole_approximation(
     )  # fmt: skip
     squares = np.add.reduceat((residual**2).sum(axis=2), condensed.first[:-1], axis=0)
     left = np.sqrt((squares + condensed.remainder) / np.maximum(condensed.counts, 1))
-    noise = np.full((len(left), len(problem.states)), np.nan)
-    values = ~condensed.is_rate
-    noise[:, condensed.observed[values]] = np.where(condensed.counts > 0, left, np.nan)[:, values]
     return stated(
-        problem, condensed, segments, made, residual, noise, penalty,
+        problem, condensed, segments, made, residual, left, penalty,
         f"{objection}; over the whole recording it leaves",
     )  # fmt: skip
 

@@ -51,6 +51,15 @@ def further_modes(
     return tuple(found)
 
 
+def in_words(modes: tuple[FurtherMode, ...]) -> str:
+    """Further modes as the end of a reason, '' where there are none."""
+    lines: dict[str, set[str]] = {}
+    for mode in modes:
+        lines.setdefault(mode.state, set()).add(f"{mode.frequency / (2.0 * np.pi):.3g}")
+    parts = [f"{state} at {', '.join(sorted(hz, key=float))} Hz" for state, hz in lines.items()]
+    return f"; besides it there oscillates {', and '.join(parts)}" if parts else ""
+
+
 def _oscillations(
     time: np.ndarray, values: np.ndarray, window: float, lowest: float
 ) -> list[tuple[float, float, float, float]]:

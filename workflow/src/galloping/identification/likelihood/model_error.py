@@ -13,22 +13,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import stdtrit
 
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.fluctuation import fluctuating
-from galloping.identification.likelihood.further_modes import further_modes
+from galloping.identification.likelihood.fluctuation import chosen, fluctuating
+from galloping.identification.likelihood.further_modes import further_modes, in_words
 from galloping.identification.likelihood.plausible import detection_limits
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.selection import added_deviation, select, solve_support
+from galloping.identification.likelihood.selection import added_deviation, solve_support
 from galloping.identification.likelihood.shooting import Segments
 from galloping.identification.likelihood.verdict import by, refused
 from galloping.identification.likelihood.weak_constraint import (
-    Joint,
-    Linear,
     Record,
     StretchFit,
     coloured_misfit,
@@ -40,7 +38,7 @@ from galloping.identification.likelihood.weak_constraint import (
     predictions,
     white_misfit,
 )
-from galloping.identification.model import FurtherMode, IdentifiedModel
+from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
 
@@ -49,8 +47,7 @@ from galloping.passes import passing
 # some recordings keep five terms more, which change no number of interest.
 PENALTIES = (7.0, 25.0)
 WORTH = 0.25  # of a term: fall of the forecast error, in standard errors of the difference
-# Passes: with all terms, in which terms are chosen, and after either with terms that stay.
-WHOLE_PASSES, CHOOSING_PASSES, SETTLING_PASSES = 1, 6, 4
+CHOOSING_PASSES, SETTLING_PASSES = 6, 4  # in which terms are chosen, and in which they stay
 ERROR_CONVERGED = 0.05  # squared length of a step, in standard deviations
 MOST_GROUPS = 12  # of stretches left out together
 # Total variance over that between stretches: what errs alike in all may be as large.
@@ -109,9 +106,7 @@ def approximation(
     noise of the projections and the least to assume. penalty: worth of a term in units of chi^2,
     were the model exact. objection: why no model of the library is right.
     Refused where its forecasts are no better than the mean of the data. Raises FloatingPointError
-    where no model can be integrated over a stretch. The diagnostics are the R2 of the forecasts and
-    the error of each channel as a share of its motion: in all, slow (below half of the frequency at
-    which the channel mostly moves), near it, and fast (above one and a half).
+    where no model can be integrated over a stretch.
     """
     record = Record(problem, condensed, segments, states, floor)
     try:
@@ -120,15 +115,13 @@ def approximation(
         raise FloatingPointError(f"{objection}; {error}") from error
     if not made.skill > 0.0:
         return by(made.path, refused(problem, f"{objection}; what comes near it predicts nothing"))
-    noise = np.full((len(condensed.counts), len(problem.states)), np.nan)
-    inside = np.where(condensed.counts > 0, np.sqrt(condensed.noise_variance), np.nan)
-    noise[:, condensed.observed[~condensed.is_rate]] = inside[:, ~condensed.is_rate]
     if made.fluctuates:
         objection += "; its linear coefficients fluctuate, as in gusts"
     stretch = np.median(np.diff(segments.first)) * condensed.step
     followed = predictions(record, made.free, made.starts)
     return stated(
-        problem, condensed, segments, made, condensed.targets - followed, noise, penalty,
+        problem, condensed, segments, made, condensed.targets - followed,
+        np.sqrt(condensed.noise_variance), penalty,
         f"{objection}; forecasts over {stretch:.2g} s leave",
     )  # fmt: skip
 
@@ -146,14 +139,14 @@ def stated(
     """The approximation as an identified model.
 
     residual: (n_windows, n_observed, n_rows) of its motion, in which further modes are looked for.
-    noise: (n_recordings, n_states). reason: what the shares of the channels that are left end.
+    noise: (n_recordings, n_observed) of a sample. reason: what the shares of the channels that are
+    left end. The diagnostics are the R2 of the forecasts and these shares.
     """
-    shares = error_shares(made, condensed)
-    names = condensed.names(problem.states)
-    named = ", ".join(
-        f"{share:.1%} of {name}" for name, share in zip(names, shares[:, 0], strict=True)
-    )
-    firsts = np.unique(segments.recording, return_index=True)[1]
+    names, values = condensed.names(problem.states), ~condensed.is_rate
+    shares = dict(zip(names, _error_shares(made, condensed), strict=True))
+    left = ", ".join(f"{share:.1%} of {name}" for name, share in shares.items())
+    sigma = np.full((len(noise), len(problem.states)), np.nan)
+    sigma[:, condensed.observed[values]] = np.where(condensed.counts > 0, noise, np.nan)[:, values]
     besides = further_modes(problem.states, condensed, residual)
     noise_power = np.sum(made.forecast[2])
     errors = added_deviation(made.information, made.support)
@@ -164,11 +157,11 @@ def stated(
         detection_limits=problem.on_library(detection_limits(errors, made.support, penalty)),
         covariance=problem.of_model(made.covariance, made.support),
         known=problem.known_equations,
-        initial_states=made.starts[firsts],
-        sigma=noise,
+        initial_states=made.starts[np.unique(segments.recording, return_index=True)[1]],
+        sigma=sigma,
         chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
         status="approximate",
-        reason=f"{reason} {named}" + _in_words(besides),
+        reason=f"{reason} {left}" + in_words(besides),
         further_modes=besides,
         diagnostics={
             "forecast_r2": made.skill,
@@ -176,23 +169,10 @@ def stated(
                 f"noise_{names[o]}": float(np.sqrt(condensed.noise_variance[-1, o]))
                 for o in np.flatnonzero(condensed.is_rate)
             },
-            **{
-                f"error_share_{band}_{name}": float(share)
-                for name, row in zip(names, shares, strict=True)
-                for band, share in zip(("all", "slow", "near", "fast"), row, strict=True)
-            },
+            **{f"error_share_all_{name}": float(share) for name, share in shares.items()},
         },
     )  # fmt: skip
     return by(made.path, found)
-
-
-def _in_words(modes: tuple[FurtherMode, ...]) -> str:
-    """Further modes as the end of a reason, '' where there are none."""
-    lines: dict[str, set[str]] = {}
-    for mode in modes:
-        lines.setdefault(mode.state, set()).add(f"{mode.frequency / (2.0 * np.pi):.3g}")
-    parts = [f"{state} at {', '.join(sorted(hz, key=float))} Hz" for state, hz in lines.items()]
-    return f"; besides it there oscillates {', and '.join(parts)}" if parts else ""
 
 
 def _approximate(
@@ -213,7 +193,7 @@ def _approximate(
     )
     for misfit_of in (coloured_misfit, white_misfit):
         try:
-            whole = _iterate(record, start, misfit_of, WHOLE_PASSES, _as_before)
+            whole = _iterate(record, start, misfit_of)
             made = _of_penalties(record, whole, misfit_of, penalty)
             if max(each.skill for each in made) > 0.0:
                 break
@@ -236,9 +216,8 @@ def _of_penalties(
     made: list[Approximation] = []
     fit = whole
     for times in PENALTIES:
-        choose = partial(_chosen, record.problem, penalty=times * penalty)
         try:
-            fit = _iterate(record, fit, misfit_of, CHOOSING_PASSES, choose, whole.jump)
+            fit = _iterate(record, fit, misfit_of, times * penalty, whole.jump)
             if not fit.support.any():
                 raise FloatingPointError("no term stands out of the noise")
             made.append(replace(_judged(record, fit), path=(f"penalty {times:g}",)))
@@ -284,67 +263,33 @@ def _iterate(
     record: Record,
     fit: StretchFit,
     misfit_of: MisfitOf,
-    choosing: int,
-    choose: Callable[[Joint, np.ndarray, np.ndarray], np.ndarray],
+    penalty: float | None = None,
     largest: np.ndarray | None = None,
 ) -> StretchFit:
-    """Gauss-Newton, with terms chosen and covariances estimated on the way.
-
-    choosing: passes in which terms are chosen, of the normal equations and the terms before.
-    largest: covariance of jumps whose size those of the model may not exceed.
+    """Gauss-Newton, with covariances estimated on the way and, unless `penalty` is None, terms
+    chosen. largest: covariance of jumps whose size those of the model may not exceed.
     """
+    choosing = 1 if penalty is None else CHOOSING_PASSES
     for passed in range(choosing + SETTLING_PASSES):
         passing("approximate in stretches")
         linear = linearised(record, fit)
         solved = joint(record, linear, fit.starts, record.precision(fit.jump))
         solved = solved.with_prior(record.problem, fit.free)
-        right = solved.right + solved.information @ fit.free
-        support = choose(solved, right, fit.support) if passed < choosing else fit.support
+        right, support = solved.right + solved.information @ fit.free, fit.support
+        if penalty is not None and passed < choosing:
+            support = chosen(record.problem, solved.information, right, support, penalty)
         free, _ = solve_support(solved.information, right, support)
         change = free - fit.free
         starts = fit.starts + solved.response[:, :, :-1] @ change + solved.response[:, :, -1]
-        jump = _jump(record, linear, fit.starts, solved)
+        jump = jump_covariance(record, linear, fit.starts, solved, 0.0 * change, record.followed)
         if largest is not None:
-            jump = _no_larger(jump, largest)
-        same = np.array_equal(support, fit.support)
-        misfit = misfit_of(record, linear.residual)
-        following = StretchFit(free, support, starts, misfit, jump)
-        fit = integrable(record, fit, following)
+            share = np.minimum(1.0, np.sqrt(np.diag(largest) / np.diag(jump)))
+            jump = jump * np.outer(share, share)
+        same, misfit = np.array_equal(support, fit.support), misfit_of(record, linear.residual)
+        fit = integrable(record, fit, StretchFit(free, support, starts, misfit, jump))
         if same and passed and change @ solved.information @ change < ERROR_CONVERGED:
             break
     return fit
-
-
-def _jump(record: Record, linear: Linear, starts: np.ndarray, solved: Joint) -> np.ndarray:
-    """Expected covariance of the jumps at full motion, given the data and the coefficients."""
-    at = record.followed
-    moved = solved.response[:, :, -1]
-    by_state = linear.by_state[at]
-    ends = linear.ends[at] + np.einsum("gij,gj->gi", by_state, moved[at])
-    return jump_covariance(record, at, starts[at + 1] + moved[at + 1] - ends, by_state, solved)
-
-
-def _no_larger(jump: np.ndarray, largest: np.ndarray) -> np.ndarray:
-    """A covariance whose standard deviations are at most those of another."""
-    share = np.minimum(1.0, np.sqrt(np.diag(largest) / np.diag(jump)))
-    return jump * np.outer(share, share)
-
-
-def _as_before(solved: Joint, right: np.ndarray, support: np.ndarray) -> np.ndarray:
-    """No term is chosen."""
-    return support
-
-
-def _chosen(
-    problem: Problem, solved: Joint, right: np.ndarray, support: np.ndarray, penalty: float
-) -> np.ndarray:
-    """The terms that are worth their penalty, looked for from all and from those before.
-
-    With a term comes what the library has of it with other powers of the inputs: a recording about
-    one mean wind hardly tells them apart, and to leave one out would claim a law for other winds.
-    """
-    tried, about = [np.ones(len(right), bool), support], problem.chosen_about()
-    return problem.alike(select(solved.information, right, tried, penalty, about))
 
 
 def _judged(record: Record, fit: StretchFit) -> Approximation:
@@ -362,8 +307,9 @@ def _judged(record: Record, fit: StretchFit) -> Approximation:
         solved = solved.with_prior(record.problem, fit.free)
         change, _ = solve_support(solved.information, solved.right, fit.support)
         changes[k] = change[fit.support]
-        own, part = record.part(group)
-        predicted = predictions(part, fit.free + change, record.starts[group])
+        at = slice(group[0], group[-1] + 1)
+        own = slice(segments.first[at.start], segments.first[at.stop])
+        predicted = predictions(record, fit.free + change, record.starts[at], at)
         residual[own] = condensed.targets[own] - predicted
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
@@ -402,23 +348,17 @@ def mean_squares(condensed: Condensed, segments: Segments, residual: np.ndarray)
     return np.array([*squares, noise])
 
 
-def error_shares(approximation: Approximation, condensed: Condensed) -> np.ndarray:
-    """(n_observed, 4): error of the forecasts as a share of the motion, less the noise.
-
-    In all, and of frequencies below half of, around, and above one and a half times that at which
-    the channel mostly moves; of the root mean square of the channel, each recording as it is long.
+def _error_shares(made: Approximation, condensed: Condensed) -> np.ndarray:
+    """(n_observed,) error of the forecasts, less the noise, as a share of the motion, each about
+    its mean over a recording.
     """
-    shares = np.zeros((len(condensed.observed), 4))
-    noise = condensed.noise_variance
-    for o in range(len(condensed.observed)):
-        motion, error = 0.0, np.zeros(4)
-        for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
-            data = np.abs(np.fft.rfft(condensed.targets[a:b, o, 0])[1:]) ** 2
-            left = np.abs(np.fft.rfft(approximation.residual[a:b, o])[1:]) ** 2
-            left = left - noise[r, o] * np.count_nonzero(condensed.targets[a:b, o, 0])
-            place = np.arange(1, len(data) + 1) / (1 + np.argmax(data))
-            bands = [place > 0.0, place < 0.5, (place >= 0.5) & (place <= 1.5), place > 1.5]
-            motion += data.sum()
-            error += [left[band].sum() for band in bands]
-        shares[o] = np.sqrt(np.maximum(error, 0.0) / max(motion, np.finfo(float).tiny))
+    shares = np.zeros(len(condensed.observed))
+    for o in range(len(shares)):
+        motion = error = 0.0
+        for (a, b), noise in zip(pairwise(condensed.first), condensed.noise_variance, strict=True):
+            targets, residual = condensed.targets[a:b, o, 0], made.residual[a:b, o]
+            motion += np.sum(np.abs(np.fft.rfft(targets)[1:]) ** 2)
+            left = np.abs(np.fft.rfft(residual)[1:]) ** 2
+            error += np.sum(left - noise[o] * np.count_nonzero(targets))
+        shares[o] = np.sqrt(max(error, 0.0) / max(motion, np.finfo(float).tiny))
     return shares

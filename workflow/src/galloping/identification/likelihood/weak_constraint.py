@@ -77,20 +77,6 @@ class Record:
         """Of a jump after each segment; jump: its covariance at full motion."""
         return np.linalg.inv(jump) / self.size[:, None, None] ** 2
 
-    def part(self, segments: np.ndarray) -> tuple[slice, Record]:
-        """The windows of consecutive segments, and the record of them alone."""
-        own = slice(self.segments.first[segments[0]], self.segments.first[segments[-1] + 1])
-        first = self.segments.first[segments[0] : segments[-1] + 2] - own.start
-        return own, replace(
-            self,
-            condensed=replace(
-                self.condensed,
-                functionals=self.condensed.functionals[own],
-                inputs=self.condensed.driven(own),
-            ),
-            segments=replace(self.segments, first=first),
-        )
-
 
 @dataclass(frozen=True)
 class Linear:
@@ -158,14 +144,20 @@ def integrable(record: Record, fit: StretchFit, following: StretchFit) -> Stretc
     raise FloatingPointError("no model found that can be integrated over a few periods")
 
 
-def predictions(record: Record, free: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """(n_windows, n_observed, n_rows) projections of the solution, not finite where it diverges."""
-    problem, condensed = record.problem, record.condensed
+def predictions(
+    record: Record, free: np.ndarray, starts: np.ndarray, segments: slice = slice(None)
+) -> np.ndarray:
+    """(n_windows, n_observed, n_rows) projections of the solution over consecutive segments, not
+    finite where it diverges. starts: (n, n_states) of these.
+    """
+    problem, condensed, first = record.problem, record.condensed, record.segments.first
+    begin, end, _ = segments.indices(len(first) - 1)
+    own = slice(first[begin], first[end])
     compiled = system(problem.tables, problem.coefficients(free), problem.candidates[:0])
     with np.errstate(all="ignore"):
         predicted = integrate(
-            compiled, condensed.step, record.segments.first, starts, condensed.functionals,
-            condensed.observed, condensed.driven(slice(None)), sensitive=False,
+            compiled, condensed.step, first[begin : end + 1] - own.start, starts,
+            condensed.functionals[own], condensed.observed, condensed.driven(own), sensitive=False,
         )[0]  # fmt: skip
     return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
 
@@ -320,20 +312,32 @@ def joint(
     return Joint((information + information.T) / 2.0, right, response, variance, covariance)
 
 
+def moved(solved: Joint, change: np.ndarray) -> np.ndarray:
+    """(n_segments, n_states) change of the states with one of the coefficients (n,)."""
+    return solved.response[:, :, :-1] @ change + solved.response[:, :, -1]
+
+
 def jump_covariance(
-    record: Record, at: np.ndarray, gap: np.ndarray, by_state: np.ndarray, solved: Joint
+    record: Record,
+    linear: Linear,
+    starts: np.ndarray,
+    solved: Joint,
+    change: np.ndarray,
+    at: np.ndarray,
 ) -> np.ndarray:
     """(n_states, n_states) expected covariance of the states' jumps at full motion, given the data.
 
-    at: (n,) segments after which the state jumps. gap: (n, n_states) by how much at the solution.
-    by_state: (n, m, m) derivative of what a segment leaves to the next by what it begins with; the
-    states are the first of the m.
+    starts, change: of segments and coefficients, as of `joint` and `moved`. at: (n,) segments after
+    which the state jumps. What a segment begins with may have more entries than the states.
     """
-    n_states = gap.shape[1]
+    n_states, by_state = record.states.shape[1], linear.by_state[at]
+    step = moved(solved, change)
+    ends = linear.ends[at] + linear.by_coefficients[at] @ change
+    ends += np.einsum("gij,gj->gi", by_state, step[at])
+    gap = starts[at + 1] + step[at + 1] - ends
     mixed = by_state @ solved.covariance[at]
     spread = solved.variance[at + 1] + by_state @ solved.variance[at] @ by_state.transpose(0, 2, 1)
-    spread = (spread - mixed - mixed.transpose(0, 2, 1))[:, :n_states, :n_states]
-    squares = gap[:, :, None] * gap[:, None, :] + spread
-    total = np.sum(squares / record.size[at, None, None] ** 2, axis=0) / max(len(at), 1)
+    squares = gap[:, :, None] * gap[:, None, :] + (spread - mixed - mixed.transpose(0, 2, 1))
+    squares = squares[:, :n_states, :n_states] / record.size[at, None, None] ** 2
     floor = np.mean(record.states**2, axis=0) + np.finfo(float).tiny
-    return total + STATE_RIDGE * np.diag(floor)
+    return np.sum(squares, axis=0) / max(len(at), 1) + STATE_RIDGE * np.diag(floor)
