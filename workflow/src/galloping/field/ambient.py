@@ -51,5 +51,5 @@ def strengths(found: IdentifiedModel, of: Dynamics | None) -> str:
         density = forces.density(2.0 * np.pi * frequency)[velocity, velocity]
         if density > 0.0:
             said.append(f"{states[i]} {np.sqrt(2.0 * density):.3g} m/s² per √Hz")
-    slow = f", slow ones that last {1.0 / forces.rate:.2g} s included" if len(forces.places) else ""
-    return ", ".join(said) + slow
+    lasting = ", ".join(f"{1.0 / forces.rates[i]:.2g} s" for i in forces.places)
+    return ", ".join(said) + (f", slow ones that last {lasting} included" if lasting else "")

@@ -83,7 +83,7 @@ class IdentifiedModel(Immutable):
     further_modes: what recordings hold besides an `approximate` model.
     forces: (n_states, n_states) covariance in a second of white forces in the equations, which then
     are dx = f(x) dt + dW; zero where nothing but the start moves the model. slow_forces: the same
-    of what drives forces that decay at the rate `slow_rate` of the diagnostics, 1/s.
+    of what drives forces that decay at rates, 1/s, `slow_rate_dX` of the diagnostics.
     An array that is not given is NaN of its shape. All of them are read-only; models that are equal
     in everything are equal, and have the same hash.
     Raises ValueError for a status that is none of these.

@@ -25,7 +25,7 @@ ROUNDING = 1e-9  # of a log-likelihood
 MOST_STEPS, MOST_DAMPED = 40, 12
 TINY = 0.1  # of the least noise, to which noise beside it may fall
 UNTOLD = 1e-6  # information on a coefficient in its unit, below which the data say nothing of it
-FAINTEST = -200.0  # logarithm of a root of covariance, below which it stays: zero has none
+FAINTEST = -40.0  # logarithm of a root of covariance, below which it stays: zero has none
 FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
 
 
@@ -33,14 +33,15 @@ FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the infor
 class Model:
     """coefficients: (n_candidates,). root: (n_forced, n_forced) lower triangular; root root' is the
     covariance of the white forces in a second. noise: (n_channels,) deviations of a sample. slow:
-    (n_forced,) roots of the same of what drives slow forces, none where there are none; rate: 1/s.
+    (n_forced,) roots of the same of what drives slow forces, none where there are none; rates:
+    (n_forced,) 1/s, of those.
     """
 
     coefficients: np.ndarray
     root: np.ndarray
     noise: np.ndarray
     slow: tuple[float, ...] = ()
-    rate: float = 1.0
+    rates: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -126,10 +127,12 @@ class Question:
         """The filter of a model."""
         problem = self.problem
         white, slow = np.zeros((2, len(self.size), len(self.size)))
+        rates = np.ones(len(self.size))
         white[np.ix_(self.forced, self.forced)] = model.root @ model.root.T
         if model.slow:
             slow[self.forced, self.forced] = np.square(model.slow)
-        forces = Forces(white, slow, model.rate)
+            rates[list(self.forced)] = model.rates
+        forces = Forces(white, slow, rates)
         full = PolynomialModel(
             problem.states, problem.terms, problem.coefficients(model.coefficients)
         )
@@ -201,10 +204,10 @@ class _Parameters:
         lower = model.root[np.tril_indices(len(diagonal), -1)]
         of = np.broadcast_to(diagonal, model.root.shape)[np.tril_indices(len(diagonal), -1)]
         mixed = lower / of if self.correlated else []
-        slow = [np.log([*model.slow, model.rate])] if model.slow else []
+        slow = np.log([*model.slow, *model.rates])
         least = self.question.least_noise
         noise = np.sqrt(np.maximum(model.noise**2 - least**2, (TINY * least) ** 2))
-        return np.concatenate([scaled, np.log(diagonal), mixed, *slow, np.log(noise)])
+        return np.concatenate([scaled, np.log(diagonal), mixed, slow, np.log(noise)])
 
     def model(self, vector: np.ndarray) -> Model:
         k, f, m = (
@@ -220,9 +223,9 @@ class _Parameters:
         if self.correlated:
             root[lower], slow = slow[: len(lower[0])], slow[len(lower[0]) :]
         noise = np.hypot(np.exp(vector[-m:]), self.question.least_noise)
-        *slow, rate = np.exp(np.maximum(slow, FAINTEST)) if len(slow) else (1.0,)
+        slow, rates = np.exp(np.maximum(slow, FAINTEST)).reshape(2, -1)
         root = root * np.exp(np.maximum(vector[k : k + f], FAINTEST))
-        return Model(coefficients, root, noise, tuple(slow), rate)
+        return Model(coefficients, root, noise, tuple(slow), tuple(rates))
 
 
 def fitted(

@@ -162,7 +162,9 @@ def in_random_forces(
     channels = Channels.of(recordings)
     question, start = _begun(problem, recordings, channels, forced)
     penalty = 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in question.data))
-    whole = fitted(question, replace(start, slow=()), question.linear_terms, correlated=True)
+    whole = fitted(
+        question, replace(start, slow=(), rates=()), question.linear_terms, correlated=True
+    )
     left = _left(question, whole, recordings)
     if not left.white and may_be_slow and not set(channels.rates) & set(forced):
         whole = _with_slow_forces(question, start, whole, penalty)  # no sensor reads the force
@@ -221,8 +223,8 @@ def _begun(
         for slow in (None, rate):
             white, driving, noise = strengths(system, forced, sensing, frequencies, power, slow)
             noise = np.maximum(np.sqrt(noise / step), 2.0 * least)
-            slowly = tuple(np.sqrt(driving)) if slow else ()
-            model = Model(free, np.diag(np.sqrt(white)), noise, slowly, slow or 1.0)
+            slowly = tuple(np.sqrt(driving))
+            model = Model(free, np.diag(np.sqrt(white)), noise, slowly, (rate,) * len(slowly))
             with suppress(np.linalg.LinAlgError):
                 found.append((question.filtered(model).log_likelihood, model))
     if not found:
@@ -237,13 +239,14 @@ def _with_slow_forces(question: Question, start: Model, white: Fit, penalty: flo
     if not slow:
         own = np.min(np.abs(np.linalg.eigvals(question.tracker(white.model).system)))
         rate = SLOW * own
-        start = replace(white.model, slow=tuple(rate * np.diag(white.model.root)), rate=rate)
+        slow = tuple(rate * np.diag(white.model.root))
+        start = replace(white.model, slow=slow, rates=(rate,) * len(slow))
     try:
         fit = fitted(question, start, question.linear_terms, correlated=True)
     except (FloatingPointError, np.linalg.LinAlgError):
         return white
     gain = fit.filtered.log_likelihood - white.filtered.log_likelihood
-    return fit if 2.0 * gain > penalty * (len(fit.model.slow) + 1) else white
+    return fit if 2.0 * gain > penalty * 2 * len(fit.model.slow) else white
 
 
 def _are_needed(question: Question, fit: Fit, penalty: float) -> bool:
@@ -359,7 +362,7 @@ def _identified(
         slow_forces=forces.slow,
         diagnostics={
             "duration": float(sum(np.ptp(each.time) for each in recordings)),
-            **({"slow_rate": forces.rate} if len(forces.places) else {}),
+            **{f"slow_rate_{problem.states[i]}": forces.rates[i] for i in forces.places},
             "innovations": left.statistic,
             "innovations_allowed": left.allowed,
             "innovations_told": left.told,

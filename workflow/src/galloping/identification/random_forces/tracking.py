@@ -43,13 +43,13 @@ class Filtered:
 @dataclass(frozen=True)
 class Forces:
     """white: (n_states, n_states) covariance in a second of white forces in the equations. slow:
-    (n_states, n_states) of what drives forces that decay at `rate`, 1/s, as those of gusts do; zero
-    where there are none.
+    (n_states, n_states) of what drives forces that decay at `rates` (n_states,), 1/s, as those of
+    gusts do; zero where there are none.
     """
 
     white: np.ndarray
     slow: np.ndarray
-    rate: float = 1.0
+    rates: np.ndarray
 
     @cached_property
     def places(self) -> np.ndarray:
@@ -59,13 +59,14 @@ class Forces:
     @classmethod
     def of(cls, found: IdentifiedModel) -> Forces:
         """Those of an identified model."""
-        return cls(found.forces, found.slow_forces, found.diagnostics.get("slow_rate", 1.0))
+        rates = [found.diagnostics.get(f"slow_rate_{s}", 1.0) for s in found.model.states]
+        return cls(found.forces, found.slow_forces, np.array(rates))
 
     def density(self, omega: float) -> np.ndarray:
         """(n_states, n_states) two-sided, at a frequency, rad/s: covariance in a second of the
         white forces that move a mode there as much.
         """
-        return self.white + self.slow / (self.rate**2 + omega**2)
+        return self.white + self.slow / (self.rates**2 + omega**2)
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ class Tracker:
         system, white = np.zeros((m, m)), np.zeros((m, m))
         system[:n, :n], white[:n, :n] = self.system, self.forces.white
         system[places, np.arange(n, m)] = 1.0
-        system[n:, n:] = -self.forces.rate * np.eye(m - n)
+        system[n:, n:] = -np.diag(self.forces.rates[places])
         white[n:, n:] = self.forces.slow[np.ix_(places, places)]
         return system, white
 
@@ -130,8 +131,8 @@ class Tracker:
     @property
     def first_covariance(self) -> np.ndarray:
         """(m, m) before anything was measured."""
-        slow = np.diag(self.forces.slow)[self.forces.places] / (2.0 * self.forces.rate)
-        return np.diag(np.append((DIFFUSE * self.size) ** 2, slow))
+        slow = np.diag(self.forces.slow) / (2.0 * self.forces.rates)
+        return np.diag(np.append((DIFFUSE * self.size) ** 2, slow[self.forces.places]))
 
     def over(self, data: Data) -> Filtered:
         """Raises numpy.linalg.LinAlgError where the model cannot be discretised."""
