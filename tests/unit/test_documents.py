@@ -77,6 +77,24 @@ def test_every_number_of_the_readme_has_a_source(claims):
     assert re.findall(r"\S*\d\S*", text) == []
 
 
+def errors_of_models():
+    """The lines of the table of limits, from `make reality`."""
+    found = pd.read_csv(ROOT / "results" / "reference" / "reality" / "model_error.csv")
+    for row in found[found["method"] == "maximum_likelihood"].to_dict("records"):
+        cells = [
+            f"{max(row[f'{what}_{d}_error_percent'] for d in 'vw'):.2g} % "
+            f"({max(row[f'{what}_{d}_worst_percent'] for d in 'vw'):.2g})"
+            for what in ("amplitude", "damping", "frequency")
+        ]
+        held = f"{row['coverage_95_percent']:.0f} %"
+        yield f"| {row['truth']}, {row['sensors']} | {' | '.join(cells)} | {held} |"
+
+
+def test_the_limits_are_those_of_the_reference():
+    lines = (ROOT / "docs" / "trust.md").read_text().splitlines()
+    assert [line for line in errors_of_models() if line not in lines] == []
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page):
     links = re.findall(r"\]\((?!https?:)([^)#]*)(?:#[^)]*)?\)", page.read_text())

@@ -133,8 +133,8 @@ def _cell(row: dict, sign: str, tolerance: float) -> Cell:
     if row["verdict"] in ("not judged", "not run"):
         return Cell(printed, "", row["verdict"], row["reason"])
     if sign or not printed:
-        share = f"{100 * row['share_of_draws']:.0f} % of draws"
-        ours = share if pd.isna(row["median"]) else f"{_number(row['median'])}, {share}"
+        share = f"{100 * row['share_of_draws']:.0f} %"
+        ours = share if pd.isna(row["median"]) else f"{_number(row['median'])} ({share})"
     else:
         low, high = _number(row["low"]), _number(row["high"])
         ours = f"{_number(row['median'])} ({low} to {high})"
