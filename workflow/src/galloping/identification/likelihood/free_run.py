@@ -13,7 +13,6 @@ import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.constants import UNDETERMINED
-from galloping.identification.likelihood.gauss_newton import Fit, guarded_step
 from galloping.identification.likelihood.model_error import (
     SYSTEMATIC,
     Approximation,
@@ -25,12 +24,17 @@ from galloping.identification.likelihood.model_error import (
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import solve_support
 from galloping.identification.likelihood.shooting import Segments, linearise, residuals
+from galloping.identification.likelihood.trajectory_fit import (
+    CONVERGED,
+    MOST_PASSES,
+    Fit,
+    guarded_step,
+)
 from galloping.identification.model import IdentifiedModel
 from galloping.taylor import integrate, system
 
 FORGOTTEN = 0.1  # share of a first state's effect on the motion that is left where it is forgotten
 MOST_PULLS = 40  # stretches of a recording, long enough to be independent of each other
-MOST_STEPS, CONVERGED = 20, 0.01  # squared length of the last, in standard deviations
 
 
 def whole_approximation(
@@ -98,7 +102,7 @@ def free_runs(
         if not forgets_start(problem, condensed, each, fit):
             return None
         previous = fit
-        for _ in range(MOST_STEPS):
+        for _ in range(MOST_PASSES):
             step = guarded_step(problem, condensed, each, previous, fit, None, None)
             previous, fit = step.before, step.fit
             if step.decrement < CONVERGED:

@@ -9,6 +9,7 @@ residuals, unknown forces in how badly the segments of the recording join up
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtri
@@ -31,6 +32,9 @@ from galloping.identification.likelihood.shooting import (
     residuals,
 )
 from galloping.polynomial import velocity_pairs
+
+if TYPE_CHECKING:
+    from galloping.identification.likelihood.trajectory_fit import Fit
 
 # Faults of the instrument.
 # Probability that a recording without any fault is accused of one.
@@ -72,19 +76,16 @@ def faults(
     problem: Problem,
     condensed: Condensed,
     segments: Segments,
-    sigma: np.ndarray,
-    free: np.ndarray,
-    support: np.ndarray,
-    starts: np.ndarray,
+    fit: Fit,
     penalty: float,
 ) -> list[Fault]:
     """The faults that the data show, the clearest first; none where the recording is sound.
 
-    condensed, segments, sigma, free, starts: of a converged fit, as in `shooting.linearise`, the
-    segments in their chains. support: (n_candidates,) terms of the model. penalty: worth of a
-    term in units of chi^2. A sound recording is accused with probability FALSE_FAULT_RATE.
-    Raises FloatingPointError where the model diverges.
+    segments: of a converged fit, in their chains. penalty: 2 ln N of N samples. A sound recording
+    is accused with probability FALSE_FAULT_RATE. Raises FloatingPointError where the model
+    diverges.
     """
+    sigma, free, support, starts = fit.sigma, fit.free, fit.support, fit.starts
     residual, _ = residuals(problem, condensed, segments, free, starts)
     rates = _rates(problem, condensed, segments, free, starts)
     wider, with_slopes, late = _delayed_inputs(problem, condensed, free)

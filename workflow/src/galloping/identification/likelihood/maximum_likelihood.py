@@ -12,18 +12,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.derivative_fit import derivative_fit
-from galloping.identification.likelihood.free_fit import FreeFit, free_fit, prepare, window_states
 from galloping.identification.likelihood.free_run import (
     forgets_start,
     free_runs,
     whole_approximation,
 )
-from galloping.identification.likelihood.gauss_newton import DIVERGES, Fit
 from galloping.identification.likelihood.inputs import check_question, checked_recordings, driven
-from galloping.identification.likelihood.instrument import FORCES, Fault, faults
-from galloping.identification.likelihood.joined_fit import JoinedFit, join, unseen_mixtures
+from galloping.identification.likelihood.instrument import FORCES, faults
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.prior import Prior, costs
 from galloping.identification.likelihood.problem import Coefficient, Problem, posed
@@ -37,6 +33,16 @@ from galloping.identification.likelihood.starts import (
     starts_of_terms,
     with_constants,
     without_constants,
+)
+from galloping.identification.likelihood.trajectory_fit import (
+    DIVERGES,
+    FreeFit,
+    JoinedFit,
+    free_fit,
+    join,
+    prepare,
+    unseen_mixtures,
+    window_states,
 )
 from galloping.identification.likelihood.verdict import (
     Regression,
@@ -203,7 +209,7 @@ def _followed(problem: Problem, recordings: list[Recording], begun: Start) -> Id
     sigma, noise = _noise(problem, joined, remaining)
     doubt = MANY_ALIKE
     if joined.settled:  # else what it leaves in the residuals is that it is not the best fit
-        causes = _causes(problem, condensed, step.segments, fit, penalty)
+        causes = faults(problem, condensed, step.segments, fit, penalty)
         objection = shown.objection(condensed.names(problem.states))
         objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
         if objection:
@@ -278,30 +284,16 @@ def _with_coloured_noise(
 
 def _causes_of_none(problem: Problem, free: FreeFit, penalty: float) -> list[str]:
     """What may be why no model follows the whole recording."""
-    condensed, segments, fit = free.condensed, free.segments, free.step.fit
+    shown = faults(problem, free.condensed, free.segments, free.step.fit, penalty)
+    if free.is_close:
+        named = [fault.cause for fault in shown[:1]]
+        # a small fault does not keep the pieces from joining
+        return (
+            named if FORCES in named else [*named, f"followed in pieces, not as a whole: {FORCES}"]
+        )
     # where nothing follows the data, a fault must explain most of what is left
-    least = 0.0 if free.is_close else float(np.sum(condensed.rows)) / 2
-    named = [
-        fault.cause for fault in _causes(problem, condensed, segments, fit, penalty, least)[:1]
-    ]
-    if free.is_close and FORCES not in named:  # a small fault does not keep the pieces from joining
-        named.append(f"followed in pieces, not as a whole: {FORCES}")
-    return named
-
-
-def _causes(
-    problem: Problem,
-    condensed: Condensed,
-    segments: Segments,
-    fit: Fit,
-    penalty: float,
-    least: float = 0.0,
-) -> list[Fault]:
-    """The faults of the recording that explain `least` of chi^2, the clearest first."""
-    shown = faults(
-        problem, condensed, segments, fit.sigma, fit.free, fit.support, fit.starts, penalty
-    )
-    return [fault for fault in shown if fault.z**2 >= least]
+    least = float(np.sum(free.condensed.rows)) / 2
+    return [fault.cause for fault in shown[:1] if fault.z**2 >= least]
 
 
 def _remaining(problem: Problem, begun: Start, joined: JoinedFit) -> tuple[np.ndarray, Residue]:

@@ -19,10 +19,9 @@ CHANCE = 0.1
 # 40 to others: with 3, 43, 36, 48 and 26 are `ok`, of the last 2 wrong and else none; with 5, 43,
 # 42, 50 and 26, 1 wrong; were the prior always heard 44, 48, 51 and 29, 3 wrong.
 CLEARLY = 5.0
-# Rate at which an absent term of the size of its stated limit would not have been selected.
+# Rate at which an absent term of the size of its stated limit would not have been selected, and
+# share of the plausible supports that may put a coefficient beyond four unconditional errors.
 MISS_RATE = 0.01
-# Share of the plausible supports that may put a coefficient beyond four unconditional errors.
-TAIL = 0.01
 # How many supports are weighed, and of how many beside the selected one all small changes are
 # looked at. Measured: with 60 in place of 150, 1 % of the intervals fail that hold with 150.
 CHANGES = 150
@@ -131,7 +130,7 @@ def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndar
 
     Of a term found: over all plausible supports. Of an absent one: over those that have it, or,
     where none has, its `deviation` (n,) were it alone added. It is the root mean square distance,
-    or more where the distance has a heavy tail: four of it hold all but a share of TAIL.
+    or more where the distance has a heavy tail: four of it hold all but a share of MISS_RATE.
     """
     selected = plausible.supports[0]
     distance = np.abs(plausible.coefficients - plausible.coefficients[0])
@@ -140,7 +139,7 @@ def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndar
     mean = np.sqrt(np.sum(weight * (plausible.variances + distance**2), axis=0))
     edge = distance + 2.0 * np.sqrt(plausible.variances)
     order = np.argsort(edge, axis=0, kind="stable")
-    reached = np.cumsum(np.take_along_axis(weight, order, 0), axis=0) >= 1.0 - TAIL
+    reached = np.cumsum(np.take_along_axis(weight, order, 0), axis=0) >= 1.0 - MISS_RATE
     tail = np.take_along_axis(edge, order, 0)[np.argmax(reached, axis=0), np.arange(len(selected))]
     error = np.maximum(mean, tail / 4.0)
     return np.where(selected, error, np.fmax(error, deviation))

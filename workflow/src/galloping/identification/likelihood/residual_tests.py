@@ -5,23 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import Condensed
 
 # Residuals. Rate at which white noise raises an objection by the highest of all its spectral
 # lines, and the number of standard deviations for the tests by a sum: the same rate, rounded up.
 RESIDUAL_RATE = 1e-6
-SPREADS = 5.0
+SPREADS = np.ceil(-ndtri(RESIDUAL_RATE))
 # Bins on each side of a spectral line that its height is measured against: their mean has a
 # relative spread of a fifth.
 NEIGHBOURS = 15
 # chi^2 per degree of freedom from which noise is said to be correlated over a few samples: a model
-# error that large is refused by its own spectrum.
-COLOURED = 2.0
-# How many times the power of the noise between the motion's frequencies may rise at them; intervals
-# widen by its root. Noise correlated over a period, which cannot be told from the motion, has more.
+# error that large is refused by its own spectrum. As many times the power of the noise between the
+# motion's frequencies may rise at them; intervals widen by its root. Noise correlated over a
+# period, which cannot be told from the motion, has more.
 MOST_COLOUR = 2.0
-# Residuals relative to a channel below which they are truncation (1e-7) and rounding.
+# Residuals and noise relative to a channel below which they are truncation (1e-7) and rounding.
 ROUNDING = 1e-5
 
 
@@ -54,7 +54,7 @@ class Residue:
     @property
     def coloured(self) -> bool:
         """Whether the noise is correlated over a few samples, more than a model error explains."""
-        return not self.noise_known and self.chi2 > max(COLOURED, self.chi2_allowed)
+        return not self.noise_known and self.chi2 > max(MOST_COLOUR, self.chi2_allowed)
 
     def objection(self, channels: list[str]) -> str:
         """Why the fit must not be trusted, in one line, '' where it may.
@@ -73,7 +73,7 @@ class Residue:
         if self.band > (MOST_COLOUR if self.coloured else self.band_allowed):
             other = "noise correlated over a period, or " if self.coloured else ""
             return f"{other}model inadequate: {misfit}"
-        if self.noise_known and self.chi2 > max(COLOURED, self.chi2_allowed):
+        if self.noise_known and self.chi2 > max(MOST_COLOUR, self.chi2_allowed):
             return f"model inadequate, or noise larger than it was said to be: {misfit}"
         return ""
 
