@@ -196,7 +196,7 @@ def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
             parts.band(axes, x, low, high, "95 % interval", ec=EDGE, lw=0.4)
         unit = units.get(of.along, "")
         axes.set(xlabel=f"{of.along}, {unit}" if unit else of.along, xlim=of.span,
-                 ylabel=_with_unit(state))  # fmt: skip
+                 ylabel=f"half range of {_with_unit(state)}")  # fmt: skip
         axes.set_ylim(bottom=0.0)
     parts.legend(figure)
     return figure
