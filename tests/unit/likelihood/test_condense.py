@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from galloping.identification.likelihood.condense import condense
-from galloping.identification.likelihood.constants import ROWS
+from galloping.identification.likelihood.condense import ROWS, condense
 from galloping.taylor import ORDER
 
 

@@ -14,8 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from galloping.identification.likelihood.constants import ROWS
 from galloping.taylor import ORDER
+
+# Projections. Three a window hold all that samples tell of a motion that turns by a twelfth of a
+# period in it; Taylor series of `taylor.ORDER` are then good to TRUNCATION.
+WINDOWS_PER_PERIOD, ROWS = 12, 3
 
 
 @dataclass(frozen=True)

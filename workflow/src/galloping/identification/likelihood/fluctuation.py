@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.likelihood.constants import WINDOWS_PER_PERIOD
+from galloping.identification.likelihood.condense import WINDOWS_PER_PERIOD
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.weak_constraint import (

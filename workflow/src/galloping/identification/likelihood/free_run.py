@@ -12,7 +12,6 @@ from itertools import pairwise
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.constants import UNDETERMINED
 from galloping.identification.likelihood.model_error import (
     SYSTEMATIC,
     Approximation,
@@ -23,7 +22,12 @@ from galloping.identification.likelihood.model_error import (
 )
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import solve_support
-from galloping.identification.likelihood.shooting import Segments, linearise, residuals
+from galloping.identification.likelihood.shooting import (
+    UNDETERMINED,
+    Segments,
+    linearise,
+    residuals,
+)
 from galloping.identification.likelihood.trajectory_fit import (
     CONVERGED,
     MOST_PASSES,

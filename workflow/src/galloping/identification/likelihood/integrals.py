@@ -12,9 +12,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial.legendre import legfit, legval
 
-from galloping.identification.likelihood.constants import ABOVE_NOISE, DRIFT_DEGREE, LEAST_SAMPLES
+from galloping.identification.likelihood.smoothing import ABOVE_NOISE, LEAST_SAMPLES
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
+
+# Channels that measure a rate. A bias and a slow drift are a cubic over the recording.
+DRIFT_DEGREE = 3
 
 # Displacements by integration. Below a share of the slowest frequency that matters they are taken
 # out, steeply: white noise of accelerations grows as the square of the period in them.

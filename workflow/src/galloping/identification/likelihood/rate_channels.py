@@ -13,8 +13,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import legvander
 
-from galloping.identification.likelihood.constants import DRIFT_DEGREE
-from galloping.identification.likelihood.integrals import undisplaced
+from galloping.identification.likelihood.integrals import DRIFT_DEGREE, undisplaced
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.weak_gls import Start
 from galloping.identification.model import Unusable

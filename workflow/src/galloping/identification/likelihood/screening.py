@@ -9,8 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.likelihood.constants import GRID_PER_PERIOD
-from galloping.identification.likelihood.smoothing import Smooth, smooth
+from galloping.identification.likelihood.smoothing import GRID_PER_PERIOD, Smooth, smooth
 from galloping.identification.model import Unusable
 from galloping.recording import Recording
 

@@ -16,14 +16,17 @@ from itertools import pairwise
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.constants import (
-    BATCH,
-    GROWTH,
-    HUGE,
-    UNDETERMINED,
-)
 from galloping.identification.likelihood.problem import Problem
 from galloping.taylor import integrate, system
+
+HUGE = 1e30  # of a state or a derivative, from which a solution counts as diverged
+BATCH = 8  # segments integrated together: what they need is held at once, in the cache
+MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
+# Segments and chains.
+UNDETERMINED = 3e-7  # relative singular value below which a direction of a state is not solved for
+# A chain of growth G gives an information matrix of condition G^2 or more: with rounding of
+# 1e-16, what it says about a term is known better than IMITATED where G^2 < IMITATED / 1e-16.
+GROWTH = 2e3
 
 
 @dataclass(frozen=True)

@@ -16,24 +16,25 @@ from numba import njit
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
-from galloping.identification.likelihood.constants import (
-    ABOVE_NOISE,
-    EDGE,
-    GAP,
-    GRID_PER_PERIOD,
-    LEAST_KNOTS_PER_PERIOD,
-    LEAST_SAMPLES,
-    MOST_KNOTS_PER_PERIOD,
-    ROUGHNESS,
-    SAMPLES_PER_KNOT,
-    SPECTRUM_SAMPLES,
-    SPLINE_ACCURACY,
-    SPLINE_DEGREE,
-)
 from galloping.identification.model import Unusable
 from galloping.inputs import at_times
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
+
+# Smooth curves. Quintic splines: their derivatives, which the weak form's errors need, are cubic.
+SPLINE_DEGREE = 5
+# Knots a period: five carry a sine to 2.5e-4 of its size, twelve its third harmonic to 1.4e-3.
+LEAST_KNOTS_PER_PERIOD, MOST_KNOTS_PER_PERIOD = 5, 12
+SAMPLES_PER_KNOT = 3  # so that the noise can be told from the curve
+ABOVE_NOISE = 20.0  # times the median of a spectrum: what counts as signal
+LEAST_SAMPLES = 8  # of a channel: fewer carry no curve and no noise
+GRID_PER_PERIOD = 24  # eight points to the third harmonic
+SPECTRUM_SAMPLES = 2**15  # whose spectrum is taken at once: longer ones have more to resolve
+GAP = 0.4  # periods from the nearest sample beyond which a curve is not believed: half a swing
+EDGE = 0.5  # periods beside a gap in which a curve ends badly
+SPLINE_ACCURACY = 3e-4  # of a curve with the fewest knots, relative to its size: see above
+# Weight of the squared highest derivative against the samples': closes gaps, moves no curve.
+ROUGHNESS = 5e-4
 
 
 def _basis_polynomials() -> np.ndarray:

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from galloping.identification.likelihood.condense import Condensed, condense
-from galloping.identification.likelihood.constants import MOST_HALVINGS, WINDOWS_PER_PERIOD
+from galloping.identification.likelihood.condense import WINDOWS_PER_PERIOD, Condensed, condense
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.rate_channels import (
     channel_noise,
@@ -23,6 +22,7 @@ from galloping.identification.likelihood.rate_channels import (
 from galloping.identification.likelihood.residual_tests import ROUNDING
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import (
+    MOST_HALVINGS,
     Segments,
     chained,
     cut,

@@ -16,9 +16,8 @@ from scipy.interpolate import BSpline
 from scipy.linalg import solve_triangular
 
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.constants import HUGE, MOST_HALVINGS
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.shooting import Segments
+from galloping.identification.likelihood.shooting import HUGE, MOST_HALVINGS, Segments
 from galloping.taylor import integrate, system
 
 # Periods of a stretch. Measured: with 3 to 6 a model's error hides in the jumps, and amplitudes are

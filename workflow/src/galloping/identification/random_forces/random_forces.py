@@ -14,14 +14,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from galloping.identification.likelihood.constants import MOST_MISFIT
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.plausible import detection_limits
 from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told
 from galloping.identification.likelihood.selection import added_deviation
 from galloping.identification.likelihood.verdict import by, refused
-from galloping.identification.likelihood.weak_gls import Start, prepared
+from galloping.identification.likelihood.weak_gls import MOST_MISFIT, Start, prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.discrete import Steps
