@@ -101,6 +101,7 @@ def test_byte_order_mark_and_formulas_are_harmless(tmp_path):
         ),
         ({"speed": 3}, "speed: 3: there is no such key"),
         ({"decimal": ";"}, "decimal: ';': must be"),
+        ({"random_force": ["z"]}, "random_force: 'z'; must be all, or among"),
     ],
 )
 def test_a_bad_mapping_is_refused_by_name(change, message):

@@ -228,7 +228,7 @@ def identify(
     from galloping.field.wording import TECHNICAL
     from galloping.storage import replacing_folder
 
-    forced = _forced(random_force, method)
+    forced = () if random_force is None else tuple(map(str.strip, random_force.split(",")))
     question = Question(degree or 3, method, known, seed, library, forced)
     columns = _mapping(files, **mapping)
     if degree and (library or columns.library):
@@ -254,16 +254,6 @@ def identify(
         click.echo(f"{told}Written to {output}: summary.md also holds the technical part")
     if identified.status == "refused":
         raise SystemExit(REFUSED)
-
-
-def _forced(text: str | None, method: str) -> tuple[str, ...] | None:
-    """Names of coordinates, none for all, of an option; None where it was not given."""
-    if text is None:
-        return None
-    if method != "maximum_likelihood":
-        raise ValueError(f"--random-force: {method} knows no random forces")
-    names = [name.strip() for name in text.split(",")]
-    return () if names == ["all"] else tuple(names)
 
 
 @main.command()

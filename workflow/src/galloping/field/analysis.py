@@ -112,8 +112,9 @@ class Question:
 
     degree: of the polynomial library of states and inputs, where neither `library` nor the mapping
     says another. method: a name of METHODS. library, known: texts, as in `terms`; those of the
-    mapping are known besides. seed: of the draws of intervals and forecasts. forced: as of
-    `maximum_likelihood`.
+    mapping are known besides. seed: of the draws of intervals and forecasts. random_force: names of
+    what random forces move, or all; where there are none those of the mapping count, else the
+    motion tells.
     """
 
     degree: int = 3
@@ -121,7 +122,7 @@ class Question:
     known: tuple[str, ...] = ()
     seed: int = 0
     library: tuple[str, ...] = ()
-    forced: tuple[str, ...] | None = None
+    random_force: tuple[str, ...] = ()
 
     def terms(self, mapping: ColumnMapping) -> tuple[tuple[Exponents, ...], np.ndarray | None]:
         """The library, and in which equations its terms may be, as of `terms.parse`.
@@ -157,7 +158,11 @@ def analyse(
     texts = (*mapping.known, *question.known)
     known, known_states, single = known_model(texts, mapping.states, terms, inputs)
     method, given = imported(METHODS[question.method]), field.recordings
-    options: dict[str, object] = {} if question.forced is None else {"forced": question.forced}
+    options: dict[str, object] = {}
+    if forced := question.random_force or mapping.random_force:
+        if question.method != "maximum_likelihood":
+            raise ValueError(f"random force: {question.method} knows no random forces")
+        options["forced"] = () if forced == ("all",) else forced
     if single:
         options["coefficients"] = [
             Coefficient(one.state, term, mean, one.deviation or 0.0)

@@ -105,7 +105,7 @@ class ColumnMapping(_Section):
 
     states: of the system; a state named dX is the rate of X. inputs: what else drives it. span: m,
     where channels have positions. decimal: the decimal mark of text files, by default what their
-    rows tell. library, known: as the command's options of these names.
+    rows tell. library, known, random_force: as the command's options of these names.
     """
 
     time: TimeColumn
@@ -114,6 +114,7 @@ class ColumnMapping(_Section):
     inputs: tuple[InputColumn, ...] = ()
     library: Texts = ()
     known: Texts = ()
+    random_force: Texts = ()
     span: float | None = Field(default=None, gt=0)
     decimal: Literal[".", ","] | None = None
 
@@ -161,6 +162,11 @@ class ColumnMapping(_Section):
             parse(self.library, self.states, inputs)
         for text in self.known:
             parse_known(text, self.states, inputs)
+        for name in self.random_force:
+            if name not in self.states and self.random_force != ("all",):
+                raise ValueError(
+                    f"random_force: {name!r}; must be all, or among {', '.join(self.states)}"
+                )
         return self
 
     @property
