@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 
 from galloping.configuration.load import load, plain
+from galloping.measurement.measuring import Motion
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
 from galloping.simulation import Simulator, time_grid
@@ -24,3 +25,9 @@ def simulate(name):
     trajectory = Simulator(line.states, line.terms)(line, start, time_grid(300, 100))
     assert trajectory.status == "ok"
     return line, trajectory
+
+
+def moved(line, trajectory, factor=1.0):
+    """The motion of a model on a trajectory, which may be scaled."""
+    states = factor * trajectory.states
+    return Motion(line.states, trajectory.time, states, line(states))

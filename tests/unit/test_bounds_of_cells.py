@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from lines import simulate
+from lines import moved, simulate
 
 from galloping.bounds.information import Experiment, state_bound
 from galloping.bounds.recordings import (
@@ -16,7 +16,7 @@ from galloping.bounds.recordings import (
     ranked_releases,
 )
 from galloping.intervals import IDENTIFIABLE
-from galloping.measurement.measuring import Motion, channel_scale
+from galloping.measurement.measuring import channel_scale
 from galloping.measurement.protocols import BY_NAME, Noise
 from galloping.physics.galerkin import Derived
 from galloping.polynomial import library
@@ -30,7 +30,7 @@ def cell(name, protocol, level=0.05, rows=slice(None)):
     """(model, bound) of a record of a default case."""
     line, trajectory = simulate(name)
     line = line.on_library(library(4, 3))
-    motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
+    motion = moved(line, trajectory)
     noise = BY_NAME[protocol].noise(level, channel_scale(motion, relative=True))
     return line, *bounds_of(line, EQUATIONS, [motion], [noise], [[rows]])
 
@@ -64,7 +64,7 @@ def test_fewer_points_know_less_as_their_square_root():
 def test_a_recording_that_begins_later_has_the_bound_of_one_from_there():
     line, trajectory = simulate("internal_resonance")
     sigma, rows = 0.05 * trajectory.states.std(axis=0), np.arange(700, 30001, 7)
-    motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
+    motion = moved(line, trajectory)
     noise = Noise(sigma, np.full(4, np.inf))
     samplings = [[slice(None)], [rows]]
     whole, later = bounds_of(line, EQUATIONS, [motion], [noise], samplings)
@@ -100,7 +100,7 @@ def test_no_model_at_a_bound_that_is_infinite():
 def test_the_bound_from_accelerations_is_that_of_their_dependence_on_everything_unknown():
     line, trajectory = simulate("internal_resonance")
     line = line.on_library(library(4, 3))
-    motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
+    motion = moved(line, trajectory)
     rows, sigma = slice(0, 6000, 10), np.array([np.inf, np.inf, 0.1, 0.2])
     noise = Noise(np.full(4, np.inf), sigma)
     (found,) = bounds_of(line, EQUATIONS, [motion], [noise], [[rows]])
@@ -124,7 +124,7 @@ def test_the_bound_from_accelerations_is_that_of_their_dependence_on_everything_
 
 def test_derivatives_of_exact_states_have_one_noise():
     line, trajectory = simulate("internal_resonance")
-    motion = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
+    motion = moved(line, trajectory)
     noises = [Noise(np.zeros(4), np.full(4, level)) for level in (1.0, 2.0)]
     with pytest.raises(ValueError, match="need the same noise"):
         bounds_of(line, EQUATIONS, [motion, motion], noises, [[slice(None), slice(None)]])
@@ -132,7 +132,7 @@ def test_derivatives_of_exact_states_have_one_noise():
 
 def test_a_release_of_three_metres_makes_the_non_resonant_line_identifiable():
     line, trajectory = simulate("non_resonant")
-    first = Motion(line.states, trajectory.time, trajectory.states, line(trajectory.states))
+    first = moved(line, trajectory)
     best, *others = ranked_releases(line, first, 0.05, [0.1, 3.0])
     assert (best["release"], best["identifiable"]) == ("q_w(0) = 3 m", True)
     assert best["weakest_t"] == pytest.approx(82, rel=0.02)

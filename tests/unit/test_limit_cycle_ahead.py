@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lines import moved
 
 from galloping.cycles.prediction import limit_cycle_ahead
 from galloping.identification.model import IdentifiedModel
-from galloping.measurement.measuring import Motion
 from galloping.physics.equations import STATES
 from galloping.physics.galerkin import Derived
 from galloping.polynomial import library
@@ -42,8 +42,7 @@ def test_limit_cycle_of_the_line_with_its_interval(resonant):
 
 
 def test_table_of_recorded_and_true_amplitudes(resonant):
-    line, trajectory = resonant
-    motion = Motion(STATES, trajectory.time, trajectory.states, line(trajectory.states))
+    line, motion = resonant[0], moved(*resonant)
     settings = {
         "method": "maximum_likelihood", "seed": 1, "steady_window": [200, 300],
         "is_continuous": False,

@@ -18,15 +18,9 @@ def line(cases):
 
 def test_bundle_adds_up_its_conductors(line):
     assert line == Line(
-        mass=6.0,
-        tension=1.0e5,
-        axial_stiffness=1.2e8,
-        bending_stiffness=200.0,
-        span=300.0,
-        gravity=9.81,
-        spacer_mass=4.8,
-        spacer_positions=(75.0, 150.0, 225.0),
-    )
+        mass=6.0, tension=1.0e5, axial_stiffness=1.2e8, bending_stiffness=200.0, span=300.0,
+        gravity=9.81, spacer_mass=4.8, spacer_positions=(75.0, 150.0, 225.0),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(

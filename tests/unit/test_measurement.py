@@ -4,8 +4,9 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from lines import moved
 
-from galloping.measurement.measuring import Motion, measure
+from galloping.measurement.measuring import measure
 from galloping.measurement.protocols import BY_NAME, Noise, Protocol
 from galloping.recording import Recording
 from galloping.seeds import generator
@@ -14,11 +15,6 @@ from galloping.study.files import read_recordings, write_recordings
 NAME = ("internal_resonance", "state", "noise_0.05")
 DRAWN = {"protocol": "state", "level": 0.05, "relative": True, "samples": 30001, "replicates": 2,
          "seed": 1, "name": NAME}  # fmt: skip
-
-
-def moved(line, trajectory, factor=1.0):
-    states = factor * trajectory.states
-    return Motion(line.states, trajectory.time, states, line(states))
 
 
 def record(simulated, motions=None, **settings):

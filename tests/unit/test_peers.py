@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pysindy as ps
 import pytest
+from lines import moved
 
 from galloping.evaluation.oracle import PATHS, alternatives, oracles
 from galloping.figures.errors import beaten_at
@@ -12,7 +13,7 @@ from galloping.identification.sparse.evidence import Regressions, reduce
 from galloping.identification.sparse.regression import FOLDS, Judged, Regression, judge
 from galloping.identification.sparse.supports import forward_models
 from galloping.identification.sparse.tuning import Filtered, savitzky_golay, seeded, weak_form
-from galloping.measurement.measuring import Motion, measure
+from galloping.measurement.measuring import measure
 from galloping.physics.equations import EQUATIONS
 from galloping.polynomial import PolynomialModel, library
 from galloping.tables.scores import CHOSEN, ORACLE, peers
@@ -128,8 +129,7 @@ def test_the_sparsest_within_one_standard_error_is_chosen():
 
 @pytest.fixture
 def line(resonant):
-    model, trajectory = resonant
-    motion = Motion(model.states, trajectory.time, trajectory.states, model(trajectory.states))
+    (model, _), motion = resonant, moved(*resonant)
     ((recording,),) = measure(
         [motion], protocol="state", level=0.05, relative=True, samples=len(motion.time),
         recordings=1, replicates=1, seed=71, name=("a_case", "state", "a_cell"),

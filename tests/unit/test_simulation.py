@@ -49,20 +49,11 @@ def test_printed_motion(name):
 
 def test_agrees_with_a_second_integrator(simulated):
     line, trajectory = simulated
-
-    def right_hand_side(_, x):
-        return line(x[np.newaxis])[0]
-
     every, until = 500, 40.0  # samples, s
     second = solve_ivp(
-        right_hand_side,
-        (0, until),
-        START,
-        method="DOP853",
-        t_eval=TIME[until >= TIME][::every],
-        rtol=1e-13,
-        atol=1e-15,
-    )
+        lambda _, x: line(x[np.newaxis])[0], (0, until), START, method="DOP853", rtol=1e-13,
+        atol=1e-15, t_eval=TIME[until >= TIME][::every],
+    )  # fmt: skip
     first = trajectory.states[until >= TIME]
     error = np.abs(first[::every] - second.y.T) / np.max(np.abs(first), axis=0)
     assert error.max() < 1e-10
