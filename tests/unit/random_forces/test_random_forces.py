@@ -250,3 +250,7 @@ def test_further_modes_that_gallop_are_named():
     values[:, 0] += time**2 / 1000  # its mean drifts
     said = unmodelled([Recording(time, ("q_v", "dq_v"), values)])
     assert said.endswith("q_v, which swings at 0.38 Hz, moves at 2.1, 2.8 Hz")  # in bins
+    rates = np.full_like(values, np.nan)
+    rates[:, 1] = np.gradient(np.gradient(values[:, 0], time), time)
+    alone = Recording(time, ("q_v", "dq_v"), np.full_like(values, np.nan), rates=rates)
+    assert unmodelled([alone]) == said

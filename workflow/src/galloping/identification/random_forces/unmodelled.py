@@ -19,7 +19,8 @@ NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that 
 def unmodelled(recordings: list[Recording]) -> str:
     """Which coordinates move much faster than they swing, and at which frequencies; '' if none."""
     channels, said = Channels.of(recordings), []
-    if not len(channels.values):  # a line that diverged has no motion
+    names = channels.names
+    if not names:  # a line that diverged has no motion
         return ""
     step, grids = on_grids(recordings)
     omega, power = spectra(grids, step)
@@ -27,11 +28,15 @@ def unmodelled(recordings: list[Recording]) -> str:
     omega, power = omega[order], power[order]
     slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # slower is a drift
     power -= ABOVE_NOISE * np.median(power[int(FLOOR * len(power)) :], axis=0)
-    for i, own in zip(channels.values, np.maximum(power.T, 0.0), strict=False):
-        velocity = own * omega**2
-        if i not in channels.pairs or not np.any(velocity):
+    for name in (channels.states[i] for i in channels.pairs):
+        order = next((n for n in range(3) if "d" * n + name in names), None)  # as a derivative
+        if order is None:
             continue
-        main = omega[np.argmax(np.where(omega < slowest, 0.0, own * omega))]
+        own = np.maximum(power[:, names.index("d" * order + name)], 0.0)
+        velocity = own * omega ** (2.0 - 2.0 * order)
+        if not np.any(velocity):
+            continue
+        main = omega[np.argmax(np.where(omega < slowest, 0.0, velocity / omega))]
         faster = np.where(omega > BEYOND * main, velocity, 0.0)
         if faster.sum() < MUCH * velocity.sum():
             continue
@@ -45,7 +50,5 @@ def unmodelled(recordings: list[Recording]) -> str:
         if faster[near].sum() < NARROW * faster.sum():
             continue  # as of a random walk, whose velocity is white
         hz = ", ".join(f"{peak / (2.0 * np.pi):.2g}" for peak in sorted(peaks))
-        said.append(
-            f"{channels.states[i]}, which swings at {main / (2.0 * np.pi):.2g} Hz, moves at {hz} Hz"
-        )
+        said.append(f"{name}, which swings at {main / (2.0 * np.pi):.2g} Hz, moves at {hz} Hz")
     return f"more modes gallop or swing than are modelled: {'; '.join(said)}" if said else ""
