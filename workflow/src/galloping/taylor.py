@@ -214,7 +214,7 @@ def propagate(
     x = np.zeros((order + 1, n_states))
     theta = np.zeros((order + 1, len(parent)))
     jac = np.zeros((order + 1, n_states, n_states))
-    s = np.zeros((order + 1, n_states, n_columns))
+    s = np.zeros((order + 1, n_states, (n_columns + 15) // 16 * 16))  # in whole vectors
     kind = np.zeros((n_states, n_states), np.int64)
     for e in range(len(jacobian_values)):
         level = 1 if jacobian[e, 2] == 0 else 2
@@ -263,7 +263,7 @@ def propagate(
                             s[0, i, c] += s[k, i, c]
         ends[g] = x[0]
         if sensitive:
-            end_derivatives[g] = s[0]
+            end_derivatives[g] = s[0, :, :n_columns]
     relative = 0.0
     for i in range(n_states):
         if truncation[i] > 0.0:
