@@ -108,7 +108,7 @@ def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarra
     for (_, column, k), axes in panels.items():
         time, motion = motions[column]
         _samples(axes, recording.time, samples[:, k], (time[0], time[-1]))
-        axes.plot(time, motion[:, k], color=MODEL, label="model, from a start of its own")
+        axes.plot(time, motion[:, k], color=MODEL, label="model, started anew in each part")
     parts.legend(figure)
     return figure
 
@@ -252,8 +252,8 @@ def _samples(axes: Axes, time: np.ndarray, values: np.ndarray, span: tuple[float
 
 
 def _with_unit(name: str) -> str:
-    unit = state_unit(name)
-    return name if unit == "1" else f"{name}, {unit}"
+    unit, plain = state_unit(name), meaning(name) or name
+    return plain if unit == "1" else f"{plain}, {unit}"
 
 
 def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
