@@ -87,6 +87,9 @@ KINDS = {
             "9 modes, gusts 5 %, wind", "9 modes, gusts 10 %, wind", "two modes, gusts 5 %, wind",
         ),
     ),
+    "ambient": Kind(
+        "galloping.trials.ambient:trial", MODEL_ERROR, cases=("two modes in random forces",)
+    ),
     "published_terms": Kind(
         "galloping.trials.published:exact_terms",
         EXACT_TERMS,

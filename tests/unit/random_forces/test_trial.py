@@ -1,0 +1,37 @@
+"""The trial of motion in random forces: what is drawn, and how decays follow the coefficients."""
+
+import numpy as np
+import pytest
+
+from galloping.seeds import generator
+from galloping.trials.ambient import DAMPING, FREQUENCIES, decays, drawn
+
+
+def test_recordings_are_drawn_by_number_within_the_ranges():
+    recording, system = drawn(generator(1, "ambient", 3))
+    again, _ = drawn(generator(1, "ambient", 3))
+    np.testing.assert_array_equal(recording.values, again.values)
+    values, _ = decays(system, ())
+    assert np.all(np.abs(values) / (2 * np.pi) >= FREQUENCIES[0] - 1e-9)
+    assert np.all(np.abs(values) / (2 * np.pi) <= FREQUENCIES[1] + 1e-9)
+    ratio = -values.real / np.abs(values)
+    assert DAMPING[0] - 1e-9 <= ratio.min() <= ratio.max() <= DAMPING[1] + 1e-9
+    np.testing.assert_allclose(np.nanstd(recording.values[:, :2], axis=0), 1.0, rtol=0.4)
+
+
+def test_slopes_of_decays_are_differences():
+    _, system = drawn(generator(1, "ambient", 4))
+    places = [(i, np.array([j])) for i in (2, 3) for j in range(4)] + [(2, np.array([], int))]
+    _, slopes = decays(system, places)
+    assert np.all(slopes[:, -1] == 0.0)
+    for k, (i, j) in enumerate(places[:-1]):
+        moved = system.copy()
+        moved[i, j] += 1e-6
+        change = (decays(system, ())[0] - decays(moved, ())[0]).real / 1e-6
+        np.testing.assert_allclose(slopes[:, k], change, rtol=1e-3, atol=1e-6)
+
+
+def test_slower_mode_comes_first():
+    _, system = drawn(generator(1, "ambient", 5))
+    values, _ = decays(system, ())
+    assert values[0].imag < values[1].imag == pytest.approx(np.max(np.linalg.eigvals(system).imag))
