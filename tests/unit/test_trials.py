@@ -121,6 +121,15 @@ def test_a_chaotic_system_is_followed_in_short_segments_where_long_ones_lead_ast
     assert fit["status"] == "ok" and fit["exact"]
 
 
+def test_a_weak_term_that_is_left_out_is_no_drift_of_a_sensor():
+    """Without dq_v^2, too weak to be chosen, what remains looks like a slow drift of q_v."""
+    drawn_lines = recorded_lines.of_random_lines(
+        910213, "all", [9], METHODS, protocols=["state"], levels=[0.05]
+    )
+    fit = next(iter(drawn_lines))
+    assert fit["status"] == "ok" and not fit["ok_and_wrong"]
+
+
 @pytest.mark.slow
 def test_terms_that_do_not_settle_are_never_ok_and_wrong():
     """The second recording settled when there were 40 passes; now the budget ends before."""
