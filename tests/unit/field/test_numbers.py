@@ -16,7 +16,13 @@ from galloping.field.dynamics import Surroundings, dynamics
 from galloping.field.file_table import FileError
 from galloping.field.forecast import check_followed, forecast, held_out, with_factors
 from galloping.field.mapping import validated
-from galloping.field.objections import difference, kept_up, objected, unmoved
+from galloping.field.objections import (
+    difference,
+    kept_up,
+    merely_repeats,
+    objected,
+    unmoved,
+)
 from galloping.field.summary import Summary, longest_period
 from galloping.identification.likelihood.screening import smooth_without_outliers
 from galloping.identification.random_forces.wavering import wavers
@@ -229,6 +235,19 @@ def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
     rows[2] = 0.0
     still = PolynomialModel(files.STATES, library(4, 1)[1:], rows)
     assert unmoved(IdentifiedModel(still, "not identifiable")) == ["q_v"]
+
+
+def test_a_motion_that_only_repeats_is_told_from_one_that_settles_or_beats():
+    exact = sure(files.line().on_library(TERMS))
+    _, states = files.motion(12.0, 1500.0)
+    orbit = replace(exact, initial_states=states[-1:])
+    assert merely_repeats(orbit, [recorded()], 5.0)
+    assert not merely_repeats(exact, [recorded()], 5.0)
+    assert objected(orbit, [recorded()], ["a"], 5.0, None).status == "not identifiable"
+    rows = np.block([[np.zeros((2, 2)), np.eye(2)], [np.diag([-6.0, -2.1]), np.zeros((2, 2))]])
+    start = np.array([[0.3, 0.3, 0.0, 0.0]])
+    beats = PolynomialModel(files.STATES, library(4, 1)[1:], rows)
+    assert not merely_repeats(IdentifiedModel(beats, "ok", initial_states=start), [recorded()], 5.0)
 
 
 def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):

@@ -47,12 +47,14 @@ REASONS = (
      "noise of the sensors.", "a larger motion, or better sensors"),
     (r"not measured", "Not all that moves was measured.",
      "displacements in both directions, beside what was measured"),
+    (r"only repeats", "The recorded motion repeats itself all the time, and other equations have "
+     "the same motion.", "a motion that grows or dies out over many periods, such as after a "
+     "release"),
     (r"the data alone cannot tell", "Where the samples alone leave open which of two sets of terms "
      "is right, the simpler one was taken.", ""),
     (r"the data cannot tell|data alike|plausible|may be missing",
      "Several sets of terms explain the recording about equally well.",
-     "a motion that grows or dies out over many periods, such as after a release: one that merely "
-     "repeats tells little of the equations"),
+     "a motion that grows or dies out over many periods, such as after a release"),
     (r"not white|Hz more than", "The forces are not alike at all frequencies, or the line has a "
      "further mode.", PLACES),
     (r"diverge|no model found|predicts nothing|no oscillat|time scale|cannot be told",

@@ -22,6 +22,7 @@ from galloping.field.excerpt import excerpts
 from galloping.field.following import Sensed
 from galloping.field.forecast import HeldOut
 from galloping.field.inputs import input_lines
+from galloping.field.objections import REPEATS
 from galloping.field.quality import peaks_of, spectrum
 from galloping.field.reasons import PARTS, PLACES, PROBLEMS, WIND, plain_reasons
 from galloping.field.units import coefficient_unit, meaning, state_unit
@@ -67,6 +68,7 @@ def summary_text(
         "refused": found.status == "refused",
         "exact": [n for n in found.model.inputs if not of.recordings[-1].inputs[n].error],
         "odd": any("is the unit" in problem for problem in problems),
+        "repeats": REPEATS in found.reason,
         "mixed": re.search(PARTS, found.reason),
         "recorded": list(_recorded(of.recordings)),
         "forces": f"| {' | '.join(ambient.row(found, known))} |" if found.is_forced else "",
