@@ -60,7 +60,7 @@ def sentences(claims):
     yield f"Python {project['requires-python'].removeprefix('>=')} or newer"
     minutes = f"{origin['core_minutes']:.0f} minutes"
     yield f"AMD Zen {processor} processors the jobs of `make` take {minutes} of one core"
-    yield f"takes {smoke['core_minutes']:.0f} minutes of one core there"
+    yield f"takes {smoke['core_minutes']:g} minutes of one core there"
     yield f"Of {len(single)} printed numbers and bounds {held.sum()} come out"
     yield f"of {measured['paper_draws']} draws of the noise"
     yield f"to {other:g} m, and the report begins with"
@@ -82,7 +82,9 @@ def errors_of_models():
     found = pd.read_csv(ROOT / "results" / "reference" / "reality" / "model_error.csv")
     for row in found[found["method"] == "maximum_likelihood"].to_dict("records"):
         cells = [
-            f"{max(row[f'{what}_{d}_error_percent'] for d in 'vw'):.2g} % "
+            "no cycle"
+            if pd.isna(row[f"{what}_v_error_percent"])
+            else f"{max(row[f'{what}_{d}_error_percent'] for d in 'vw'):.2g} % "
             f"({max(row[f'{what}_{d}_worst_percent'] for d in 'vw'):.2g})"
             for what in ("amplitude", "damping", "frequency")
         ]

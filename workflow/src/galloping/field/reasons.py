@@ -54,7 +54,7 @@ REASONS = (
      "is right, the simpler one was taken.", ""),
     (r"the data cannot tell|data alike|plausible|may be missing",
      "Several sets of terms explain the recording about equally well.",
-     "a motion that grows or dies out over many periods, such as after a release"),
+     "a larger or smaller motion than the recorded one, that grows or dies out over many periods"),
     (r"not white|Hz more than", "The forces are not alike at all frequencies, or the line has a "
      "further mode.", PLACES),
     (r"diverge|no model found|predicts nothing|no oscillat|time scale|cannot be told",
