@@ -73,7 +73,7 @@ def objected(
     if identified.status == "ok" and merely_repeats(identified, recordings, period):
         reason = "; ".join(filter(None, [REPEATS, identified.reason]))
         return replace(identified, status="not identifiable", reason=reason)
-    if len(recordings) == 1 and not (more or identified.further_modes):  # by which parts differ
+    if len(recordings) == 1 and not more:
         more = _changing(identified, recordings[0], period, identify)
     return replace(identified, reason=f"{more}; {identified.reason}") if more else identified
 
