@@ -176,16 +176,16 @@ def _repeats(time: np.ndarray, states: np.ndarray, period: float) -> bool:
     Sought is the delay, of half a period to a third of the time, after which they differ least.
     """
     step, last = time[1] - time[0], time[-1]
-    delays = np.arange(period / 2, last / 3, step)
-    if not len(delays) or not np.all(np.isfinite(states)):
+    shifts = np.arange(int(period / step) // 2, len(time) // 3)
+    if not len(shifts) or not np.all(np.isfinite(states)):
         return False
+    best = step * min(shifts, key=lambda n: np.mean((states[n:] - states[:-n]) ** 2))
     curve = CubicSpline(time, states)
 
     def differ(delay: float) -> float:
         kept = time[time <= last - delay]
         return float(np.sqrt(np.mean((curve(kept + delay) - states[: len(kept)]) ** 2)))
 
-    best = delays[np.argmin([differ(delay) for delay in delays])]
     for times in (1, int(last * 2 / 3 // best)):
         width = times * step
         best = minimize_scalar(
