@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -236,9 +237,12 @@ def test_a_model_with_a_number_that_is_none_is_refused(tmp_path, model, damage):
     assert "not all are finite" in run("show", path, code=1)
 
 
-def test_a_full_standard_output_is_named(model):
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_standard_output_is_named(model, unbuffered):
     with Path("/dev/full").open("w") as full:
-        command = [*COMMAND, "show", str(model)]
-        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+        ended = subprocess.run(
+            [*COMMAND, "show", str(model)], stdout=full, stderr=subprocess.PIPE, text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        )  # fmt: skip
     assert ended.stderr == "Error: standard output: No space left on device\n"
     assert ended.returncode == 1

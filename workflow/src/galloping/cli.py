@@ -1,5 +1,7 @@
 """The command `galloping`: from files to models, from models to motions."""
 
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 import click
@@ -33,6 +35,9 @@ class _OneLine(click.Group):
             raise  # whoever read the rows has enough of them
         except OSError as error:
             what = error.filename or (error.errno and "standard output")
+            if what == "standard output":
+                with suppress(OSError):  # else what is left in it fails once more at the end
+                    sys.stdout.close()
             said = f"{what}: {error.strerror}" if what else str(error)
             raise click.ClickException(said) from error
         except ValueError as error:
