@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from galloping.configuration.load import ConfigurationError, configured
+from galloping.configuration.settings import Settings
 from galloping.reproducibility.inspection import inspect, make_command, remember
 from galloping.reproducibility.job import failures
 from galloping.reproducibility.lock import (
@@ -56,7 +57,7 @@ def main(*arguments: str) -> int:
         with locked(results, repair, repairing=own.repair) as began:
             targets = mend(results, files) if own.repair else check(results, files, repair)
             before, start = receipts(results), time.monotonic()
-            for line in [*Study(settings).doubts, *announced(results, files, before, known)]:
+            for line in announced(settings, files, before, known):
                 print(line, flush=True)
             status, interrupted = snakemake(results, *targets, *options)
             for line in sweep(results):
@@ -83,10 +84,16 @@ def main(*arguments: str) -> int:
 
 
 def announced(
-    results: str, configfiles: list[str], known: dict[str, Receipt], options: argparse.Namespace
+    settings: Settings,
+    configfiles: list[str],
+    known: dict[str, Receipt],
+    options: argparse.Namespace,
 ) -> Iterator[str]:
-    """What the run will do; nothing, and no time spent, where nothing is newer than the report."""
-    report = receipt_path(Path(results, "report.html"))
+    """What the run will do; only what is doubtful, at once, where nothing is newer than the report.
+
+    The plan says itself what is doubtful.
+    """
+    report = receipt_path(Path(settings.results, "report.html"))
     made = report.stat().st_mtime if report.exists() else 0.0
     read = [path for path in WORKFLOW.rglob("*") if path.is_file() and path.suffix != ".pyc"]
     read += map(Path, ["config/config.yaml", *configfiles, sysconfig.get_path("purelib")])
@@ -98,6 +105,8 @@ def announced(
         yield from outlook(
             planning(configfiles), known, None if options.workflow_profile else cores
         )
+    else:
+        yield from Study(settings).doubts
 
 
 def tell(results: str, made: int, seconds: float) -> None:
