@@ -26,18 +26,15 @@ from galloping.configuration.load import (
     plain,
     read,
 )
-from galloping.configuration.parameters import (
-    conductor_parameters,
-    departures,
-    spacer_parameters,
-)
 from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import MEASURES, SWEPT, Settings
 from galloping.cycles import family
 from galloping.names import OPEN_PARAMETERS
 from galloping.physics import continuous, measures
 from galloping.physics.galerkin import derive
+from galloping.study.shown import departures
 from galloping.tables import variations
+from galloping.tables.line_parameters import conductor, spacers
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
 ROOT = Path(__file__).parents[2]
@@ -515,7 +512,7 @@ def test_every_key_is_described():
 def test_parameters_carry_their_source():
     ice = {"reading": "custom", "vertical": [1, 2, 3], "horizontal": [4, 0, 0]}
     settings = load({"cases": {"paper": {}, "other": {"line": {"tension": 35000}, "ice": ice}}})
-    rows = {(row.case, row.symbol): row for row in conductor_parameters(settings)}
+    rows = {(row.case, row.symbol): row for row in conductor(plain(settings)).itertuples()}
     tension = rows["paper", "H"]
     assert (tension.key, tension.value, tension.unit) == ("line.tension", 25000, "N")
     assert (tension.provenance, rows["paper", "D"].provenance) == ("seed", "assumed")
@@ -524,12 +521,14 @@ def test_parameters_carry_their_source():
     assert (changed.value, changed.provenance) == (35000, "assumed")
     assert changed.note == "default 25000 (seed)"
     assert rows["other", "beta_3"].value == 3
-    assert ("paper", "beta_3") not in rows
+    assert rows["paper", "beta_3"].provenance == "derived"
 
 
 def test_spacers_are_listed_one_by_one():
     settings = load(case(spacers={"positions": [75, 160, 225, 250]}))
-    rows = [(row.symbol, row.value, row.provenance) for row in spacer_parameters(settings)]
+    rows = [
+        (row.symbol, row.value, row.provenance) for row in spacers(plain(settings)).itertuples()
+    ]
     assert rows == [
         ("m_s", 4.8, "seed"), ("s_1", 75, "seed"), ("s_2", 160, "assumed"),
         ("s_3", 225, "seed"), ("s_4", 250, "assumed"),
@@ -537,14 +536,15 @@ def test_spacers_are_listed_one_by_one():
 
 
 def test_both_tables_together_hold_every_parameter():
-    settings = load(case(releases={"wide": {}}, truth={"model": "continuous"}))
+    settings = plain(load(case(releases={"wide": {}}, truth={"model": "continuous"})))
     keys = {
-        row.key.replace("wide", "<name>")
-        for row in conductor_parameters(settings) + spacer_parameters(settings)
+        key.replace("wide", "<name>")
+        for table in (conductor, spacers)
+        for key in table(settings)["key"]
     }
     of_cases = [path for path, _ in leaves() if path.startswith("cases.<name>.")]
     documented = {path.removeprefix("cases.<name>.") for path in of_cases}
-    assert keys == documented - {"ice.vertical", "ice.horizontal"}
+    assert keys == documented
 
 
 # --- the reference ---
@@ -567,7 +567,7 @@ def test_a_stale_key_table_is_mended_and_one_without_markers_refused():
 
 def test_configuration_stays_light():
     code = (
-        "import sys, galloping.configuration.parameters; "
+        "import sys, galloping.configuration.load; "
         "print(sorted({'pandas', 'pysindy', 'heyoka', 'scipy'} & set(sys.modules)))"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

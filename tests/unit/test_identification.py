@@ -1,6 +1,7 @@
 """Identification: exact without noise, equal to pysindy's own, and failures kept as rows."""
 
 from dataclasses import replace
+from pkgutil import resolve_name
 
 import numpy as np
 import pysindy as ps
@@ -27,7 +28,6 @@ from galloping.identification.sparse.supports import (
     thresholded_supports,
 )
 from galloping.identification.sparse.tuning import seeded
-from galloping.importing import imported
 from galloping.measurement.measuring import Motion, measure
 from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.recording import Recording
@@ -436,7 +436,7 @@ def test_global_random_state_is_left_alone(replicates, method):
 
 def test_every_method_says_what_it_takes():
     for method in METHODS:
-        assert all(callable(imported(name)) for name in method.modules)
+        assert all(callable(resolve_name(name)) for name in method.modules)
         section = SETTINGS.get(method.name, {})
         assert set(method.options.model_fields) == set(section)
         assert set(method.given) <= {"degree", "seed", "rng"}

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from galloping.configuration.load import ConfigurationError, load, plain
-from galloping.configuration.parameters import conductor_parameters
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.model import IdentifiedModel
-from galloping.measurement.sensors import motion
+from galloping.physics.continuous import observed as motion
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
 from galloping.study.cells import Study
+from galloping.tables.line_parameters import conductor
 
 TIME = np.arange(3001) / 100
 REST = dict.fromkeys(STATES, 0.0)
@@ -65,8 +65,8 @@ def test_mistakes_are_one_line(truth, line):
 
 def test_its_parameters():
     study = Study(settings(modes=3))
-    assert "truth.modes" in {row.key for row in conductor_parameters(study.settings)}
-    assert not {row.key for row in conductor_parameters(load({}))} & {"truth.modes"}
+    assert "truth.modes" in set(conductor(study.plain)["key"])
+    assert "truth.modes" not in set(conductor(plain(load({})))["key"])
 
 
 def test_no_coefficient_is_true_but_the_motion_is_judged(cases):

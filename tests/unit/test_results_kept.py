@@ -8,14 +8,17 @@ from types import SimpleNamespace
 import pytest
 from snakemake.iocontainers import InputFiles, OutputFiles, Params
 
-from galloping.reproducibility import inspection, job, lock, repair
-from galloping.reproducibility.inspection import inspect
+from galloping.reproducibility import job, lock, repair
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.receipts import (
+    SEEN,
+    Deviations,
     digest,
+    inspect,
     read_receipt,
     receipt_path,
     receipts,
+    remember,
     write_receipt,
 )
 from galloping.reproducibility.repair import audit
@@ -141,14 +144,14 @@ def same_size_and_times(path):
 @pytest.mark.parametrize("harm", [lambda p: os.truncate(p, 1), same_size_and_times])
 def test_what_is_not_as_its_receipt_says_is_named(harm):
     model, table, lost = make("models/a.json"), make("tables/t.csv"), make("tables/u.csv")
-    inspection.remember(RESULTS, look())
+    remember(RESULTS, look())
     harm(Path(model))
     Path(lost).unlink()
     receipt_path(table).unlink()
     findings = look()
     assert (findings.damaged, findings.missing) == ((model,), (lost,))
     assert (findings.unknown, findings.new) == ((table,), ())
-    inspection.SEEN.unlink()
+    SEEN.unlink()
     findings = look()
     assert (findings.damaged, findings.unknown, findings.new) == ((model,), (), (model,))
 
@@ -156,9 +159,11 @@ def test_what_is_not_as_its_receipt_says_is_named(harm):
 def test_only_what_changed_is_read_again(monkeypatch):
     make("models/a.json")
     model = make("models/b.json")
-    inspection.remember(RESULTS, look())
+    remember(RESULTS, look())
     read = []
-    monkeypatch.setattr(inspection, "digest", lambda path: read.append(path) or digest(path))
+    monkeypatch.setattr(
+        "galloping.reproducibility.receipts.digest", lambda path: read.append(path) or digest(path)
+    )
     look()
     assert read == []
     Path(model).touch()
@@ -271,7 +276,7 @@ def test_a_study_in_the_folder_of_another_is_its_own():
     inner = Path("results/smoke/a.csv")
     inner.parent.mkdir(parents=True)
     inner.touch()
-    kept = inspection.Deviations((), (), (), (), {str(inner): [1, 2, 3, 4, "digest"]})
-    inspection.remember("results/smoke", kept)
+    kept = Deviations((), (), (), (), {str(inner): [1, 2, 3, 4, "digest"]})
+    remember("results/smoke", kept)
     assert inspect("results", {}).unknown == ()
     assert inspect("results/smoke", {}).unknown == (str(inner),)

@@ -1,9 +1,10 @@
 """What Snakemake plans of studies of every kind, and what their jobs read."""
 
+from pkgutil import resolve_name
+
 import pytest
 
 from galloping.configuration.kinds import KINDS
-from galloping.importing import imported
 
 TRIALS = ", ".join(f"{kind}: {{kind: {kind}}}" for kind in KINDS)
 LINES = "internal_resonance: null, non_resonant: null"
@@ -22,7 +23,7 @@ def test_a_study_of_any_kind_has_jobs_for_all_that_it_shows(jobs_of, settings):
     jobs = jobs_of(settings)
     assert "results/report.html" in jobs
     shown = [job["settings"] for job in jobs.values() if "function" in job["settings"]]
-    assert shown and all(callable(imported(s["function"]["function"])) for s in shown)
+    assert shown and all(callable(resolve_name(s["function"]["function"])) for s in shown)
 
 
 def test_tables_and_figures_are_of_what_is_in_a_study(jobs_of):

@@ -1,14 +1,15 @@
 """One figure: `workflow/rules/draw.smk` says by which function and of what."""
 
+from pkgutil import resolve_name
+
 from galloping.figures.style import write_figure
-from galloping.importing import imported
 from galloping.reproducibility.job import run
 from galloping.study.files import read_all
 
 
 def draw_figure(svg, png, function, settings, look, names, **files):
     read = read_all(files, names)
-    write_figure(svg, png, lambda: imported(function)(**read, settings=settings), **look)
+    write_figure(svg, png, lambda: resolve_name(function)(**read, settings=settings), **look)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,13 @@
 """One table: `workflow/rules/tabulate.smk` says by which function and of what."""
 
-from galloping.importing import imported
+from pkgutil import resolve_name
+
 from galloping.reproducibility.job import run
 from galloping.study.files import read_all, write_table
 
 
 def make_table(table, function, settings, names, **files):
-    write_table(table, imported(function)(**read_all(files, names), settings=settings))
+    write_table(table, resolve_name(function)(**read_all(files, names), settings=settings))
 
 
 if __name__ == "__main__":

@@ -19,10 +19,9 @@ from galloping.publication.publishing import ALLOWABLE, NotPublishable
 from galloping.publication.publishing import publish as published
 from galloping.publication.restoration import changed_settings, check_digest, faults, settings
 from galloping.publication.restoration import restore as restored
-from galloping.reproducibility.inspection import inspect, make_command, remember
-from galloping.reproducibility.lock import Obstacle, locked
+from galloping.reproducibility.lock import Obstacle, locked, make_command
 from galloping.reproducibility.plan import planning
-from galloping.reproducibility.receipts import digest, receipts
+from galloping.reproducibility.receipts import digest, inspect, receipts, remember
 from galloping.reproducibility.repair import audit, remove
 from galloping.storage import replacing, write_json
 from galloping.tables.beside_reference import Origin, processor

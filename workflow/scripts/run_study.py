@@ -17,7 +17,6 @@ from pathlib import Path
 
 from galloping.configuration.load import ConfigurationError, configured
 from galloping.configuration.settings import Settings
-from galloping.reproducibility.inspection import inspect, make_command, remember
 from galloping.reproducibility.job import failures
 from galloping.reproducibility.lock import (
     Killed,
@@ -26,10 +25,17 @@ from galloping.reproducibility.lock import (
     end_orphans,
     killed,
     locked,
+    make_command,
     marked_environment,
     sweep,
 )
-from galloping.reproducibility.receipts import Receipt, receipt_path, receipts
+from galloping.reproducibility.receipts import (
+    Receipt,
+    inspect,
+    receipt_path,
+    receipts,
+    remember,
+)
 from galloping.study.cells import Study
 
 WORKFLOW = Path(__file__).parents[1]

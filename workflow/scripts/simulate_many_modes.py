@@ -1,6 +1,6 @@
 """Trajectories of one line of many modes as the sensors along its span see it, by release."""
 
-from galloping.measurement.sensors import motion
+from galloping.physics.continuous import observed
 from galloping.reproducibility.job import run
 from galloping.seeds import generator
 from galloping.simulation import time_grid
@@ -10,7 +10,7 @@ from galloping.study.files import write_trajectories
 def simulate_many_modes(case, trajectory, line, truth, releases, duration, sampling_rate, seed):
     time = time_grid(duration, sampling_rate)
     motions = [
-        motion(line, truth, release, time, generator(seed, "gusts", case, k))
+        observed(line, truth, release, time, generator(seed, "gusts", case, k))
         for k, release in enumerate(releases)
     ]
     write_trajectories(trajectory, motions)

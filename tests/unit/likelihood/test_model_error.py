@@ -1,5 +1,6 @@
 """Identification of lines that no candidate library contains."""
 
+from pkgutil import resolve_name
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,21 +13,14 @@ from galloping.figures.verdicts import draw_model_error
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_constraint import Whitening
 from galloping.identification.model import IdentifiedModel
-from galloping.importing import imported
+from galloping.physics.continuous import wind
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.study.cells import Study
 from galloping.tables.trial_summaries import model_error
-from galloping.trials.real_lines import (
-    TRUTHS,
-    combined,
-    gusts,
-    line_of,
-    linear_modes,
-    motion,
-)
+from galloping.trials.real_lines import TRUTHS, combined, line_of, linear_modes, motion
 
 TIME = np.arange(15001) / 50
 TERMS = library(4, 3)
@@ -39,7 +33,8 @@ def case(cases):
 
 def recorded(case, name, seed=11):
     line, rng = line_of(case, TRUTHS[name]), np.random.default_rng(seed)
-    clean = motion(case, line, TRUTHS[name], TIME, gusts(case, line, TRUTHS[name], TIME, rng))
+    gusts = {**case["truth"]["gusts"], "intensity": TRUTHS[name].intensity}
+    clean = motion(case, line, TRUTHS[name], TIME, wind(line, gusts, TIME, rng))
     noisy = clean + 0.05 * clean.std(axis=0) * rng.standard_normal(clean.shape)
     return Recording(TIME, STATES, combined(line, TRUTHS[name], noisy))
 
@@ -138,7 +133,7 @@ def test_trial_has_a_row_for_each_replicate_and_method():
     small = study.trial("small")
     (batch,) = small.batches
     methods = {method.name: study.options(method) for method in small.methods}
-    rows = imported(small.kind.function)(small.seed, batch.case, batch.replicates, methods)
+    rows = resolve_name(small.kind.function)(small.seed, batch.case, batch.replicates, methods)
     fits = pd.DataFrame(rows)
     table = model_error({"small": fits}, {}).set_index("method")
     ours = table.loc["maximum_likelihood"]
@@ -163,7 +158,7 @@ def test_with_the_wind_measured_gusts_cost_little():
     )  # fmt: skip
     small = study.trial("small")
     methods = {method.name: study.options(method) for method in small.methods}
-    rows = imported(small.kind.function)(5, "two modes, gusts 5 %, wind", [0], methods)
+    rows = resolve_name(small.kind.function)(5, "two modes, gusts 5 %, wind", [0], methods)
     (row,) = rows  # the other one takes no inputs
     assert row["status"] == "ok" and abs(row["amplitude_v_error_percent"]) < 0.5
     assert row["other_winds_error_percent"] < 3.0 and row["forecast_r2"] > 0.999

@@ -137,7 +137,7 @@ def evaluate(
     motion = settle(simulator, line.model(design.wind), design.start)
     nothing = (np.nan,) * 3
     if motion.kind == "rest" or critical >= design.wind:
-        still = clearance(np.zeros((1, 2)), np.zeros((1, 2)), design.distance).least
+        still = clearance(np.zeros((1, 2)), np.zeros((1, 2)), design.distance)
         return Outcome(measure, critical_wind, (0.0,) * 3, (0.0,) * 3, (still,) * 3, "rest")
     family, point = line.family(), None
     if motion.kind == "cycle":
@@ -164,7 +164,7 @@ def places(states: np.ndarray) -> np.ndarray:
 
 
 def _apart(outline: np.ndarray, design: Design) -> float:
-    return clearance(outline, outline, design.distance).least
+    return clearance(outline, outline, design.distance)
 
 
 def _interval(value: float, samples: np.ndarray) -> tuple[float, float, float]:

@@ -230,8 +230,8 @@ def clearance_rows(
 
     def row(what: str, wind: float, outline: np.ndarray) -> None:
         room = dict(zip(("height_m", "width_m", "below_m"), envelope(outline), strict=True))
-        apart = clearance(outline, outline, distance, limit)
-        kept = {"least_clearance_m": apart.least, "limit_m": limit, "kept": apart.kept}
+        least = clearance(outline, outline, distance)
+        kept = {"least_clearance_m": least, "limit_m": limit, "kept": least >= limit}
         rows.append({"case": label, "what": what, "wind_m_s": wind, **room, **kept})
 
     for what, ellipse in design_ellipses(case).items():

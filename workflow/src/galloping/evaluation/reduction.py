@@ -9,7 +9,6 @@ import pandas as pd
 from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.physics import continuous, galerkin
-from galloping.physics.gusts import wind_speed
 from galloping.physics.line import Line
 from galloping.seeds import generator
 
@@ -80,12 +79,8 @@ def line_motion(
     )
     start = initial_state(case)
     state = continuous.release(line, start[:2], start[2:], antisymmetric=variant.antisymmetric)
-    speed = None
-    if variant.intensity:
-        speed = wind_speed(
-            _time(), mean=line.speed, intensity=variant.intensity, length_scale=length_scale,
-            spectrum=spectrum, rng=generator(seed, "reduction", "gusts"),
-        )  # fmt: skip
+    gusts = {"intensity": variant.intensity, "length_scale": length_scale, "spectrum": spectrum}
+    speed = continuous.wind(line, gusts, _time(), generator(seed, "reduction", "gusts"))
     return _motion(line, state, speed)
 
 

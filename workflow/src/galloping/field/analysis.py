@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from galloping.field.units import state_unit
 from galloping.field.wording import summary_text
 from galloping.identification.likelihood.problem import Coefficient
 from galloping.identification.model import IdentifiedModel
-from galloping.importing import imported
 from galloping.passes import part, passing
 from galloping.polynomial import Exponents, PolynomialModel, library
 from galloping.recording import Recording
@@ -157,7 +157,7 @@ def analyse(
     inputs = mapping.names[len(mapping.states) :]
     texts = (*mapping.known, *question.known)
     known, known_states, single = known_model(texts, mapping.states, terms, inputs)
-    method, given = imported(METHODS[question.method]), field.recordings
+    method, given = resolve_name(METHODS[question.method]), field.recordings
     options: dict[str, object] = {}
     if forced := question.random_force or mapping.random_force:
         if question.method != "maximum_likelihood":

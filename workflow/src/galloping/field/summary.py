@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,7 +34,6 @@ from galloping.identification.likelihood.inputs import checked_recordings
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces
 from galloping.immutable import Immutable
-from galloping.importing import imported
 from galloping.inputs import Input
 from galloping.passes import part, passing
 from galloping.recording import Recording
@@ -132,7 +132,7 @@ def summarise(
 
     def identify(others: Sequence[Recording]) -> IdentifiedModel:
         known = tuple(found.model.states[i] for i in found.known)
-        again = imported(METHODS[method])
+        again = resolve_name(METHODS[method])
         return by_excerpts(again, list(others), found.model.terms, found.model, known, **options)
 
     names = [f"recording {number}" for number in range(1, len(given) + 1)]

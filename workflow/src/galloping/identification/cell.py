@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
+from pkgutil import resolve_name
 
 from galloping.identification.model import NO_MODEL, IdentifiedModel
-from galloping.importing import imported
 from galloping.polynomial import Exponents
 from galloping.recording import Recording
 from galloping.seeds import generator
@@ -33,7 +33,9 @@ def identify(
                 named = ("identification", *name, method, replicate)
                 options["rng"] = generator(settings["seed"], *named)
             try:
-                model = imported(settings["function"])(evidence(settings["evidence"]), **options)
+                model = resolve_name(settings["function"])(
+                    evidence(settings["evidence"]), **options
+                )
             except NO_MODEL as error:
                 reason = f"{method}: {str(error).splitlines()[0]}"
                 states, inputs = recordings[0].states, tuple(recordings[0].inputs)
@@ -47,4 +49,4 @@ def _evidence(
     recordings: Sequence[Recording], terms: tuple[Exponents, ...], maker: str | None
 ) -> object:
     """What methods work on: see `registry.Method`."""
-    return imported(maker)(recordings, terms) if maker else recordings
+    return resolve_name(maker)(recordings, terms) if maker else recordings

@@ -100,32 +100,14 @@ def envelope(orbit: np.ndarray) -> tuple[float, float, float]:
     return float(height), float(width), float(max(0.0, -np.min(orbit[:, 1])))
 
 
-@dataclass(frozen=True)
-class Clearance:
-    """least: distance of two galloping phases in m, whatever their phases in time. limit: what is
-    required, m."""
+def clearance(first: np.ndarray, second: np.ndarray, distance: tuple[float, float]) -> float:
+    """Least distance of two galloping spans at mid-span, where their modes are largest, m.
 
-    least: float
-    limit: float
-
-    @property
-    def kept(self) -> bool:
-        return self.least >= self.limit
-
-
-def clearance(
-    first: np.ndarray, second: np.ndarray, distance: tuple[float, float], limit: float = 0.0
-) -> Clearance:
-    """Least clearance of two galloping spans at mid-span, where their modes are largest.
-
-    first, second: (n, 2) places (w, v) of each over one period, closed, in m. distance:
-    (horizontal, vertical) from the first to the second at rest, m.
+    Whatever their phases in time; zero where the orbits cross. first, second: (n, 2) places (w, v)
+    of each over one period, closed, in m. distance: (horizontal, vertical) from the first to the
+    second at rest, m.
     """
-    return Clearance(_least(first, second + np.asarray(distance, float)), limit)
-
-
-def _least(first: np.ndarray, second: np.ndarray) -> float:
-    """Distance of two closed polygons, zero where they cross."""
+    second = second + np.asarray(distance, float)
     if _cross(first, second):
         return 0.0
     return min(_to_edges(first, second), _to_edges(second, first))

@@ -14,8 +14,11 @@ from numba import njit
 from numpy.polynomial.legendre import legvander
 from scipy.optimize import root
 
+from galloping.physics.equations import STATES
 from galloping.physics.galerkin import ice_coefficients
+from galloping.physics.gusts import wind_speed
 from galloping.physics.line import Line, Mode, positions, weights
+from galloping.results import Motion
 
 AERODYNAMICS = ("small_angle", "relative")
 # of a `Span`, what its rates are computed from
@@ -268,6 +271,13 @@ def simulate(
     return _runge_kutta(start, interval / substeps, substeps, speed, line.arrays)
 
 
+def wind(
+    line: Span, gusts: Mapping, time: np.ndarray, rng: np.random.Generator
+) -> np.ndarray | None:
+    """(n,) m/s at `time`, s, with the `gusts` of a `truth` section; None where it is steady."""
+    return wind_speed(time, mean=line.speed, rng=rng, **gusts) if gusts["intensity"] else None
+
+
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
 def _rates(state, speed, line, rate, load):
     """Fill `rate` (4 n,) for `state` in a wind of `speed`; load: (2, n_nodes), room to work in."""
@@ -379,3 +389,36 @@ def first_modes(values: np.ndarray, where: Sequence[float], span: float) -> np.n
     order = np.arange(1, len(where) + 1)
     sines = np.sin(np.pi * np.outer(np.asarray(where, dtype=float), order) / span)
     return np.einsum("ks,ns...->nk...", np.linalg.inv(sines), values)
+
+
+def observed(
+    case: Mapping,
+    truth: Mapping,
+    start: Mapping[str, float],
+    time: np.ndarray,
+    rng: np.random.Generator,
+) -> Motion:
+    """Motion of the line of a `cases` section as the sensors along its span see it.
+
+    truth: section of that name. start: by state, m and m/s at mid-span, from where it is released.
+    time: (n,) s, equally spaced. rng: draws the gusts.
+    Readings of the sensors become the coordinates of as many sine modes, of which the first are
+    the states; nothing else is known of the others. A motion that is not finite is all NaN.
+    """
+    load = {"aerodynamic": truth["aerodynamics"], "drag": truth["drag"]}
+    line = continuous_line(case, truth["modes"], **load)
+    begun = [start[state] for state in STATES]
+    begun = release(line, begun[:2], begun[2:], antisymmetric=truth["antisymmetric"])
+    speed = wind(line, truth["gusts"], time, rng)
+    states = simulate(line, begun, time, speed)
+    if not np.all(np.isfinite(states)):
+        nowhere = np.full((len(time), len(STATES)), np.nan)
+        return Motion(STATES, time, nowhere, nowhere, "diverged: not finite")
+    where = [share * line.line.span for share in truth["sensors"]]
+    displacement, velocity, acceleration = (
+        first_modes(readings(line, states, where, quantity, speed), where, line.line.span)[:, 0]
+        for quantity in QUANTITIES
+    )
+    return Motion(
+        STATES, time, np.hstack([displacement, velocity]), np.hstack([velocity, acceleration])
+    )

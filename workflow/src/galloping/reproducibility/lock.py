@@ -2,8 +2,9 @@
 
 import fcntl
 import os
+import shlex
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -71,6 +72,13 @@ def check_disk(results: str) -> None:
 def killed(repair: str) -> str:
     """What to say of a run that was killed."""
     return f"A run in this folder was killed: `{repair}` takes it from there."
+
+
+def make_command(configfiles: Iterable[str | Path] = (), goal: str = "") -> str:
+    """What to type to reach a goal of the Makefile for the study of these configuration files."""
+    files = " ".join(os.path.relpath(file) for file in configfiles)
+    settings = f"CONFIG={shlex.quote(files)}" if files else ""
+    return " ".join(filter(None, ("make", goal, settings)))
 
 
 def marked_environment(results: str) -> dict[str, str]:

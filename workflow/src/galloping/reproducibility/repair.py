@@ -6,9 +6,14 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from galloping.reproducibility.inspection import inspect
 from galloping.reproducibility.plan import Plan, PlannedJob, record
-from galloping.reproducibility.receipts import Receipt, consistent, receipt_path, receipts
+from galloping.reproducibility.receipts import (
+    Receipt,
+    consistent,
+    inspect,
+    receipt_path,
+    receipts,
+)
 
 
 @dataclass(frozen=True)

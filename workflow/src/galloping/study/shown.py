@@ -1,8 +1,14 @@
 """Where tables and figures look that cannot show all cells of a study."""
 
 from collections.abc import Iterable
+from functools import reduce
+from operator import getitem
 
-from galloping.configuration.parameters import departures
+from galloping.configuration.lines import CaseSection, paper_cases
+from galloping.configuration.load import plain
+from galloping.configuration.schema import child, leaves, schema
+from galloping.configuration.settings import Settings
+from galloping.fields import show
 from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
 from galloping.measurement.protocols import ALL_STATES, DERIVATIVES, Protocol
 from galloping.names import (
@@ -43,6 +49,31 @@ def is_papers(pair: Pair) -> bool:
     """Whether it is how the paper measured and identified."""
     protocol, method = pair
     return (protocol.name, method.name) == (PAPER_PROTOCOL, PAPER_METHOD)
+
+
+def departures(settings: Settings) -> dict[str, str]:
+    """Why the paper's claims about each of its cases cannot be judged in a study; "" where they
+    can: what the paper prints of the line is unchanged, whatever the rest is.
+    """
+    cases = settings.cases
+    return {name: _departure(cases.get(name), case) for name, case in paper_cases().items()}
+
+
+def _departure(case: CaseSection | None, paper: CaseSection) -> str:
+    if case is None:
+        return "the study does not have it"
+    if case.truth.model != "two_mode":
+        return f"its recordings are those of a line that is {case.truth.model}"
+    ours, papers = plain(case), plain(paper)
+    for key, node in leaves(child(schema(), "cases")):
+        path = key.split(".")[1:]  # below the name of the case
+        if node.get("provenance") != "seed":
+            continue
+        value, printed = (reduce(getitem, path, values) for values in (ours, papers))
+        # where the paper's own case has another value it is ours, as the tension of the second line
+        if printed == node["default"] and value != printed:
+            return f"{'.'.join(path)} is {show(value)}, where the paper has {show(printed)}"
+    return ""
 
 
 def judged_cases(study: Study) -> list[str]:

@@ -1,40 +1,47 @@
-"""Tables 1 and 2: the parameters of each case with unit and provenance."""
+"""Tables 1 and 2: the parameters of each case with unit and source; how the paper is read."""
 
-from dataclasses import asdict, fields, replace
+from collections.abc import Iterator
+from functools import reduce
 from importlib.resources import files
+from operator import getitem
 
 import numpy as np
 import pandas as pd
 
 from galloping.configuration.load import load, plain
-from galloping.configuration.parameters import (
-    ParameterRow,
-    conductor_parameters,
-    spacer_parameters,
-)
+from galloping.configuration.schema import child, leaves, schema
+from galloping.configuration.settings import Settings
 from galloping.physics.galerkin import ice_coefficients
+
+COLUMNS = ["case", "key", "symbol", "value", "unit", "provenance", "note"]
 
 
 def conductor(settings: dict, region: pd.DataFrame | None = None) -> pd.DataFrame:
-    """Table 1, with the aerodynamic coefficients that the reading stands for.
+    """Table 1: all but the spacers, with the aerodynamic coefficients that the reading stands for.
 
     settings: cases, as in the configuration. region: paper_region.csv, what was inferred from the
     paper's printed numbers: a value in its interval there is `inferred`, and the interval noted.
     """
     study = load({"cases": settings["cases"]})
-    rows = conductor_parameters(study)
-    for name, case in study.cases.items():
-        rows += _aerodynamic(name, plain(case.ice))
-    if region is not None:
-        rows = [_inferred(row, region) for row in rows]
-    order = list(study.cases)
-    rows = sorted(rows, key=lambda row: order.index(row.case))
-    return _table(rows)
+    table = _parameters(study)
+    table = table[~table["key"].str.startswith("spacers.")]
+    ice = (row for name, case in study.cases.items() for row in _aerodynamic(name, plain(case.ice)))
+    table = pd.concat([table, _table(ice)])
+    table = table.sort_values("case", key=lambda of: of.map(list(study.cases).index), kind="stable")
+    for place, row in enumerate([] if region is None else table.to_dict("records")):
+        found = region[(region["key"] == row["key"]) & region["best"].notna()]
+        value = np.nan if isinstance(row["value"], str) else float(row["value"])
+        for low, high in found[["low", "high"]].to_numpy()[:1]:
+            if low <= value <= high:
+                note = f"from the paper's printed numbers (make paper): {low:.3g} to {high:.3g}"
+                table.iloc[place, -2:] = "inferred", note
+    return table.reset_index(drop=True)
 
 
 def spacers(settings: dict) -> pd.DataFrame:
-    """Table 2."""
-    return _table(spacer_parameters(load({"cases": settings["cases"]})))
+    """Table 2: mass and positions of the spacers, one position a row."""
+    table = _parameters(load({"cases": settings["cases"]}))
+    return table[table["key"].str.startswith("spacers.")].reset_index(drop=True)
 
 
 def readings(settings: dict) -> pd.DataFrame:
@@ -43,38 +50,45 @@ def readings(settings: dict) -> pd.DataFrame:
         return pd.read_csv(file, keep_default_na=False)
 
 
-def _inferred(row: ParameterRow, region: pd.DataFrame) -> ParameterRow:
-    found = region[(region["key"] == row.key) & region["best"].notna()]
-    if found.empty or not found.iloc[0]["low"] <= _number(row.value) <= found.iloc[0]["high"]:
-        return row
-    low, high = found.iloc[0][["low", "high"]]
-    note = f"from the paper's printed numbers (make paper): {low:.3g} to {high:.3g}"
-    return replace(row, provenance="inferred", note=note)
+def _table(rows: Iterator[tuple]) -> pd.DataFrame:
+    return pd.DataFrame(rows, columns=COLUMNS, dtype=object)
 
 
-def _number(value: float | str) -> float:
-    return np.nan if isinstance(value, str) else float(value)
+def _parameters(study: Settings) -> pd.DataFrame:
+    """Every value of every case; `key` is its path below the case."""
+    return _table(row for name, case in study.cases.items() for row in _of_case(name, plain(case)))
 
 
-def _table(rows: list[ParameterRow]) -> pd.DataFrame:
-    names = [field.name for field in fields(ParameterRow)]
-    return pd.DataFrame(list(map(asdict, rows)), columns=names, dtype=object)
-
-
-def _aerodynamic(case: str, ice: dict) -> list[ParameterRow]:
-    if ice["reading"] == "custom":
-        return []  # configured one by one, and listed as such
-    names = zip(("beta", "eta"), ("vertical", "horizontal"), strict=True)
-    return [
-        ParameterRow(
-            case=case,
-            key=f"ice.{direction}",
-            symbol=f"{symbol}_{i}",
-            value=value,
-            unit="1",
-            provenance="derived",
-            note=f"printed digits, reading {ice['reading']}",
-        )
-        for (symbol, direction), values in zip(names, ice_coefficients(ice), strict=True)
-        for i, value in enumerate(values, start=1)
+def _of_case(name: str, values: dict) -> Iterator[tuple]:
+    named = [
+        (key.replace("<name>", release), node)
+        for key, node in leaves(child(child(schema(), "cases"), name))
+        for release in (values["releases"] if "<name>" in key else [""])
+        if not key.startswith("truth.") or values["truth"]["model"] == "continuous"
     ]
+    for key, node in named:
+        value = reduce(getitem, key.split("."), values)
+        for i, item in enumerate(value if isinstance(value, list) else [value]):
+            if item is not None:
+                symbol = node["symbol"].format(i + 1)
+                yield name, key, symbol, item, node["unit"], *_source(node, i, item)
+
+
+def _source(node: dict, i: int, value: float | int | str) -> tuple[str, str]:
+    """Provenance and note of a value: a changed one is ours, and says what it stands in for."""
+    default = node["default"]
+    if isinstance(default, list):
+        default = default[i] if i < len(default) else None
+    if value == default:
+        return node["provenance"], node.get("note", "")
+    return "assumed", "" if default is None else f"default {default} ({node['provenance']})"
+
+
+def _aerodynamic(case: str, ice: dict) -> Iterator[tuple]:
+    if ice["reading"] == "custom":
+        return  # configured one by one, and listed as such
+    names = (("vertical", "beta"), ("horizontal", "eta"))
+    for (direction, symbol), values in zip(names, ice_coefficients(ice), strict=True):
+        for i, value in enumerate(values, start=1):
+            note = f"printed digits, reading {ice['reading']}"
+            yield case, f"ice.{direction}", f"{symbol}_{i}", value, "1", "derived", note

@@ -20,7 +20,6 @@ from galloping.inputs import Input
 from galloping.intervals import NORMAL_95, drawn
 from galloping.physics import continuous, galerkin
 from galloping.physics.equations import STATES
-from galloping.physics.gusts import wind_speed
 from galloping.physics.line import Line
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
@@ -94,20 +93,6 @@ def line_of(case: Mapping, truth: SensedLine) -> continuous.Span:
         return continuous.continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
     phi, psi = galerkin.modes(case, Line.from_case(case))
     return continuous.span(case, [phi], [psi], aerodynamic=truth.aerodynamics)
-
-
-def gusts(
-    case: Mapping,
-    line: continuous.Span,
-    truth: SensedLine,
-    time: np.ndarray,
-    rng: np.random.Generator,
-) -> np.ndarray | None:
-    """(n,) m/s, the wind at `time` (n,), s; None where it is steady."""
-    if not truth.intensity:
-        return None
-    look = {**case["truth"]["gusts"], "intensity": truth.intensity}
-    return wind_speed(time, mean=line.speed, rng=rng, **look)
 
 
 def motion(
@@ -237,7 +222,8 @@ def trial(
 
     def moved(*name: str | int) -> tuple[np.ndarray, dict[str, Input], np.random.Generator]:
         rng = generator(seed, "model_error", case, *name)
-        speed = gusts(parameters, line, truth, time, rng)
+        gusts = {**parameters["truth"]["gusts"], "intensity": truth.intensity}
+        speed = continuous.wind(line, gusts, time, rng)
         measured = {SPEED: Input(time, speed)} if truth.wind else {}
         return motion(parameters, line, truth, time, speed), measured, rng
 
