@@ -95,12 +95,6 @@ def test_a_template_and_data_beside_a_module_count(package, name):
     assert package(name, "two") != before
 
 
-def test_modules_that_a_script_does_not_use_do_not_count(package):
-    before = package()
-    assert package("other.py", "OTHER = 2\n") == before
-    assert package("new.py", "NEW = 1\n") == before
-
-
 def test_what_runs_a_script_and_computes_nothing_does_not_count(package, monkeypatch):
     monkeypatch.setattr(digest, "UNCOUNTED", ("package.guard",))
     script = SCRIPT.replace("import sys\n", "import sys\nfrom package.guard import run\n")
@@ -109,13 +103,6 @@ def test_what_runs_a_script_and_computes_nothing_does_not_count(package, monkeyp
     assert package("guard.py", "from package import other\n\nrun = 'the disk is full'\n") == before
     assert package("other.py", "OTHER = 2\n") == before
     assert package("base.py", "ONE = 2\n") != before
-
-
-def test_modules_imported_by_name_count_when_named(package):
-    before = package(modules=["package.method"])
-    assert before != package()
-    assert package("other.py", "OTHER = 2\n", modules=["package.method"]) != before
-    assert package(modules=["package.method:work"]) == package(modules=["package.method"])
 
 
 def test_a_misspelt_module_is_named(package):
@@ -170,15 +157,6 @@ def installed(tmp_path, monkeypatch):
 
     yield install
     forget()
-
-
-def test_versions_are_those_of_a_library_and_all_that_it_requires():
-    found = digest.versions(["pysindy"])
-    assert {"pysindy", "scikit-learn", "scipy", "numpy"} <= set(found)
-    assert all(found[name] == metadata.version(name) for name in set(found) - {"python"})
-    assert found["python"] == f"{sys.version_info.major}.{sys.version_info.minor}"
-    assert not {"matplotlib", "pytest", "snakemake"} & set(found)
-    assert "matplotlib" not in digest.versions(["numpy", "scipy", "numba", "heyoka", "sklearn"])
 
 
 def test_an_upgrade_shows_in_what_requires_it(installed):

@@ -1,12 +1,9 @@
 """Recordings without displacements: of accelerometers, or of velocities, alone."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from galloping import Recording, derive, maximum_likelihood, polynomial_library, simulate
-from galloping.identification.likelihood.integrals import undisplaced, with_integrals
 
 TERMS = polynomial_library(4, 3)
 LINE = derive()
@@ -27,36 +24,6 @@ def recording(quantity, seed=8):
     rates[:, 2:] = exact + noise * exact.std(axis=0) + drift
     unknown = np.array([False, False, True, True])
     return Recording(TIME, LINE.states, values, rates=rates, unknown_offsets=unknown)
-
-
-@pytest.mark.parametrize("quantity", ["velocities", "accelerations"])
-def test_integrals_are_the_displacements_without_what_is_slow(quantity):
-    given = recording(quantity)
-    whole = with_integrals(given)
-    assert np.isnan(given.values[:, :2]).all() and undisplaced(given) == {0: 2, 1: 3}
-    inside = (TIME > 15) & (TIME < 285)
-    for k in range(2):
-        got, true = whole.values[inside, k], MOTION[inside, k]
-        assert np.std(got - true) < 0.15 * np.std(true)
-        assert np.corrcoef(got, true)[0, 1] > 0.99
-
-
-def test_displacements_that_are_measured_stay():
-    measured = Recording(TIME, LINE.states, MOTION)
-    assert with_integrals(measured) is measured
-    alone = replace(measured, values=np.where(np.arange(4) < 2, MOTION, np.nan))
-    assert with_integrals(alone) is alone  # velocities are the slopes of measured displacements
-    one = replace(measured, values=np.where(np.arange(4) != 1, MOTION, np.nan))
-    assert undisplaced(one) == {1: 3}
-
-
-def test_missing_samples_stay_missing():
-    given = recording("accelerations")
-    rates = given.rates.copy()
-    rates[1000:1005, 2] = np.nan
-    given = replace(given, rates=rates)
-    whole = with_integrals(given)
-    assert np.isnan(whole.values[1000:1005, 0]).all() and np.isfinite(whole.values[:, 1]).all()
 
 
 @pytest.mark.parametrize("quantity", ["velocities", "accelerations"])

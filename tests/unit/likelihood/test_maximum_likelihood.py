@@ -39,24 +39,11 @@ def test_the_line_is_found_at_the_bound(level: float) -> None:
         assert found.status == "ok", found.reason
         assert np.array_equal(found.support, SUPPORT)
         assert np.sqrt(np.diag(found.covariance)) == pytest.approx(std, rel=0.03)
+        assert np.array_equal(np.sqrt(np.diag(found.covariance)), found.standard_errors[SUPPORT])
         assert found.sigma[0] == pytest.approx(level * X.std(axis=0), rel=0.03)
         assert found.initial_states[0] == pytest.approx(RELEASE, abs=level)
         errors.append(scaled_errors(LINE, found, std))
     assert np.sqrt(np.mean(np.square(errors))) < 1.3  # 56 values, of unit variance at the bound
-
-
-def test_covariance_follows_the_order_of_the_support() -> None:
-    found = maximum_likelihood([noisy(LINE, X, TIME, 0.05, 0)], LINE.terms)
-    assert np.sqrt(np.diag(found.covariance)) == pytest.approx(found.standard_errors[found.support])
-    assert found.covariance.shape == (14, 14)
-    assert np.isnan(found.standard_errors[:2]).all()
-
-
-def test_without_noise_the_line_is_exact() -> None:
-    found = maximum_likelihood([Recording(TIME, LINE.states, X)], LINE.terms)
-    assert found.status == "ok", found.reason
-    assert np.array_equal(found.support, SUPPORT)
-    assert found.model.coefficients[SUPPORT] == pytest.approx(LINE.coefficients[SUPPORT], rel=1e-5)
 
 
 def test_displacements_are_enough() -> None:
@@ -193,12 +180,3 @@ def test_known_equations_are_kept() -> None:
     assert np.array_equal(found.model.coefficients[0], true.coefficients[0])
     assert not found.support[0].any()
     assert np.array_equal(found.support[1], true.support[1])
-
-
-def test_recordings_of_different_systems_are_an_error() -> None:
-    values = np.zeros((5, 1))
-    time = np.arange(5.0)
-    with pytest.raises(ValueError, match="must have those of the first"):
-        maximum_likelihood(
-            [Recording(time, ("x",), values), Recording(time, ("y",), values)], ((0,), (1,))
-        )

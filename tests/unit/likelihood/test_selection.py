@@ -1,10 +1,8 @@
 import numpy as np
-import pytest
 
 from galloping.identification.likelihood.selection import (
     added_deviation,
     select,
-    solve_support,
 )
 
 
@@ -18,16 +16,6 @@ def regression(seed: int, true: np.ndarray, rows: int = 400) -> tuple[np.ndarray
 
 
 TRUE = np.array([1.0, 0.0, -2.0, 0.0, 0.0, 0.7, 0.0, 0.0])
-
-
-@pytest.mark.parametrize("start", [np.ones(8, bool), np.zeros(8, bool), TRUE == 0.0])
-def test_the_true_terms_are_selected_from_any_start(start: np.ndarray) -> None:
-    information, right = regression(0, TRUE)
-    support = select(information, right, [start], 2.0 * np.log(400))
-    assert support.tolist() == (TRUE != 0.0).tolist()
-    c, covariance = solve_support(information, right, support)
-    z = (c - TRUE)[support] / np.sqrt(np.diag(covariance))
-    assert np.abs(z).max() < 4.0
 
 
 def test_selection_does_not_depend_on_the_units_of_the_columns() -> None:

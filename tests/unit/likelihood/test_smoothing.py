@@ -27,32 +27,3 @@ def test_noise_is_measured_and_mostly_removed() -> None:
     left = (curve.states - truth).std(axis=0) / x.std(axis=0)
     assert np.all(left < 0.03)
     assert curve.derived.tolist() == [-1, -1]
-
-
-def test_a_velocity_that_is_not_measured_comes_from_its_displacement() -> None:
-    x, recording = swing(0.02)
-    values = recording.values.copy()
-    values[:, 1] = np.nan
-    curve = smooth(Recording(TIME, ("q", "dq"), values), 2.1)
-    truth = np.interp(curve.time, TIME, x[:, 1])
-    assert curve.derived.tolist() == [-1, 0]
-    assert np.std(curve.states[:, 1] - truth) < 0.03 * x[:, 1].std()
-
-
-def test_gaps_are_marked() -> None:
-    _, recording = swing(0.02)
-    values = recording.values.copy()
-    values[2000:3000] = np.nan
-    curve = smooth(Recording(TIME, ("q", "dq"), values), 2.1)
-    inside = (curve.time > 21.0) & (curve.time < 29.0)
-    outside = (curve.time < 20.0 - 2.1) | (curve.time > 30.0 + 2.1)  # its ends are left out
-    assert not curve.valid[inside].any()
-    assert curve.valid[outside].all()
-
-
-def test_a_displacement_without_samples_is_an_error() -> None:
-    _, recording = swing(0.02)
-    values = recording.values.copy()
-    values[:, 0] = np.nan
-    with pytest.raises(ValueError, match="q is not measured"):
-        smooth(Recording(TIME, ("q", "dq"), values), 2.1)

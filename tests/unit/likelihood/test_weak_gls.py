@@ -25,15 +25,6 @@ def test_the_weak_form_alone_is_near_the_bound(level: float) -> None:
     assert np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
-def test_velocities_need_not_be_measured() -> None:
-    recording = noisy(LINE, X, TIME, 0.05, 0)
-    values = recording.values.copy()
-    values[:, 2:] = np.nan
-    found = weak_gls([Recording(TIME, LINE.states, values)], LINE.terms)
-    assert np.array_equal(found.support, unknown_support(LINE))
-    assert np.isnan(found.sigma[0, 2:]).all()
-
-
 def test_samples_may_be_irregular() -> None:
     recording = noisy(LINE, X, TIME, 0.05, 0)
     chosen = np.sort(np.random.default_rng(0).choice(len(TIME), 10_000, replace=False))
@@ -55,17 +46,6 @@ def test_a_long_recording_starts_from_where_its_motion_grows(order: int) -> None
     alone, misled = (begin(problem, [one]).fit.free for one in (growing, settled))
     assert np.allclose(rough_fit(problem, start).free, alone, atol=0.02)
     assert not np.allclose(misled, alone, atol=0.2)
-
-
-def test_without_noise_the_terms_are_exact() -> None:
-    found = weak_gls([Recording(TIME, LINE.states, X)], LINE.terms)
-    assert np.array_equal(found.support, unknown_support(LINE))
-
-
-def test_constant_channels_are_refused() -> None:
-    found = weak_gls([Recording(TIME, LINE.states, np.ones_like(X))], LINE.terms)
-    assert found.status == "refused"
-    assert "no channel varies" in found.reason
 
 
 def test_a_library_without_the_cubic_terms_is_refused() -> None:
