@@ -29,7 +29,6 @@ from galloping.configuration.load import (
 from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import MEASURES, SWEPT, Settings
 from galloping.cycles import family
-from galloping.names import OPEN_PARAMETERS
 from galloping.physics import continuous, measures
 from galloping.physics.galerkin import derive
 from galloping.study.shown import departures
@@ -581,4 +580,4 @@ def test_settings_allow_what_there_is():
     assert tuple(aerodynamics) == continuous.AERODYNAMICS
     assert set(SWEPT) == set(family.PARAMETERS)
     assert set(MEASURES) == set(measures.KINDS)
-    assert set(OPEN_PARAMETERS) == set(variations.OPEN)
+    assert set(plain(load({}))["assessment"]["open_parameters"]) == set(variations.OPEN)

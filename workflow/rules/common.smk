@@ -8,7 +8,7 @@ from galloping.reproducibility import digest
 from galloping.reproducibility.lock import OF_STUDY
 from galloping.study import shown
 from galloping.study.cells import Study
-from galloping.names import OPEN_PARAMETERS, OURS_FAMILY
+from galloping.names import OURS_FAMILY
 from galloping.study.pieces import without
 from galloping.configuration.kinds import PAPER
 
@@ -27,6 +27,7 @@ REDRAWN = shown.redrawn_cases(STUDY)  # cases of the paper, with many draws of i
 VARIED_CASE = REDRAWN[0] if REDRAWN else "none"  # with other settings of what it leaves open
 DEGREE = STUDY.settings.identification.degree
 SEED = STUDY.settings.measurement.seed
+OPENED = STUDY.plain["assessment"]["open_parameters"]  # of the paper: values of each, by name
 WINDOW = list(STUDY.settings.simulation.steady_window)
 
 
@@ -46,7 +47,7 @@ wildcard_constraints:
     block=r"[a-z_0-9.+-]+",
     trial="|".join(trial.name for trial in STUDY.trials) or "none",
     batch="[a-z_0-9]+",
-    parameter="|".join(OPEN_PARAMETERS),
+    parameter="|".join(OPENED),
 
 
 # Params: each is one value under the key of the configuration that it comes from. Snakemake compares

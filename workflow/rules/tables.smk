@@ -199,11 +199,10 @@ if LINES:
         "measures": joined(every("<results>/assessment/{case}/measures.csv", case=LINES)),
     }
 if REDRAWN:
-    opened = STUDY.plain["assessment"]["open_parameters"]
     TABLES["reproduction"] = joined(
         every(
             "<results>/reproduction/{parameter}.csv",
-            parameter=[name for name in OPEN_PARAMETERS if opened[name]],
+            parameter=[name for name, values in OPENED.items() if values],
         )
     )
 if LINES:

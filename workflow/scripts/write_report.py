@@ -3,10 +3,17 @@
 from os.path import relpath
 from pathlib import Path
 
-from galloping.report.described import described, made_by, versions
 from galloping.report.headline import headline as found
 from galloping.report.headline import inferred, verdicts
-from galloping.report.page import Item, Page, RecordingSection, render
+from galloping.report.page import (
+    Item,
+    Page,
+    RecordingSection,
+    described,
+    made_by,
+    render,
+    versions,
+)
 from galloping.report.printed_numbers import section
 from galloping.reproducibility.job import run
 from galloping.storage import write_text

@@ -75,8 +75,6 @@ Your own data are arrays, lists or a pandas DataFrame; NaN is what is missing:
 >>> own = galloping.Recording.from_frame({"t": [0, 0.1, 0.2], "q": [0, 0.1, 0.2]}, time="t")
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 
 __version__ = "0.1.0"

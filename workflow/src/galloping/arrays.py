@@ -1,7 +1,5 @@
 """Arrays that a user gives: lists, arrays and columns of a frame become floats, or one line."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from numbers import Real
 

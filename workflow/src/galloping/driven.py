@@ -3,8 +3,6 @@
 By the integrator of the likelihood, in equal steps short enough for its Taylor series.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

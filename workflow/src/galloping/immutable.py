@@ -1,7 +1,5 @@
 """Frozen dataclasses that hold arrays: never changed, compared and hashed by what they hold."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields
 from types import MappingProxyType

@@ -10,8 +10,3 @@ BOUND = "bound"  # the Cramer-Rao bound, where methods are named
 PAPER_PROTOCOL, PAPER_METHOD = "derivative", "paper"
 OURS = "maximum_likelihood"  # what figures set beside the paper's method
 OURS_FAMILY = "likelihood"
-# what the paper leaves open: `galloping.tables.variations.OPEN`
-OPEN_PARAMETERS = (
-    "wind_speed", "damping_vertical", "damping_horizontal", "bundle_dimension", "release_vertical",
-    "release_horizontal", "threshold",
-)  # fmt: skip

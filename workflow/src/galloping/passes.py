@@ -1,7 +1,5 @@
 """How far a long computation is: told to whoever listens, silent otherwise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar

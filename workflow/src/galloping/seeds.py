@@ -1,7 +1,5 @@
 """Random numbers by name: what a draw depends on is its name, not the size of the study."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

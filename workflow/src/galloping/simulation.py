@@ -4,8 +4,6 @@ The coefficients are runtime parameters of the compiled code, so hundreds of ide
 share one compilation (heyoka; Biscani and Izzo, MNRAS 504, 2021).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import prod

@@ -1,7 +1,5 @@
 """The stages of a study as functions for a script: one line, one motion, one recording."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

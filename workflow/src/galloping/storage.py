@@ -1,7 +1,5 @@
 """Files that are written whole or not at all, with the same bytes for the same content."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

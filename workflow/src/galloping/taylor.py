@@ -8,8 +8,6 @@ follows sensitivities for bounds, compiles its variational equations for every l
 2 to 3.5 times as long over them (`make bench`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """The Cramer-Rao bound: how precisely any unbiased method can know each coefficient."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

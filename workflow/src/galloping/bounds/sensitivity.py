@@ -1,7 +1,5 @@
 """How the motion of a polynomial model depends on its coefficients and on where it starts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 

@@ -70,7 +70,8 @@ class Parameter:
     at: Callable[[Mapping, float], dict]
 
 
-def _entry(section: str, key: str) -> Callable[[Mapping, float], dict]:
+def entry(section: str, key: str) -> Callable[[Mapping, float], dict]:
+    """The case at a value of one of its keys."""
     return lambda case, value: {**case, section: {**case[section], key: value}}
 
 
@@ -101,16 +102,16 @@ def _ice(direction: str, power: int) -> Callable[[Mapping, float], dict]:
 
 
 PARAMETERS = {
-    "wind_speed": Parameter("wind speed", "m/s", _entry("wind", "speed")),
-    "tension": Parameter("tension of a sub-conductor", "N", _entry("line", "tension")),
+    "wind_speed": Parameter("wind speed", "m/s", entry("wind", "speed")),
+    "tension": Parameter("tension of a sub-conductor", "N", entry("line", "tension")),
     "damping_ratio": Parameter("structural damping ratio", "1", _damping),
-    "damping_vertical": Parameter("vertical damping ratio", "1", _entry("damping", "vertical")),
+    "damping_vertical": Parameter("vertical damping ratio", "1", entry("damping", "vertical")),
     "damping_horizontal": Parameter(
-        "horizontal damping ratio", "1", _entry("damping", "horizontal")
+        "horizontal damping ratio", "1", entry("damping", "horizontal")
     ),
     "span": Parameter("span", "m", _span),
-    "spacer_mass": Parameter("mass of a spacer", "kg", _entry("spacers", "mass")),
-    "bundle_dimension": Parameter("dimension of the bundle", "m", _entry("bundle", "dimension")),
+    "spacer_mass": Parameter("mass of a spacer", "kg", entry("spacers", "mass")),
+    "bundle_dimension": Parameter("dimension of the bundle", "m", entry("bundle", "dimension")),
     **{
         f"ice_{direction}_{power}": Parameter(
             f"{direction} aerodynamic coefficient of order {power}", "1", _ice(direction, power)

@@ -1,7 +1,5 @@
 """What the motion of a line in random forces tells an engineer, in words and numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from galloping.field.dynamics import Dynamics, Value

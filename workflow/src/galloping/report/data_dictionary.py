@@ -4,8 +4,6 @@
 such a column that has no row of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files

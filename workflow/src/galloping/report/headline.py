@@ -1,7 +1,5 @@
 """What was found, in sentences whose every number is read from the study's tables."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from galloping.names import OURS

@@ -1,10 +1,13 @@
-"""One self-contained HTML page of a study: headline, settings, figures and tables with captions."""
+"""One self-contained HTML page of a study: headline, settings, figures and tables with captions,
+and the versions behind it.
+"""
 
-from __future__ import annotations
-
+import platform
 import re
 from base64 import b64encode
+from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import metadata
 from importlib.resources import files
 from pathlib import Path
 from urllib.parse import quote
@@ -14,9 +17,11 @@ from docutils.core import publish_parts
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
+from galloping.publication.provenance import commit
 from galloping.report.data_dictionary import meaning
 from galloping.report.printed_numbers import Section
 
+LIBRARIES = ("numpy", "scipy", "pandas", "heyoka", "numba", "pysindy", "matplotlib", "snakemake")
 PLAIN = " !'()*,/:;=@[]{}|^+"  # may stand in a data URI between double quotes
 # of an SVG: what stands before it, its comments and its metadata
 UNSEEN = re.compile(r"\A.*?(?=<svg)|<!--.*?-->\s*|<metadata>.*?</metadata>\s*", re.DOTALL)
@@ -132,3 +137,57 @@ def render(page: Page) -> str:
         files(__package__).joinpath("page.html.jinja").read_text(encoding="utf-8")
     )
     return template.render(page=page, introduction=as_html(page.introduction))
+
+
+def described(study: Mapping) -> list[tuple[str, str]]:
+    """Pairs of a name and values with units: each line in its wind, and what is measured of it.
+
+    study: the settings, in plain values.
+    """
+    return (_of_lines(study) if study["cases"] else []) + [
+        (name, _trial(trial)) for name, trial in study["trials"].items()
+    ]
+
+
+def _of_lines(study: Mapping) -> list[tuple[str, str]]:
+    lines = [(name, _line(case)) for name, case in study["cases"].items()]
+    simulation, measurement = study["simulation"], study["measurement"]
+    return [
+        *lines,
+        ("record", f"{simulation['duration']:g} s at {simulation['sampling_rate']:g} Hz"),
+        ("noise levels", ", ".join(f"{level:g}" for level in measurement["levels"])),
+        ("subsets", f"{', '.join(f'{n:,}' for n in measurement['subsets']['points'])} samples"),
+        ("replicates", f"{measurement['replicates']}, drawn from seed {measurement['seed']}"),
+        ("protocols", ", ".join(measurement["protocols"])),
+        ("methods", ", ".join(study["identification"]["methods"])),
+        ("candidate library", f"polynomials up to degree {study['identification']['degree']}"),
+    ]
+
+
+def _trial(trial: Mapping) -> str:
+    text = f"{trial['kind'].replace('_', ' ')}, {trial['replicates']} replicates"
+    return f"{text}, drawn from seed {trial['seed']}"
+
+
+def _line(case: Mapping) -> str:
+    line, conductor = case["line"], case["conductor"]
+    return (
+        f"span {line['span']:g} m, tension {line['tension'] / 1000:g} kN a sub-conductor, "
+        f"{case['bundle']['subconductors']} sub-conductors of {conductor['mass']:g} kg/m, "
+        f"wind {case['wind']['speed']:g} m/s, damping ratios {case['damping']['vertical']:g} and "
+        f"{case['damping']['horizontal']:g}"
+    )
+
+
+def made_by() -> str:
+    """The commit that a report is made by, in words."""
+    known = commit()
+    if known is None:
+        return "code that is in no git repository"
+    changed = f", with {len(known.changes)} files changed since" if known.changes else ""
+    return f"commit {known.digest[:12]} of {known.date[:10]}{changed}"
+
+
+def versions() -> dict[str, str]:
+    """Of Python and the libraries that numbers and figures come from."""
+    return {"python": platform.python_version(), **{n: metadata.version(n) for n in LIBRARIES}}

@@ -1,7 +1,5 @@
 """The first screen of the report: the paper's printed numbers beside ours, and what holds."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 
@@ -31,6 +29,14 @@ class Cell:
 
 
 @dataclass(frozen=True)
+class Row:
+    """A statement with its cells: of both directions together, or vertical and horizontal."""
+
+    statement: str
+    cells: list[Cell]
+
+
+@dataclass(frozen=True)
 class Section:
     """What the page begins with.
 
@@ -43,14 +49,6 @@ class Section:
     rows: list[Row]
     failures: list[str]
     by_settings: str
-
-
-@dataclass(frozen=True)
-class Row:
-    """A statement with its cells: of both directions together, or vertical and horizontal."""
-
-    statement: str
-    cells: list[Cell]
 
 
 def section(paper: pd.DataFrame, varied: pd.DataFrame | None) -> Section:

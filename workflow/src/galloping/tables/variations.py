@@ -5,29 +5,21 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from galloping.cycles.family import PARAMETERS, Parameter, initial_state
+from galloping.cycles.family import PARAMETERS, Parameter, entry, initial_state
 from galloping.names import PAPER_METHOD, PAPER_PROTOCOL
 from galloping.paper.claims import HELD
 from galloping.paper.draws import Amounts, line_motion, paper_draws
 from galloping.physics.galerkin import coefficients
 from galloping.tables.judged_claims import COLUMNS, claims_table
 
-
-def _released(state: str):
-    def at(case: Mapping, value: float) -> dict:
-        return {**case, "initial_state": {**case["initial_state"], state: value}}
-
-    return at
-
-
 THRESHOLD = "threshold"  # of the method, not of the line
 OPEN = {
-    "wind_speed": PARAMETERS["wind_speed"],
-    "damping_vertical": PARAMETERS["damping_vertical"],
-    "damping_horizontal": PARAMETERS["damping_horizontal"],
-    "bundle_dimension": PARAMETERS["bundle_dimension"],
-    "release_vertical": Parameter("vertical release", "m", _released("q_v")),
-    "release_horizontal": Parameter("horizontal release", "m", _released("q_w")),
+    **{
+        name: PARAMETERS[name]
+        for name in ("wind_speed", "damping_vertical", "damping_horizontal", "bundle_dimension")
+    },
+    "release_vertical": Parameter("vertical release", "m", entry("initial_state", "q_v")),
+    "release_horizontal": Parameter("horizontal release", "m", entry("initial_state", "q_w")),
     THRESHOLD: Parameter("threshold", "1", lambda case, value: dict(case)),
 }
 

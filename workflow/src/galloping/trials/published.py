@@ -7,8 +7,6 @@ recordings. Intervals: the relaxation of PSI-SINDy (arXiv 2610.11486) towards it
 quadratic coefficient is zero or small, with noise of known size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
