@@ -138,7 +138,7 @@ def assess(model, at, seed, figure, as_csv, as_json):
     """
     from galloping.field.assess import assess as assessed
     from galloping.field.assessed import assessment_rows, assessment_text
-    from galloping.field.inputs import held_at
+    from galloping.field.input_columns import held_at
     from galloping.storage import read_json
 
     if as_csv and as_json:

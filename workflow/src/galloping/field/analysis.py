@@ -11,7 +11,7 @@ from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
 from galloping.field.excerpt import by_excerpts
 from galloping.field.following import Sensed
-from galloping.field.inputs import check_inputs, described, input_notes, mean_inputs
+from galloping.field.input_columns import check_inputs, described, input_notes, mean_inputs
 from galloping.field.mapping import ColumnMapping
 from galloping.field.outputs import (
     MODEL_COLUMNS,

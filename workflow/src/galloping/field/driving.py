@@ -8,7 +8,7 @@ import numpy as np
 from galloping.field.analysis import Field
 from galloping.field.columns import ROWS, clock_of
 from galloping.field.file_table import read_table
-from galloping.field.inputs import held_at
+from galloping.field.input_columns import held_at
 from galloping.field.mapping import ColumnMapping, InputColumn, TimeColumn
 from galloping.field.read import Series, read_series
 from galloping.inputs import Input

@@ -16,7 +16,7 @@ from galloping.field.following import (
     first_guess,
     simulator_of,
 )
-from galloping.field.inputs import known_ahead
+from galloping.field.input_columns import known_ahead
 from galloping.field.units import NONE
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.field.file_table import FileError, FileTable, read_table
-from galloping.field.inputs import input_unit, inputs_of
+from galloping.field.input_columns import input_unit, inputs_of
 from galloping.field.mapping import Channel, ColumnMapping
 from galloping.field.units import UnitError, amount, factor, named, state_unit
 from galloping.identification.likelihood.inputs import FEWEST

@@ -24,7 +24,7 @@ from galloping.field.forecast import (
     deviations,
     with_factors,
 )
-from galloping.field.inputs import mean_inputs
+from galloping.field.input_columns import mean_inputs
 from galloping.field.objections import Identify, objected
 from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import peaks_of, sampled, spectrum

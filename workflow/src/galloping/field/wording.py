@@ -15,19 +15,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
-from galloping.field import ambient
 from galloping.field.advice import Advice
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
 from galloping.field.excerpt import excerpts
 from galloping.field.following import Sensed
 from galloping.field.forecast import HeldOut
-from galloping.field.inputs import input_lines
+from galloping.field.input_columns import input_lines
 from galloping.field.objections import REPEATS
 from galloping.field.quality import peaks_of, spectrum
 from galloping.field.reasons import PARTS, PLACES, PROBLEMS, WIND, plain_reasons
 from galloping.field.units import coefficient_unit, meaning, state_unit
 from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import term_name
+from galloping.identification.random_forces.tracking import Forces
+from galloping.polynomial import term_name, velocity_pairs
 from galloping.recording import Recording
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def summary_text(
     described = [report_lines(report) for report in reports]
     described = described or [repr(each).splitlines() for each in of.recordings]
     values = {
-        "of": of, "found": found, "known": known, "trial": trial, "ambient": ambient, "ends": ENDS,
+        "of": of, "found": found, "known": known, "trial": trial, "ends": ENDS,
         "rounding": ROUNDING, "technical": TECHNICAL, "most_problems": MOST_PROBLEMS,
         "refused": found.status == "refused",
         "exact": [n for n in found.model.inputs if not of.recordings[-1].inputs[n].error],
@@ -71,7 +71,7 @@ def summary_text(
         "repeats": REPEATS in found.reason,
         "mixed": re.search(PARTS, found.reason),
         "recorded": list(_recorded(of.recordings)),
-        "forces": f"| {' | '.join(ambient.row(found, known))} |" if found.is_forced else "",
+        **_of_forces(found, known),
         "meanings": [why for why, _ in plain_reasons(found.reason) if why],
         "problems": problems,
         "helps": _helps(of, reports),
@@ -163,6 +163,39 @@ def _of_small(known: Dynamics) -> dict:
             if np.isnan(value.value)
         ),
     }
+
+
+def _of_forces(found: IdentifiedModel, known: Dynamics | None) -> dict:
+    """How strong random forces are, a row of the table, and whether modes gallop besides."""
+    if not found.is_forced:
+        return {"forces": ""}
+    margins = known.damping.items() if known else ()
+    return {
+        "forces": f"| random forces, for each kg of modal mass | {_strengths(found, known)} |  |",
+        "margins": [f"{_name(state)} motion {_margin(damping)}" for state, damping in margins],
+    }
+
+
+def _margin(damping: Value) -> str:
+    """Whether a mode gallops, as far as its net damping tells."""
+    if damping.low > 0.0:
+        return f"does not, at least {100 * damping.low:.2g} % of critical damping is left"
+    if damping.high < 0.0:
+        return "does, small motions grow"
+    return "may, the recording is too short to tell whether small motions grow"
+
+
+def _strengths(found: IdentifiedModel, of: Dynamics | None) -> str:
+    """The one-sided spectra of the forces, at the frequency of the coordinate that each moves."""
+    states, forces = found.model.states, Forces.of(found)
+    said = []
+    for i, velocity in velocity_pairs(states).items():
+        frequency = of.frequencies[states[i]].value if of else np.nan
+        density = forces.density(2.0 * np.pi * frequency)[velocity, velocity]
+        if density > 0.0:
+            said.append(f"{states[i]} {np.sqrt(2.0 * density):.3g} m/s² per √Hz")
+    lasting = ", ".join(f"{1.0 / forces.rates[i]:.2g} s" for i in forces.places)
+    return ", ".join(said) + (f", slow ones that last {lasting} included" if lasting else "")
 
 
 def _keeps(known: Dynamics) -> bool:
