@@ -2,6 +2,8 @@
 
 import ast
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -53,3 +55,22 @@ def test_a_room_imports_none_below_it(room):
         if name not in allowed
     }
     assert not wrong
+
+
+HEAVY = {"numpy", "scipy", "heyoka", "numba", "pandas", "matplotlib", "pysindy", "snakemake"}
+
+
+@pytest.mark.parametrize(
+    ("imports", "heavy"),
+    [
+        ("galloping", HEAVY | {"pydantic"}),
+        ("galloping.cli", HEAVY),
+        ("galloping.configuration.load", HEAVY - {"numpy"}),
+        ("galloping.study.cells, galloping.study.pieces, galloping.study.shown, galloping.field, "
+         "galloping.paper.printed", HEAVY - {"numpy", "scipy"}),
+    ],
+)  # fmt: skip
+def test_what_is_imported_often_imports_nothing_heavy(imports, heavy):
+    code = f"import sys, {imports}; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert set(run.stdout.split()) & heavy == set()

@@ -3,8 +3,6 @@
 import json
 import math
 import re
-import subprocess
-import sys
 from functools import reduce
 from itertools import pairwise
 from pathlib import Path
@@ -562,15 +560,6 @@ def test_a_stale_key_table_is_mended_and_one_without_markers_refused():
     assert "| `measurement.seed` | `20260130` | 1 | a whole number >= 0 |" in text
     with pytest.raises(ValueError, match="needs the two lines"):
         reference.with_key_table("prose\n")
-
-
-def test_configuration_stays_light():
-    code = (
-        "import sys, galloping.configuration.load; "
-        "print(sorted({'pandas', 'pysindy', 'heyoka', 'scipy'} & set(sys.modules)))"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"
 
 
 def test_settings_allow_what_there_is():

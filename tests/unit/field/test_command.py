@@ -3,8 +3,6 @@
 import csv
 import json
 import runpy
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -132,14 +130,6 @@ def test_errors_are_one_line(arguments, code, said):
     printed = run("inspect", SPAN, *arguments, code=code)
     assert said in printed
     assert code == 2 or len(printed.splitlines()) == 1
-
-
-def test_help_imports_nothing_heavy():
-    code = "import sys; from galloping.cli import main; print(*sys.modules)"
-    modules = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    ).stdout.split()
-    assert not {"numpy", "pandas", "matplotlib", "heyoka", "numba"} & set(modules)
 
 
 def test_a_refused_model_and_a_broken_mapping_are_told_in_one_line(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from galloping.field.file_table import LARGEST, FileError, read_table
+from galloping.field.file_table import LARGEST, FileError
 from galloping.field.mapping import MappingError, channel_of, validated
 from galloping.field.project import recording
 from galloping.field.quality import quality
@@ -32,14 +32,6 @@ def write(path, frame):
 @pytest.fixture
 def frame():
     return pd.DataFrame({"t": TIME, "v": 1000 * V, "w": W})
-
-
-def test_a_file_gives_a_recording(tmp_path, frame):
-    mapping = validated(MAPPING)
-    read = recording(read_series(write(tmp_path / "a.csv", frame), mapping), mapping)
-    np.testing.assert_allclose(read.time, TIME, atol=1e-12)
-    np.testing.assert_allclose(read.values[:, :2], np.column_stack([V, W]), atol=1e-12)
-    assert np.isnan(read.values[:, 2:]).all()
 
 
 def test_units_come_from_the_description_beside_a_file(tmp_path, frame):
@@ -77,14 +69,6 @@ def test_what_holds_too_much_or_nothing_is_refused_in_one_line(tmp_path):
         with pytest.raises(FileError, match=message) as error:
             read_series(tmp_path / name, validated(MAPPING))
         assert str(tmp_path / name) in str(error.value) and "\n" not in str(error.value)
-
-
-def test_byte_order_mark_and_formulas_are_harmless(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text("\ufefft,v,note\n0,1,=1+1\n1,2,@x\n", encoding="utf-8")
-    table = read_table(path)
-    assert list(table.columns) == ["t", "v", "note"]
-    assert list(table.columns["note"]) == ["=1+1", "@x"]
 
 
 @pytest.mark.parametrize(

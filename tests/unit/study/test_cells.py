@@ -1,15 +1,12 @@
 """Which cells a study has, and what is in its files."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 from galloping.configuration.load import load
 from galloping.polynomial import PolynomialModel
 from galloping.results import Derived, Motion
-from galloping.study import files, pieces
+from galloping.study import files
 from galloping.study.cells import Study
 
 
@@ -74,28 +71,6 @@ def test_more_replicates_of_a_trial_are_further_batches():
     assert few == {name: more[name] for name in few}
     assert set(more) - set(few) == {"late_channels_20_to_24"}
     assert list(more["late_channels_20_to_24"].replicates) == [20, 21, 22, 23, 24]
-
-
-def test_rules_import_neither_figures_nor_methods():
-    code = (
-        "import sys; import galloping.field, galloping.paper.printed;"
-        "from galloping.study import cells, pieces, shown;"
-        "print([m for m in ('matplotlib', 'pysindy', 'pandas', 'heyoka', 'numba', 'snakemake')"
-        " if m in sys.modules])"
-    )
-    result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
-    assert result.stdout.strip() == "[]"
-
-
-def test_a_sweep_does_not_read_what_it_varies(default):
-    line = default.cases[0].released
-    told = pieces.without(line, "wind_speed", "tension", None, "span")
-    assert "speed" not in told["wind"] and "tension" not in told["line"]
-    assert told["line"]["span"] == line["line"]["span"]  # its spacers move with it
-    ratios = pieces.without(line, "damping_ratio")
-    assert ratios["damping"] == {} and ratios["initial_state"] == line["initial_state"]
 
 
 def test_a_file_is_read_as_its_place_says(tmp_path):

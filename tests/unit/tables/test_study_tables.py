@@ -13,7 +13,6 @@ from galloping.intervals import interval
 from galloping.physics.equations import model
 from galloping.physics.galerkin import Derived, coefficients
 from galloping.polynomial import PolynomialModel, library
-from galloping.tables.line_parameters import conductor, spacers
 from galloping.tables.scores import all_scores, data_amount, noise_coefficients, noise_r2
 from galloping.tables.table3 import table3
 
@@ -154,16 +153,3 @@ def test_table_3_shows_true_and_spurious_terms(cases):
         {"a": Derived(model(true), true, {})}, identified, settings | {"continuous": ["a"]}
     )
     assert unknown[["true", "relative_error_percent"]].isna().all(axis=None)
-
-
-def test_parameters_have_units_and_provenance(cases):
-    rows = pd.concat([conductor({"cases": cases}), spacers({"cases": cases})], ignore_index=True)
-    assert set(rows["case"]) == set(CASES)
-    assert set(rows["provenance"]) <= {"seed", "derived", "assumed"}
-    values = rows[rows["case"] == "non_resonant"].set_index("key")["value"]
-    assert values["line.tension"] == 35000
-    assert values["wind.speed"] == 12
-    one = rows[rows["case"] == "internal_resonance"]
-    numbers = [value for value in one["value"] if isinstance(value, float)]
-    assert {0.442, 2.126, -4.432, 3.33} <= set(numbers)
-    assert one.loc[[isinstance(v, float) for v in one["value"]], "unit"].ne("").all()
