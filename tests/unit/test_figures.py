@@ -117,9 +117,8 @@ def test_noise_levels_of_any_number_and_errors_of_any_size(levels, error, quanti
 
 @pytest.mark.parametrize("points", [(), (1000,), (1000, 5000)])
 def test_amounts_of_any_number(points):
-    table = scores(points=points)
-    drawn(lambda: draw_methods(table, {**NAMES, **AMOUNT}))
-    drawn(lambda: draw_draws(table, {**AMOUNT, **CELL}))
+    for draw, settings in ((draw_methods, {**NAMES, **AMOUNT}), (draw_draws, {**AMOUNT, **CELL})):
+        drawn(lambda draw=draw, settings=settings: draw(scores(points=points), settings))
 
 
 def test_the_first_draw_stands_beside_the_spread_of_all_and_what_the_paper_prints():
@@ -139,14 +138,6 @@ def test_the_first_draw_stands_beside_the_spread_of_all_and_what_the_paper_print
     drawn_lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
     assert list(drawn_lines["one draw, the first"]) == [7.0, 1.0]
     assert list(drawn_lines["their median"]) == [2.5, 5.0]
-
-
-def test_the_worse_direction_counts_where_both_share_a_panel():
-    table = pd.DataFrame({"r2_q_v": [0.9, 0.2], "r2_q_w": [0.8, 0.4],
-                          "amplitude_error_q_v_percent": [1.0, 2.0],
-                          "amplitude_error_q_w_percent": [3.0, np.inf]})  # fmt: skip
-    assert list(QUANTITIES["r2"].combined(table)) == [0.8, 0.2]
-    assert list(QUANTITIES["amplitude"].combined(table)) == [3.0, np.inf]
 
 
 def test_the_bound_is_a_line_without_marks():

@@ -6,11 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from galloping.configuration.kinds import KINDS
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.model import IdentifiedModel
-from galloping.physics.equations import STATES, model
+from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients
 from galloping.polynomial import library
 from galloping.report.headline import verdicts
@@ -18,9 +17,7 @@ from galloping.seeds import generator
 from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
 from galloping.trials import faults, published, recorded_lines, systems
 from galloping.trials.attempts import claims
-from galloping.trials.faults import FAULTS
-from galloping.trials.published_numbers import EXACT
-from galloping.trials.recorded_lines import LONG, draw
+from galloping.trials.recorded_lines import draw
 
 TERMS = library(4, 3)
 METHODS = {
@@ -79,18 +76,6 @@ def test_claims_that_do_not_hold(result, fault):
     row = claims(true, wrong)
     assert row[fault] == 1 and row["ok_and_wrong"]
     assert not claims(true, replace(wrong, status="not identifiable"))["ok_and_wrong"]
-
-
-def test_a_refusal_claims_nothing(result):
-    true, _ = result
-    row = claims(true, IdentifiedModel.refused(STATES, TERMS, "no luck"))
-    assert (row["status"], row["terms"], row["ok_and_wrong"]) == ("refused", 0, False)
-
-
-def test_kinds_name_the_cases_that_there_are():
-    assert KINDS["sensor_faults"].cases == tuple(FAULTS)
-    assert KINDS["published_terms"].cases == tuple(published.SETTINGS)
-    assert set(LONG) < set(KINDS["long_and_steady"].cases)
 
 
 def test_random_lines_and_their_table():
@@ -195,12 +180,3 @@ def test_intervals_after_selection_stand_beside_their_numbers():
     assert table.loc["gamma 0", "holds"] == 1.0 and table.loc["gamma 0", "found"] == 0.0
     assert table.loc["gamma 0.16", "found"] == 1.0
     assert draw_published_intervals(table.reset_index(), {}).axes
-
-
-def test_published_numbers_are_those_of_their_source():
-    """Means of the heat maps, as the shares of 128 draws that their authors keep."""
-    means = {method: np.mean([*cells.values()]) for method, cells in EXACT["lorenz"].items()}
-    assert means == pytest.approx(
-        {"odr_bindy": 0.787, "jsindy": 0.603, "ensemble_weak_sindy": 0.050}, abs=5e-4
-    )
-    assert all(len(cells) == 112 for cells in EXACT["lorenz"].values())

@@ -125,8 +125,3 @@ def test_a_family_is_the_case_at_its_own_value(name):
     assert models.model(own).coefficients == pytest.approx(base, rel=1e-12)
     assert not np.allclose(models.model(1.1 * own + 0.1).coefficients, base, rtol=1e-6)
     assert line == case("internal_resonance")
-
-
-def test_a_parameter_that_no_sweep_can_vary():
-    with pytest.raises(ValueError, match="colour: a sweep cannot vary it; it can vary wind_speed"):
-        line_family(case("internal_resonance"), "colour")
