@@ -17,11 +17,7 @@ from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.differentiation import differentiate
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import bagged_medians
-from galloping.identification.sparse.supports import (
-    best_threshold,
-    ebic,
-    thresholded_supports,
-)
+from galloping.identification.sparse.supports import best_threshold, ebic, thresholded_supports
 from galloping.identification.sparse.tuning import seeded
 from galloping.measurement.measuring import Motion, measure
 from galloping.polynomial import PolynomialModel, design_matrix, library

@@ -48,10 +48,7 @@ def test_gusts_are_drawn_and_count():
     ("truth", "line"),
     [
         ({"model": "plate"}, "model: unknown model 'plate'; allowed: two_mode, continuous"),
-        (
-            {"modes": 3},
-            "modes: is not allowed with model two_mode; must be left out",
-        ),
+        ({"modes": 3}, "modes: is not allowed with model two_mode; must be left out"),
         ({"model": "continuous", "modes": 0}, "modes: 0 is not allowed; must be a whole number"),
         ({"model": "continuous", "sensors": [1.5]}, "sensors: 1.5 is not allowed; each must be"),
         ({"model": "continuous", "gusts": {"spectrum": "pink"}}, "unknown spectrum 'pink'"),

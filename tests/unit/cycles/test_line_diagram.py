@@ -8,13 +8,7 @@ import pytest
 from galloping.configuration.load import load, plain
 from galloping.cycles.continuation import Range
 from galloping.cycles.diagram import diagram
-from galloping.cycles.family import (
-    LIBRARY,
-    PARAMETERS,
-    critical_wind,
-    initial_state,
-    line_family,
-)
+from galloping.cycles.family import LIBRARY, PARAMETERS, critical_wind, initial_state, line_family
 from galloping.cycles.limit_cycles import at_value
 from galloping.cycles.settling import settle
 from galloping.physics.equations import STATES

@@ -63,9 +63,7 @@ def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(case, t
     assert all(mode.growth > 0 for mode in horizontal)
     line = line_of(case, TRUTHS["9 modes, mid-span"])
     clean = combined(
-        line,
-        TRUTHS["9 modes, mid-span"],
-        motion(case, line, TRUTHS["9 modes, mid-span"], TIME),
+        line, TRUTHS["9 modes, mid-span"], motion(case, line, TRUTHS["9 modes, mid-span"], TIME)
     )
     own = found.simulate(clean[0], TIME).states
     late = TIME >= 200

@@ -1,9 +1,6 @@
 import numpy as np
 
-from galloping.identification.likelihood.selection import (
-    added_deviation,
-    select,
-)
+from galloping.identification.likelihood.selection import added_deviation, select
 
 
 def regression(seed: int, true: np.ndarray, rows: int = 400) -> tuple[np.ndarray, np.ndarray]:

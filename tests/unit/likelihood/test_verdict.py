@@ -83,10 +83,7 @@ def test_an_absent_term_has_a_limit_and_no_bearing_on_the_verdict() -> None:
 def test_nothing_found_is_not_identifiable() -> None:
     rng = np.random.default_rng(5)
     result = verdict_on(np.zeros(12), rng.normal(size=(2000, 12)), rng)
-    assert (result.status, result.reason) == (
-        "not identifiable",
-        "no term stands out of the noise",
-    )
+    assert (result.status, result.reason) == ("not identifiable", "no term stands out of the noise")
 
 
 # of two states to the second degree: x, y and x y are the candidates 1, 2 and 4 of dx/dt
