@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
-from scipy.signal import welch
 
 from galloping.field.assess import Assessment, Cycle
 from galloping.field.following import Sensed
@@ -115,6 +114,8 @@ def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarra
 
 def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     """Of each channel the spectrum of the samples, and that of a model that random forces move."""
+    from scipy.signal import welch  # slow to import
+
     channels = Channels.of([recording])
     step = float(np.median(np.diff(recording.time)))
     grid = on_grid(recording.time, channels.samples(recording), step)

@@ -153,12 +153,14 @@ def write_figure(
     """What `draw` returns, drawn and written in the project's style."""
     with styled(font_size):
         figure = draw()
+        if layout := figure.get_layout_engine():
+            layout.execute(figure)  # once, without drawing, for both files
+            figure.set_layout_engine(None)
         for path, form in ((svg, "svg"), (png, "png")):
             with replacing(path) as partial:
                 figure.savefig(partial, format=form, dpi=dpi, metadata=METADATA[form])
                 if form == "svg":
                     _shorten(Path(partial))
-            figure.set_layout_engine(None)  # solved once, kept for the second file
 
 
 def _shorten(svg: Path) -> None:

@@ -6,8 +6,6 @@ samples themselves, keep what the samples say about the states; the rest is nois
 it. This works for any sampling: irregular times, missing samples, missing channels.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,8 +15,10 @@ from numba import njit
 from galloping.taylor import ORDER
 
 # Projections. Three a window hold all that samples tell of a motion that turns by a twelfth of a
-# period in it; Taylor series of `taylor.ORDER` are then good to TRUNCATION.
+# period in it; Taylor series of `taylor.ORDER` are then good to TRUNCATION, relative to each state:
+# below the noise of any sensor.
 WINDOWS_PER_PERIOD, ROWS = 12, 3
+TRUNCATION = 1e-7
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class Condensed:
     targets: (n_windows, n_observed, ROWS) the projections of the samples, in the state's unit.
     counts: (n_recordings, n_observed) samples; rows: the same, non-zero rows.
     remainder: (n_recordings, n_observed) sum of squares of the samples outside the projections.
-    known_noise: (n_recordings, n_observed) deviation of a sample where known, NaN else; or None.
+    known_noise: (n_recordings, n_observed) deviation of a sample where known, NaN else.
     inputs: (n_windows, n_powers, n_factors) factors of the inputs over each window (see
-    `Problem.driven`), or None without inputs.
+    `Problem.driven`), without inputs (n_windows, 1, 0).
     """
 
     step: float
@@ -47,35 +47,38 @@ class Condensed:
     counts: np.ndarray
     rows: np.ndarray
     remainder: np.ndarray
-    known_noise: np.ndarray | None = None
-    inputs: np.ndarray | None = None
-
-    def driven(self, windows: slice) -> np.ndarray:
-        """(n, n_powers, n_factors) factors of the inputs over some of the windows."""
-        count = len(self.functionals[windows])
-        return np.zeros((count, 1, 0)) if self.inputs is None else self.inputs[windows]
+    known_noise: np.ndarray
+    inputs: np.ndarray
 
     def names(self, states: Sequence[str]) -> list[str]:
         """What each channel measures: a state, or d and the name of one."""
         pairs = zip(self.observed, self.is_rate, strict=True)
         return [f"d{states[k]}" if rate else states[k] for k, rate in pairs]
 
+    def squares(self, residual: np.ndarray) -> np.ndarray:
+        """(n_recordings, n_observed) of projections (n_windows, n_observed, ROWS), summed."""
+        return np.add.reduceat((residual**2).sum(axis=2), self.first[:-1], axis=0)
+
+    def told(self, states: Sequence[str], noise: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
+        """Noise of a sample (n_recordings, n_observed) as that of each state, (n_recordings,
+        n_states), NaN where not measured, and of each rate, in the last recording, by its name.
+        """
+        noise, values = np.where(self.counts > 0, noise, np.nan), ~self.is_rate
+        sigma = np.full((len(noise), len(states)), np.nan)
+        sigma[:, self.observed[values]] = noise[:, values]
+        names = self.names(states)
+        return sigma, {f"noise_{names[o]}": noise[-1, o] for o in np.flatnonzero(self.is_rate)}
+
     @property
     def is_known(self) -> np.ndarray:
         """(n_recordings, n_observed) whether the noise of a channel is known."""
-        if self.known_noise is None:
-            return np.zeros(self.counts.shape, bool)
         return np.isfinite(self.known_noise) & (self.counts > 0)
 
     @property
     def noise_variance(self) -> np.ndarray:
         """(n_recordings, n_observed) of a sample: as known, or by the rest inside windows."""
         inside = self.remainder / np.maximum(self.counts - self.rows, 1)
-        return (
-            inside
-            if self.known_noise is None
-            else np.where(self.is_known, self.known_noise**2, inside)
-        )
+        return np.where(self.is_known, self.known_noise**2, inside)
 
     @property
     def tells_noise(self) -> np.ndarray:
@@ -174,7 +177,7 @@ def condense(
     times: per recording (n,), s, increasing. values: per recording (n, n_observed), NaN where a
     sample is missing. observed: (n_observed,) state index of each channel. step: window, s.
     is_rate: (n_observed,) whether a channel measures the rate of its state; none does by default.
-    known_noise: as in `Condensed`.
+    known_noise: as in `Condensed`; of none by default.
     """
     windows = [window_count(time, step) for time in times]
     first = np.concatenate([[0], np.cumsum(windows)])
@@ -200,8 +203,9 @@ def condense(
             remainder[r],
         )
     rates = np.zeros(n_observed, bool) if is_rate is None else np.asarray(is_rate)
+    known_noise = np.full(counts.shape, np.nan) if known_noise is None else known_noise
     functionals[:, rates] = of_rates(functionals[:, rates], step)
     return Condensed(
         step, first, np.asarray(observed), rates, functionals, targets, counts, rows,
-        np.maximum(remainder, 0.0), known_noise,
+        np.maximum(remainder, 0.0), known_noise, np.zeros((len(targets), 1, 0)),
     )  # fmt: skip

@@ -1,9 +1,8 @@
 """Exact states with noisy derivatives: weighted linear least squares, equation by equation."""
 
-from __future__ import annotations
-
 import numpy as np
 
+from galloping.identification.likelihood.condense import TRUNCATION
 from galloping.identification.likelihood.problem import Problem, largest
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.verdict import Regression, by, judged, refused
@@ -11,9 +10,6 @@ from galloping.identification.model import IdentifiedModel
 from galloping.inputs import at_times
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording
-
-# Noise of a derivative relative to its size below which rounding is not weighed as noise.
-SMALLEST_RATE_NOISE = 1e-7
 
 
 def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:
@@ -42,11 +38,10 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             if good.sum() <= n_terms:
                 few = f"too few complete samples for d({problem.states[i]})/dt"
                 return by(["derivatives"], refused(problem, few))
-            rows, rate = theta[good], rate[good]
-            rows = rows if problem.open is None else rows[:, columns]
+            rows, rate = theta[np.ix_(good, columns)], rate[good]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
             gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
-            floor = SMALLEST_RATE_NOISE * np.abs(rate).max() + np.finfo(float).tiny
+            floor = TRUNCATION * np.abs(rate).max() + np.finfo(float).tiny
             sigma[r, i] = max(np.sqrt(gap @ gap / (len(rate) - len(block))), floor)
             information[np.ix_(block, block)] += rows.T @ rows / sigma[r, i] ** 2
             right[block] += rate @ rows / sigma[r, i] ** 2
@@ -55,9 +50,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         penalty, whole = 2.0 * np.log(samples), np.ones(len(block), bool)
         about = problem.chosen_about()
         support[block] = select(
-            information[np.ix_(block, block)], right[block], [whole], penalty,
-            None if about is None else about[block],
-        )  # fmt: skip
+            information[np.ix_(block, block)], right[block], [whole], penalty, about[block]
+        )
         count += samples
     free, _ = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)

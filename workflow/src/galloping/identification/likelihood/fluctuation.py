@@ -5,8 +5,6 @@ mean, each by itself, with a correlation that falls exponentially in time. Their
 those of the jumps that are left between stretches, are estimated by expectation maximisation.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

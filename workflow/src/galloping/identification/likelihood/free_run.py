@@ -4,8 +4,6 @@ The phase of such a motion is that of its inputs: what the model misses does not
 in a limit cycle, and the whole recording is one stretch (simulation error, or output error).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -74,7 +72,7 @@ def whole_approximation(
         fit.free, fit.support, fit.starts, information, covariance,
         mean_squares(condensed, segments, residual), residual[:, :, 0], path=("free runs",),
     )  # fmt: skip
-    squares = np.add.reduceat((residual**2).sum(axis=2), condensed.first[:-1], axis=0)
+    squares = condensed.squares(residual)
     left = np.sqrt((squares + condensed.remainder) / np.maximum(condensed.counts, 1))
     return stated(
         problem, condensed, segments, made, residual, left, penalty,
@@ -100,8 +98,8 @@ def free_runs(
     starts = near.initial_states
     try:
         remaining, _ = residuals(problem, condensed, each, free, starts)
-        squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
-        sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), floor)
+        squares = condensed.squares(remaining) / np.maximum(condensed.rows, 1)
+        sigma = np.maximum(np.sqrt(squares), floor)
         fit = Fit(free, free != 0.0, starts, sigma, floor, sigma, np.inf)
         if not forgets_start(problem, condensed, each, fit):
             return None
@@ -162,7 +160,7 @@ def _slopes(
         rows = integrate(
             compiled, condensed.step, np.array([0, own.stop - own.start]),
             fit.starts[begin : begin + 1], condensed.functionals[own], condensed.observed,
-            condensed.driven(own), sensitive=True,
+            condensed.inputs[own], sensitive=True,
         )[1]  # fmt: skip
         weight = 1.0 / fit.sigma[segments.recording[begin]][:, None]
         rows *= weight[..., None]

@@ -4,8 +4,6 @@ Each is a line in the spectrum of what the model leaves, above the frequencies o
 errors of the model itself are small: a sinusoid that grows or decays exponentially.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import least_squares
 

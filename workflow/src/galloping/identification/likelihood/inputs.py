@@ -1,7 +1,5 @@
 """What a user hands to an identification, or one line that says what is wrong with it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from numbers import Integral
 
@@ -17,24 +15,22 @@ from galloping.recording import Recording
 FEWEST = 100  # samples: fewer hold no oscillation that could be told from noise
 
 
-WANTED = "must be a Recording, or a list of recordings of one system"
-
-
 def checked_recordings(recordings: object) -> list[Recording]:
     """One recording or several as a list.
 
     Raises ValueError where they are none, not recordings, differ in their states, or are too short.
     """
+    wanted = "must be a Recording, or a list of recordings of one system"
     if isinstance(recordings, Recording):
         recordings = [recordings]
     if not isinstance(recordings, list | tuple):
         what = type(recordings).__name__
-        raise ValueError(f"recordings: a {what}; {WANTED} (Recording.from_frame takes a DataFrame)")
+        raise ValueError(f"recordings: a {what}; {wanted} (Recording.from_frame takes a DataFrame)")
     if not recordings:
-        raise ValueError(f"recordings: is empty; {WANTED}")
+        raise ValueError(f"recordings: is empty; {wanted}")
     for i, recording in enumerate(recordings):
         if not isinstance(recording, Recording):
-            raise ValueError(f"recordings: item {i} is a {type(recording).__name__}; {WANTED}")
+            raise ValueError(f"recordings: item {i} is a {type(recording).__name__}; {wanted}")
         if recording.states != recordings[0].states:
             raise ValueError(
                 f"recordings: item {i} has the states {', '.join(recording.states)}; "

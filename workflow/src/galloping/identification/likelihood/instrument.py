@@ -6,8 +6,6 @@ residuals, unknown forces in how badly the segments of the recording join up
 (C. R. Rao, 1948; T. S. Breusch and A. R. Pagan, 1979).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -18,6 +16,7 @@ from galloping.identification.likelihood.condense import Condensed, of_rates
 from galloping.identification.likelihood.prior import costs
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import (
+    DEPENDENT,
     select,
     solve_support,
     tableau,
@@ -42,8 +41,6 @@ FALSE_FAULT_RATE = 5e-3
 # Segments joined into one free stretch in the tests for unknown forces: a force that comes and
 # goes shows in short stretches, a phase that wanders in long ones.
 STRETCHES = (1, 2, 4)
-# Share of a parameter's information, of what it has alone, that the terms must leave it.
-DISTINCT = 1e-6
 # z from which terms are looked for that only imitate a fault; a sound recording has one a few
 # times in a hundred, which costs a pass of the fit and no more.
 CURIOUS = 2.5
@@ -76,7 +73,7 @@ def faults(
     problem: Problem,
     condensed: Condensed,
     segments: Segments,
-    fit: Fit,
+    fit: "Fit",
     penalty: float,
 ) -> list[Fault]:
     """The faults that the data show, the clearest first; none where the recording is sound.
@@ -146,7 +143,7 @@ def _delayed_inputs(
     coefficients, n = problem.coefficients(free), len(problem.states)
     extra = len(problem.inputs)
     terms, late = [(*term, *[0] * extra) for term in problem.terms], []
-    powers = condensed.driven(slice(None))
+    powers = condensed.inputs
     slopes = np.zeros_like(powers)
     slopes[:, :-1] = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None] / condensed.step
     columns = [powers]
@@ -172,15 +169,12 @@ def _delayed_inputs(
     if not late:
         return problem, condensed, []
     added = ((0, 0), (0, len(terms) - len(problem.terms)))
-    open_ = np.ones(problem.known.shape, bool) if problem.open is None else problem.open
-    parts = {"known": problem.known, "open": open_}
-    if problem.precision is not None:
-        parts |= {"expected": problem.expected, "precision": problem.precision}
+    parts = ("known", "open", "expected", "precision")
     wider = replace(
         problem,
         terms=tuple(terms),
         inputs=(*problem.inputs, *(f"d({name})/dt" for name in problem.inputs)),
-        **{name: np.pad(part, added) for name, part in parts.items()},
+        **{name: np.pad(getattr(problem, name), added) for name in parts},
     )
     return wider, replace(condensed, inputs=np.concatenate(columns, axis=2)), late
 
@@ -254,7 +248,7 @@ def _score(information: np.ndarray, right: np.ndarray, n: int, mixture: np.ndarr
     change, covariance = solve_support(information, right, terms)
     cross = information[-1, :-1]
     left = information[-1, -1] - cross @ covariance @ cross
-    if left < DISTINCT * information[-1, -1] or left <= 0.0:
+    if left < DEPENDENT * information[-1, -1] or left <= 0.0:
         return 0.0
     return float(abs(right[-1] - information[-1] @ change) / np.sqrt(left))
 

@@ -5,8 +5,6 @@ the smooth curves that a fit starts from are made of them: its likelihood is of 
 themselves.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

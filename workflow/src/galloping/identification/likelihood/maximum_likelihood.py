@@ -4,8 +4,6 @@ The method is on a page, docs/identification.md, in the order of this module: th
 each is fitted in free segments and joined over the recording; what the residuals show; the verdict.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -63,7 +61,6 @@ from galloping.recording import Recording
 from galloping.threads import one_thread
 
 PRIOR = Prior()
-MANY_ALIKE = "many models follow the data alike"
 
 
 @one_thread
@@ -131,8 +128,8 @@ def _at_time_scale(
 ) -> IdentifiedModel:
     """The model from the starts of one time scale. Raises NO_MODEL where none leads to one."""
     begun = begun or begin(problem, recordings, share)
-    plain = not problem.inputs and problem.open is None and problem.precision is None
-    asked = share == 1.0 and plain
+    every = problem.open[list(problem.unknown)].all() and not problem.precision.any()
+    asked = share == 1.0 and every and not problem.inputs
     if asked and (forced := moved_at_random(problem, begun)) is not None:
         return forced
     rescaled = scaled(recordings, begun.period)
@@ -205,9 +202,9 @@ def _followed(problem: Problem, recordings: list[Recording], begun: Start) -> Id
         if joined.objection:
             return joined.objection
         remaining, shown = _remaining(problem, begun, joined)
-    condensed, step, fit = joined.free.condensed, joined.step, joined.fit
+    condensed, step, fit = joined.free.condensed, joined.step, joined.step.fit
     sigma, noise = _noise(problem, joined, remaining)
-    doubt = MANY_ALIKE
+    doubt = "many models follow the data alike"
     if joined.settled:  # else what it leaves in the residuals is that it is not the best fit
         causes = faults(problem, condensed, step.segments, fit, penalty)
         objection = shown.objection(condensed.names(problem.states))
@@ -226,9 +223,9 @@ def _followed(problem: Problem, recordings: list[Recording], begun: Start) -> Id
     kept = sum(recording.samples for recording in begun.recordings)
     found = judged(
         problem,
-        Regression(step.information, step.right, fit.support, penalty, largest, step.fit.free),
+        Regression(step.information, step.right, fit.support, penalty, largest, fit.free),
         doubt,
-        initial_states=fit.starts[np.unique(joined.free.segments.recording, return_index=True)[1]],
+        initial_states=fit.starts[np.unique(step.segments.recording, return_index=True)[1]],
         sigma=sigma,
         chi2=shown.chi2,
         diagnostics={
@@ -260,7 +257,7 @@ def _joined(problem: Problem, begun: Start, largest: np.ndarray) -> JoinedFit | 
         joined = replace(joined, path=path)
         if start.dear > 1.0 and joined.settled and unseen:
             # a limit cycle looks like one of fewer terms
-            told = unseen_mixtures(joined.step.information, largest) < joined.fit.support.sum()
+            told = unseen_mixtures(joined.step.information, largest) < joined.step.fit.support.sum()
             joined = replace(joined, settled=told)
         if joined.settled:
             return joined
@@ -273,9 +270,9 @@ def _with_coloured_noise(
     problem: Problem, begun: Start, joined: JoinedFit, shown: Residue
 ) -> JoinedFit:
     """Joined again, the noise as strong as it is at the frequencies of the motion."""
-    power = np.where(np.isfinite(shown.band_power), shown.band_power, joined.fit.sigma**2)
+    power = np.where(np.isfinite(shown.band_power), shown.band_power, joined.step.fit.sigma**2)
     noise = np.sqrt(power)
-    fit = replace(joined.fit, sigma=noise, floor=noise, reference=noise, chi2=np.inf)
+    fit = replace(joined.step.fit, sigma=noise, floor=noise, reference=noise, chi2=np.inf)
     free = replace(joined.free, step=replace(joined.step, before=fit, fit=fit))
     again = join(problem, free, costs(problem.prior, problem.complexity, begun.penalty), 1.0, False)
     path = (*joined.path, "coloured noise", *again.path)
@@ -284,7 +281,7 @@ def _with_coloured_noise(
 
 def _causes_of_none(problem: Problem, free: FreeFit, penalty: float) -> list[str]:
     """What may be why no model follows the whole recording."""
-    shown = faults(problem, free.condensed, free.segments, free.step.fit, penalty)
+    shown = faults(problem, free.condensed, free.step.segments, free.step.fit, penalty)
     if free.is_close:
         named = [fault.cause for fault in shown[:1]]
         # a small fault does not keep the pieces from joining
@@ -301,7 +298,7 @@ def _remaining(problem: Problem, begun: Start, joined: JoinedFit) -> tuple[np.nd
 
     Raises FloatingPointError where the model diverges over a chain.
     """
-    condensed, fit, segments = joined.free.condensed, joined.fit, joined.step.segments
+    condensed, fit, segments = joined.free.condensed, joined.step.fit, joined.step.segments
     begins = np.unique(segments.chains, return_index=True)[1]
     windows = np.append(segments.first[begins], segments.first[-1])
     whole = Segments(windows, segments.recording[begins], np.arange(len(begins)))
@@ -315,14 +312,10 @@ def _noise(
     problem: Problem, joined: JoinedFit, remaining: np.ndarray
 ) -> tuple[np.ndarray, dict[str, float]]:
     """(n_recordings, n_states) noise of a sample of each state, and of each rate by its name."""
-    condensed, fit, step = joined.free.condensed, joined.fit, joined.step
-    squares = np.add.reduceat((remaining**2).sum(axis=2), condensed.first[:-1], axis=0)
+    condensed, fit, step = joined.free.condensed, joined.step.fit, joined.step
     parameters = int(fit.support.sum()) + (step.segments.chains[-1] + 1) * len(problem.states)
     share = parameters / max(np.count_nonzero(condensed.counts), 1)
-    total = (squares + condensed.remainder) / np.maximum(condensed.counts - share, 1.0)
-    total = np.where(condensed.is_known, condensed.noise_variance, total)
-    total = np.where(condensed.counts > 0, np.sqrt(total), np.nan)
-    sigma = np.full((len(total), len(problem.states)), np.nan)
-    sigma[:, condensed.observed[~condensed.is_rate]] = total[:, ~condensed.is_rate]
-    names = condensed.names(problem.states)
-    return sigma, {f"noise_{names[o]}": total[-1, o] for o in np.flatnonzero(condensed.is_rate)}
+    squares = condensed.squares(remaining) + condensed.remainder
+    variance = squares / np.maximum(condensed.counts - share, 1.0)
+    variance = np.where(condensed.is_known, condensed.noise_variance, variance)
+    return condensed.told(problem.states, np.sqrt(variance))

@@ -1,7 +1,5 @@
 """The methods at the physical limit, behind the interface of all methods."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass

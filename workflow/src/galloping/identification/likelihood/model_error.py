@@ -9,8 +9,6 @@ counts as one; where it is not, each stretch counts for itself. How many terms t
 how sure they are and what the model predicts is judged on stretches that were left out of the fit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -142,11 +140,10 @@ def stated(
     noise: (n_recordings, n_observed) of a sample. reason: what the shares of the channels that are
     left end. The diagnostics are the R2 of the forecasts and these shares.
     """
-    names, values = condensed.names(problem.states), ~condensed.is_rate
+    names = condensed.names(problem.states)
     shares = dict(zip(names, _error_shares(made, condensed), strict=True))
     left = ", ".join(f"{share:.1%} of {name}" for name, share in shares.items())
-    sigma = np.full((len(noise), len(problem.states)), np.nan)
-    sigma[:, condensed.observed[values]] = np.where(condensed.counts > 0, noise, np.nan)[:, values]
+    sigma, of_rates = condensed.told(problem.states, noise)
     besides = further_modes(problem.states, condensed, residual)
     noise_power = np.sum(made.forecast[2])
     errors = added_deviation(made.information, made.support)
@@ -165,10 +162,7 @@ def stated(
         further_modes=besides,
         diagnostics={
             "forecast_r2": made.skill,
-            **{
-                f"noise_{names[o]}": float(np.sqrt(condensed.noise_variance[-1, o]))
-                for o in np.flatnonzero(condensed.is_rate)
-            },
+            **of_rates,
             **{f"error_share_all_{name}": float(share) for name, share in shares.items()},
         },
     )  # fmt: skip
@@ -324,8 +318,6 @@ def _judged(record: Record, fit: StretchFit) -> Approximation:
 
 def prior_covariance(problem: Problem, information: np.ndarray, support: np.ndarray) -> np.ndarray:
     """What the means of priors, which are as wrong as they say, add to a covariance."""
-    if problem.precision is None:
-        return np.zeros((support.sum(), support.sum()))
     _, covariance = solve_support(information, np.zeros(len(support)), support)
     return covariance * problem.of_candidates(problem.precision)[support] @ covariance
 

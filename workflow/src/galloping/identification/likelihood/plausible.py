@@ -1,7 +1,5 @@
 """The supports that the data do not rule out, and the errors of coefficients over all of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -22,8 +22,6 @@ exact with a tenth for each further degree and cheap constants, 17 are as it is;
 of 60 were and are.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is asked of an identification: the library, what is known, the free coefficients."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -61,28 +59,27 @@ class Problem:
     states: names of the n_states states. terms: exponents of the n_terms candidate monomials, in
     the states and then in the inputs. known: (n_states, n_terms), the coefficients of the known
     equations and the single ones that are fixed, zero elsewhere. unknown: indices of the equations
-    to identify, increasing. prior: of the supports; None: all are as probable. inputs: names of the
-    n_inputs inputs. open: (n_states, n_terms) boolean, which coefficients of the unknown equations
-    are candidates; None: all. expected, precision: (n_states, n_terms) means of Gaussian priors of
-    candidates and 1/variance, zero of those without; None without any.
+    to identify, increasing. open: (n_states, n_terms) boolean, which coefficients of the unknown
+    equations are candidates. expected, precision: (n_states, n_terms) means of Gaussian priors of
+    candidates and 1/variance, zero of those without. prior: of the supports; None: all are as
+    probable. inputs: names of the n_inputs inputs.
     """
 
     states: tuple[str, ...]
     terms: tuple[Exponents, ...]
     known: np.ndarray
     unknown: tuple[int, ...]
-    prior: Prior | None = None
-    inputs: tuple[str, ...] = ()
-    open: np.ndarray | None = None
-    expected: np.ndarray | None = None
-    precision: np.ndarray | None = None
+    open: np.ndarray
+    expected: np.ndarray
+    precision: np.ndarray
+    prior: Prior | None
+    inputs: tuple[str, ...]
 
     @cached_property
     def candidates(self) -> np.ndarray:
         """(n_candidates, 2) pairs (equation, term), by equation and then by term."""
         pairs = [(i, j) for i in self.unknown for j in range(len(self.terms))]
-        free = [pair for pair in pairs if self.open is None or self.open[pair]]
-        return np.array(free, int).reshape(-1, 2)
+        return np.array([pair for pair in pairs if self.open[pair]], int).reshape(-1, 2)
 
     @cached_property
     def of_states(self) -> np.ndarray:
@@ -148,33 +145,28 @@ class Problem:
         )  # fmt: skip
 
     def with_prior(
-        self, information: np.ndarray, right: np.ndarray, about: np.ndarray | None = None
+        self, information: np.ndarray, right: np.ndarray, about: np.ndarray | float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
         """A regression on the candidates, (n, n) and (n,), with the priors of coefficients.
 
         about: (n,) coefficients at which `right` is measured, zero by default.
         """
-        if self.precision is None:
-            return information, right
         precision, mean = (self.of_candidates(own) for own in (self.precision, self.expected))
-        away = mean if about is None else mean - about
-        return information + np.diag(precision), right + precision * away
+        return information + np.diag(precision), right + precision * (mean - about)
 
     def of_candidates(self, values: np.ndarray, pairs: np.ndarray | None = None) -> np.ndarray:
         """Of (n_states, n_terms) those of the candidates, or of other pairs."""
         return values[tuple((self.candidates if pairs is None else pairs).T)]
 
-    def chosen_about(self, about: np.ndarray | None = None) -> np.ndarray | None:
+    def chosen_about(self, about: np.ndarray | float = 0.0) -> np.ndarray:
         """`about` as of `selection.whiten`, by which coefficients with a prior are always chosen.
 
         Choosing terms compares each coefficient with zero: theirs are moved far away from it.
         """
-        if self.precision is None:
-            return about
         precision = self.of_candidates(self.precision)
         apart = np.zeros(len(precision))
         np.divide(APART, np.sqrt(precision), out=apart, where=precision > 0.0)
-        return apart if about is None else about + apart
+        return about + apart
 
     def of_model(self, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
         """The covariance of the supported candidates among all terms that a model has, the fixed
@@ -266,12 +258,9 @@ def posed(
             rows[place], where[place] = one.mean, False
     if not where[list(unknown)].any():
         raise ValueError("every coefficient is known; none is left to find")
-    every = where[list(unknown)].all()
     return Problem(
-        tuple(states), tuple(terms), rows, unknown, prior, inputs,
-        None if every else where,
-        *((expected, precision) if precision.any() else (None, None)),
-    )  # fmt: skip
+        tuple(states), tuple(terms), rows, unknown, where, expected, precision, prior, inputs
+    )
 
 
 def largest(problem: Problem, values: np.ndarray, rates: np.ndarray) -> np.ndarray:

@@ -5,8 +5,6 @@ unknown scale of a channel of values, are told from the other channels before th
 in the difference to the smooth curve's slope is offset, for the curve itself has no such slope.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -24,8 +22,6 @@ INTEGRAL_MARGIN = 3.0  # periods at the ends of stretches, where it errs (measur
 FEWEST_INTEGRALS = 20  # that tell a scale to a few percent
 RATE_OUTLIER = 8.0  # robust deviations about the slope of a curve, which is rougher than the curve
 RATE_MARGIN = 1.0  # periods at the ends of stretches of samples, where that slope is rough
-
-TEST = Polynomial([1.0, 0.0, -1.0]) ** 5  # zero at -1 and 1, with four derivatives
 
 
 def channels(recordings: list[Recording]) -> tuple[np.ndarray, np.ndarray]:
@@ -176,7 +172,8 @@ def _weak(
     if len(time) < 2:
         return np.empty(0), np.empty(0)
     step = np.median(np.diff(time))
-    shape = TEST.deriv(order) * (-1.0) ** order / length**order
+    test = Polynomial([1.0, 0.0, -1.0]) ** 5  # zero at -1 and 1, with four derivatives
+    shape = test.deriv(order) * (-1.0) ** order / length**order
     pairs = []
     for centre in np.arange(time[0] + length, time[-1] - length, length / 2):
         inside = slice(*np.searchsorted(time, (centre - length, centre + length)))
@@ -186,7 +183,7 @@ def _weak(
             pairs.append(
                 [
                     np.trapezoid(shape(u) * values[inside], t),
-                    np.trapezoid(TEST(u) * rates[inside], t),
+                    np.trapezoid(test(u) * rates[inside], t),
                 ]
             )
     return tuple(np.array(pairs).reshape(-1, 2).T)

@@ -1,7 +1,5 @@
 """Whether a fit may be trusted: what its residuals show."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +7,9 @@ from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import Condensed
 
-# Residuals. Rate at which white noise raises an objection by the highest of all its spectral
-# lines, and the number of standard deviations for the tests by a sum: the same rate, rounded up.
+# Residuals. Rate at which white noise raises an objection, by the highest of all its spectral lines
+# or by a sum.
 RESIDUAL_RATE = 1e-6
-SPREADS = np.ceil(-ndtri(RESIDUAL_RATE))
 # Bins on each side of a spectral line that its height is measured against: their mean has a
 # relative spread of a fifth.
 NEIGHBOURS = 15
@@ -108,7 +105,7 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     band, band_allowed = np.nan, np.nan
     if low:
         band = float(sum(low) / bins[0] / (sum(high) / bins[1]))
-        band_allowed = float(1.0 + SPREADS * np.sqrt(np.sum(1.0 / bins)))
+        band_allowed = _allowed(np.sqrt(np.sum(1.0 / bins)))
     line_allowed = _expected_peak(int(condensed.first[-1]))
     return Residue(
         chi2, chi2_allowed, bool(condensed.is_known.any()), band, band_allowed, band_power, line,
@@ -118,7 +115,7 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
 
 def _misfit(condensed: Condensed, residual: np.ndarray, parameters: int) -> tuple[float, float]:
     """chi^2 per degree of freedom against the noise inside the windows, and the largest allowed."""
-    squares = np.add.reduceat((residual**2).sum(axis=2), condensed.first[:-1], axis=0)
+    squares = condensed.squares(residual)
     spare = np.where(condensed.is_known, np.inf, condensed.counts - condensed.rows)
     measured = condensed.tells_noise
     if not np.any(measured):
@@ -127,9 +124,14 @@ def _misfit(condensed: Condensed, residual: np.ndarray, parameters: int) -> tupl
     share = parameters / max(int(np.count_nonzero(condensed.counts)), 1)
     freedom = np.maximum(condensed.rows[measured] - share, 1.0)
     spread = np.sqrt(2.0 / np.sum(freedom) + 2.0 / np.sum(spare[measured]))
-    return float(np.sum(squares[measured] / inside) / np.sum(freedom)), float(
-        1.0 + SPREADS * spread
-    )
+    return float(np.sum(squares[measured] / inside) / np.sum(freedom)), _allowed(spread)
+
+
+def _allowed(spread: float) -> float:
+    """The largest of a mean square that is one but for a relative `spread`: the deviations that a
+    sum exceeds at RESIDUAL_RATE, rounded up.
+    """
+    return float(1.0 + np.ceil(-ndtri(RESIDUAL_RATE)) * spread)
 
 
 def _line(power: np.ndarray) -> tuple[float, int]:

@@ -3,8 +3,6 @@
 Removed samples become NaN, which every later stage treats as missing.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +15,6 @@ from galloping.recording import Recording
 OUTLIER = 5.5
 CURVE_ACCURACY = 1e-3  # of a curve that outliers still pull, relative to its largest value
 MOST_OUTLIERS = 0.1  # share of a channel: with more it is not outliers that are wrong
-OUTLIER_ROUNDS = 6
 LOCAL_NOISE = 4.0  # periods in which the noise of a channel has a deviation of its own
 # Equal extremes of a channel from which it is saturated: a digital one repeats its largest value
 # a few times by chance.
@@ -66,7 +63,7 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
     before = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
     floor = CURVE_ACCURACY * np.abs(smoothed.states).max(axis=0)
-    for _ in range(OUTLIER_ROUNDS):
+    while True:
         far = np.zeros(recording.values.shape, bool)
         for k, gap in enumerate(np.abs(smoothed.residual.T)):
             good = np.isfinite(gap)
@@ -78,14 +75,13 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
                 near = _local_median(recording.time[good], gap[good], LOCAL_NOISE * period)
                 far[good, k] &= gap[good] > OUTLIER * 1.4826 * near
         if not far.any():
-            break
+            return recording, smoothed
         recording = replace(recording, values=np.where(far, np.nan, recording.values))
         left = np.isfinite(recording.values).sum(axis=0)
         for name, was, now in zip(recording.states, before, left, strict=True):
             if now < (1.0 - MOST_OUTLIERS) * was:
                 raise Unusable(f"more than a tenth of the samples of {name} are outliers")
         smoothed = smooth(recording, period)
-    return recording, smoothed
 
 
 def _local_median(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:

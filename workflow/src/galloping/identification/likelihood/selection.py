@@ -1,7 +1,5 @@
 """Choosing the terms on a quadratic model of the misfit, by least chi^2 plus a price a term."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +13,8 @@ RIDGE = 1e-15
 # the length squared of what is left of it after terms of length one with relative errors of a
 # few 1e-6 from the integration (TRUNCATION and the sums of it) were taken away.
 IMITATED = 1e-9
-# The same for the second of two terms that are added together, in share of the determinant.
+# The same for the second of two terms that are added together, in share of the determinant, and
+# for a fault of the instrument beside the terms.
 DEPENDENT = 1e-6
 
 

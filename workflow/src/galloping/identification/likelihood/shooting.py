@@ -8,8 +8,6 @@ of one segment leave all segment states free; one chain per recording is, at con
 shooting (H. G. Bock, 1983).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -80,8 +78,8 @@ class Eliminated:
     fall: float
 
 
-def cut(condensed: Condensed, windows: int, allowed: np.ndarray, chained: bool) -> Segments:
-    """Segments of about `windows` windows, in one chain per recording or each its own chain.
+def cut(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
+    """Segments of about `windows` windows, each its own chain.
 
     allowed: (n_windows,) whether a segment may start at a window; every recording's first may.
     """
@@ -93,8 +91,8 @@ def cut(condensed: Condensed, windows: int, allowed: np.ndarray, chained: bool) 
         first.append(starts)
         recording.append(np.full(len(starts), r))
     owner = np.concatenate(recording)
-    chains = owner if chained else np.arange(len(owner))
-    return Segments(np.append(np.concatenate(first), condensed.first[-1]), owner, chains)
+    windows = np.append(np.concatenate(first), condensed.first[-1])
+    return Segments(windows, owner, np.arange(len(owner)))
 
 
 def linearise(
@@ -133,7 +131,7 @@ def linearise(
         span = slice(first[0], first[-1])
         predicted, derivatives, ends[group], moved, _ = integrate(
             compiled, condensed.step, first - first[0], starts[group],
-            condensed.functionals[span], condensed.observed, condensed.driven(span),
+            condensed.functionals[span], condensed.observed, condensed.inputs[span],
             sensitive=True,
         )  # fmt: skip
         end_derivatives[group][..., by_dynamics] = moved
@@ -153,11 +151,10 @@ def linearise(
             kept[g], rest, gap = _rotated(rows.reshape(-1, m), scaled.ravel(), n)
             information += rest.T @ rest
             right += gap @ rest
-    if problem.precision is not None:
-        own = problem.of_candidates(problem.precision, pairs)
-        values = problem.of_candidates(problem.coefficients(free), pairs)
-        information[np.diag_indices(len(pairs))] += own
-        right[: len(pairs)] += own * (problem.of_candidates(problem.expected, pairs) - values)
+    own = problem.of_candidates(problem.precision, pairs)
+    values = problem.of_candidates(problem.coefficients(free), pairs)
+    information[np.diag_indices(len(pairs))] += own
+    right[: len(pairs)] += own * (problem.of_candidates(problem.expected, pairs) - values)
     return Linearised(kept, information, right, squares, ends, end_derivatives)
 
 
@@ -276,7 +273,7 @@ def residuals(
     compiled = system(problem.tables, problem.coefficients(free), problem.candidates[:0])
     predicted, _, ends, _, truncation = integrate(
         compiled, condensed.step, segments.first, starts, condensed.functionals,
-        condensed.observed, condensed.driven(slice(None)), sensitive=False,
+        condensed.observed, condensed.inputs, sensitive=False,
     )  # fmt: skip
     if not np.all(np.abs(ends) < HUGE):
         raise FloatingPointError("the model diverges over the recording")

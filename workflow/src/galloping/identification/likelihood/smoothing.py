@@ -5,10 +5,9 @@ identity between them stays available as information; together, as one curve and
 where samples are few, or where one of them is not measured or has gaps.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from math import factorial
 
 import numpy as np
@@ -37,16 +36,14 @@ SPLINE_ACCURACY = 3e-4  # of a curve with the fewest knots, relative to its size
 ROUGHNESS = 5e-4
 
 
-def _basis_polynomials() -> np.ndarray:
+@cache
+def _basis() -> np.ndarray:
     """(n, n), n = SPLINE_DEGREE + 1: coefficient of u^k of the j-th B-spline alive on a span."""
     spline = BSpline.basis_element(np.arange(SPLINE_DEGREE + 2.0))
     spans = np.arange(SPLINE_DEGREE, -1.0, -1.0)  # the first one alive is on its last span
     return np.column_stack(
         [spline.derivative(k)(spans) / factorial(k) for k in range(SPLINE_DEGREE + 1)]
     )
-
-
-BASIS = _basis_polynomials()
 
 
 @dataclass(frozen=True)
@@ -193,10 +190,11 @@ def _fit(
     count = good.sum(axis=0)
     scale = np.array([np.nanstd(values[:, k]) if count[k] else 1.0 for k in range(len(curve))])
     noise = np.where(scale > 0.0, scale, 1.0)
+    basis = _basis()
     for _ in range(1 if len(curve) == 1 else 3):
         bands = np.zeros((SPLINE_DEGREE + 1, pieces + SPLINE_DEGREE))
         right = np.zeros(pieces + SPLINE_DEGREE)
-        _accumulate(place, values, 1.0 / noise**2, spacing, BASIS, bands, right)
+        _accumulate(place, values, 1.0 / noise**2, spacing, basis, bands, right)
         stiffness = count / noise**2 / spacing ** (2 * np.arange(len(curve)))
         _add_roughness(bands, ROUGHNESS * float(np.sum(stiffness)) / pieces)
         coefficients = solveh_banded(bands, right, lower=True)
@@ -205,13 +203,16 @@ def _fit(
         for k in range(len(curve)):
             if count[k]:
                 there = good[:, k]
-                gap = values[there, k] - _evaluate(place[there], coefficients, k, spacing)
+                gap = values[there, k] - _evaluated(place[there], coefficients, k, spacing, basis)
                 residual[there, k] = gap
                 share = (pieces + SPLINE_DEGREE) / max((count > 0).sum(), 1)
                 deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))
                 noise[k] = max(deviation[k], 1e-9 * scale[k], np.finfo(float).tiny)
     fitted = np.column_stack(
-        [_evaluate((grid - start) / spacing, coefficients, k, spacing) for k in range(len(curve))]
+        [
+            _evaluated((grid - start) / spacing, coefficients, k, spacing, basis)
+            for k in range(len(curve))
+        ]
     )
     frequency = 2.0 * np.pi / period
     duration = recording.time[-1] - start
@@ -278,12 +279,6 @@ def _evaluated(place, coefficients, derivative, spacing, basis):
         for a in range(n):
             result[i] += alive[a] * coefficients[span + a]
     return result
-
-
-def _evaluate(
-    place: np.ndarray, coefficients: np.ndarray, derivative: int, spacing: float
-) -> np.ndarray:
-    return _evaluated(place, coefficients, derivative, spacing, BASIS)
 
 
 def _add_roughness(bands: np.ndarray, weight: float) -> None:

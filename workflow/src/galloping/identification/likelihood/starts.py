@@ -6,8 +6,6 @@ velocities and accelerations as well: that which rests at zero, without constant
 how far the middle of the motion lies from there is tried. The weak form gives the terms.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -66,7 +64,7 @@ def without_constants(problem: Problem) -> Problem:
     moving = np.any(problem.terms, axis=1)
     terms = tuple(term for term in problem.terms if any(term))
     parts = ("known", "open", "expected", "precision")
-    own = {name: part[:, moving] for name in parts if (part := getattr(problem, name)) is not None}
+    own = {name: getattr(problem, name)[:, moving] for name in parts}
     return replace(problem, terms=terms, **own)
 
 

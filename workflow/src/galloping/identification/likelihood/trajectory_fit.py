@@ -4,14 +4,17 @@ A Gauss-Newton step moves all coefficients and the first states of all segments,
 terms on the way.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from galloping.identification.likelihood.condense import WINDOWS_PER_PERIOD, Condensed, condense
+from galloping.identification.likelihood.condense import (
+    TRUNCATION,
+    WINDOWS_PER_PERIOD,
+    Condensed,
+    condense,
+)
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.rate_channels import (
     channel_noise,
@@ -35,7 +38,6 @@ from galloping.identification.likelihood.weak_gls import Start, WeakFit
 from galloping.passes import passing
 from galloping.recording import Recording
 
-TRUNCATION = 1e-7  # of the Taylor series, relative to each state: below the noise of any sensor
 PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 SHORTER = 4  # lengths of segments that are tried, each half the one before
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
@@ -93,10 +95,9 @@ class Step:
 
 @dataclass(frozen=True)
 class FreeFit:
-    """The last step of a fit in which each of `segments` has a first state of its own."""
+    """The last step of a fit in which each segment has a first state of its own."""
 
     condensed: Condensed
-    segments: Segments
     step: Step
 
     @property
@@ -107,7 +108,7 @@ class FreeFit:
         """Of which windows and segments, in words. period: the shortest of the motion, s."""
         if (finer := round(period / WINDOWS_PER_PERIOD / self.condensed.step)) > 1:
             yield f"windows 1/{finer}"
-        periods = np.median(np.diff(self.segments.first)) * self.condensed.step / period
+        periods = np.median(np.diff(self.step.segments.first)) * self.condensed.step / period
         halvings = round(np.log2(PERIODS_PER_SEGMENT / periods))
         yield f"{PERIODS_PER_SEGMENT / 2**halvings:g} periods"
         if not self.is_close:
@@ -118,13 +119,11 @@ class FreeFit:
 class JoinedFit:
     """Where an iteration over joined segments ended.
 
-    fit: the last but one where it converged, about which `step` is a quadratic model of chi^2;
-    path: in words. settled: whether it converged with the same terms. objection: why it does not
-    follow the data, '' where it does.
+    step: the last, with a quadratic model of chi^2. path: in words. settled: whether it converged
+    with the same terms. objection: why it does not follow the data, '' where it does.
     """
 
     free: FreeFit
-    fit: Fit
     step: Step
     path: tuple[str, ...]
     settled: bool
@@ -143,18 +142,18 @@ def free_fit(problem: Problem, begun: Start, start: WeakFit) -> FreeFit | None:
         try:
             condensed, segments, fit = prepare(problem, begun, start, periods)
             periods = np.median(np.diff(segments.first)) * condensed.step / begun.period
-            previous = fit
+            before = fit
             for _ in range(MOST_FREE_PASSES):
-                step = guarded_step(problem, condensed, segments, previous, fit, 1, None)
-                previous, fit = step.before, step.fit
+                step = guarded_step(problem, condensed, segments, before, fit, 1, None)
+                before, fit = step.before, step.fit
                 if fit.is_close(condensed):
-                    return FreeFit(condensed, segments, step)
+                    return FreeFit(condensed, step)
         except FloatingPointError:
             continue
         finally:
             periods /= 2.0
         improving = best is None or (improving and fit.chi2 <= best.step.fit.chi2 / 2.0)
-        best = FreeFit(condensed, segments, step) if improving else best
+        best = FreeFit(condensed, step) if improving else best
     return best
 
 
@@ -175,10 +174,8 @@ def prepare(
         ]
     )
     size = np.array([np.std(one.states[:, observed], axis=0) for one in smoothed])
-    floor = ROUNDING * np.where(size > 0.0, size, 1.0)
-    known = [known_noise(recording, observed, is_rate) for recording in recordings]
-    known = np.array(known) if np.any(np.isfinite(known)) else None
-    floor = floor if known is None else np.fmax(floor, known)
+    known = np.array([known_noise(recording, observed, is_rate) for recording in recordings])
+    floor = np.fmax(ROUNDING * np.where(size > 0.0, size, 1.0), known)
     noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
     windows = WINDOWS_PER_PERIOD
     length = max(round(windows * periods), 2)
@@ -195,7 +192,7 @@ def prepare(
             inputs = problem.driven(recordings, condensed.first, condensed.step)
             condensed = replace(condensed, inputs=inputs)
         states, valid = window_states(condensed, recordings, smoothed)
-        segments = cut(condensed, length, valid, chained=False)
+        segments = cut(condensed, length, valid)
         starts = states[segments.first[:-1]]
         try:
             truncation = residuals(problem, condensed, segments, start.free, starts)[1]
@@ -235,21 +232,20 @@ def join(
     unseen: whether mixtures of terms go unseen; then what does not settle while terms are chosen
     never will, and the last of the models that follow the data alike is one of them.
     """
-    condensed, segments, step = free.condensed, free.segments, free.step
-    previous, fit, count = step.before, step.fit, len(segments.chains)
-    best = _chosen(problem, fit, step.information, step.right, dear * costs)
-    chain = count if np.array_equal(best, fit.support) else CHAIN
+    condensed, step = free.condensed, free.step
+    segments, count = step.segments, len(step.segments.chains)
+    best = _chosen(problem, step.fit, step.information, step.right, dear * costs)
+    chain = count if np.array_equal(best, step.fit.support) else CHAIN
     whole, settled = False, False
     try:
         for passed in range(CHOOSING_PASSES if unseen else MOST_PASSES):
             price = max(dear / 2 ** (passed // 2), 1.0)
             step = guarded_step(
-                problem, condensed, segments, previous, fit, None if whole else chain,
+                problem, condensed, segments, step.before, step.fit, None if whole else chain,
                 price * costs if passed < CHOOSING_PASSES else None,
             )  # fmt: skip
             unchanged = np.array_equal(step.fit.support, step.before.support)
-            previous, fit = step.before, step.fit
-            if price == 1.0 and not fit.support.any():
+            if price == 1.0 and not step.fit.support.any():
                 raise FloatingPointError("no term stands out of the noise")
             was_whole = whole or chain >= count
             converged = step.decrement < CONVERGED and step.gap < JOINED and price == 1.0
@@ -262,12 +258,12 @@ def join(
             else:
                 chain = count if unchanged else chain * CHAIN
     except FloatingPointError as error:
-        return JoinedFit(free, fit, step, ("left",), False, str(error))
-    misfit = fit.chi2 / float(np.sum(condensed.rows))
-    follows = settled or (unseen and was_whole and fit.is_close(condensed))
+        return JoinedFit(free, step, ("left",), False, str(error))
+    misfit = step.fit.chi2 / float(np.sum(condensed.rows))
+    follows = settled or (unseen and was_whole and step.fit.is_close(condensed))
     what = "follows the data" if misfit > CLOSE else "is preferred by the data"
     objection = "" if follows else f"no model found that {what}: chi2/n {misfit:.3g}"
-    return JoinedFit(free, fit, step, ("settled" if settled else "unsettled",), settled, objection)
+    return JoinedFit(free, step, ("settled" if settled else "unsettled",), settled, objection)
 
 
 def unseen_mixtures(information: np.ndarray, largest: np.ndarray) -> int:

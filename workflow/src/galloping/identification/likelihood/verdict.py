@@ -1,7 +1,5 @@
 """The verdict on a set of terms, and the identified model that carries it: decided here alone."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -45,7 +43,6 @@ SIZEABLE = 0.25
 FALSE_DOUBT_RATE = 0.001  # with 0.005, 55 of 1,000 models were doubted for it alone, 5 wrong
 
 FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noise
-ALONE = "displacements are not measured, and one alone of several starts leads to a model"
 
 
 @dataclass(frozen=True)
@@ -54,7 +51,7 @@ class Regression:
 
     information, right: as in `selection.solve_support`. support: (n,) boolean. penalty: 2 ln N of N
     samples. largest: (n,) coefficients as in `problem.largest`. about: (n,) coefficients of the
-    fit, zero outside the support, from which `right` is measured; None: from zero.
+    fit, zero outside the support, from which `right` is measured.
     """
 
     information: np.ndarray
@@ -62,7 +59,7 @@ class Regression:
     support: np.ndarray
     penalty: float
     largest: np.ndarray
-    about: np.ndarray | None = None
+    about: np.ndarray | float = 0.0
 
 
 def judged(
@@ -79,8 +76,7 @@ def judged(
     """
     support, penalty = regression.support, regression.penalty
     free, covariance = solve_support(regression.information, regression.right, support)
-    if regression.about is not None:
-        free = free + regression.about
+    free = free + regression.about
     reason, told = "no term stands out of the noise", ""
     errors = added_deviation(regression.information, support)
     if support.any():
@@ -132,7 +128,8 @@ def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
 
     best = min(found, key=order)
     if best.status == "ok" and sum(one.status in FOLLOW for one in found) < 2:
-        return replace(best, status="not identifiable", reason=ALONE)
+        alone = "displacements are not measured, and one alone of several starts leads to a model"
+        return replace(best, status="not identifiable", reason=alone)
     return best
 
 

@@ -4,11 +4,10 @@ Weak-constraint estimation (Y. Tremolet, Q. J. R. Meteorol. Soc. 132, 2006): the
 segments, linearised about a fit, and its normal equations with the states eliminated.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -26,9 +25,6 @@ STRETCH_PERIODS = 10
 QUIET = 0.03  # size of a motion, relative to the whole record's, below which jumps stay as large
 COVARIANCE_RIDGE = 1e-9  # of a misfit's variance, so that its covariance can be factored
 STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
-
-# Parzen's lag window, up to its height and width: `scipy.signal`, which has it, is slow to import
-PARZEN = BSpline.basis_element([-2, -1, 0, 1, 2])
 
 
 @dataclass(frozen=True)
@@ -109,7 +105,7 @@ class Joint:
     variance: np.ndarray
     covariance: np.ndarray
 
-    def with_prior(self, problem: Problem, free: np.ndarray) -> Joint:
+    def with_prior(self, problem: Problem, free: np.ndarray) -> Self:
         """With the priors of single coefficients; free: (n,) those about which it is linearised."""
         information, right = problem.with_prior(self.information, self.right, free)
         return replace(self, information=information, right=right)
@@ -156,7 +152,7 @@ def predictions(
     with np.errstate(all="ignore"):
         predicted = integrate(
             compiled, condensed.step, first[begin : end + 1] - own.start, starts,
-            condensed.functionals[own], condensed.observed, condensed.driven(own), sensitive=False,
+            condensed.functionals[own], condensed.observed, condensed.inputs[own], sensitive=False,
         )[0]  # fmt: skip
     return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
 
@@ -173,7 +169,7 @@ def linearised(record: Record, fit: StretchFit) -> Linear:
         own = slice(segments.first[g], segments.first[g + 1])
         predicted, rows, ends[g], slopes[g], _ = integrate(
             compiled, condensed.step, segments.first[g : g + 2] - own.start, fit.starts[g : g + 1],
-            condensed.functionals[own], condensed.observed, condensed.driven(own), sensitive=True,
+            condensed.functionals[own], condensed.observed, condensed.inputs[own], sensitive=True,
         )  # fmt: skip
         if not (np.all(np.abs(ends[g]) < HUGE) and np.all(np.abs(slopes[g]) < HUGE)):
             raise FloatingPointError("the model diverges within a segment")
@@ -198,7 +194,7 @@ class Whitening:
     present: np.ndarray
 
     @classmethod
-    def of(cls, record: Record, misfit: np.ndarray) -> Whitening:
+    def of(cls, record: Record, misfit: np.ndarray) -> Self:
         """misfit: as of `StretchFit`."""
         lags = np.zeros((len(misfit), record.longest, *misfit.shape[2:]))
         lags[:, : misfit.shape[1]] = misfit[:, : record.longest]
@@ -215,14 +211,15 @@ class Whitening:
             if not present.all():
                 at = np.ix_(present, present)
                 factor = np.linalg.cholesky(self.covariance[recording, o, k, :n, :n][at])
-            whitened[present, o, k] = solve_triangular(factor, rows[present, o, k], lower=True)
+            whitened[present, o, k] = solve_triangular(
+                factor, rows[present, o, k], lower=True, check_finite=False
+            )
         return whitened
 
 
 def white_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
     """(n_recordings, 1, n_observed, n_rows) mean squares of a residual, at least the floor."""
-    squares = np.add.reduceat((residual**2).sum(axis=2), record.condensed.first[:-1], axis=0)
-    squares = squares / np.maximum(record.condensed.rows, 1)
+    squares = record.condensed.squares(residual) / np.maximum(record.condensed.rows, 1)
     return of_variance(record, np.maximum(squares, record.floor**2))
 
 
@@ -240,7 +237,9 @@ def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
     """
     first, n_lags = record.condensed.first, record.longest
     lags = np.arange(n_lags) / (n_lags + 0.5)
-    taper = (PARZEN(2 * lags) / PARZEN(0.0))[:, None, None]
+    # Parzen's window, up to its height and width: `scipy.signal`, which has it, is slow to import
+    parzen = BSpline.basis_element([-2, -1, 0, 1, 2])
+    taper = (parzen(2 * lags) / parzen(0.0))[:, None, None]
     misfit = np.empty((len(first) - 1, n_lags, *residual.shape[1:]))
     for r, (a, b) in enumerate(pairwise(first)):
         length = next_fast_len(b - a + n_lags, real=True)

@@ -5,8 +5,6 @@ equation, such as the identity between a displacement and its velocity, gives ro
 coefficients; noise common to both kinds of rows makes them informative about the others.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack

@@ -1,7 +1,5 @@
 """Weak form by generalised least squares: a fast method of its own, and the start of others."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.plausible import detection_limits
@@ -295,7 +295,7 @@ def _chosen(question: Question, fit: Fit, penalty: float) -> np.ndarray:
             continue
         at = place[members]
         square = scaled[members] @ np.linalg.solve(covariance[np.ix_(at, at)], scaled[members])
-        if square < (penalty if constant else chi2.ppf(1.0 - COUPLED_RATE, len(members))):
+        if square < (penalty if constant else chdtri(len(members), COUPLED_RATE)):
             support[members] = False
     return support
 

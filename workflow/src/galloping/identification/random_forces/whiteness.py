@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, f
+from scipy.special import chdtri, fdtri
 
 RATE = 1e-3  # of sound recordings that are doubted
 PERIODS, MOST_LAGS = 3.0, 100  # over which innovations may be correlated
@@ -75,7 +75,7 @@ def whiteness(grids: list[np.ndarray], step: float, period: float) -> Whiteness:
         float(
             np.sum(
                 np.maximum(correlation**2 - 1.0 / np.maximum(counts, 1.0), 0.0)[
-                    correlation**2 * counts > chi2.ppf(1.0 - RATE, 1)
+                    correlation**2 * counts > chdtri(1, RATE)
                 ]
             )
         )
@@ -85,8 +85,8 @@ def whiteness(grids: list[np.ndarray], step: float, period: float) -> Whiteness:
     bins = max(sum(len(grid) // 2 // BINS for grid in grids) * channels, 1)
     around = 2 * BINS * 8
     return Whiteness(
-        statistic, float(chi2.ppf(1.0 - RATE, freedom) / freedom), told, frequency, channel, peak,
-        float(f.ppf(1.0 - RATE / bins, 2 * BINS, around)), frequency > 0.5 / period,
+        statistic, float(chdtri(freedom, RATE) / freedom), told, frequency, channel, peak,
+        float(fdtri(2 * BINS, around, 1.0 - RATE / bins)), frequency > 0.5 / period,
     )  # fmt: skip
 
 
