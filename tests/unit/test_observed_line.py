@@ -9,8 +9,6 @@ from galloping.identification.model import IdentifiedModel
 from galloping.physics.continuous import observed as motion
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
-from galloping.study.cells import Study
-from galloping.tables.line_parameters import conductor
 
 TIME = np.arange(3001) / 100
 REST = dict.fromkeys(STATES, 0.0)
@@ -58,12 +56,6 @@ def test_mistakes_are_one_line(truth, line):
     with pytest.raises(ConfigurationError) as error:
         load({"cases": {"line": {"truth": truth}}})
     assert line in str(error.value) and "\n" not in str(error.value)
-
-
-def test_its_parameters():
-    study = Study(settings(modes=3))
-    assert "truth.modes" in set(conductor(study.plain)["key"])
-    assert "truth.modes" not in set(conductor(plain(load({})))["key"])
 
 
 def test_no_coefficient_is_true_but_the_motion_is_judged(cases):

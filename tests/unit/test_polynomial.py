@@ -42,11 +42,6 @@ def test_model_on_another_library():
         model.on_library(library(2, 2))
 
 
-def test_zero_terms_may_be_left_out():
-    model = PolynomialModel(("a",), ((1,), (3,)), np.array([[1.0, 0.0]]))
-    assert model.on_library(library(1, 1)).coefficients == pytest.approx(np.array([[0.0, 1.0]]))
-
-
 def test_shape_of_coefficients_is_checked():
     with pytest.raises(ValueError, match=r"coefficients: shape \(1, 1\), expected \(1, 2\)"):
         PolynomialModel(("a",), ((1,), (2,)), np.zeros((1, 1)))

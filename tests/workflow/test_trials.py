@@ -52,13 +52,6 @@ def test_only_what_belongs_to_trials_is_made(tried):
     assert "how often each status is right" in report
 
 
-def test_a_line_that_is_not_its_own_model_is_answered(tried):
-    (row,) = pd.read_csv(tried / "tables" / "model_error.csv").to_dict("records")
-    assert (row["truth"], row["sensors"]) == ("two modes, gusts 2 %", "states")
-    assert row["replicates"] == row["answered"] == 1
-    assert row["damping_v_error_percent"] < 5.0 and row["forecast_r2"] > 0.9
-
-
 def test_the_tables_have_a_row_for_each_group_and_system(tried):
     trust = pd.read_csv(tried / "tables" / "trust.csv")
     assert list(trust) == [

@@ -1,17 +1,14 @@
 """Identification of lines that no candidate library contains."""
 
 from pkgutil import resolve_name
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.linalg import toeplitz
 
 from galloping.configuration.load import load
 from galloping.figures.verdicts import draw_model_error
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.weak_constraint import Whitening
 from galloping.identification.model import IdentifiedModel
 from galloping.physics.continuous import wind
 from galloping.physics.equations import STATES, model
@@ -74,21 +71,6 @@ def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(case, t
     assert together == pytest.approx(true, rel=0.04)
     found.save(tmp_path / "model.json")
     assert IdentifiedModel.load(tmp_path / "model.json").further_modes == found.further_modes
-
-
-def test_what_a_segment_misses_is_weighed_by_its_covariance_and_only_where_there_are_data():
-    present = np.ones((50, 1, 3), bool)
-    present[[3, 17, 18], 0, 1] = False
-    record = SimpleNamespace(longest=40, present=present)
-    misfit = (0.8 ** np.arange(10) * (1 - np.arange(10) / 10))[None, :, None, None]
-    misfit = misfit * np.array([1.0, 4.0, 9.0])
-    rows = np.random.default_rng(5).standard_normal((25, 1, 3, 2)) * present[:25, ..., None]
-    whitened = Whitening.of(record, misfit)(rows, slice(0, 25), 0)
-    for k in range(3):
-        at = present[:25, 0, k]
-        covariance = toeplitz(np.pad(misfit[0, :, 0, k], (0, 15)))[np.ix_(at, at)]
-        expected = rows[at, 0, k].T @ np.linalg.solve(covariance, rows[at, 0, k])
-        assert whitened[:, 0, k].T @ whitened[:, 0, k] == pytest.approx(expected, rel=1e-10)
 
 
 def test_gusts_are_told_from_what_a_model_lacks(case):
