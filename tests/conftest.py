@@ -40,6 +40,12 @@ def cases():
     return plain(load({}))["cases"]
 
 
+@pytest.fixture
+def case(cases):
+    """The internally resonant line as a plain dict."""
+    return cases["internal_resonance"]
+
+
 @pytest.fixture(params=["internal_resonance", "non_resonant"])
 def simulated(request):
     """(model, trajectory of 300 s at 100 Hz) of each case."""

@@ -10,15 +10,24 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from click.testing import CliRunner
 from scipy.signal import StateSpace, lsim
 
 from galloping import derive, simulate
+from galloping.cli import main
 from galloping.polynomial import PolynomialModel
 
 STATES = ("q_v", "q_w", "dq_v", "dq_w")
 RATE = 25.0  # Hz
 NOISE = 0.02  # m, of a camera
 RELEASE = (0.4, 0.3, 0.0, 0.0)
+
+
+def run(*arguments: object, code: int = 0) -> str:
+    """What the command prints; of an error, its line too."""
+    result = CliRunner().invoke(main, [str(each) for each in arguments])
+    assert result.exit_code == code, result.output
+    return result.stdout if code == 0 else result.output
 
 
 @cache

@@ -24,11 +24,6 @@ TIME = np.arange(30001) / 100
 BARE = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}
 
 
-@pytest.fixture
-def case(cases):
-    return cases["internal_resonance"]
-
-
 def mid_span(line, states):
     return readings(line, states, [line.line.span / 2], "displacement")[:, 0]
 

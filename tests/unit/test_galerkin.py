@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from galloping.configuration.load import load, plain
-from galloping.physics.equations import STATES, TERMS, model, symbol_of
+from galloping.physics.equations import TERMS, model, symbol_of
 from galloping.physics.galerkin import coefficients, derive, ice_coefficients
 from galloping.physics.line import Line
 from galloping.polynomial import design_matrix, library
@@ -211,20 +211,3 @@ def test_line_gallops_above_the_critical_wind_speed():
 def test_unknown_symbol_is_named():
     with pytest.raises(ValueError, match=r"gamma_9: the derivation has no such term.*gamma_8"):
         model({"gamma_1": 1.0, "gamma_9": 2.0})
-
-
-def test_model_is_the_paper_s_equations():
-    values = coefficients(RESONANT) | {"kappa_6": 0.3, "kappa_8": 0.5, "kappa_10": 0.7}
-    values["kappa_9"] = -0.2
-    rng = np.random.default_rng(0)
-    x = rng.standard_normal((5, 4))
-    q_v, q_w, dq_v, dq_w = x.T
-    g = {i: values[f"gamma_{i}"] for i in range(1, 9)}
-    k = {i: values[f"kappa_{i}"] for i in range(1, 11)}
-    vertical = g[1] * dq_v + g[2] * q_v + g[3] * q_v**2 + g[4] * q_w**2 + g[5] * dq_v**2
-    vertical += g[6] * dq_v**3 + g[7] * q_v**3 + g[8] * q_v * q_w**2
-    horizontal = k[1] * dq_w + k[2] * q_w + k[3] * q_v * q_w + k[4] * q_v**2 * q_w + k[5] * q_w**3
-    horizontal += k[6] * dq_v**2 + k[7] * dq_v + k[8] * q_v + k[9] * dq_v**3 + k[10] * q_v * q_w**2
-    expected = np.column_stack([dq_v, dq_w, -vertical, -horizontal])
-    assert model(values)(x) == pytest.approx(expected, rel=1e-12)
-    assert model(values).states == STATES

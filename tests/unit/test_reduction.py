@@ -7,11 +7,6 @@ from galloping.evaluation import reduction as trial
 
 
 @pytest.fixture
-def case(cases):
-    return cases["internal_resonance"]
-
-
-@pytest.fixture
 def short(monkeypatch):
     """The limit cycle is looked for earlier, for time."""
     monkeypatch.setattr(trial, "LIMIT_CYCLE", (250, 350))

@@ -13,7 +13,6 @@ from galloping.evaluation.motion import steady_amplitude
 from galloping.physics.equations import model
 from galloping.physics.galerkin import coefficients, frequencies, modes
 from galloping.physics.line import Line, integrate
-from galloping.polynomial import library
 from galloping.simulation import Simulator, time_grid
 
 CASES = plain(load({}))["cases"]
@@ -57,12 +56,6 @@ def test_agrees_with_a_second_integrator(simulated):
     first = trajectory.states[until >= TIME]
     error = np.abs(first[::every] - second.y.T) / np.max(np.abs(first), axis=0)
     assert error.max() < 1e-10
-
-
-def test_full_library_gives_the_same_motion(simulated):
-    line, trajectory = simulated
-    full = Simulator(line.states, library(4, 3))(line, START, TIME)
-    assert full.states == pytest.approx(trajectory.states, rel=0, abs=1e-10)
 
 
 @pytest.mark.parametrize("shape", ["irvine", "sine"])

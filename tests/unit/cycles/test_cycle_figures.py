@@ -6,7 +6,6 @@ import pytest
 from drawing import drawn
 from PIL import Image
 
-from galloping.configuration.load import load, plain
 from galloping.cycles.family import LIBRARY, line_family
 from galloping.cycles.limit_cycles import circle
 from galloping.cycles.prediction import Prediction
@@ -31,11 +30,6 @@ from galloping.physics.measures import ice_removal, pendulum
 from galloping.simulation import Simulator
 
 START = np.array([0.1, 0.1, 0, 0])
-
-
-@pytest.fixture(scope="module")
-def case():
-    return plain(load({}))["cases"]["internal_resonance"]
 
 
 @pytest.fixture(scope="module")

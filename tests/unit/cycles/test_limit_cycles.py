@@ -1,7 +1,5 @@
 """Limit cycles and their bifurcations against published systems and closed forms."""
 
-import time
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -194,17 +192,3 @@ def test_equilibria_pass_a_fold():
     assert branch.points[-1].solution.state[0] == pytest.approx(np.sqrt(1.5))
     with pytest.raises(ValueError, match="no equilibrium near the given state"):
         equilibrium_branch(FOLDED, np.zeros(2), -0.5, Range(-1, 1.5))
-
-
-def test_a_hundred_points_within_five_seconds():
-    from galloping.configuration.load import load, plain
-    from galloping.cycles.family import line_family
-
-    line = line_family(plain(load({}))["cases"]["internal_resonance"], "wind_speed")
-    span = Range(1, 25, max_points=100)
-    hopf = hopf_points(equilibrium_branch(line, np.zeros(4), 1.0, span))[0]
-    begin = time.process_time()
-    branch = from_hopf(line, hopf, replace(span, longest=0.25))
-    assert time.process_time() - begin < 5
-    assert len(branch.points) == 100
-    assert max(p.stability.trivial_defect for p in branch.points) <= 1e-6

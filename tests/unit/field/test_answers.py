@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from field_files import run
 from odd_files import QUESTIONED, READ, REFUSED, TIME, UNITS, V, W, lines, written
 
 from galloping import IdentifiedModel, PolynomialModel
@@ -45,12 +46,6 @@ def recorded(path):
     noisy = V + 0.01 * np.random.default_rng(1).standard_normal(len(V))
     path.write_text(lines(columns=(TIME, noisy, W)))
     return path, "--states", "q_v,dq_v", "--measure", "q_v=v", *UNITS
-
-
-def run(*arguments, code=0):
-    result = CliRunner().invoke(main, [str(each) for each in arguments])
-    assert result.exit_code == code, result.output
-    return result.stdout if code == 0 else result.output
 
 
 @pytest.mark.parametrize("name", READ)

@@ -2,13 +2,13 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from field_files import run as command
 
 from galloping import IdentifiedModel, PolynomialModel, assess, derive
-from galloping.cli import main
 from galloping.terms import parse
 
 A, B = 0.02, 0.05  # net damping 0.1 - A U, cubic damping B: onset at U = 5, A^2 = 4 (A U - 0.1)/3 B
@@ -100,11 +100,7 @@ def test_the_command_says_the_same_in_words_and_rows(tmp_path):
     found = oscillator()
     replace(found, diagnostics={"U_low": 5.0, "U_high": 9.0}).save(path, units={"U": "m/s"})
 
-    def run(*options, code=0):
-        result = CliRunner().invoke(main, ["assess", str(path), *options])
-        assert result.exit_code == code, result.output
-        return result.stdout if code == 0 else result.output
-
+    run = partial(command, "assess", path)
     text = run("--at", "U=4:10:3")
     assert "Small motions about rest begin to grow above U = 5.0" in text
     assert "At U = 10 m/s:" in text and "limit cycle 1, stable: q ± 1.6" in text

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from field_files import run
 
 from galloping import IdentifiedModel, Simulator, derive
 from galloping.cli import main
@@ -20,12 +21,6 @@ from galloping.storage import write_text
 EXAMPLES = Path(__file__).parents[3] / "examples"
 SPAN, MAP = str(EXAMPLES / "span.csv"), ["--map", str(EXAMPLES / "span.yaml")]
 LIMIT_CYCLE = {"q_v": 1.125, "q_w": 2.215}  # m, of the continuous line after 1500 s
-
-
-def run(*arguments, code=0):
-    result = CliRunner().invoke(main, [str(each) for each in arguments])
-    assert result.exit_code == code, result.output
-    return result.stdout if code == 0 else result.output
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,10 @@ from io import StringIO
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
+from field_files import run
 from scipy.ndimage import gaussian_filter1d
 
 from galloping import IdentifiedModel, Input, PolynomialModel, Simulator
-from galloping.cli import main
 from galloping.field.analysis import read_field
 from galloping.field.mapping import input_of, validated
 from galloping.field.read import read_series
@@ -19,12 +18,6 @@ from galloping.terms import parse
 
 TIME = np.arange(1000) / 25.0
 WIND = 12.0 + np.sin(0.5 * TIME) + 0.3 * np.cos(1.7 * TIME)
-
-
-def run(*arguments, code=0):
-    result = CliRunner().invoke(main, [str(each) for each in arguments])
-    assert result.exit_code == code, result.output
-    return result.output if code else result.stdout
 
 
 def written(path, **columns):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from identification_cases import LINE_STATES, RELEASE, TIME, line, model, noisy, solution
+from identification_cases import RELEASE, TIME, line, model, noisy, solution
 
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.recording import Recording
@@ -37,7 +37,7 @@ def multiplied(values: np.ndarray) -> np.ndarray:
 )
 def test_a_fault_is_named(fault, clock: float, named: str) -> None:
     values = noisy(LINE, X[: len(TIME)], TIME, 0.05, 0).values.copy()
-    result = maximum_likelihood([Recording(clock * TIME, LINE_STATES, fault(values))], LINE.terms)
+    result = maximum_likelihood([Recording(clock * TIME, LINE.states, fault(values))], LINE.terms)
     assert result.status != "ok"
     assert named in result.reason
 

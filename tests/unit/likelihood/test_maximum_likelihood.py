@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from identification_cases import (
-    NON_RESONANT,
     RELEASE,
     TIME,
     line,
@@ -81,7 +80,7 @@ def test_few_points_leave_more_to_hide() -> None:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_three_samples_a_second_are_followed(seed: int) -> None:
     """Of displacements alone: a start of the thirty terms that they seem to hold diverges."""
-    true = line(NON_RESONANT)
+    true = line("non_resonant")
     x = solution(true, RELEASE, TIME)
     recording = noisy(true, x, TIME, 0.05, seed)
     chosen = np.sort(np.random.default_rng(seed).choice(len(TIME), 1_000, replace=False))
@@ -104,7 +103,7 @@ def test_exact_states_with_noisy_derivatives() -> None:
 
 
 def test_the_non_resonant_line_needs_a_second_recording() -> None:
-    true = line(NON_RESONANT)
+    true = line("non_resonant")
     starts = (RELEASE, np.array([0.1, 3.0, 0.0, 0.0]))
     recordings = [
         noisy(true, solution(true, start, TIME), TIME, 0.05, seed)

@@ -23,11 +23,6 @@ TIME = np.arange(15001) / 50
 TERMS = library(4, 3)
 
 
-@pytest.fixture
-def case(cases):
-    return cases["internal_resonance"]
-
-
 def recorded(case, name, seed=11):
     line, rng = line_of(case, TRUTHS[name]), np.random.default_rng(seed)
     gusts = {**case["truth"]["gusts"], "intensity": TRUTHS[name].intensity}

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from identification_cases import LINE_STATES, RELEASE, TIME, line, noisy, solution, unknown_support
+from identification_cases import RELEASE, TIME, line, noisy, solution, unknown_support
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
@@ -20,7 +20,7 @@ LEVEL = 0.05
 
 
 def identify(values: np.ndarray, time: np.ndarray = TIME) -> IdentifiedModel:
-    return maximum_likelihood([Recording(time, LINE_STATES, values)], LINE.terms)
+    return maximum_likelihood([Recording(time, LINE.states, values)], LINE.terms)
 
 
 def measured(seed: int = 0) -> np.ndarray:
@@ -101,7 +101,7 @@ def test_a_mistake_in_the_code_is_not_taken_for_a_recording_without_a_model(monk
 
     monkeypatch.setattr(f"{maximum_likelihood.__module__}.begin", begin)
     with pytest.raises(ValueError, match="could not be broadcast"):
-        maximum_likelihood(Recording(TIME, LINE_STATES, X), LINE.terms)
+        maximum_likelihood(Recording(TIME, LINE.states, X), LINE.terms)
 
 
 def test_a_sensor_that_drifts_is_named_and_the_rest_answered() -> None:
@@ -136,7 +136,7 @@ def test_a_few_periods_are_answered_in_words(seconds: int) -> None:
 
 
 def test_a_library_without_the_cubic_terms_is_never_right() -> None:
-    recording = Recording(TIME, LINE_STATES, measured())
+    recording = Recording(TIME, LINE.states, measured())
     found = maximum_likelihood([recording], library(4, 2))
     assert found.status in ("approximate", "refused")
     assert "no model found that follows the data" in found.reason or "chi2/n" in found.reason
@@ -154,10 +154,10 @@ def test_a_term_outside_the_library_leaves_an_approximate_model() -> None:
 
 
 def test_what_is_known_must_leave_an_equation() -> None:
-    recording = Recording(TIME[:200], LINE_STATES, measured()[:200])
+    recording = Recording(TIME[:200], LINE.states, measured()[:200])
     model = line()
     for known, names, says in (
-        (model, LINE_STATES, "all known"),
+        (model, LINE.states, "all known"),
         (None, ("dq_v",), "needs `known`"),
     ):
         with pytest.raises(ValueError, match=says):

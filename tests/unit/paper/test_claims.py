@@ -101,20 +101,10 @@ def test_why_a_bound_is_missed():
 def test_the_list_holds_the_papers_numbers():
     printed = {claim.name: claim.paper_value for claim in CLAIMS}
     assert len(printed) == len(CLAIMS)
-    assert printed["mean error of linear terms at noise 0.05"] == 9.56
-    assert printed["mean error of cubic terms at noise 0.05"] == 21.05
-    amplitudes = {
-        "q_v": {30000: 0.83, 10000: 5.25, 5000: 9.45, 1000: 13.21},
-        "q_w": {30000: 1.03, 10000: 5.12, 5000: 10.91, 1000: 15.97},
-    }
-    for state, values in amplitudes.items():
-        for points, value in values.items():
-            assert printed[f"amplitude error of {state} from {points} points"] == value
-        for level, bounds in ((0.05, (0.99, 0.97)), (0.1, (0.95, 0.93))):
-            names = [n for n in printed if n.startswith(f"R2 of {state} at noise {level:g}")]
-            assert sorted(printed[n] for n in names) == sorted(bounds)
-        assert printed[f"R2 of {state} with 10000 points"] == 0.95
     assert sum(claim.is_number for claim in CLAIMS) == 10
+    assert printed["mean error of cubic terms at noise 0.05"] == 21.05
+    assert printed["amplitude error of q_w from 1000 points"] == 15.97
+    assert printed["R2 of q_v with 10000 points"] == 0.95
 
 
 def settings(cases=(CASE,), pairs=(PAIR,)):
