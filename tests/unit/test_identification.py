@@ -1,6 +1,7 @@
 """Identification: exact without noise, equal to pysindy's own, and failures kept as rows."""
 
 from dataclasses import replace
+from pkgutil import resolve_name
 
 import numpy as np
 import pysindy as ps
@@ -342,6 +343,7 @@ def test_global_random_state_is_left_alone(replicates, method):
 
 
 def test_a_method_is_told_its_own_settings_alone():
+    assert all(callable(resolve_name(name)) for method in METHODS for name in method.modules)
     fixed = SETTINGS | {"stlsq": {**SETTINGS["stlsq"], "threshold": 0.1}}
     changed = [m.name for m in METHODS if m.settings(fixed, 3) != m.settings(SETTINGS, 3)]
     assert changed == ["stlsq"]

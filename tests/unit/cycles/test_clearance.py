@@ -47,3 +47,10 @@ def test_clearance_of_two_circles():
     assert clearance(circle, circle, (3.0, 4.0)) == pytest.approx(3.0, abs=1e-3)
     assert clearance(circle, 2 * circle, (0.0, 6.0)) == pytest.approx(3.0, abs=1e-3)
     assert clearance(circle, circle, (1.5, 0.0)) == 0
+
+
+def test_what_no_formula_can_say():
+    with pytest.raises(ValueError, match=r"sag: 0 m must be > 0"):
+        davison(0)
+    with pytest.raises(ValueError, match=r"sag: 1 m is too small for the formula of CIGRE 322"):
+        cigre(1.0, 0.0276, bundle=True)

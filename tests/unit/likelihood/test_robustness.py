@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import library
 from galloping.recording import Recording
@@ -89,8 +90,9 @@ def test_a_stuck_displacement_sensor_is_refused() -> None:
     assert "q_v is not measured" in found.reason
 
 
-def test_constant_channels_are_refused() -> None:
-    found = identify(np.ones_like(X))
+@pytest.mark.parametrize("method", [maximum_likelihood, weak_gls])
+def test_constant_channels_are_refused(method) -> None:
+    found = method([Recording(TIME, LINE.states, np.ones_like(X))], LINE.terms)
     assert found.status == "refused"
     assert "no channel varies" in found.reason
 

@@ -13,6 +13,7 @@ from galloping.intervals import interval
 from galloping.physics.equations import model
 from galloping.physics.galerkin import Derived, coefficients
 from galloping.polynomial import PolynomialModel, library
+from galloping.tables.line_parameters import spacers
 from galloping.tables.scores import all_scores, data_amount, noise_coefficients, noise_r2
 from galloping.tables.table3 import table3
 
@@ -153,3 +154,9 @@ def test_table_3_shows_true_and_spurious_terms(cases):
         {"a": Derived(model(true), true, {})}, identified, settings | {"continuous": ["a"]}
     )
     assert unknown[["true", "relative_error_percent"]].isna().all(axis=None)
+
+
+def test_spacers_have_units_and_provenance(cases):
+    rows = spacers({"cases": cases})
+    assert set(rows["case"]) == set(CASES) and set(rows["unit"]) == {"kg", "m"}
+    assert rows.set_index(["case", "symbol"]).loc[("non_resonant", "s_2"), "value"] == 150
