@@ -419,7 +419,7 @@ def test_only_recordings_that_give_no_model_are_refused(monkeypatch):
         def method(recordings):
             raise error
 
-        monkeypatch.setattr(cell, "imported", lambda name: method)
+        monkeypatch.setattr(cell, "resolve_name", lambda name: method)
         return identify(settings, [still], library(1, 1), NAME)["mine"][0]
 
     assert raising(Unusable("nothing moves")).reason == "mine: nothing moves"

@@ -18,6 +18,8 @@ from galloping.cycles.settling import settle
 from galloping.field import OUTPUTS
 from galloping.storage import write_text
 
+pytestmark = pytest.mark.xdist_group("examples")
+
 EXAMPLES = Path(__file__).parents[3] / "examples"
 SPAN, MAP = str(EXAMPLES / "span.csv"), ["--map", str(EXAMPLES / "span.yaml")]
 LIMIT_CYCLE = {"q_v": 1.125, "q_w": 2.215}  # m, of the continuous line after 1500 s
@@ -53,6 +55,7 @@ def test_the_example_gives_the_limit_cycle_of_the_span(example):
     assert all(float(row["q_v_low"]) < float(row["q_v_high"]) for row in rows)
 
 
+@pytest.mark.slow
 def test_python_says_what_the_command_says(example, capsys):
     runpy.run_path(str(EXAMPLES / "from_python.py"))
     parts = capsys.readouterr().out.split("## ")

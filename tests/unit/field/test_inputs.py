@@ -16,6 +16,8 @@ from galloping.field.read import read_series
 from galloping.field.units import coefficient_unit
 from galloping.terms import parse
 
+pytestmark = pytest.mark.xdist_group("inputs")
+
 TIME = np.arange(1000) / 25.0
 WIND = 12.0 + np.sin(0.5 * TIME) + 0.3 * np.cos(1.7 * TIME)
 

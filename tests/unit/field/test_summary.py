@@ -9,6 +9,8 @@ import pytest
 import galloping
 from galloping.field.dynamics import Value
 
+pytestmark = pytest.mark.xdist_group("summary")
+
 START = [0.3, 0.2, 0, 0]
 
 

@@ -17,6 +17,8 @@ from galloping.polynomial import library
 from galloping.tables import inference as tables
 from galloping.trials import paper_search
 
+pytestmark = pytest.mark.xdist_group("inference")
+
 LINE = plain(load({}))["cases"]["internal_resonance"]
 KNOWN = dict(zip(NAMES, (7.5, 0.0054, 0.0031, 0.5, 0.71, 0.134, 0.003), strict=True))
 

@@ -14,6 +14,8 @@ from galloping.polynomial import library
 from galloping.recording import Recording
 from random_forces.ambient import DAMPING, FREQUENCIES, STATES, two_modes
 
+pytestmark = pytest.mark.xdist_group("ambient")
+
 LINEAR = library(4, 1)
 
 
