@@ -335,6 +335,13 @@ def test_every_edit_has_a_row_and_every_row_an_edit():
     assert sorted(named) == sorted(EDITS)
 
 
+ALIKE = {  # what another row shows too, tried among the slow tests
+    "the wind speed of another case", "an initial state of the first case",
+    "a noise level added above the others", "a noise level removed", "a method removed",
+    "a threshold of `stlsq`", "a function body in `evaluation/motion.py`",
+    "a function body in `figures/errors.py`", "a function body in `storage.py`",
+    "a colour in `figures/style.py`", "another version of matplotlib",
+}  # fmt: skip
 # only Snakemake knows what became of a file: here and in test_reference.py
 OF_FILES = ("a number in `results/reference`", "a script, module, rule file or result touched")
 
@@ -343,7 +350,7 @@ OF_FILES = ("a number in `results/reference`", "a script, module, rule file or r
 @pytest.mark.parametrize(
     "row",
     [
-        pytest.param(row, id=row.edit)
+        pytest.param(row, id=row.edit, marks=[pytest.mark.slow] * (row.edit in ALIKE))
         for row in rows()
         if row.rules != "nothing" and row.edit not in OF_FILES
     ],
