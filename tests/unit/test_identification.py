@@ -13,7 +13,6 @@ from galloping.identification import cell
 from galloping.identification.cell import identify
 from galloping.identification.model import BY_TERM, IdentifiedModel, Unusable
 from galloping.identification.registry import BY_NAME, METHODS
-from galloping.identification.sparse import evidence as sparse_evidence
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.differentiation import differentiate
 from galloping.identification.sparse.evidence import reduce
@@ -396,18 +395,6 @@ def test_a_model_prints_and_moves(resonant):
         IdentifiedModel.refused(line.states, line.terms, "no luck").simulate([0.0] * 4, [0.0, 1.0])
     with pytest.raises(ValueError, match="'sure' must be one of ok"):
         IdentifiedModel(line, "sure")
-
-
-def test_methods_of_a_family_share_their_evidence(resonant, monkeypatch):
-    made = []
-    monkeypatch.setattr(
-        sparse_evidence, "reduce", lambda *given: made.append(reduce(*given)) or made[-1]
-    )
-    settings = {name: BY_NAME[name].settings(SETTINGS, 3) for name in ("stlsq", "lasso")}
-    (recording,) = recordings(resonant, "derivative")
-    together = identify(settings, [[recording]] * 2, TERMS, NAME)
-    assert len(made) == 2  # one for each replicate
-    assert equal(together["lasso"][0], run("lasso", [recording])[0])
 
 
 def test_only_recordings_that_give_no_model_are_refused(monkeypatch):

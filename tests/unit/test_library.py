@@ -184,12 +184,6 @@ def test_type_checkers_see_what_is_there():
         assert getattr(galloping, name) is getattr(import_module(module), there)
 
 
-def test_one_recording_is_as_good_as_a_list_of_one():
-    alone, listed = (galloping.weak_gls(x, TERMS) for x in (recording(), [recording()]))
-    assert alone.verdict == listed.verdict
-    assert np.array_equal(alone.model.coefficients, listed.model.coefficients, equal_nan=True)
-
-
 INF = np.where(np.isclose(VALUES, VALUES[3, 0]), np.inf, VALUES)
 MOTION = galloping.Trajectory(TIME, VALUES, "ok")
 ENDED = galloping.Trajectory(TIME, VALUES, "diverged: far away")

@@ -72,16 +72,6 @@ def check_noise(noise, sigma):
     assert all(abs(np.mean(a * b)) < 5 / np.sqrt(n) for a, b in combinations(unit.T, 2))
 
 
-@pytest.mark.parametrize("protocol", ["derivative", "state"])
-def test_without_noise_one_recording_is_the_trajectory(simulated, protocol):
-    line, trajectory = simulated
-    (recording,) = record(simulated, protocol=protocol, level=0, replicates=1)
-    assert np.array_equal(recording.values, trajectory.states)
-    assert np.array_equal(recording.time, trajectory.time)
-    if protocol == "derivative":
-        assert np.array_equal(recording.derivatives, line(trajectory.states))
-
-
 def test_subsets_are_drawn_without_replacement_and_sorted(resonant):
     _, trajectory = resonant
     rows = [
@@ -94,15 +84,6 @@ def test_subsets_are_drawn_without_replacement_and_sorted(resonant):
         # spread over the whole record: a third of it holds a third of them
         assert abs(np.mean(drawn < 10000) - 1 / 3) < 5 * np.sqrt(2 / 9 / 5000)
     assert not any(np.array_equal(a, b) for a, b in combinations(rows, 2))
-
-
-def test_a_subset_measures_the_trajectory_at_its_times(resonant):
-    line, trajectory = resonant
-    (recording,) = record(resonant, protocol="derivative", samples=1000, replicates=1)
-    rows = np.searchsorted(trajectory.time, recording.time)
-    assert np.array_equal(recording.time, trajectory.time[rows])
-    assert np.array_equal(recording.values, trajectory.states[rows])
-    check_noise(recording.derivatives - line(trajectory.states[rows]), np.full(4, 0.05))
 
 
 def test_replicates_and_cells_are_independent(resonant):

@@ -45,16 +45,6 @@ def test_the_line_is_found_at_the_bound(level: float) -> None:
     assert np.sqrt(np.mean(np.square(errors))) < 1.3  # 56 values, of unit variance at the bound
 
 
-def test_displacements_are_enough() -> None:
-    recording = noisy(LINE, X, TIME, 0.05, 1)
-    values = recording.values.copy()
-    values[:, 2:] = np.nan
-    found = maximum_likelihood([Recording(TIME, LINE.states, values)], LINE.terms)
-    assert found.status == "ok", found.reason
-    assert np.array_equal(found.support, SUPPORT)
-    assert np.isnan(found.sigma[0, 2:]).all()
-
-
 @pytest.mark.parametrize("points", [10_000, 5_000])
 def test_a_random_subset_is_enough(points: int) -> None:
     recording = noisy(LINE, X, TIME, 0.05, 2)

@@ -123,13 +123,7 @@ def test_gaps() -> None:
     assert_good(identify(values))
 
 
-def test_a_short_recording_is_not_identifiable() -> None:
-    found = identify(measured()[:2001], TIME[:2001])
-    assert found.status == "not identifiable"
-    assert "cannot tell" in found.reason
-
-
-@pytest.mark.parametrize("seconds", [4, 10])  # of some two and four periods
+@pytest.mark.parametrize("seconds", [4, 10, 20])  # of some two periods and more
 def test_a_few_periods_are_answered_in_words(seconds: int) -> None:
     few = round(seconds / TIME[1])
     found = identify(measured()[:few], TIME[:few])

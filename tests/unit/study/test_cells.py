@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from galloping.configuration.load import load
-from galloping.polynomial import PolynomialModel
-from galloping.results import Derived, Motion
+from galloping.results import Motion
 from galloping.study import files, pieces
 from galloping.study.cells import Study
 
@@ -84,17 +83,6 @@ def test_a_file_is_read_as_its_place_says(tmp_path):
         assert np.array_equal(motions[1].states, motion.states)
     with pytest.raises(ValueError, match="is of no kind that a study has"):
         files.read(tmp_path / "trajectories" / "line.txt")
-
-
-def test_a_model_comes_back_to_the_last_bit(tmp_path):
-    """Also one that is not the two-mode line."""
-    values = np.array([[0.0, 1 / 3], [-1e-17, np.pi]])
-    written = Derived(PolynomialModel(("x", "y"), ((1, 0), (0, 3)), values), {"a": 1 / 7}, {"m": 2})
-    files.write_model(tmp_path / "model.json", written)
-    read = files.read_model(tmp_path / "model.json")
-    assert (read.model.states, read.model.terms) == (written.model.states, written.model.terms)
-    assert np.array_equal(read.model.coefficients, values)
-    assert (read.coefficients, read.quantities) == ({"a": 1 / 7}, {"m": 2})
 
 
 @pytest.mark.parametrize(
