@@ -8,6 +8,7 @@ from galloping.configuration.load import load, plain
 from galloping.measurement.measuring import Motion
 from galloping.physics.equations import STATES, model
 from galloping.physics.galerkin import coefficients
+from galloping.polynomial import library
 from galloping.simulation import Simulator, time_grid
 
 
@@ -25,6 +26,12 @@ def simulate(name):
     trajectory = Simulator(line.states, line.terms)(line, start, time_grid(300, 100))
     assert trajectory.status == "ok"
     return line, trajectory
+
+
+@cache
+def simulator():
+    """Of any two-mode line on the whole library."""
+    return Simulator(STATES, library(4, 3))
 
 
 def moved(line, trajectory, factor=1.0):

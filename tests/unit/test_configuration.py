@@ -114,16 +114,6 @@ def test_numbers_are_numbers_however_they_are_written(value, letter):
         assert speed == value and isinstance(speed, float)
 
 
-def test_scientific_notation_in_a_file_and_text_in_braces_are_numbers(tmp_path):
-    path = tmp_path / "study.yaml"
-    path.write_text("measurement: {levels: [0, 1e-3, 2E-2, '.05'], replicates: 1e1, seed: 12e4}\n")
-    measurement = load(read(path)).measurement
-    assert measurement.levels == (0, 0.001, 0.02, 0.05)
-    assert (measurement.replicates, measurement.seed) == (10, 120000)
-    assert type(measurement.seed) is int
-    assert load({"figures": {"dpi": "100"}}).figures.dpi == 100
-
-
 @unhurried
 @given(st.text().filter(lambda text: not re.fullmatch(r"[-+]?[0-9.]+([eE].*)?", text)))
 def test_other_text_is_not_a_number(value):

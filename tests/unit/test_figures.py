@@ -11,7 +11,6 @@ from matplotlib.text import Text
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import Reconstruction
-from galloping.figures import parts
 from galloping.figures.against_paper import draw_claims
 from galloping.figures.each_term import draw_coefficients, draw_identifiability
 from galloping.figures.errors import (
@@ -138,13 +137,6 @@ def test_the_first_draw_stands_beside_the_spread_of_all_and_what_the_paper_print
     drawn_lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
     assert list(drawn_lines["one draw, the first"]) == [7.0, 1.0]
     assert list(drawn_lines["their median"]) == [2.5, 5.0]
-
-
-def test_the_bound_is_a_line_without_marks():
-    names = {**NAMES, **NOISE, "methods": ["weak", "bound"]}
-    with_bound = drawn(lambda: draw_methods(scores(methods=("weak", "bound")), names))
-    assert with_bound != drawn(lambda: draw_methods(scores(), names))
-    assert parts.shifts(["weak", "bound"], 0.1) == {"weak": 0.0, "bound": 0.0}
 
 
 def efficiencies(methods=("weak", "maximum_likelihood", "bound"), joint=True, levels=(0.01, 0.05)):

@@ -186,13 +186,6 @@ def test_units_of_time(factor):
     assert close(theirs, expected)
 
 
-@given(positions=st.lists(st.floats(1, 299), max_size=5))
-def test_neither_order_nor_side_of_spacers_matters(positions):
-    ours = coefficients(edited(spacers__positions=positions))
-    for others in (sorted(positions), [300 - p for p in positions]):
-        assert close(ours, coefficients(edited(spacers__positions=others)))
-
-
 def test_line_gallops_above_the_critical_wind_speed():
     # gamma_1 = 2 zeta omega - (rho D b1 / 2) U <phi^2>/m_v is zero at U_c
     c = coefficients(RESONANT)

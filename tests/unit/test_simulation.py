@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
@@ -44,18 +43,6 @@ def test_printed_motion(name):
     assert trajectory.states[-1] == pytest.approx(end, rel=0, abs=1e-7)
     steady = trajectory.states[20000:]
     assert steady_amplitude(steady)[:2] == pytest.approx(amplitudes, rel=0, abs=5.1e-4)
-
-
-def test_agrees_with_a_second_integrator(simulated):
-    line, trajectory = simulated
-    every, until = 500, 40.0  # samples, s
-    second = solve_ivp(
-        lambda _, x: line(x[np.newaxis])[0], (0, until), START, method="DOP853", rtol=1e-13,
-        atol=1e-15, t_eval=TIME[until >= TIME][::every],
-    )  # fmt: skip
-    first = trajectory.states[until >= TIME]
-    error = np.abs(first[::every] - second.y.T) / np.max(np.abs(first), axis=0)
-    assert error.max() < 1e-10
 
 
 @pytest.mark.parametrize("shape", ["irvine", "sine"])

@@ -4,15 +4,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from lines import simulator
 
 from galloping.configuration.load import load, plain
 from galloping.cycles.continuation import Range
 from galloping.cycles.diagram import diagram
-from galloping.cycles.family import LIBRARY, PARAMETERS, critical_wind, initial_state, line_family
+from galloping.cycles.family import PARAMETERS, critical_wind, initial_state, line_family
 from galloping.cycles.limit_cycles import at_value
 from galloping.cycles.settling import settle
-from galloping.physics.equations import STATES
-from galloping.simulation import Simulator
 
 # half of the range over the last 1,000 of 4,000 s, v and w in m
 CHECKS = {
@@ -34,11 +33,6 @@ def case(name):
 @cache
 def wind_diagram(name):
     return diagram(line_family(case(name), "wind_speed"), Range(1, 25, ceiling=20), 4)
-
-
-@cache
-def simulator():
-    return Simulator(STATES, LIBRARY)
 
 
 def stable_cycles(name, wind):

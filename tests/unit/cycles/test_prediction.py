@@ -1,12 +1,11 @@
 """Structure and wind of an identified model, what it predicts, and what measures do."""
 
 from dataclasses import replace
-from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from lines import simulate
+from lines import simulate, simulator
 
 from galloping.configuration.load import load, plain
 from galloping.cycles.family import LIBRARY, critical_wind
@@ -18,7 +17,6 @@ from galloping.physics.galerkin import coefficients
 from galloping.physics.measures import NOTHING, damper, measure, pendulum, tension, usual
 from galloping.polynomial import library
 from galloping.recording import Recording
-from galloping.simulation import Simulator
 
 RATIOS = {"dq_v": 0.005, "dq_w": 0.005}
 CHECKS = {8: (0.3868, 0.5978), 12: (1.305, 2.132), 16: (2.298, 3.277)}
@@ -34,11 +32,6 @@ def exact(speed):
     support = line.support
     support[:2] = False
     return SimpleNamespace(model=line, support=support, covariance=1e-8 * np.eye(support.sum()))
-
-
-@cache
-def simulator():
-    return Simulator(STATES, library(4, 3))
 
 
 @pytest.mark.parametrize("winds", [(12.0,), (9.0, 14.0)])

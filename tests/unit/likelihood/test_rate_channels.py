@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from galloping import Recording, derive, maximum_likelihood, polynomial_library, simulate
-from galloping.identification.likelihood.condense import condense
 from galloping.identification.likelihood.problem import posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told
 from galloping.identification.likelihood.weak_gls import begin
@@ -37,20 +36,6 @@ def deviations(identified):
     """Errors of the present terms in standard errors."""
     error = identified.model.coefficients - LINE.on_library(TERMS).coefficients
     return (error / identified.standard_errors)[identified.support]
-
-
-def test_a_window_of_rates_is_that_of_the_derivative():
-    time = np.linspace(0, 1, 40)
-    coefficients = np.zeros(13)
-    coefficients[:5] = [0.3, -1.0, 0.5, 2.0, -0.7]  # in time scaled by a window of 0.5 s
-    exact = np.polynomial.Polynomial(coefficients)
-    rates = exact.deriv()(time[time < 0.5] / 0.5) / 0.5
-    values = np.full((40, 1), np.nan)
-    values[time < 0.5, 0] = rates
-    condensed = condense([time], [values], np.array([0]), 0.5, np.array([True]))
-    np.testing.assert_allclose(
-        condensed.functionals[0, 0] @ coefficients, condensed.targets[0, 0], atol=1e-12
-    )
 
 
 def test_accelerations_with_offset_and_drift_sharpen_the_model():

@@ -1,6 +1,6 @@
 import numpy as np
 
-from galloping.identification.likelihood.selection import added_deviation, select
+from galloping.identification.likelihood.selection import select
 
 
 def regression(seed: int, true: np.ndarray, rows: int = 400) -> tuple[np.ndarray, np.ndarray]:
@@ -54,9 +54,3 @@ def test_terms_that_imitate_each_other_keep_their_digits() -> None:
     observed = observed + sigma * rng.normal(size=4000)
     information, right = columns.T @ columns / sigma**2, columns.T @ observed / sigma**2
     assert np.flatnonzero(select(information, right, [np.ones(6, bool)], 16.0)).tolist() == [0, 1]
-
-
-def test_a_column_of_zeros_is_never_selected() -> None:
-    information, right = np.diag([1.0, 0.0]), np.array([10.0, 0.0])
-    assert select(information, right, [np.ones(2, bool)], 5.0).tolist() == [True, False]
-    assert np.isinf(added_deviation(information, np.array([True, False]))[1])

@@ -25,13 +25,6 @@ def test_the_weak_form_alone_is_near_the_bound(level: float) -> None:
     assert np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
-def test_samples_may_be_irregular() -> None:
-    recording = noisy(LINE, X, TIME, 0.05, 0)
-    chosen = np.sort(np.random.default_rng(0).choice(len(TIME), 10_000, replace=False))
-    found = weak_gls([Recording(TIME[chosen], LINE.states, recording.values[chosen])], LINE.terms)
-    assert np.array_equal(found.support, unknown_support(LINE))
-
-
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_long_recording_starts_from_where_its_motion_grows(order: int) -> None:
     true = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.1, "x^2 dx": -0.1})
