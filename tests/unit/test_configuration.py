@@ -101,6 +101,8 @@ def test_what_is_accepted():
     assert (list(settings.cases), wind.speed, wind.air_density) == (["windy"], 16, 1.25)
     for folder in ("/tmp/x", "../x/results/reference", "mine"):
         assert load({"reference": folder}).reference == folder
+    written = load({"measurement": {"replicates": "1e1", "seed": "12e4"}}).measurement
+    assert (written.replicates, written.seed) == (10, 120000) and type(written.seed) is int
     ice = {"reading": "custom", "vertical": [0.4, 2, -4], "horizontal": ["3e0", 0, 0]}
     own = load(case(ice=ice, spacers={"positions": []})).cases["a"]
     assert (own.ice.horizontal, own.spacers.positions) == ((3, 0, 0), ())
@@ -497,6 +499,8 @@ def test_every_key_is_described():
 
 
 def test_parameters_carry_their_source():
+    written = load({"measurement": {"replicates": "1e1", "seed": "12e4"}}).measurement
+    assert (written.replicates, written.seed) == (10, 120000) and type(written.seed) is int
     ice = {"reading": "custom", "vertical": [1, 2, 3], "horizontal": [4, 0, 0]}
     settings = load({"cases": {"paper": {}, "other": {"line": {"tension": 35000}, "ice": ice}}})
     rows = {(row.case, row.symbol): row for row in conductor(plain(settings)).itertuples()}
