@@ -270,19 +270,8 @@ def test_sections_without_end_are_one_line():
 
 
 EXTREMES = (
-    1e300,
-    -1e300,
-    1e308,
-    1e-300,
-    5e-324,
-    10**400,
-    1e24,
-    0,
-    -1,
-    math.nan,
-    -math.inf,
-    "1e999",
-)
+    1e300, -1e300, 1e308, 1e-300, 5e-324, 10**400, 1e24, 0, -1, math.nan, -math.inf, "1e999",
+)  # fmt: skip
 
 
 def nested(path, value, name="a"):
