@@ -54,11 +54,6 @@ def test_only_what_belongs_to_trials_is_made(tried):
 
 def test_the_tables_have_a_row_for_each_group_and_system(tried):
     trust = pd.read_csv(tried / "tables" / "trust.csv")
-    assert list(trust) == [
-        "group", "case", "protocol", "level", "fits", "exact", "ok", "ok_and_wrong",
-        "not_identifiable", "approximate", "refused", "coverage_given_terms",
-        "coverage_unconditional", "width_ratio", "cause_named", "seconds_median",
-    ]  # fmt: skip
     whole = trust[~trust["case"].str.startswith("every t")]
     assert dict(zip(whole["group"] + ", " + whole["case"], whole["fits"], strict=True)) == {
         "default line, internal_resonance": 1,
@@ -67,10 +62,6 @@ def test_the_tables_have_a_row_for_each_group_and_system(tried):
         "sensor faults, clock": 1,
     }
     systems = pd.read_csv(tried / "tables" / "systems.csv")
-    assert list(systems) == [
-        "system", "states", "samples", "level", "method", "replicates", "exact", "ok",
-        "ok_and_wrong", "refused", "error_over_bound", "seconds_median",
-    ]  # fmt: skip
     assert set(systems["method"]) == {"maximum_likelihood", "weak_gls", "weak"}
     paths = pd.read_csv(tried / "tables" / "paths.csv")
     assert paths["fits"].sum() == whole["fits"].sum() + systems["replicates"].sum() + 1

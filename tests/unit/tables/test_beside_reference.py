@@ -32,23 +32,16 @@ def compare(found, settings=SETTINGS, processor="one"):
     return {row["table"]: row for row in rows}, differences.to_dict("records")
 
 
-def test_the_same_numbers_agree():
-    summary, differences = compare({"noise": table(0.5, 0.9)})
+@pytest.mark.parametrize(("found", "away", "at"), [(0.9, 0, ""), (0.90045, 0.5, "case=b, r2")])
+def test_numbers_within_tolerance_agree_and_the_largest_difference_is_told(found, away, at):
+    summary, differences = compare({"noise": table(0.5, found)})
     assert differences == []
     assert {row["verdict"] for row in summary.values()} == {AGREES}
     counted = summary["noise"]
     assert (counted["rows_compared"], counted["values_compared"]) == (2, 2)
-    assert (counted["values_beyond_tolerance"], counted["largest_difference_in_tolerances"]) == (
-        0,
-        0,
-    )
-
-
-def test_a_difference_within_tolerance_is_told_by_its_size():
-    summary, differences = compare({"noise": table(0.5, 0.90045)})
-    assert differences == [] and summary["noise"]["verdict"] == AGREES
-    assert summary["noise"]["largest_difference_in_tolerances"] == pytest.approx(0.5)
-    assert summary["noise"]["largest_difference_at"] == "case=b, r2"
+    assert counted["values_beyond_tolerance"] == 0
+    assert counted["largest_difference_in_tolerances"] == pytest.approx(away)
+    assert not away or counted["largest_difference_at"] == at
 
 
 def test_what_is_beyond_tolerance_new_or_gone_is_listed():
