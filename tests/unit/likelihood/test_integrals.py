@@ -7,7 +7,7 @@ from galloping import Recording, derive, maximum_likelihood, polynomial_library,
 
 TERMS = polynomial_library(4, 3)
 LINE = derive()
-TIME = np.arange(0, 300, 0.08)
+TIME = np.arange(0, 300, 0.04)
 MOTION = simulate(LINE, [0.1, 0.1, 0, 0], TIME).states
 NOISE = {"velocities": 0.02, "accelerations": 0.05}  # of the deviation
 
