@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from galloping.taylor import ORDER
+from galloping.taylor import ORDER, System, integrate
 
 # Projections. Three a window hold all that samples tell of a motion that turns by a twelfth of a
 # period in it; Taylor series of `taylor.ORDER` are then good to TRUNCATION, relative to each state:
@@ -54,6 +54,16 @@ class Condensed:
         """What each channel measures: a state, or d and the name of one."""
         pairs = zip(self.observed, self.is_rate, strict=True)
         return [f"d{states[k]}" if rate else states[k] for k, rate in pairs]
+
+    def solution(
+        self, compiled: System, first: np.ndarray, starts: np.ndarray, sensitive: bool
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+        """`taylor.integrate` over segments between the windows `first` (n_segments + 1,)."""
+        own = slice(first[0], first[-1])
+        return integrate(
+            compiled, self.step, first - first[0], starts, self.functionals[own], self.observed,
+            self.inputs[own], sensitive,
+        )  # fmt: skip
 
     def squares(self, residual: np.ndarray) -> np.ndarray:
         """(n_recordings, n_observed) of projections (n_windows, n_observed, ROWS), summed."""

@@ -33,7 +33,7 @@ from galloping.identification.likelihood.trajectory_fit import (
     guarded_step,
 )
 from galloping.identification.model import IdentifiedModel
-from galloping.taylor import integrate, system
+from galloping.taylor import system
 
 FORGOTTEN = 0.1  # share of a first state's effect on the motion that is left where it is forgotten
 MOST_PULLS = 40  # stretches of a recording, long enough to be independent of each other
@@ -156,12 +156,8 @@ def _slopes(
     compiled = system(problem.tables, problem.coefficients(fit.free), pairs)
     bounds = np.flatnonzero(np.diff(segments.chains, prepend=-1, append=-1))
     for begin, end in pairwise(bounds):
-        own = slice(segments.first[begin], segments.first[end])
-        rows = integrate(
-            compiled, condensed.step, np.array([0, own.stop - own.start]),
-            fit.starts[begin : begin + 1], condensed.functionals[own], condensed.observed,
-            condensed.inputs[own], sensitive=True,
-        )[1]  # fmt: skip
+        first = segments.first[[begin, end]]
+        rows = condensed.solution(compiled, first, fit.starts[begin : begin + 1], True)[1]
         weight = 1.0 / fit.sigma[segments.recording[begin]][:, None]
         rows *= weight[..., None]
-        yield own, rows, weight
+        yield slice(*first), rows, weight

@@ -15,7 +15,7 @@ import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.problem import Problem
-from galloping.taylor import integrate, system
+from galloping.taylor import system
 
 HUGE = 1e30  # of a state or a derivative, from which a solution counts as diverged
 BATCH = 8  # segments integrated together: what they need is held at once, in the cache
@@ -129,11 +129,9 @@ def linearise(
         group = slice(batch, min(batch + BATCH, len(starts)))
         first = segments.first[group.start : group.stop + 1]
         span = slice(first[0], first[-1])
-        predicted, derivatives, ends[group], moved, _ = integrate(
-            compiled, condensed.step, first - first[0], starts[group],
-            condensed.functionals[span], condensed.observed, condensed.inputs[span],
-            sensitive=True,
-        )  # fmt: skip
+        predicted, derivatives, ends[group], moved, _ = condensed.solution(
+            compiled, first, starts[group], sensitive=True
+        )
         end_derivatives[group][..., by_dynamics] = moved
         if columns is not None:
             derivatives = np.insert(derivatives, [len(pairs)] * direct, columns[span], axis=3)
@@ -271,10 +269,9 @@ def residuals(
     solution diverges within a segment.
     """
     compiled = system(problem.tables, problem.coefficients(free), problem.candidates[:0])
-    predicted, _, ends, _, truncation = integrate(
-        compiled, condensed.step, segments.first, starts, condensed.functionals,
-        condensed.observed, condensed.inputs, sensitive=False,
-    )  # fmt: skip
+    predicted, _, ends, _, truncation = condensed.solution(
+        compiled, segments.first, starts, sensitive=False
+    )
     if not np.all(np.abs(ends) < HUGE):
         raise FloatingPointError("the model diverges over the recording")
     return condensed.targets - predicted, truncation
