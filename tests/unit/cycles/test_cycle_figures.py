@@ -1,5 +1,7 @@
 """Tables of sweep points and their figures: what is in them, and that nothing stops them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -102,6 +104,10 @@ def test_clearance_and_measures(case, simulator):
     rows = clearance_rows("line", case, {12.0: motion}, (0.0, 8.0), 3.0)
     assert [row["what"] for row in rows] == ["Davison", "Toye", "CIGRE 322", "cycle"]
     assert rows[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3) and rows[-1]["kept"]
+    growing = motion.states * np.linspace(1.0, 2.0, len(motion.states))[:, np.newaxis]
+    irregular = replace(motion, kind="irregular", states=growing)
+    last = clearance_rows("line", case, {12.0: irregular}, (0.0, 8.0), 3.0)[-1]
+    assert last["height_m"] == pytest.approx(2 * rows[-1]["height_m"], rel=0.01)  # its last swings
     design, parts = Design(12.0, START, (0.0, 8.0), 3.0), derived(case)
     outcomes = ranked(
         parts, case, [ice_removal(), pendulum(20.0, (100.0,))], design, simulator,

@@ -8,7 +8,7 @@ import numpy as np
 
 from galloping.cycles.limit_cycles import settled
 from galloping.cycles.prediction import Split, near, split
-from galloping.cycles.settling import settle
+from galloping.cycles.settling import Settled, settle
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import of_draws
 from galloping.physics.clearance import clearance
@@ -17,7 +17,7 @@ from galloping.physics.galerkin import coefficients
 from galloping.physics.measures import NOTHING, Measure, added, modal_masses
 from galloping.simulation import Simulator
 
-OUTLINE = 2000  # places of a motion that never repeats: with 256 it had 0.1 to 0.2 m too much room
+OUTLINE = 2000  # places of a motion: with 256 one that never repeats had 0.1 to 0.2 m too much room
 DAMPING = (("dq_v", "vertical"), ("dq_w", "horizontal"))
 
 
@@ -148,7 +148,7 @@ def evaluate(
         centre, half = places(point.solution.states), point.solution.half_range()
     elif np.all(np.isfinite(motion.states)):
         orbits, half = [], motion.half_range
-        centre = places(motion.states[:: max(1, len(motion.states) // OUTLINE)])
+        centre = outline(motion)
     else:
         return Outcome(measure, critical_wind, nothing, nothing, nothing, motion.kind)
     apart = np.array([_apart(places(orbit.states), design) for orbit in orbits])
@@ -156,6 +156,13 @@ def evaluate(
     halves = np.array([orbit.half_range() for orbit in orbits]).reshape(-1, len(STATES))
     v, w = (_interval(float(half[k]), halves[:, k]) for k in range(2))
     return Outcome(measure, critical_wind, v, w, distance, motion.kind)
+
+
+def outline(motion: Settled) -> np.ndarray:
+    """(n, 2) places (w, v) that a motion takes: one after the other on a limit cycle, whose periods
+    are alike, else from its whole window."""
+    every = 1 if motion.kind == "cycle" else max(1, len(motion.states) // OUTLINE)
+    return places(motion.states[::every][:OUTLINE])
 
 
 def places(states: np.ndarray) -> np.ndarray:

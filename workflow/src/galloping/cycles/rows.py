@@ -16,7 +16,7 @@ from galloping.cycles.family import (
 )
 from galloping.cycles.limit_cycles import Orbit
 from galloping.cycles.prediction import Prediction
-from galloping.cycles.ranking import Design, Outcome, places
+from galloping.cycles.ranking import Design, Outcome, outline
 from galloping.cycles.settling import Settled, settle
 from galloping.physics.clearance import clearance, design_ellipses, envelope
 from galloping.physics.equations import STATES
@@ -238,7 +238,7 @@ def clearance_rows(
         row(what, np.nan, ellipse.outline())
     for wind, motion in motions.items():
         if np.all(np.isfinite(motion.states)):
-            row(motion.kind, float(wind), places(motion.states)[:400])
+            row(motion.kind, float(wind), outline(motion))
     return rows
 
 
