@@ -265,8 +265,9 @@ def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
     between = (time[gaps - 1] + time[gaps]) / 2
     places = np.arange(len(time))
     if len(time) > 2 * POINTS:
-        stretches = np.array_split(places, POINTS)
-        ends = [(s[np.argmin(values[s])], s[np.argmax(values[s])]) for s in stretches]
-        places = np.unique(ends)
+        long = -(-len(time) // POINTS)
+        stretches = np.pad(values, (0, -len(time) % long), mode="edge").reshape(-1, long)
+        ends = stretches.argmin(axis=1), stretches.argmax(axis=1)
+        places = np.unique(places[::long] + np.array(ends))
     apart = np.searchsorted(time[places], between)
     return np.insert(time[places], apart, between), np.insert(values[places], apart, np.nan)
