@@ -5,6 +5,7 @@ import pytest
 from identification_cases import RELEASE, TIME, line, model, noisy, solution
 
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
 LINE = line()
@@ -52,3 +53,13 @@ def test_a_chaotic_recording_is_matched_in_chains() -> None:
     assert np.array_equal(result.support, true.support)
     z = (result.model.coefficients - true.coefficients) / result.standard_errors
     assert np.nanmax(np.abs(z)) < 4.0
+
+
+def test_a_slight_drift_is_looked_at_where_every_term_of_the_library_is_there() -> None:
+    terms, time = ((1, 0), (0, 1), (2, 1)), np.linspace(0.0, 100.0, 2001)
+    true = PolynomialModel(("x", "dx"), terms, np.array([[0.0, 1.0, 0.0], [-1.0, 0.3, -0.3]]))
+    values = noisy(true, solution(true, np.array([0.5, 0.0]), time), time, 0.05, 0).values.copy()
+    values[:, 0] += 0.035 * (time / time[-1] - 0.5)
+    result = maximum_likelihood(Recording(time, true.states, values), terms)
+    assert result.status == "ok", result.reason
+    assert np.array_equal(result.support[1], [True, True, True])

@@ -265,14 +265,15 @@ def _mixed(
 
 
 def _beside(quadratic: Eliminated, support: np.ndarray, free: np.ndarray, test: _Test) -> float:
-    """z of a fault beside the one term that the model lacks most: weak terms are left out, and what
-    they leave in the residuals may look like a fault.
+    """z of a fault beside the one term, if any, that the model lacks most: weak terms are left out,
+    and what they leave in the residuals may look like a fault.
     """
     n = len(support)
     whitened = whiten(quadratic.information[:n, :n], quadratic.right[:n], free)
     here = tableau(whitened, support & whitened.usable)
     more = support.copy()
-    more[here.out[np.argmax(here.additions())]] = True
+    if len(here.out):
+        more[here.out[np.argmax(here.additions())]] = True
     kept = np.append(more, np.ones(len(test.mixture), bool))
     information = quadratic.information[np.ix_(kept, kept)]
     return _score(information, quadratic.right[kept], int(more.sum()), test.mixture)
