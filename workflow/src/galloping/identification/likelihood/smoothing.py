@@ -22,8 +22,9 @@ from galloping.recording import Recording
 
 # Smooth curves. Quintic splines: their derivatives, which the weak form's errors need, are cubic.
 SPLINE_DEGREE = 5
-# Knots a period: five carry a sine to 2.5e-4 of its size, twelve its third harmonic to 1.4e-3.
-LEAST_KNOTS_PER_PERIOD, MOST_KNOTS_PER_PERIOD = 5, 12
+# Knots a period: five carry a sine to 2.5e-4 of its size; one at each second point of the grid, the
+# most there are, its third harmonic to 1.4e-3.
+LEAST_KNOTS_PER_PERIOD = 5
 SAMPLES_PER_KNOT = 3  # so that the noise can be told from the curve
 ABOVE_NOISE = 20.0  # times the median of a spectrum: what counts as signal
 LEAST_SAMPLES = 8  # of a channel: fewer carry no curve and no noise
@@ -130,7 +131,7 @@ def smooth(recording: Recording, period: float) -> Smooth:
     valid = np.ones(n_grid, bool)
     for curve in curves:
         supported = counts[curve].sum() / SAMPLES_PER_KNOT / (duration / period)
-        knots = np.clip(supported, LEAST_KNOTS_PER_PERIOD, MOST_KNOTS_PER_PERIOD)
+        knots = np.clip(supported, LEAST_KNOTS_PER_PERIOD, GRID_PER_PERIOD // 2)
         pieces = max(int(np.ceil(duration / period * knots)), 4)
         fitted, residual[:, curve], deviation, density = _fit(
             recording, curve, pieces, time, period

@@ -10,12 +10,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.smoothing import Smooth
+from galloping.identification.likelihood.smoothing import GRID_PER_PERIOD, Smooth
 from galloping.polynomial import design_matrix
 
 # The weak form. Test functions (1 - u^2)^5 with a radius of half a period, in steps of the grid:
 # they keep 0.68 of a sine of that period and 0.18 of half of it; a third of the radius apart.
-TEST_RADIUS, TEST_STRIDE, TEST_SHARPNESS = 12, 4, 5
+TEST_STRIDE, TEST_SHARPNESS = GRID_PER_PERIOD // 6, 5
 BATCH_OF_TESTS = 4096  # whose errors are linearised at once: what they need is 3 kB each
 
 
@@ -24,8 +24,8 @@ def whitened_weak_form(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Design and right-hand side of the weak form, with errors of unit variance.
 
-    The test functions have a radius of half the shortest period (TEST_RADIUS grid steps) and are
-    TEST_STRIDE steps apart; those that reach into a gap give zero rows. coefficients: (n_states,
+    The test functions have a radius of half the shortest period and are TEST_STRIDE steps
+    of the grid apart; those that reach into a gap give zero rows. coefficients: (n_states,
     n_terms), the linearisation of the errors; without them the rows are only scaled. Returns the
     design (n_rows, n_candidates) and the right-hand side (n_rows,).
     """
@@ -53,16 +53,11 @@ def whitened_weak_form(
 
 def _bump(spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """Test function and its derivative at the grid points inside the support, times `spacing`."""
-    tau = np.arange(-TEST_RADIUS + 1, TEST_RADIUS) / TEST_RADIUS
+    radius = GRID_PER_PERIOD // 2
+    tau = np.arange(1 - radius, radius) / radius
     phi = (1.0 - tau**2) ** TEST_SHARPNESS
-    slope = (
-        -2.0
-        * TEST_SHARPNESS
-        * tau
-        * (1.0 - tau**2) ** (TEST_SHARPNESS - 1)
-        / (TEST_RADIUS * spacing)
-    )
-    return phi * spacing, slope * spacing
+    slope = -2.0 * TEST_SHARPNESS * tau * (1.0 - tau**2) ** (TEST_SHARPNESS - 1)
+    return phi * spacing, slope / (radius * spacing) * spacing
 
 
 def _tested(series: np.ndarray, phi: np.ndarray) -> np.ndarray:
