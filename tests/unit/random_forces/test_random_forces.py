@@ -56,6 +56,24 @@ def test_answers_without_being_told_of_forces(ambient):
     )
 
 
+def test_errors_are_those_of_the_spectra(ambient):
+    """The Cramér-Rao bound of what was found, by the likelihood of spectra (P. Whittle, 1953)."""
+    recording, found, _ = ambient
+    step, terms = recording.time[1], found.model.terms
+    omega = 2 * np.pi * np.fft.rfftfreq(len(recording.time), step)[1:-1]
+    for i, own in ((0, [(1, 0, 0, 0), (0, 0, 1, 0)]), (1, [(0, 1, 0, 0), (0, 0, 0, 1)])):
+        places = [terms.index(term) for term in own]
+        stiffness, damping = -found.model.coefficients[2 + i, places]
+        off = stiffness - omega**2
+        gain = 1 / (off**2 + (damping * omega) ** 2)
+        force = found.forces[2 + i, 2 + i] * gain
+        noise = np.full(len(omega), found.sigma[0, i] ** 2 * step)
+        moved = [2 * off * gain * force, 2 * damping * omega**2 * gain * force, force, noise]
+        slopes = np.array(moved) / (force + noise)
+        bound = np.sqrt(np.diag(np.linalg.inv(slopes @ slopes.T)))[:2]
+        np.testing.assert_allclose(found.standard_errors[2 + i, places], bound, rtol=0.03)
+
+
 def test_coupled_modes_keep_what_couples_them():
     recording, _, _ = two_modes(2, shapes=((1, 0.4), (0.5, 1)))
     found = maximum_likelihood(recording, LINEAR)
