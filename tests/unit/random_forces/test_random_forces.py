@@ -82,6 +82,14 @@ def test_coupled_modes_keep_what_couples_them():
     assert found.forces[2, 3] != 0.0
 
 
+def test_forces_may_share_nearly_all():
+    recording, _, _ = two_modes(12, shapes=((0, 1), (0.1, 0.3)))
+    found = maximum_likelihood(recording, LINEAR)
+    assert found.is_forced
+    assert not found.slow_forces.any()
+    assert all(held(found, recording))
+
+
 def test_units_change_nothing_but_units(ambient):
     recording, found, _ = ambient
     scaled = maximum_likelihood(replace(recording, values=1000 * recording.values), library(4, 3))

@@ -159,14 +159,13 @@ def in_random_forces(
     Raises what NO_MODEL names where there is none.
     """
     channels = Channels.of(recordings)
-    question, start = _begun(problem, recordings, channels, forced)
+    question, starts = _begun(problem, recordings, channels, forced)
     penalty = 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in question.data))
-    whole = fitted(
-        question, replace(start, slow=(), rates=()), question.linear_terms, correlated=True
-    )
+    white = next((each for each in starts if not each.slow), replace(starts[0], slow=(), rates=()))
+    whole = fitted(question, white, question.linear_terms, correlated=True)
     left = _left(question, whole, recordings)
     if not left.white and may_be_slow and not set(channels.rates) & set(forced):
-        whole = _with_slow_forces(question, start, whole, penalty)  # no sensor reads the force
+        whole = _with_slow_forces(question, starts[0], whole, penalty)  # no sensor reads the force
     elif not (may_be_slow or left.nearly):
         raise Unusable(in_words(left, channels))
     correlated = _is_correlated(question, whole, penalty)
@@ -187,8 +186,8 @@ def _begun(
     recordings: list[Recording],
     channels: Channels,
     forced: tuple[int, ...],
-) -> tuple[Question, Model]:
-    """The question in units of the motion, and the likeliest of several starts."""
+) -> tuple[Question, list[Model]]:
+    """The question in units of the motion, and starts, the likeliest first."""
     passing("modes from correlations")
     pairs = channels.pairs
     if set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states):
@@ -226,10 +225,10 @@ def _begun(
             model = Model(free, np.diag(np.sqrt(white)), noise, slowly, (rate,) * len(slowly))
             with suppress(np.linalg.LinAlgError):
                 found.append((question.filtered(model).log_likelihood, model))
+    found = [each for each in found if np.isfinite(each[0])]
     if not found:
         raise Unusable("its correlations tell no oscillation of every coordinate")
-    found = [each for each in found if np.isfinite(each[0])]
-    return question, max(found, key=lambda each: each[0])[1]
+    return question, [model for _, model in sorted(found, key=lambda each: -each[0])]
 
 
 def _with_slow_forces(question: Question, start: Model, white: Fit, penalty: float) -> Fit:

@@ -28,7 +28,7 @@ FEWEST = 3  # lags that modes are told from, beyond twice their number
 BINS = 4  # of a spectrum, in a mean
 FLOOR, ABOVE_NOISE = 0.75, 4.0  # from this share of the frequencies on a spectrum is mostly noise
 MOST_OF = 0.95  # of the power of a velocity lies at longer periods
-LEAST_SHARE = 1e-4  # of what a force or a noise alone would be, to begin with
+LEAST_SHARE = 0.1  # of what a force or a noise alone would be, at first: forces may share a part
 
 
 def on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
