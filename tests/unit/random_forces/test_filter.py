@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.stats import multivariate_normal
+from tests.unit.random_forces.ambient import STATES, two_modes
 
+from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.discrete import Steps, discretised
 from galloping.identification.random_forces.kalman import kalman_filter
+from galloping.identification.random_forces.tracking import Data, Forces, Tracker
+from galloping.polynomial import PolynomialModel, library
 
 SYSTEM = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-9.0, 0.7, -0.1, 0.02], [0.3, -20.0, 0.01, -0.2]])
 FORCES = np.diag([0.0, 0.0, 0.3, 0.1])
@@ -101,3 +105,16 @@ def test_settled_gains_change_nothing():
     again = kalman_filter(samples, twice, *doubled, sensing, noise, np.zeros(4), np.eye(4))
     for one, other in zip(whole, again, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11)
+
+
+def test_extended_filter_of_a_linear_system_is_that_of_kalman():
+    recording, _, system = two_modes(4, duration=60.0)
+    slow = np.diag([0.0, 0.0, 1e-4, 2e-4])
+    forces = Forces(np.diag([0.0, 0.0, 1e-4, 1e-4]), slow, np.full(4, 0.3))
+    model = PolynomialModel(STATES, library(4, 1), np.hstack([np.zeros((4, 1)), system]))
+    size = np.tile(recording.values[:, :2].std(axis=0), 2) * np.array([1, 1, 4, 4])
+    follow = Tracker(model, forces, Channels.of([recording]), 0.05 * size[:2], size)
+    data = Data(recording.values[:, :2], Steps.between(recording.time))
+    exact, other = follow.over(data), follow.extended(data, np.zeros((0, 2), np.int64))[0]
+    np.testing.assert_allclose(other.innovations, exact.innovations, atol=1e-3 * size[0])
+    np.testing.assert_allclose(other.variances[9:], exact.variances[9:], rtol=1e-4)

@@ -124,8 +124,7 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     frequency, power = welch(filled, 1.0 / step, nperseg=long, axis=0)
     power /= np.isfinite(grid).mean(axis=0)
     shown = frequency > 0
-    fine = np.linspace(frequency[1], frequency[-1], POINTS)
-    told = spectra(found, recording, fine)
+    fine, told = spectra(found, recording, np.random.default_rng(0))
     figure = Figure(figsize=(DOUBLE, 0.5 + ROW), layout="constrained")
     row = figure.subplots(1, len(channels.names), squeeze=False, sharex=True)[0]
     for k, (axes, name) in enumerate(zip(row, channels.names, strict=True)):

@@ -209,6 +209,8 @@ def _doubling(frequency: Value, damping: Value) -> str:
         log(2.0) / (2.0 * np.pi * frequency.value * -ratio) if ratio < 0 else np.inf
         for ratio in (damping.value, damping.low, damping.high)
     )
+    if not np.isfinite(ends).all():  # as far as is told, motions may not grow at all
+        return f"{own:.2g} s (at least {min(ends):.2g} s)"
     return in_words(Value(own, *ends), "s")
 
 

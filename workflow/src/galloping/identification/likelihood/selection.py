@@ -170,7 +170,9 @@ def tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     """support: (n,) boolean. Terms that it imitates cannot be added."""
     kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.usable)
     q, r = np.linalg.qr(whitened.columns[:, kept])
-    inverse = solve_triangular(r, np.eye(len(kept)), check_finite=False)
+    inverse = np.eye(len(kept))
+    if len(kept):  # LAPACK prints a message where there are none
+        inverse = solve_triangular(r, inverse, check_finite=False)
     cross, along = q.T @ whitened.columns[:, out], q.T @ whitened.target
     beyond = whitened.columns[:, out] - q @ cross
     rest = whitened.target - q @ along

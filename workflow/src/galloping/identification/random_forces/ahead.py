@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.random_forces.discrete import Steps, discretised
-from galloping.identification.random_forces.tracking import tracker
+from galloping.identification.random_forces.discrete import Steps
+from galloping.identification.random_forces.tracking import factor, tracker
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
 WITHIN = 60.0  # periods at the end of a recording that tell its last state
+POINTS, MOTIONS, SEGMENTS = 1500, 8, 6  # of spectra, and what those of motions are means over
 MOST_MISFIT = 1.5  # mean square of standardised innovations: that of another line is far larger
 
 
@@ -34,16 +35,8 @@ def motions(
     for model in models:
         follow, data = tracker(replace(found, model=model), recording)
         end = follow.over(data)
-        moved, disturbed = discretised(*follow.driven, ahead.lengths)
-        roots, n = np.array([_root(each) for each in disturbed]), len(follow.rest)
-        x = end.mean + _root(end.covariance) @ rng.standard_normal(len(end.mean))
-        x[:n] -= follow.rest
-        noise = rng.standard_normal((len(time), len(x)))
-        states = np.empty((len(time), n))
-        for k, step in enumerate(ahead.of[1:]):
-            x = moved[step] @ x + roots[step] @ noise[k]
-            states[k] = x[:n]
-        drawn.append(states + follow.rest)
+        x = end.mean + factor(end.covariance) @ rng.standard_normal(len(end.mean))
+        drawn.append(follow.motion(x, ahead, rng))
     return np.array(drawn)
 
 
@@ -75,19 +68,33 @@ def followed(found: IdentifiedModel, recording: Recording) -> np.ndarray:
     return follow.over(data).means
 
 
-def spectra(found: IdentifiedModel, recording: Recording, frequency: np.ndarray) -> np.ndarray:
-    """(n, n_channels) one-sided spectra of the channels of a recording at frequencies (n,), Hz.
+def spectra(
+    found: IdentifiedModel, recording: Recording, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (n,), Hz, and one-sided spectra (n, n_channels) of the channels of a recording.
 
-    In squares of the channels' units per Hz, noise included.
+    In squares of the channels' units per Hz, noise included. Those of a linear model are exact;
+    another one's are means over motions in forces drawn for each.
     """
-    follow, _ = tracker(found, recording)
-    system, white = follow.driven
-    omega = 2.0 * np.pi * frequency[:, np.newaxis, np.newaxis]
-    moved = follow.sensing @ np.linalg.inv(1j * omega * np.eye(len(system)) - system)
-    power = np.einsum("fci,ij,fcj->fc", moved, white, moved.conj()).real
-    return 2.0 * (power + follow.noise**2 * np.median(np.diff(recording.time)))
+    from scipy.signal import welch  # slow to import
 
-
-def _root(covariance: np.ndarray) -> np.ndarray:
-    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2.0)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
+    follow, data = tracker(found, recording)
+    step = np.median(np.diff(recording.time))
+    noise = 2.0 * follow.noise**2 * step
+    if follow.is_linear:
+        frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, POINTS)
+        system, white = follow.driven
+        omega = 2.0 * np.pi * frequency[:, np.newaxis, np.newaxis]
+        moved = follow.sensing @ np.linalg.inv(1j * omega * np.eye(len(system)) - system)
+        power = np.einsum("fci,ij,fcj->fc", moved, white, moved.conj()).real
+        return frequency, 2.0 * power + noise
+    channels, powers = follow.channels, []
+    steps = Steps.between(np.arange(len(recording.time)) * step)
+    begin = follow.over(data).mean
+    for _ in range(MOTIONS):
+        states = follow.motion(begin, steps, rng)
+        rates = np.gradient(states[:, list(channels.rates)], step, axis=0)
+        shown = np.hstack([states[:, list(channels.values)], rates])
+        frequency, power = welch(shown, 1.0 / step, nperseg=len(shown) // SEGMENTS, axis=0)
+        powers.append(power)
+    return frequency[1:], np.mean(powers, axis=0)[1:] + noise

@@ -1,7 +1,7 @@
 """Maximum likelihood of a system in white forces, by Fisher's scoring.
 
 The likelihood is that of the innovations of the Kalman filter: exact for linear systems and any
-sampling. Their derivatives are central differences; the information is that of F. C. Schweppe
+sampling. Their derivatives are differences; the information is that of F. C. Schweppe
 (IEEE Trans. Inf. Theory 11, 1965).
 """
 
@@ -19,8 +19,8 @@ from galloping.identification.random_forces.tracking import Data, Filtered, Forc
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel
 
-FIRST_STEP, STEP = 1e-5, 1e-2  # of differences: in units of a parameter, then of its error
-CONVERGED = 1e-3  # rise of the log-likelihood that a step of the iteration promises
+FIRST_STEP, STEP = 1e-5, 1e-3  # of differences: in units of a parameter, then of its error
+CONVERGED = 1e-2  # rise of the log-likelihood that a step of the iteration promises
 ROUNDING = 1e-9  # of a log-likelihood
 MOST_STEPS, MOST_DAMPED = 40, 12
 TINY = 0.1  # of the least noise, to which noise beside it may fall
@@ -92,6 +92,11 @@ class Question:
     least_noise: np.ndarray
     data: tuple[Data, ...]
 
+    @property
+    def penalty(self) -> float:
+        """2 ln N of N samples."""
+        return 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in self.data))
+
     @cached_property
     def linear_terms(self) -> np.ndarray:
         """(n_candidates,) whether a candidate is of the first degree or constant."""
@@ -137,6 +142,24 @@ class Question:
             problem.states, problem.terms, problem.coefficients(model.coefficients)
         )
         return Tracker(full, forces, self.channels, model.noise, self.size)
+
+    def regression(self, model: Model) -> tuple[np.ndarray, np.ndarray]:
+        """Information (n_candidates, n_candidates) on changes of the coefficients, in their units,
+        and half the fall of chi^2 with each, by the slopes of the innovations of a model.
+        """
+        terms = np.unique(self.problem.candidates[:, 1])
+        candidates = self.problem.candidates.copy()
+        candidates[:, 1] = np.searchsorted(terms, candidates[:, 1])
+        tracker, n = self.tracker(model), len(self.unit)
+        known, right = np.zeros((n, n)), np.zeros(n)
+        for one in self.data:
+            filtered, slopes = tracker.extended(one, candidates, terms)
+            told = np.isfinite(filtered.innovations)
+            root = np.sqrt(filtered.variances[told])
+            own = slopes[told] * self.unit / root[:, np.newaxis]
+            known += own.T @ own
+            right -= own.T @ (filtered.innovations[told] / root)
+        return known, right
 
     def filtered(self, model: Model) -> Innovations:
         """Raises numpy.linalg.LinAlgError where the model cannot be discretised."""
@@ -292,9 +315,8 @@ def _slopes(
     for j, h in enumerate(step):
         unit = np.zeros(len(vector))
         unit[j] = h
-        above, below = of(vector + unit), of(vector - unit)
-        moved = (above.innovations - below.innovations)[known]
-        slopes[j, 0] = moved / (2.0 * h) / root
-        ratio = np.log(above.variances[known] / below.variances[known])
-        slopes[j, 1] = ratio / (2.0 * h) / np.sqrt(2.0)
+        moved = of(vector + unit)
+        slopes[j, 0] = (moved.innovations - here.innovations)[known] / h / root
+        ratio = np.log(moved.variances[known] / here.variances[known])
+        slopes[j, 1] = ratio / h / np.sqrt(2.0)
     return slopes

@@ -16,9 +16,10 @@ from scipy.special import chdtri
 
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.plausible import detection_limits
+from galloping.identification.likelihood.prior import costs
 from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told
-from galloping.identification.likelihood.selection import added_deviation
+from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.verdict import by, refused
 from galloping.identification.likelihood.weak_gls import MOST_MISFIT, Start, prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
@@ -53,6 +54,7 @@ SLOWER = 4.0  # times the period of the swings, at which a start then follows so
 TRIED_PER_PERIOD = 16  # samples a shortest period, at which it is tried whether forces are random
 COUPLED_RATE = 0.01  # of uncoupled coordinates that are taken for coupled ones
 LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
+MOST_CHOICES = 4  # of nonlinear terms, each after a fit of the last
 FAINT = 1e-3  # of the forces, as good as none
 START_PERIODS = 20.0  # shortest periods, over which the first state is told
 
@@ -81,30 +83,33 @@ def random_forces(
     try:
         cleaned, _, period = prepared(recordings)
         rescaled = scaled(cleaned, period)
-        found, _ = in_random_forces(problem, rescaled, period, places)
+        question, whole, _ = fitted_to_some(problem, rescaled, period, places)
+        found, _ = fitted_to_all(question, whole, rescaled, period)
         return _with_scales(found, cleaned, rescaled)
     except NO_MODEL as error:
         return by(["random forces"], refused(problem, str(error)))
 
 
-def moved_at_random(problem: Problem, begun: Start) -> IdentifiedModel | None:
+def moved_at_random(problem: Problem, start: Start) -> IdentifiedModel | None:
     """The model of a recording that random forces moved, None where it may be another motion.
 
-    begun: the start of all methods. A motion that follows from its first state leaves little in the
+    start: the start of all methods. A motion that follows from its first state leaves little in the
     weak form, and one that repeats leaves its harmonics in the innovations.
     """
     try:
-        may_be_slow = wavers(begun.recordings, begun.period)
-        if begun.fit.misfit < MOST_MISFIT and not (may_be_slow and _is_slow(begun)):
+        may_be_slow = wavers(start.recordings, start.period)
+        if start.fit.misfit < MOST_MISFIT and not (may_be_slow and _is_slow(start)):
             return None
-        forced, rescaled = problem.unknown, scaled(begun.recordings, begun.period)
-        for given in (_thinned(rescaled), rescaled):
-            found, left = in_random_forces(problem, given, begun.period, forced, may_be_slow)
-            if not left.nearly:
-                return None
+        forced, rescaled = problem.unknown, scaled(start.recordings, start.period)
+        question, whole, left = fitted_to_some(problem, rescaled, start.period, forced, may_be_slow)
+        if not left.nearly:
+            return None
+        found, left = fitted_to_all(question, whole, rescaled, start.period)
+        if not left.nearly:
+            return None
     except NO_MODEL:
         return None
-    return _with_scales(found, begun.recordings, rescaled)
+    return _with_scales(found, start.recordings, rescaled)
 
 
 def _with_scales(
@@ -145,32 +150,45 @@ def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]
     return tuple(sorted(set(places))) or problem.unknown
 
 
-def in_random_forces(
+def fitted_to_some(
     problem: Problem,
     recordings: list[Recording],
     period: float,
     forced: tuple[int, ...],
     may_be_slow: bool = True,
-) -> tuple[IdentifiedModel, Whiteness]:
-    """The model of recordings without outliers, `period` s being the shortest of their motion, and
-    what it leaves. may_be_slow: whether forces may be; else a model with white ones that leaves
-    plainly more than noise is none.
+) -> tuple[Question, Fit, Whiteness]:
+    """The question, the fit of all terms that may stay, to no more samples than it needs, and what
+    it leaves.
 
+    recordings: without outliers, `period` s being the shortest of their motion. may_be_slow:
+    whether forces may be; else a model with white ones that leaves plainly more than noise is none.
     Raises what NO_MODEL names where there is none.
     """
-    channels = Channels.of(recordings)
+    channels, recordings = Channels.of(recordings), _thinned(recordings)
     question, starts = _begun(problem, recordings, channels, forced)
-    penalty = 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in question.data))
     white = next((each for each in starts if not each.slow), replace(starts[0], slow=(), rates=()))
     whole = fitted(question, white, question.linear_terms, correlated=True)
     left = _left(question, whole, recordings)
     if not left.white and may_be_slow and not set(channels.rates) & set(forced):
-        whole = _with_slow_forces(question, starts[0], whole, penalty)  # no sensor reads the force
+        whole = _with_slow_forces(question, starts[0], whole)  # no sensor reads the force
     elif not (may_be_slow or left.nearly):
         raise Unusable(in_words(left, channels))
+    whole = _with_nonlinear_terms(question, whole)
+    return question, whole, _left(question, whole, recordings)
+
+
+def fitted_to_all(
+    question: Question, whole: Fit, recordings: list[Recording], period: float
+) -> tuple[IdentifiedModel, Whiteness]:
+    """The model of all samples from the fit of some, and what it leaves.
+
+    Raises what NO_MODEL names where there is none.
+    """
+    channels, penalty = question.channels, question.penalty
+    known, _ = question.regression(whole.model)
     correlated = _is_correlated(question, whole, penalty)
     support = _chosen(question, whole, penalty)
-    known = _known(whole)
+    question = replace(question, data=_data(recordings, channels))
     fit = fitted(question, question.without(whole.model, support), support, correlated)
     left = _left(question, fit, recordings)
     values = np.linalg.eigvals(question.tracker(fit.model).system)
@@ -194,19 +212,16 @@ def _begun(
         raise Unusable("random forces are told of coordinates X and their velocities dX only")
     if problem.inputs:
         raise Unusable("random forces beside measured inputs are not told apart")
-    samples = [channels.samples(each) for each in recordings]
     step, grids = on_grids(recordings)
     period = shortest(grids, step)
     size, mean, deviation = sizes(recordings, channels, period)
     terms, omega = np.array(problem.terms), 2.0 * np.pi / period
     unit = np.array([omega * size[i] / np.prod(size ** terms[j]) for i, j in problem.candidates])
-    data = tuple(
-        Data(own, Steps.between(each.time)) for each, own in zip(recordings, samples, strict=True)
-    )
     middle = np.zeros(len(problem.states))
     middle[list(channels.values)] = mean[: len(channels.values)]
     middle[list(pairs.values())] = 0.0
     least = LEAST_NOISE * deviation
+    data = _data(recordings, channels)
     question = Question(problem, channels, forced, size, unit, middle, least, data)
     frequencies, power = spectra(grids, step)
     found = []
@@ -231,7 +246,11 @@ def _begun(
     return question, [model for _, model in sorted(found, key=lambda each: -each[0])]
 
 
-def _with_slow_forces(question: Question, start: Model, white: Fit, penalty: float) -> Fit:
+def _data(recordings: list[Recording], channels: Channels) -> tuple[Data, ...]:
+    return tuple(Data(channels.samples(each), Steps.between(each.time)) for each in recordings)
+
+
+def _with_slow_forces(question: Question, start: Model, white: Fit) -> Fit:
     """The fit with slow forces beside the white ones, where they pay."""
     slow = start.slow
     if not slow:
@@ -244,7 +263,41 @@ def _with_slow_forces(question: Question, start: Model, white: Fit, penalty: flo
     except (FloatingPointError, np.linalg.LinAlgError):
         return white
     gain = fit.filtered.log_likelihood - white.filtered.log_likelihood
-    return fit if 2.0 * gain > penalty * 2 * len(fit.model.slow) else white
+    return fit if 2.0 * gain > question.penalty * 2 * len(fit.model.slow) else white
+
+
+def _with_nonlinear_terms(question: Question, fit: Fit) -> Fit:
+    """The fit with the nonlinear terms that pay.
+
+    They are chosen on the slopes of the innovations, again after each fit of those that were. Where
+    the motion is so large that any pays, the cubic damping of each coordinate stays too: what it
+    takes off the linear one, net damping at rest would lack, and the data alone hardly tell it.
+    """
+    problem, linear = question.problem, question.linear_terms
+    own = set(velocity_pairs(problem.states).values())
+    cubes = [i in own and problem.terms[j][i] == 3 for i, j in problem.candidates]
+    damping = np.array(cubes) & (problem.degrees == 3)
+    allowed = fit.support | ~linear
+    prices = np.where(linear, 0.0, costs(problem.prior, problem.complexity, question.penalty))
+    every = np.ones(allowed.sum(), bool)
+    for _ in range(MOST_CHOICES):
+        known, right = question.regression(fit.model)
+        about, support = fit.model.coefficients / question.unit, allowed.copy()
+        support[allowed] = select(
+            known[np.ix_(allowed, allowed)], right[allowed], [fit.support[allowed], every],
+            prices[allowed], about[allowed],
+        )  # fmt: skip
+        if np.any(support & ~linear):
+            support |= damping
+        if np.array_equal(support, fit.support):
+            break
+        scaled, _ = solve_support(known, right + known @ about, support)
+        start = replace(fit.model, coefficients=scaled * question.unit)
+        try:
+            fit = fitted(question, start, support, correlated=True)
+        except (FloatingPointError, np.linalg.LinAlgError):
+            break
+    return fit
 
 
 def _are_needed(question: Question, fit: Fit, penalty: float) -> bool:
@@ -278,7 +331,7 @@ def _chosen(question: Question, fit: Fit, penalty: float) -> np.ndarray:
     problem, support = question.problem, fit.support.copy()
     own = {velocity: i for i, velocity in velocity_pairs(problem.states).items()}
     groups: dict[tuple[int, ...], list[int]] = {}
-    for k in np.flatnonzero(support):
+    for k in np.flatnonzero(support & question.linear_terms):
         equation, j = problem.candidates[k]
         moved = next((s for s, e in enumerate(problem.terms[j]) if e), None)
         pair = {own[equation], own.get(moved, moved)} - {None}
@@ -297,13 +350,6 @@ def _chosen(question: Question, fit: Fit, penalty: float) -> np.ndarray:
         if square < (penalty if constant else chdtri(len(members), COUPLED_RATE)):
             support[members] = False
     return support
-
-
-def _known(fit: Fit) -> np.ndarray:
-    """(n_candidates, n_candidates) information on the coefficients, in their units."""
-    known = np.zeros((len(fit.support), len(fit.support)))
-    known[np.ix_(fit.support, fit.support)] = np.linalg.inv(fit.coefficient_covariance)
-    return known
 
 
 def _left(question: Question, fit: Fit, recordings: list[Recording]) -> Whiteness:

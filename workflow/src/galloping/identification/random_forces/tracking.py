@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,11 +11,15 @@ import numpy as np
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.discrete import Steps, discretised
+from galloping.identification.random_forces.extended import extended_filter, random_motion
 from galloping.identification.random_forces.kalman import kalman_filter
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
-DIFFUSE = 1e3  # standard deviation of the first state, in that of the motion
+# Standard deviation of the first state, in that of the motion: of a linear system, and of another,
+# whose slopes are told where it is expected to be.
+DIFFUSE, NEAR = 1e3, 3.0
+SUBSTEPS = 16  # of a period, in the steps of a nonlinear system
 
 
 @dataclass(frozen=True)
@@ -128,14 +133,78 @@ class Tracker:
         shift[: len(self.channels.values)] = self.rest[list(self.channels.values)]
         return shift
 
+    @cached_property
+    def is_linear(self) -> bool:
+        exponents = np.array(self.model.terms)
+        return not self.model.coefficients[:, exponents.sum(axis=1) > 1].any()
+
+    @property
+    def first_mean(self) -> np.ndarray:
+        """(m,) before anything was measured."""
+        return np.append(self.rest, np.zeros(len(self.forces.places)))
+
     @property
     def first_covariance(self) -> np.ndarray:
         """(m, m) before anything was measured."""
         slow = np.diag(self.forces.slow) / (2.0 * self.forces.rates)
-        return np.diag(np.append((DIFFUSE * self.size) ** 2, slow[self.forces.places]))
+        within = (DIFFUSE if self.is_linear else NEAR) * self.size
+        return np.diag(np.append(within**2, slow[self.forces.places]))
+
+    def equations(self, terms: Sequence[int] = ()) -> tuple[np.ndarray, np.ndarray]:
+        """Exponents (n_terms, m) and coefficients (m, n_terms) of what moves the states and slow
+        forces; those of the model that are present, but for `terms`, indices that come first.
+        """
+        n, m = len(self.size), len(self.driven[0])
+        others = np.flatnonzero(self.model.coefficients.any(axis=0))
+        own = [*terms, *(j for j in others if j not in set(terms))]
+        exponents = np.zeros((len(own) + m - n, m), np.int64)
+        coefficients = np.zeros((m, len(exponents)))
+        exponents[: len(own), :n] = np.array(self.model.terms)[own]
+        coefficients[:n, : len(own)] = self.model.coefficients[:, own]
+        exponents[len(own) :, n:] = np.eye(m - n, dtype=np.int64)
+        coefficients[:, len(own) :] = self.driven[0][:, n:]
+        return exponents, coefficients
+
+    def substeps(self, lengths: np.ndarray) -> np.ndarray:
+        """(n_steps,) into how many a step of a length, s, is divided."""
+        fastest = np.abs(np.linalg.eigvals(self.system)).max()
+        return np.ceil(lengths * fastest * SUBSTEPS / (2.0 * np.pi)).astype(np.int64)
+
+    def extended(
+        self, data: Data, candidates: np.ndarray, terms: Sequence[int] = ()
+    ) -> tuple[Filtered, np.ndarray]:
+        """The filter of a nonlinear system, and slopes of its innovations with coefficients, as of
+        `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`.
+        """
+        x, p, n = self.first_mean, self.first_covariance, len(self.size)
+        innovations, variances, means, slopes = self._extended(
+            data, *self.equations(terms), self.driven[1], x, p, candidates
+        )
+        count = int(np.isfinite(data.samples).sum())
+        return Filtered(innovations, variances, means[:, :n], x, p, count), slopes
+
+    def _extended(self, data: Data, exponents, coefficients, white, x, p, candidates):
+        channels, lengths = self.channels, data.steps.lengths
+        sensed = np.array([*channels.values, *channels.rates])
+        is_rate = np.arange(len(sensed)) >= len(channels.values)
+        return extended_filter(
+            data.samples, data.steps.of, lengths, self.substeps(lengths), exponents, coefficients,
+            white, sensed, is_rate, self.noise**2, x, p, candidates,
+        )  # fmt: skip
+
+    def motion(self, x: np.ndarray, steps: Steps, rng: np.random.Generator) -> np.ndarray:
+        """(n, n_states) from states and slow forces `x` (m,) on, in forces drawn for it."""
+        counts = self.substeps(steps.lengths)
+        drawn = rng.standard_normal((counts[steps.of[1:]].sum(), len(x)))
+        root = factor(self.driven[1])
+        exponents, coefficients = self.equations()
+        own = x.copy(), steps.of[1:], steps.lengths, counts, exponents, coefficients, root, drawn
+        return random_motion(*own)[:, : len(self.size)]
 
     def over(self, data: Data) -> Filtered:
         """Raises numpy.linalg.LinAlgError where the model cannot be discretised."""
+        if not self.is_linear:
+            return self.extended(data, np.zeros((0, 2), np.int64))[0]
         transitions, disturbances = discretised(*self.driven, data.steps.lengths)
         p, n = self.first_covariance, len(self.rest)
         x = np.zeros(len(p))
@@ -152,17 +221,24 @@ class Tracker:
 
         By the filter of the states beside what they were at first, which does not change.
         """
-        moved, disturbed = discretised(*self.driven, data.steps.lengths)
-        m, n = moved.shape[1], len(self.rest)
-        transitions, disturbances = np.zeros((2, len(moved), 2 * m, 2 * m))
-        transitions[:, :m, :m], disturbances[:, :m, :m] = moved, disturbed
-        transitions[:, m:, m:] = np.eye(m)
-        x, p = np.zeros(2 * m), np.kron(np.ones((2, 2)), self.first_covariance)
-        kalman_filter(
-            data.samples[:count] - self.shift, data.steps.of[:count], transitions, disturbances,
-            np.hstack([self.sensing, np.zeros_like(self.sensing)]), self.noise**2, x, p,
+        exponents, coefficients = self.equations()
+        m, n = len(coefficients), len(self.size)
+        doubled = np.zeros((2 * m, 2 * m))
+        doubled[:m, :m] = self.driven[1]
+        x, p = np.tile(self.first_mean, 2), np.kron(np.ones((2, 2)), self.first_covariance)
+        steps = Steps(data.steps.lengths, data.steps.of[:count])
+        self._extended(
+            Data(data.samples[:count], steps), np.hstack([exponents, np.zeros_like(exponents)]),
+            np.vstack([coefficients, np.zeros_like(coefficients)]), doubled, x, p,
+            np.zeros((0, 2), np.int64),
         )  # fmt: skip
-        return x[m : m + n] + self.rest
+        return x[m : m + n]
+
+
+def factor(covariance: np.ndarray) -> np.ndarray:
+    """A root R of a covariance, R R' but for rounding, which may be singular."""
+    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2.0)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def sizes(

@@ -13,7 +13,7 @@ from galloping.recording import Recording
 WINDOW = 3  # periods, in which a motion has a size
 # Of the mean size in thirds of a recording, and of the deviation of sizes from a smooth trend, in
 # share of their mean: that of a narrow band of Gaussian noise is 0.15 to 0.5.
-STEADY, WAVERING, TREND = 2.5, 0.12, 3
+STEADY, WAVERING, TREND = 5.0, 0.12, 3
 
 
 def wavers(recordings: Sequence[Recording], period: float) -> bool:
