@@ -10,6 +10,7 @@ from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.discrete import Steps, discretised
 from galloping.identification.random_forces.kalman import kalman_filter
 from galloping.identification.random_forces.tracking import Data, Forces, Tracker
+from galloping.identification.random_forces.whiteness import whiteness
 from galloping.polynomial import PolynomialModel, library
 
 SYSTEM = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-9.0, 0.7, -0.1, 0.02], [0.3, -20.0, 0.01, -0.2]])
@@ -118,3 +119,18 @@ def test_extended_filter_of_a_linear_system_is_that_of_kalman():
     exact, other = follow.over(data), follow.extended(data, np.zeros((0, 2), np.int64))[0]
     np.testing.assert_allclose(other.innovations, exact.innovations, atol=1e-3 * size[0])
     np.testing.assert_allclose(other.variances[9:], exact.variances[9:], rtol=1e-4)
+
+
+def test_line_far_from_the_modes_counts_only_where_it_stands_out():
+    """At the level of chance over all frequencies near the modes, above twice that elsewhere."""
+    count, step, modes = 16000, 0.1, np.array([0.5, 0.8])
+    frequency = np.fft.rfftfreq(count, step)
+    noise = np.fft.rfft(np.random.default_rng(12).standard_normal((count, 1)), axis=0)
+    alone = whiteness([np.fft.irfft(noise, axis=0)], step, modes)
+    assert alone.white
+    for middle, times, named in ((0.7, 4.0, True), (4.2, 4.0, False), (4.2, 8.0, True)):
+        louder = np.abs(frequency - middle) < 0.01
+        moved = noise * np.where(louder, np.sqrt(times), 1.0)[:, np.newaxis]
+        left = whiteness([np.fft.irfft(moved, axis=0)], step, modes)
+        assert left.shows_line == left.relevant == named
+        assert left.frequency == pytest.approx(middle, abs=0.01)

@@ -361,8 +361,8 @@ def _left(question: Question, fit: Fit, recordings: list[Recording]) -> Whitenes
         own[: 2 * len(question.size)] = np.nan  # while the first state is found
         grids.append(on_grid(each.time, own, step))
         first += len(each.time)
-    slowest = np.min(np.abs(np.linalg.eigvals(question.tracker(fit.model).system)))
-    return whiteness(grids, step, 2.0 * np.pi / slowest)
+    modes = np.abs(np.linalg.eigvals(question.tracker(fit.model).system))
+    return whiteness(grids, step, modes / (2.0 * np.pi))
 
 
 def _identified(
@@ -420,7 +420,7 @@ def _identified(
 
 def in_words(left: Whiteness, channels: Channels) -> str:
     """What a fit leaves that is no white noise."""
-    if left.peak > left.peak_allowed:
+    if left.shows_line:
         return (
             f"{channels.names[left.channel]} moves at {left.frequency:.3g} Hz more than the model "
             "says: another mode, or forces that are not white"

@@ -9,8 +9,12 @@ from scipy.special import chdtri, fdtri
 
 RATE = 1e-3  # of sound recordings that are doubted
 PERIODS, MOST_LAGS = 3.0, 100  # over which innovations may be correlated
-BINS = 16  # of a spectrum, taken together: a mode that is missing is as broad
+# Of a spectrum, taken together: a mode that is missing is as broad; and groups of them beside it.
+BINS, AROUND = 16, 8
 RELEVANT = 0.02  # share of the innovations' power that their past may tell, in a sound model
+# Of the slowest and of the fastest mode, between which a line bears on what is said of them;
+# elsewhere one is another motion only from APART times what chance allows on.
+NEAR, APART = (0.5, 2.0), 2.0
 
 # Of a fit that answers unasked, though its innovations are not white: what they may show. Measured:
 # limit cycles of lines, also in gusts, leave lines 60 to 200 times as high as chance allows.
@@ -21,8 +25,8 @@ MOST_LINE, MOST_TOLD = 10.0, 0.05
 class Whiteness:
     """statistic, allowed: of the correlations of innovations, over their degrees of freedom.
     told: share of their power that their past tells. frequency: Hz, at which a spectrum of theirs
-    stands out most; channel: index; peak: over what surrounds it, peak_allowed: most by chance.
-    swings: whether that is where modes swing.
+    stands out most; channel: index; peak: over what surrounds it, peak_allowed: most by chance at
+    all frequencies of all channels. swings: whether that is where modes swing.
     """
 
     statistic: float
@@ -35,8 +39,12 @@ class Whiteness:
     swings: bool
 
     @property
+    def shows_line(self) -> bool:
+        return self.peak > (1.0 if self.swings else APART) * self.peak_allowed
+
+    @property
     def white(self) -> bool:
-        return self.statistic <= self.allowed and self.peak <= self.peak_allowed
+        return self.statistic <= self.allowed and not self.shows_line
 
     @property
     def nearly(self) -> bool:
@@ -47,17 +55,17 @@ class Whiteness:
 
     @property
     def relevant(self) -> bool:
-        return self.told > RELEVANT or self.peak > (1.0 if self.swings else 2.0) * self.peak_allowed
+        return self.told > RELEVANT or self.shows_line
 
 
-def whiteness(grids: list[np.ndarray], step: float, period: float) -> Whiteness:
+def whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
     """Of standardised innovations (n, n_channels) on uniform steps, s, NaN where missing.
 
-    period: s, the longest of the motion. The statistic is that of G. Ljung and G. Box (Biometrika
+    modes: Hz, at which the model swings. The statistic is that of G. Ljung and G. Box (Biometrika
     65, 1978) of every pair of channels.
     """
     channels = grids[0].shape[1]
-    lags = int(np.clip(PERIODS * period / step, 4, MOST_LAGS))
+    lags = int(np.clip(PERIODS / modes.min() / step, 4, MOST_LAGS))
     total = np.zeros((lags, channels, channels))
     counts = np.zeros((lags, channels, channels))
     for grid in grids:
@@ -83,15 +91,16 @@ def whiteness(grids: list[np.ndarray], step: float, period: float) -> Whiteness:
     )
     peak, frequency, channel = _peak(grids, step)
     bins = max(sum(len(grid) // 2 // BINS for grid in grids) * channels, 1)
-    around = 2 * BINS * 8
+    around = 2 * BINS * AROUND
     return Whiteness(
         statistic, float(chdtri(freedom, RATE) / freedom), told, frequency, channel, peak,
-        float(fdtri(2 * BINS, around, 1.0 - RATE / bins)), frequency > 0.5 / period,
+        float(fdtri(2 * BINS, around, 1.0 - RATE / bins)),
+        NEAR[0] * modes.min() < frequency < NEAR[1] * modes.max(),
     )  # fmt: skip
 
 
 def _peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]:
-    """The largest ratio of BINS of a spectrum to the 8 groups of them around, where it is."""
+    """The largest ratio of BINS of a spectrum to AROUND groups of them nearby, where it is."""
     found = (0.0, np.nan, 0)
     for grid in grids:
         power = np.abs(np.fft.rfft(np.nan_to_num(grid), axis=0)[1:]) ** 2
@@ -100,7 +109,8 @@ def _peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]:
             continue
         own = power[: groups * BINS].reshape(groups, BINS, -1).mean(axis=1)
         for k in range(groups):
-            near = [j for j in range(max(k - 5, 0), min(k + 6, groups)) if abs(j - k) > 1]
+            first = min(max(k - AROUND // 2 - 1, 0), groups - AROUND - 3)
+            near = [j for j in range(first, first + AROUND + 3) if abs(j - k) > 1][:AROUND]
             ratio = own[k] / own[near].mean(axis=0)
             c = int(np.argmax(ratio))
             if ratio[c] > found[0]:
