@@ -98,7 +98,7 @@ endif
 	@$(MAKE) --no-print-directory study
 
 docs: $(VENV)/made
-	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.reference \
+	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.schema \
 	  config/README.md workflow/schemas/config.schema.json
 
 pages: $(VENV)/made

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from snakemake.utils import update_config
 
-from galloping.configuration import reference
+from galloping.configuration import schema as reference
 from galloping.configuration.load import (
     ENDLESS,
     ConfigurationError,

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from galloping.reproducibility.outlook import outlook, spoken
-from galloping.reproducibility.plan import Plan, PlannedJob
+from galloping.reproducibility.plan import Plan, PlannedJob, outlook, spoken
 from galloping.reproducibility.receipts import Receipt, digest, receipt_path, receipts
 
 RESULTS = "results/mine"

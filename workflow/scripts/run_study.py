@@ -104,8 +104,10 @@ def announced(
     read = [path for path in WORKFLOW.rglob("*") if path.is_file() and path.suffix != ".pyc"]
     read += map(Path, ["config/config.yaml", *configfiles, sysconfig.get_path("purelib")])
     if any(path.stat().st_mtime > made for path in read):
-        from galloping.reproducibility.outlook import outlook  # Snakemake: seldom needed
-        from galloping.reproducibility.plan import planning
+        from galloping.reproducibility.plan import (
+            outlook,  # Snakemake: seldom needed
+            planning,
+        )
 
         cores = int(options.cores) if str(options.cores).isdecimal() else os.cpu_count()
         yield from outlook(
@@ -117,7 +119,7 @@ def announced(
 
 def tell(results: str, made: int, seconds: float) -> None:
     """What was made, where the report is, and how many of the paper's claims hold."""
-    from galloping.reproducibility.outlook import spoken
+    from galloping.reproducibility.plan import spoken
 
     files = f"{made} files made in {spoken(seconds)}"
     print(f"{files}: {results}" if made else "Nothing to do: all results are as configured.")

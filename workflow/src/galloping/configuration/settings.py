@@ -1,6 +1,7 @@
 """The settings of a study; what each key is, `keys/keys.csv` says."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from math import inf
 from pathlib import Path
 from typing import Annotated, Self
@@ -9,10 +10,109 @@ from pydantic import Field, ValidationInfo, create_model, field_validator, model
 
 from galloping.configuration.keys import keys
 from galloping.configuration.kinds import KINDS, LONGEST
-from galloping.configuration.lines import CaseSection, paper_cases
 from galloping.fields import Name, invalid, one_of, selection, setting, show
 from galloping.identification.registry import METHODS
 from galloping.measurement.protocols import PROTOCOLS
+from galloping.physics.gusts import SPECTRA
+
+LineSection = keys("line", "The span and how it hangs.")
+InitialStateSection = keys("initial_state", "Where the trajectory starts.")
+GUSTS = keys(
+    "gusts", "The wind about its mean, the same along the span.", spectrum=one_of(tuple(SPECTRA))
+)
+LARGEST_SAG = 0.25  # of the span: beyond, the parabola is off by more than a tenth of the tension
+
+
+class SpacersSection(keys("spacers")):
+    """Point masses along the span."""
+
+    @field_validator("positions")
+    @classmethod
+    def _increasing(cls, positions: tuple[float, ...]) -> tuple[float, ...]:
+        for before, after in pairwise(positions):
+            if after <= before:
+                raise invalid(
+                    f"{show(after)} comes after {show(before)}; must be strictly increasing"
+                )
+        return positions
+
+
+class IceSection(keys("ice")):
+    """Aerodynamic coefficients of the iced section."""
+
+    @field_validator("vertical", "horizontal")
+    @classmethod
+    def _given_when_custom(cls, value: tuple | None, info: ValidationInfo) -> tuple | None:
+        reading = info.data.get("reading", "custom" if value else None)
+        if reading == "custom" and value is None:
+            raise invalid("null is not allowed with reading 'custom'; must be a list of 3 numbers")
+        if reading != "custom" and value is not None:
+            raise invalid(
+                f"{show(value)} is not allowed with reading {show(reading)}; "
+                "must be null, or the reading custom"
+            )
+        return value
+
+
+class TruthSection(keys("truth", gusts=GUSTS)):
+    """What moves, and where it is observed."""
+
+    @model_validator(mode="after")
+    def _only_what_counts(self) -> Self:
+        if self.model != "continuous":
+            for name in sorted(self.model_fields_set - {"model"}):
+                if getattr(self, name) != getattr(TruthSection(), name):
+                    raise invalid(
+                        f"is not allowed with model {self.model}; must be left out, or the model "
+                        "continuous",
+                        name,
+                    )
+        return self
+
+
+class CaseSection(
+    keys(
+        "case",
+        conductor=keys("conductor", "One sub-conductor."),
+        bundle=keys("bundle", "How many sub-conductors there are, and the size the wind sees."),
+        line=LineSection,
+        spacers=SpacersSection,
+        ice=IceSection,
+        wind=keys("wind", "The steady wind across the line."),
+        damping=keys("damping", "Structural damping, as ratios to critical."),
+        initial_state=InitialStateSection,
+        releases=dict[Name, InitialStateSection],
+        truth=TruthSection,
+    )
+):
+    """One line in one wind."""
+
+    @model_validator(mode="after")
+    def _hangs_as_a_shallow_cable(self) -> Self:
+        span = show(self.line.span)
+        for position in self.spacers.positions:
+            if position >= self.line.span:
+                told = f"{show(position)} is beyond the span ({span} m); must be > 0 and < {span} m"
+                raise invalid(told, "spacers", "positions")
+        weight = self.conductor.mass * self.gravity
+        sag = weight * self.line.span**2 / (8 * self.line.tension)
+        if sag > LARGEST_SAG * self.line.span:
+            least = weight * self.line.span / (8 * LARGEST_SAG)
+            raise invalid(
+                f"{show(self.line.tension)} gives a sag of {sag:.4g} m in a span of {span} m, "
+                f"which is no shallow cable; must be >= {least:.4g} N",
+                "line",
+                "tension",
+            )
+        return self
+
+
+def paper_cases() -> dict[str, CaseSection]:
+    """The two lines of the paper: tuned to internal resonance, and away from it."""
+    wide = InitialStateSection(q_w=3)
+    non_resonant = CaseSection(line=LineSection(tension=35000), releases={"wide": wide})
+    return {"internal_resonance": CaseSection(), "non_resonant": non_resonant}
+
 
 ProtocolName = one_of(tuple(protocol.name for protocol in PROTOCOLS))
 MethodName = one_of(tuple(method.name for method in METHODS))
@@ -271,37 +371,6 @@ class Settings(
                 raise invalid(f"{show(part.as_posix())} is a file; must be a folder, or not there")
         return results
 
-    @field_validator("measurement")
-    @classmethod
-    def _subsets_fit_the_record(
-        cls, measurement: MeasurementSection, info: ValidationInfo
-    ) -> MeasurementSection:
-        if simulation := info.data.get("simulation"):
-            for points in measurement.subsets.points:
-                if points > simulation.samples:
-                    raise invalid(
-                        f"{points} is larger than the record ({simulation.samples} samples)",
-                        "subsets",
-                        "points",
-                    )
-        return measurement
-
-    @field_validator("identification")
-    @classmethod
-    def _something_to_identify(
-        cls, identification: Identification, info: ValidationInfo
-    ) -> Identification:
-        if measurement := info.data.get("measurement"):
-            usable = {m.name for m in METHODS if set(m.protocols) & set(measurement.protocols)}
-            if not usable & set(identification.methods):
-                raise invalid(
-                    f"{show(identification.methods)} cannot use the recordings of protocol "
-                    f"{', '.join(measurement.protocols)}; "
-                    f"must hold one of {', '.join(m.name for m in METHODS if m.name in usable)}",
-                    "methods",
-                )
-        return identification
-
     @model_validator(mode="after")
     def _whole(self) -> Self:
         for fault in self._faults():
@@ -312,6 +381,17 @@ class Settings(
         """What does not fit together, of sections that are right in themselves."""
         if not (self.cases or self.trials):
             yield invalid("there is none; must hold at least one, or there must be trials", "cases")
+        most = self.simulation.samples
+        for points in self.measurement.subsets.points:
+            if points > most:
+                told = f"{points} is larger than the record ({most} samples)"
+                yield invalid(told, "measurement", "subsets", "points")
+        methods, protocols = self.identification.methods, self.measurement.protocols
+        usable = [m.name for m in METHODS if set(m.protocols) & set(protocols)]
+        if not set(usable) & set(methods):
+            told = f"{show(methods)} cannot use the recordings of protocol {', '.join(protocols)}"
+            told += f"; must hold one of {', '.join(usable)}"
+            yield invalid(told, "identification", "methods")
         for name, recordings in self.recordings.items():
             if recordings.case is not None and recordings.case not in self.cases:
                 told = f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}"

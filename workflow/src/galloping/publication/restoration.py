@@ -18,8 +18,7 @@ from galloping.publication.archive import (
     manifest_faults,
     unpack,
 )
-from galloping.publication.crate import CONFIGURATION
-from galloping.publication.publishing import RECEIPTS
+from galloping.publication.publishing import CONFIGURATION, RECEIPTS
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import (
     Receipt,

@@ -1,4 +1,4 @@
-"""The jobs that a study consists of, from Snakemake's API, whether or not they have run.
+"""The jobs that a study consists of, from Snakemake's API, and what a run of them will do.
 
 This module is an executor plugin of Snakemake's for dry runs, which keeps the jobs that it is given
 (https://github.com/snakemake/snakemake-interface-executor-plugins).
@@ -8,10 +8,12 @@ import csv
 import io
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from statistics import fmean
 from typing import ClassVar
 
 from snakemake.api import DAGApi, SnakemakeApi
@@ -29,10 +31,12 @@ from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from snakemake_interface_executor_plugins.settings import CommonSettings
 
 from galloping.configuration.load import configured, plain
-from galloping.reproducibility.receipts import Receipt
+from galloping.reproducibility.receipts import Receipt, consistent
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
 CONFIGURATION = "config/config.yaml"
+START = 1.5  # s that a job takes to start, of which receipts do not tell
+MOST = 3  # edits and rules that are told one by one
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,29 @@ class Plan:
     def maker(self) -> dict[str, PlannedJob]:
         """The job that makes each file."""
         return {path: job for job in self.jobs for path in job.outputs}
+
+
+def as_planned(plan: Plan, known: dict[str, Receipt]) -> set[str]:
+    """Files of jobs that are complete and of which no receipt, back to the first, tells otherwise.
+
+    known: receipts by path. A file that was left elsewhere on purpose counts as if it were here.
+    """
+    maker = plan.maker
+
+    @cache
+    def sound(job: str) -> bool:
+        return all(map(sound, {maker[p].outputs[0] for p in maker[job].inputs if p in maker})) and (
+            all(
+                path not in known
+                or (maker[job].made(known[path]) and consistent(known[path], known))
+                for path in maker[job].outputs
+            )
+        )
+
+    def complete(job: PlannedJob) -> bool:
+        return all(p in known and (Path(p).exists() or not known[p].kept) for p in job.outputs)
+
+    return {p for job in plan.jobs if sound(job.outputs[0]) and complete(job) for p in job.outputs}
 
 
 def planning(configfiles: Sequence[str] = ()) -> Plan:
@@ -131,6 +158,80 @@ def _with_dag(
             act(workflow.dag(DAGSettings(forceall=force, force_incomplete=True)))
         except WorkflowError as error:
             sys.exit(str(error))
+
+
+def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iterator[str]:
+    """How many jobs of a study will run and about how long, what was edited, whose code changed.
+
+    known: receipts by path. cores: that jobs share, None where a cluster has them.
+    """
+    kept = {path for path in as_planned(plan, dict(known)) if Path(path).exists()}
+    kept |= {path for path, receipt in known.items() if not receipt.kept}
+    jobs = [job for job in plan.jobs if not kept.issuperset(job.outputs)]
+    if not jobs:
+        return
+    yield f"{len(jobs)} of {len(plan.jobs)} jobs will run, {_duration(jobs, known, cores)}"
+    if edits := list(_edits(_settings(plan, known), plan.settings)):
+        yield f"Edited since they last ran: {_first(edits)}."
+    codes = {job.rule for job in jobs for path in job.outputs if _is_other_code(job, known, path)}
+    if codes:
+        yield f"Code or libraries changed behind: {_first(sorted(codes))}."
+
+
+def spoken(seconds: float) -> str:
+    """A duration in words."""
+    for unit, length in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 1.5 * length:
+            return f"{seconds / length:.0f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _duration(jobs: list[PlannedJob], known: Mapping[str, Receipt], cores: int | None) -> str:
+    """By how long the same jobs took before, or others of their rule."""
+    of_rule: dict[str, list[float]] = {}
+    for receipt in known.values():
+        of_rule.setdefault(receipt.rule, []).append(receipt.seconds)
+    own = [[known[path].seconds for path in job.outputs if path in known] for job in jobs]
+    times = [
+        START + fmean(seconds or of_rule[job.rule])
+        for job, seconds in zip(jobs, own, strict=True)
+        if seconds or job.rule in of_rule
+    ]
+    if not times:
+        return "for the first time: how long is not known yet"
+    least = "at least " if len(times) < len(jobs) else ""
+    if cores is None:
+        return f"{least}about {spoken(sum(times))} of work"
+    share = max(sum(times) / cores, max(times))
+    return f"{least}about {spoken(share)} on {cores} core{'s' if cores > 1 else ''}"
+
+
+def _settings(plan: Plan, known: Mapping[str, Receipt]) -> dict:
+    """Those of the last whole run, as the report holds them; the present ones where it has none."""
+    report = known.get(f"{plan.results}/report.html")
+    study = report.settings.get("study", {}) if report else {}
+    return study.get("study") or plan.settings  # else of an older version
+
+
+def _first(items: list[str]) -> str:
+    more = f" and {len(items) - MOST} more" if len(items) > MOST else ""
+    return ", ".join(items[:MOST]) + more
+
+
+def _edits(before: object, now: object, key: str = "") -> Iterator[str]:
+    if isinstance(before, dict) and isinstance(now, dict):
+        for name in [*before, *(name for name in now if name not in before)]:
+            below = f"{key}.{name}" if key else str(name)
+            if name not in now or name not in before:
+                yield f"{below} {'added' if name in now else 'removed'}"
+            else:
+                yield from _edits(before[name], now[name], below)
+    elif before != now:
+        yield f"{key} from {before} to {now}"
+
+
+def _is_other_code(job: PlannedJob, known: Mapping[str, Receipt], path: str) -> bool:
+    return path in known and known[path].settings.get("code") != job.settings.get("code")
 
 
 # --- the plugin ---

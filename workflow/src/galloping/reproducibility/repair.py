@@ -3,10 +3,9 @@
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
-from galloping.reproducibility.plan import Plan, PlannedJob, record
+from galloping.reproducibility.plan import Plan, as_planned, record
 from galloping.reproducibility.receipts import (
     Receipt,
     consistent,
@@ -114,26 +113,3 @@ def set_aside(results: str, path: str) -> Path:
     target.parent.mkdir(parents=True, exist_ok=True)
     Path(path).replace(target)
     return target
-
-
-def as_planned(plan: Plan, known: dict[str, Receipt]) -> set[str]:
-    """Files of jobs that are complete and of which no receipt, back to the first, tells otherwise.
-
-    known: receipts by path. A file that was left elsewhere on purpose counts as if it were here.
-    """
-    maker = plan.maker
-
-    @cache
-    def sound(job: str) -> bool:
-        return all(map(sound, {maker[p].outputs[0] for p in maker[job].inputs if p in maker})) and (
-            all(
-                path not in known
-                or (maker[job].made(known[path]) and consistent(known[path], known))
-                for path in maker[job].outputs
-            )
-        )
-
-    def complete(job: PlannedJob) -> bool:
-        return all(p in known and (Path(p).exists() or not known[p].kept) for p in job.outputs)
-
-    return {p for job in plan.jobs if sound(job.outputs[0]) and complete(job) for p in job.outputs}

@@ -4,10 +4,9 @@ from collections.abc import Iterable
 from functools import reduce
 from operator import getitem
 
-from galloping.configuration.lines import CaseSection, paper_cases
 from galloping.configuration.load import plain
 from galloping.configuration.schema import child, leaves, schema
-from galloping.configuration.settings import Settings
+from galloping.configuration.settings import CaseSection, Settings, paper_cases
 from galloping.fields import show
 from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
 from galloping.measurement.protocols import ALL_STATES, DERIVATIVES, Protocol
