@@ -124,6 +124,9 @@ def test_inputs_that_cannot_be_used_get_one_line(tmp_path):
     refused(tmp_path, *unused, said="input U is in no term of the library", **of)
     refused(tmp_path, "--library", "y", "--degree", "2", said="--degree: leave it out", **of)
     refused(tmp_path, "--known", "dy: U*dy = 3", said="'U' is neither a state", **of)
+    refused(tmp_path, "--random-force", "y,z", "--input", "U",
+            said="--random-force: 'z'; must be all, or among y, dy",
+            **{"U [m/s]": ["calm", *WIND[1:]]})  # fmt: skip
     refused(tmp_path, "--known", "dy: y^2 = 3", "--library", "y + dy",
             said="known term y^2 is not in the library", **of)  # fmt: skip
 

@@ -239,6 +239,7 @@ def identify(
     if degree and (library or columns.library):
         raise ValueError("--degree: leave it out where a library says the terms")
     question.terms(columns)  # which must make sense before anything is read
+    columns.check_forced(forced, "--random-force")
     if not output:
         raise ValueError("--output: names no folder")
     earlier = [name for name in OUTPUTS if (Path(output) / name).exists()]

@@ -160,8 +160,6 @@ def analyse(
     method, given = resolve_name(METHODS[question.method]), field.recordings
     options: dict[str, object] = {}
     if forced := question.random_force or mapping.random_force:
-        if question.method != "maximum_likelihood":
-            raise ValueError(f"random force: {question.method} knows no random forces")
         options["forced"] = () if forced == ("all",) else forced
     if single:
         options["coefficients"] = [

@@ -1,6 +1,7 @@
 """What the columns of a file measure: states or their rates, units, places along the span."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -162,12 +163,16 @@ class ColumnMapping(_Section):
             parse(self.library, self.states, inputs)
         for text in self.known:
             parse_known(text, self.states, inputs)
-        for name in self.random_force:
-            if name not in self.states and self.random_force != ("all",):
-                raise ValueError(
-                    f"random_force: {name!r}; must be all, or among {', '.join(self.states)}"
-                )
+        self.check_forced(self.random_force, "random_force")
         return self
+
+    def check_forced(self, names: Sequence[str], key: str) -> None:
+        """Raise ValueError where what random forces move, said by `key`, is neither all nor states
+        of the system.
+        """
+        for name in names:
+            if name not in self.states and tuple(names) != ("all",):
+                raise ValueError(f"{key}: {name!r}; must be all, or among {', '.join(self.states)}")
 
     @property
     def names(self) -> tuple[str, ...]:
