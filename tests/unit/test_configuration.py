@@ -71,17 +71,6 @@ def test_shipped_configuration_is_the_default_study_where_the_paper_stands():
     assert shipped == default
 
 
-def test_default_study():
-    settings = load({})
-    resonant, tighter = settings.cases["internal_resonance"], settings.cases["non_resonant"]
-    assert resonant.line.tension == 25000
-    assert tighter.line.tension == 35000
-    assert (tighter.releases["wide"].q_w, tighter.releases["wide"].q_v) == (3, 0.1)
-    assert tighter.model_copy(update={"line": resonant.line, "releases": {}}) == resonant
-    assert settings.simulation.samples == 30001
-    assert set(METHOD_NAMES.split(", ")) - set(settings.identification.methods) == {"lasso"}
-
-
 def test_smoke_changes_only_the_extent_of_the_study():
     config, own = read(ROOT / "config/config.yaml"), read(ROOT / "config/smoke.yaml")
     whole = plain(load(config))
@@ -488,8 +477,6 @@ def test_every_key_is_described():
 
 
 def test_parameters_carry_their_source():
-    written = load({"measurement": {"replicates": "1e1", "seed": "12e4"}}).measurement
-    assert (written.replicates, written.seed) == (10, 120000) and type(written.seed) is int
     ice = {"reading": "custom", "vertical": [1, 2, 3], "horizontal": [4, 0, 0]}
     settings = load({"cases": {"paper": {}, "other": {"line": {"tension": 35000}, "ice": ice}}})
     rows = {(row.case, row.symbol): row for row in conductor(plain(settings)).itertuples()}
@@ -502,17 +489,6 @@ def test_parameters_carry_their_source():
     assert changed.note == "default 25000 (seed)"
     assert rows["other", "beta_3"].value == 3
     assert rows["paper", "beta_3"].provenance == "derived"
-
-
-def test_spacers_are_listed_one_by_one():
-    settings = load(case(spacers={"positions": [75, 160, 225, 250]}))
-    rows = [
-        (row.symbol, row.value, row.provenance) for row in spacers(plain(settings)).itertuples()
-    ]
-    assert rows == [
-        ("m_s", 4.8, "seed"), ("s_1", 75, "seed"), ("s_2", 160, "assumed"),
-        ("s_3", 225, "seed"), ("s_4", 250, "assumed"),
-    ]  # fmt: skip
 
 
 def test_both_tables_together_hold_every_parameter():

@@ -104,20 +104,20 @@ def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
         assert one.marker != other.marker
 
 
-@pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize(
-    ("levels", "error"), [((0,), 5.0), ((0.05,), 0.0), ((0, 0.01), np.inf), ((0, 0.01, 0.05), 5.0)]
-)
-def test_noise_levels_of_any_number_and_errors_of_any_size(levels, error, quantity):
-    table, settings = scores(levels, error=error), {**NAMES, **NOISE, "quantities": [quantity]}
-    drawn(lambda: draw_methods(table, settings))
-    drawn(lambda: draw_draws(table, settings | CELL))
-
-
-@pytest.mark.parametrize("points", [(), (1000,), (1000, 5000)])
-def test_amounts_of_any_number(points):
-    for draw, settings in ((draw_methods, {**NAMES, **AMOUNT}), (draw_draws, {**AMOUNT, **CELL})):
-        drawn(lambda draw=draw, settings=settings: draw(scores(points=points), settings))
+    ("quantity", "levels", "points", "error"),
+    [
+        ("coefficients", (0,), (), 5.0), ("coefficients", (0.05,), (), 0.0),
+        ("coefficients", (0, 0.01), (), np.inf), ("r2", (0, 0.01), (1000,), np.inf),
+        ("amplitude", (0, 0.01, 0.05), (1000, 5000), 5.0),
+    ],
+)  # fmt: skip
+def test_levels_and_amounts_of_any_number_and_errors_of_any_size(quantity, levels, points, error):
+    table = scores(levels, points, error)
+    for extent in (NOISE, AMOUNT):
+        settings = {**NAMES, **extent, "quantities": [quantity]}
+        drawn(lambda settings=settings: draw_methods(table, settings))
+        drawn(lambda settings=settings: draw_draws(table, settings | CELL))
 
 
 def test_the_first_draw_stands_beside_the_spread_of_all_and_what_the_paper_prints():
@@ -174,12 +174,10 @@ def identifiable(t, recordings=(1, 2)):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("t", [0.0, 7.6, 1e5])
-def test_identifiability_of_any_size(t):
+@pytest.mark.parametrize("table", [identifiable(0.0), identifiable(1e5, [1]), identifiable(1)[:0]])
+def test_identifiability_of_any_size(table):
     settings = {"cases": ["line", "other"], "protocols": ["state", "derivative"], "level": 0.05}
-    drawn(lambda: draw_identifiability(identifiable(t), settings))
-    drawn(lambda: draw_identifiability(identifiable(t, [1]), settings))
-    drawn(lambda: draw_identifiability(identifiable(t)[:0], settings))
+    drawn(lambda: draw_identifiability(table, settings))
 
 
 def scored(methods, error=5.0, levels=(0, 0.01, 0.05)):
@@ -251,21 +249,18 @@ def test_eight_cases_keep_to_a_page_without_labels_upon_each_other(draw, table, 
 
 
 @pytest.mark.parametrize(
-    ("methods", "error"),
+    ("methods", "error", "levels"),
     [
-        (["paper", "weak", "maximum_likelihood", "bound"], 5.0),
-        (["paper", "weak", "maximum_likelihood", "bound"], np.inf),
-        (["weak", "paper"], 5.0),
-        (["bound"], np.inf),
-        (["new_method"], 5.0),
+        (["paper", "weak", "maximum_likelihood", "bound"], 5.0, (0, 0.01, 0.05)),
+        (["paper", "weak", "maximum_likelihood", "bound"], np.inf, (0, 0.01)),
+        (["weak", "paper"], 5.0, (0,)),
+        (["bound"], np.inf, (0, 0.01)),
+        (["new_method"], 5.0, (0, 0.01)),
     ],
 )
-def test_overview_with_the_methods_there_are(methods, error):
+def test_overview_with_the_methods_there_are(methods, error, levels):
     settings = {"case": "line", "protocol": "state", "label": "noise"}
-    table = scored(methods, error).fillna(0.0)
-    for levels in ([0, 0.01, 0.05], [0, 0.01], [0]):
-        of_levels = table[table["level"].isin(levels)]
-        drawn(lambda of_levels=of_levels: draw_overview(of_levels, settings))
+    drawn(lambda: draw_overview(scored(methods, error, levels).fillna(0.0), settings))
 
 
 def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():

@@ -157,6 +157,9 @@ def test_table_3_shows_true_and_spurious_terms(cases):
 
 
 def test_spacers_have_units_and_provenance(cases):
-    rows = spacers({"cases": cases})
-    assert set(rows["case"]) == set(CASES) and set(rows["unit"]) == {"kg", "m"}
-    assert rows.set_index(["case", "symbol"]).loc[("non_resonant", "s_2"), "value"] == 150
+    cases["non_resonant"]["spacers"]["positions"] = [75, 160, 225]
+    rows = spacers({"cases": cases}).set_index(["case", "symbol"])
+    assert set(rows["unit"]) == {"kg", "m"} and rows.loc[(CASES[0], "s_2"), "value"] == 150
+    moved = rows.loc["non_resonant"]
+    assert moved["value"].to_list() == [4.8, 75, 160, 225]
+    assert moved["provenance"].to_list() == ["seed", "seed", "assumed", "seed"]
