@@ -1,5 +1,6 @@
 """Inputs, models with them, and their simulation."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -128,6 +129,15 @@ def test_the_covariance_follows_to_constant_inputs(tmp_path):
     assert IdentifiedModel.load(tmp_path / "model.json") == found
     assert r"\frac" in found.latex()
     assert r"\dot q^{3} \, U^{-1}" in found.latex()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_term_without_a_detection_limit_has_none_at_constant_inputs():
+    coefficients = LINE.coefficients * (np.arange(LINE.coefficients.shape[1]) > 0)
+    limits = np.full(coefficients.shape, np.nan)
+    limits[1, 0] = np.inf
+    found = IdentifiedModel(replace(LINE, coefficients=coefficients), "ok", detection_limits=limits)
+    assert found.at({"U": 11.0}).detection_limits[1, 0] == np.inf
 
 
 @pytest.mark.parametrize("between", ["zero", "linear", "cubic"])

@@ -81,7 +81,7 @@ def _mapping_options(command):
             ),
             click.option(
                 "--unit", "units", multiple=True, metavar="COLUMN=UNIT",
-                help="Unit of a column; UNIT alone for all but the time.",
+                help="Unit of a column; UNIT alone for all but time and inputs.",
             ),
             click.option(
                 "--noise", "noises", multiple=True, metavar="COLUMN=VALUE[UNIT]",

@@ -175,5 +175,5 @@ class Following:
         """chi^2 per sample of a motion (n, n_sensed), infinite where it diverges."""
         known = np.isfinite(values) & (self.sigma > 0)
         squares = ((values - motion) / np.where(self.sigma > 0, self.sigma, 1.0)) ** 2
-        mean = np.mean(squares[known])
+        mean = np.mean(squares[known]) if known.any() else np.inf
         return float(mean) if np.isfinite(mean) else np.inf

@@ -181,7 +181,9 @@ class IdentifiedModel(Immutable):
             ratio = np.max(wider[tuple(old[slope[k] != 0].T)], initial=1.0)
             kept["unconditional_errors"][i, j] = ratio * kept["standard_errors"][i, j]
         for name in ("unconditional_errors", "detection_limits"):
-            absent = np.sqrt(np.nan_to_num(getattr(self, name)) ** 2 @ merge**2)
+            limits = getattr(self, name)
+            absent = np.sqrt(np.nan_to_num(limits, posinf=0.0) ** 2 @ merge**2)
+            absent[np.isinf(limits) @ (merge != 0.0)] = np.inf
             stated = ~new & (absent > 0.0)
             kept[name][stated] = absent[stated]
         return replace(self, **kept)

@@ -202,6 +202,8 @@ class Whitening:
         whitened, n = np.zeros(rows.shape), len(rows)
         for o, k in np.ndindex(rows.shape[1:3]):
             at = np.flatnonzero(self.present[own, o, k])
+            if not len(at):
+                continue
             factor = self.factors[recording, o, k, :n, :n]
             if len(at) < n:
                 factor = np.linalg.cholesky(self.covariance[recording, o, k][np.ix_(at, at)])
