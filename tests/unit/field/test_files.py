@@ -8,9 +8,9 @@ import pytest
 
 from galloping.field.file_table import LARGEST, FileError
 from galloping.field.mapping import MappingError, channel_of, validated
-from galloping.field.project import recording
 from galloping.field.quality import quality
 from galloping.field.read import read_series
+from galloping.field.recordings import recording
 
 TIME = np.arange(500) * 0.04
 V, W = np.sin(2.6 * TIME), np.cos(1.3 * TIME)

@@ -13,8 +13,8 @@ from lines import simulate
 from galloping.configuration.load import load, plain
 from galloping.field.advice import advice
 from galloping.field.analysis import Question, analyse, read_field
-from galloping.field.excerpt import PERIODS, STRETCHES, excerpts
 from galloping.field.mapping import validated
+from galloping.field.recordings import PERIODS, STRETCHES, excerpts
 from galloping.field.summary import hold_out, longest_period
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.smoothing import shortest_period

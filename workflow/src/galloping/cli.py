@@ -332,9 +332,8 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     """
     import numpy as np
 
-    from galloping.field.analysis import read_field
+    from galloping.field.analysis import forecast_rows, read_field
     from galloping.field.driving import inputs_after
-    from galloping.field.outputs import forecast_rows
     from galloping.field.summary import forecast as forecast_from
 
     loaded = answered(model)

@@ -33,7 +33,7 @@ def answered(path):
 @click.option("--json", "as_json", is_flag=True, help="Print the terms for machines.")
 def show(model, latex, as_json):
     """Print the equations of a MODEL, with errors and verdict."""
-    from galloping.field.outputs import model_rows
+    from galloping.field.analysis import model_rows
     from galloping.identification.model import IdentifiedModel
     from galloping.storage import read_json
 
@@ -137,8 +137,8 @@ def assess(model, at, seed, figure, as_csv, as_json):
     about rest begin to grow. Intervals are of 95 %.
     """
     from galloping.field.assess import assess as assessed
-    from galloping.field.assessed import assessment_rows, assessment_text
-    from galloping.field.input_columns import held_at
+    from galloping.field.assess import assessment_rows, assessment_text
+    from galloping.field.driving import held_at
     from galloping.storage import read_json
 
     if as_csv and as_json:

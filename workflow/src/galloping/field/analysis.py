@@ -1,6 +1,6 @@
 """From files to everything that is written about them: quality, model, fit, forecast, summary."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
@@ -9,29 +9,101 @@ import numpy as np
 
 from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
-from galloping.field.excerpt import by_excerpts
-from galloping.field.following import Sensed
-from galloping.field.input_columns import check_inputs, described, input_notes, mean_inputs
+from galloping.field.forecast import Forecast, Sensed
 from galloping.field.mapping import ColumnMapping
-from galloping.field.outputs import (
-    MODEL_COLUMNS,
-    describe_tables,
-    forecast_rows,
-    model_rows,
-)
-from galloping.field.project import PERIODS, parted, recording
-from galloping.field.quality import quality
+from galloping.field.quality import described, quality
 from galloping.field.read import Series, check_apart, read_series
+from galloping.field.recordings import (
+    LEAST,
+    by_excerpts,
+    input_notes,
+    mean_inputs,
+    parted,
+    recording,
+)
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
-from galloping.field.units import state_unit
+from galloping.field.units import NONE, coefficient_unit, state_unit
 from galloping.field.wording import summary_text
 from galloping.identification.likelihood.problem import Coefficient
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import NORMAL_95
 from galloping.passes import part, passing
-from galloping.polynomial import Exponents, PolynomialModel, library
+from galloping.polynomial import Exponents, PolynomialModel, library, term_name
 from galloping.recording import Recording
 from galloping.storage import write_json, write_rows, write_text
 from galloping.terms import known_model, parse
+
+MODEL_COLUMNS = {  # with the unit of each
+    "equation": "", "term": "", "coefficient": "of the row", "unit": "",
+    "standard_error": "of the row", "low": "of the row", "high": "of the row", "verdict": "",
+}  # fmt: skip
+
+
+def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> list[dict]:
+    """Rows of model.csv: one for each present term, and each absent one with a limit.
+
+    An equation is named by the state whose derivative it gives, a term as pysindy names it. units:
+    of inputs, by name.
+    """
+    model, rows = identified.model, []
+    inputs = {name: units.get(name, "") for name in model.inputs}
+    for i, state in enumerate(model.states):
+        for j, term in enumerate(model.terms):
+            value, error = model.coefficients[i, j], identified.standard_errors[i, j]
+            limit = identified.detection_limits[i, j]
+            present = np.isfinite(value) and value != 0
+            if not present and not np.isfinite(limit):
+                continue
+            known = i in identified.known
+            half = NORMAL_95 * error if present else limit
+            rows.append(
+                {
+                    "equation": state,
+                    "term": term_name(term, model.names),
+                    "coefficient": float(value),
+                    "unit": coefficient_unit(state, term, model.names, inputs),
+                    "standard_error": float(error) if present else np.nan,
+                    "low": float(value - half),
+                    "high": float(value + half),
+                    "verdict": "known" if known else "present" if present else "absent",
+                }
+            )
+    return rows
+
+
+def forecast_rows(predicted: Forecast) -> list[dict]:
+    """Rows of forecast.csv: time and, for each channel, median and 90 % band."""
+    rows = []
+    for k, time in enumerate(predicted.time):
+        row = {"time_s": float(time)}
+        for i, name in enumerate(predicted.names):
+            row[name] = float(predicted.median[k, i])
+            row[f"{name}_low"] = float(predicted.low[k, i])
+            row[f"{name}_high"] = float(predicted.high[k, i])
+        rows.append(row)
+    return rows
+
+
+def describe_tables(folder: Path, tables: dict[str, dict[str, str]]) -> None:
+    """Write the Frictionless `datapackage.json` of a folder.
+
+    tables: for each CSV file its columns with their units.
+    """
+    resources = [
+        {
+            "name": Path(file).stem,
+            "path": file,
+            "schema": {
+                "fields": [
+                    {"name": name, **({"unit": unit} if unit else {})}
+                    for name, unit in columns.items()
+                ]
+            },
+        }
+        for file, columns in tables.items()
+    ]
+    write_json(folder / "datapackage.json", {"name": "galloping", "resources": resources})
+
 
 UNUSED = "columns that are not used: {}; a wind among them is named by --input U=COLUMN"
 
@@ -96,7 +168,7 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
             kept = sum(np.ptp(each.time) for each in parts)
             report["notes"].append(
                 f"gaps longer than a period of {period:.3g} s part it into recordings of their "
-                f"own: {len(parts)} of {PERIODS} periods or more, {kept:.1f} s in all"
+                f"own: {len(parts)} of {LEAST} periods or more, {kept:.1f} s in all"
             )
         recordings += parts
         names += [
@@ -192,6 +264,27 @@ def analyse(
         write_outputs(folder, field, summary, case)
         write_figures(folder, field, summary)
     return summary.found
+
+
+def check_inputs(series: Sequence[Series], terms: Sequence[Exponents], n_states: int) -> None:
+    """Refuse inputs that tell nothing, or that a library divides by where they cross zero.
+
+    series: of all files. terms: exponents of states and inputs. Raises ValueError.
+    """
+    for k, name in enumerate(series[0].inputs, start=n_states):
+        own = [one.inputs[name].values for one in series]
+        least, most = (f([f(v[np.isfinite(v)]) for v in own]) for f in (min, max))
+        if least == most:
+            raise ValueError(
+                f"{series[0].path}: input {name} is {least:g} throughout: what never changes "
+                "drives nothing that could be told; leave it out"
+            )
+        divides = any(term[k] < 0 for term in terms)
+        if divides and least <= 0.0 <= most:
+            raise ValueError(
+                f"{series[0].path}: input {name} crosses zero, from {least:g} to {most:g}, and "
+                f"the library divides by it; leave out the terms with /{name}"
+            )
 
 
 def write_outputs(

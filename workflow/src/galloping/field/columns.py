@@ -207,7 +207,7 @@ def proposal(
     others = [
         name
         for name in table.columns
-        if name != clock and name not in taken and not table.dated(name)
+        if name != clock and name not in taken and table.kind(name) != "date"
     ]
     channels = [
         channel(name, measured)
@@ -222,15 +222,18 @@ def proposal(
                 "the best, or give each its position"
             )
     if not channels:
-        likely = {name: _order(table.unit(name) or said(name)) for name in _by_axis(others)
-                  if table.is_numeric(name) and not _among(_words(name), *OTHERS)}  # fmt: skip
-        likely = {name: order for name, order in likely.items() if order is not None}
-        for stem, (name, order) in zip(DIRECTION, likely.items(), strict=False):
+        likely = [
+            (name, order)
+            for name in _by_axis(others)
+            if table.kind(name) == "number" and not _among(_words(name), *OTHERS)
+            if (order := _order(table.unit(name) or said(name))) is not None
+        ]
+        for stem, (name, order) in zip(DIRECTION, likely, strict=False):
             channels.append(channel(name, "d" * order + stem))
             doubts[name] = "it could only be guessed, from its place among the columns"
     used = {clock, *(each["column"] for each in channels)}
     for name in used:
-        if not (table.unit(name) or said(name) or (name == clock and not table.is_numeric(name))):
+        if not (table.unit(name) or said(name) or (name == clock and table.kind(name) != "number")):
             doubts[name] = "; ".join(filter(None, [doubts.get(name), NO_UNIT]))
     given = said(clock) if not table.unit(clock) else ""
     when = {"column": clock, **({"unit": given} if given else {})}
@@ -255,7 +258,7 @@ def clock_of(table: FileTable, said: str | None, doubts: dict[str, str]) -> str:
     found = [
         name
         for name in table.columns
-        if is_time(name) or table.dated(name) or measures(table.unit(name), "s")
+        if is_time(name) or table.kind(name) == "date" or measures(table.unit(name), "s")
     ]
     if not found:
         found = [name for name in table.columns if _increases(table, name)][:1]

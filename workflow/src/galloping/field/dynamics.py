@@ -11,7 +11,7 @@ from galloping.cycles.family import Family
 from galloping.cycles.limit_cycles import Orbit, settled
 from galloping.cycles.prediction import near
 from galloping.cycles.settling import settle
-from galloping.field.following import simulator_of
+from galloping.field.forecast import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.modes import decay_interval
 from galloping.immutable import Immutable

@@ -1,34 +1,58 @@
-"""Columns of numbers from the files of instruments: text, Excel, Parquet, HDF5, NetCDF, MATLAB."""
+"""Columns of numbers from files of instruments: text, Excel, Parquet, HDF5, NetCDF, MATLAB."""
 
+import codecs
+import csv
 import io
 import json
-from collections.abc import Callable, Iterator
+import re
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from numbers import Number
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pandas as pd
 
-from galloping.field.columns import DATED
-from galloping.field.text import DECIMAL_COMMA, SAY_DECIMAL, TextError, read_text
-from galloping.field.units import named
+from galloping.field.columns import DATED, is_time, target
+from galloping.field.units import is_unit, named
 
 LARGEST = 2 * 1024**3  # bytes: a table of that size fits into the memory of a small machine
+HEAD = 65536  # bytes that the layout of a text table is told from
+BINARY = {  # first bytes of what is no text table, whatever its name
+    b"PK\x03\x04": "a zip archive or an Excel sheet; unpack it, or name the sheet .xlsx",
+    b"\x1f\x8b": "a gzip archive; unpack it",
+    b"PAR1": "a Parquet file; name it .parquet",
+    b"\x80": "a pickle, which is never loaded",
+    b"<": "a web page or XML",
+}
+MARKS = (";", "\t", ",", None)  # between columns, None white space; a comma may be a decimal one
+ENCODINGS = ("utf-8-sig", "cp1252")  # the first that fits; UTF-16 says so itself
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+DECIMAL_POINT = re.compile(DECIMAL_COMMA.pattern.replace(",", r"\."))
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")  # or a decimal comma: nothing tells
+MISSING = {  # words for a missing sample, besides those that pandas knows
+    "-", "--", "---", "?", "*", "#nv", "#wert!", "#value!", "#ref!", "#div/0!", "overflow", "over",
+    "ovl", "ovfl", "ofl", "ol", "underflow", "err", "error", "bad", "invalid", "missing", "no data",
+    "nodata", "none", "fault", "fehler", "inf", "-inf", "+inf",
+}  # fmt: skip
+SAY_DECIMAL = "with a decimal comma say --decimal , (decimal: ',' in a mapping)"
 
 
 class FileError(ValueError):
-    """A file that cannot be used as it is; the message is one line that begins with its name."""
+    """A file that cannot be used as it is; one line."""
 
 
 @dataclass(frozen=True)
 class FileTable:
     """Columns of one file.
 
-    columns: (n,) arrays by name: of floats, or of text (times in ISO 8601). units: by column, where
-    the file says them. first_row: number of the first row of data, as an editor counts lines.
-    notes: one line for each thing that was passed over.
+    columns: (n,) arrays of floats or text by name. units: by column, where the file says them.
+    first_row: number of the first row of data, as an editor counts lines. notes: one line for each
+    thing that was passed over. unclear: names that two columns have.
     """
 
     path: Path
@@ -37,6 +61,10 @@ class FileTable:
     first_row: int
     notes: tuple[str, ...] = ()
     unclear: frozenset[str] = frozenset()
+
+    def at(self, name: str) -> str:
+        """Where a fault of a column is."""
+        return f"{self.path}: column {name!r}"
 
     def column(self, name: str) -> np.ndarray:
         """A column by its name, with or without the unit behind it. Raises FileError."""
@@ -53,19 +81,15 @@ class FileTable:
         """The unit that the file states for a column, or ''."""
         return self.units.get(named(name)[0], "")
 
-    def is_numeric(self, name: str) -> bool:
-        """Whether a column is one of numbers."""
+    def kind(self, name: str) -> str:
+        """What a column holds, by its first cell: `number`, `date` (or a time of a day), `text`."""
         values = self.column(name)
-        if values.dtype.kind in "OUT":
-            return bool(pd.to_numeric(pd.Series(values[:1]), errors="coerce").notna().all())
-        return values.dtype.kind in "fiu"
-
-    def dated(self, name: str) -> bool:
-        """Whether a column is one of dates, or of times of a day."""
-        values = self.column(name)
-        if values.dtype.kind in "OUT":
-            return DATED.match(str(next(iter(values), ""))) is not None
-        return values.dtype.kind in "mM"
+        if values.dtype.kind not in "OUT":
+            return "date" if values.dtype.kind in "mM" else "number"
+        first = str(next(iter(values), ""))
+        if DATED.match(first):
+            return "date"
+        return "text" if np.isnan(pd.to_numeric(first, errors="coerce")) else "number"
 
     def numbers(self, name: str) -> np.ndarray:
         """A column as floats, NaN where it is empty. Raises FileError at the first text."""
@@ -74,12 +98,10 @@ class FileTable:
             numbers = values.astype(float)
         else:
             numbers = pd.to_numeric(pd.Series(values), errors="coerce").to_numpy(float)
-            text = np.flatnonzero(np.isnan(numbers) & ~pd.isna(values))
-            if len(text):
-                raise self.fault(text[0], name, "is not a number")
-        huge = np.flatnonzero(np.abs(numbers) > 1e100)  # infinities, too
-        if len(huge):
-            raise self.fault(huge[0], name, "is no measurement")
+            for row in np.flatnonzero(np.isnan(numbers) & ~pd.isna(values)):
+                raise self.fault(row, name, "is not a number")
+        for row in np.flatnonzero(np.abs(numbers) > 1e100):  # infinities, too
+            raise self.fault(row, name, "is no measurement")
         return numbers
 
     def fault(self, row: int, name: str, what: str) -> FileError:
@@ -104,49 +126,42 @@ def read_table(
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if not path.exists():
-        raise FileError(f"{path}: no such file")
-    if not path.is_file():
-        raise FileError(f"{path}: not a file")
-    if suffix not in (*TEXT, SHEET, *READERS):
-        raise FileError(
-            f"{path}: files {suffix or 'without a suffix'} are not read; save or export it as CSV, "
-            f"or as one of {', '.join((*TEXT[1:], SHEET, *READERS))}"
-        )
-    size = path.stat().st_size
-    if size == 0:
-        raise FileError(f"{path}: the file is empty")
-    if size > LARGEST:
-        raise FileError(
-            f"{path}: {size / 1e9:.1f} GB are more than {LARGEST / 1e9:.1f} GB; cut it in pieces"
-        )
     try:
+        _check_file(path, suffix)
         if suffix in TEXT:
-            table = _table(path, *read_text(partial(path.open, "rb"), decimal, time, rows))
+            table = _table(path, *_read_text(partial(path.open, "rb"), decimal, time, rows))
         elif suffix == SHEET:
             text, notes = _sheet(path)
-            content, first, more = read_text(lambda: io.BytesIO(text), ".", time, rows)
+            content, first, more = _read_text(lambda: io.BytesIO(text), ".", time, rows)
             table = _table(path, content, first, (*notes, *more))
         else:
-            table = _read_arrays(path, READERS[suffix])
-    except FileError:
-        raise
-    except TextError as error:
+            table = _table(path, _read_arrays(path, suffix), 1)
+        if max(map(len, table.columns.values())) == 0:
+            raise FileError("no rows of data")
+        table.units.update(_described_units(path, table.units))
+    except FileError as error:
         raise FileError(f"{path}: {error}") from error
     except Exception as error:  # libraries raise many kinds where a file is damaged
         kind = "text table" if suffix in TEXT else f"{suffix[1:]} file"
         raise FileError(f"{path}: cannot be read: damaged, cut off, or no {kind}") from error
-    if max(map(len, table.columns.values())) == 0:
-        raise FileError(f"{path}: no rows of data")
-    described = _described_units(path)
-    for name in sorted(table.units.keys() & described.keys()):
-        if table.units[name] != described[name]:
-            raise FileError(
-                f"{path}: column {name!r} is in {table.units[name]} by the file and in "
-                f"{described[name]} by datapackage.json; must be the same"
-            )
-    table.units.update(described)
     return table
+
+
+def _check_file(path: Path, suffix: str) -> None:
+    if not path.is_file():
+        raise FileError("not a file" if path.exists() else "no such file")
+    if suffix not in (*TEXT, SHEET, *READERS):
+        raise FileError(
+            f"files {suffix or 'without a suffix'} are not read; save or export it as CSV, or as "
+            f"one of {', '.join((*TEXT[1:], SHEET, *READERS))}"
+        )
+    size = path.stat().st_size
+    if size == 0:
+        raise FileError("the file is empty")
+    if size > LARGEST:
+        raise FileError(
+            f"{size / 1e9:.1f} GB are more than {LARGEST / 1e9:.1f} GB; cut it in pieces"
+        )
 
 
 def _table(path: Path, content: list, first_row: int, notes: tuple[str, ...] = ()) -> FileTable:
@@ -166,29 +181,27 @@ def _table(path: Path, content: list, first_row: int, notes: tuple[str, ...] = (
 
 
 def _sheet(path: Path) -> tuple[bytes, tuple[str, ...]]:
-    """The first sheet of an Excel file that holds a table, as CSV, and what was passed over."""
+    """The longest sheet of an Excel file as CSV, and what was passed over."""
     try:
-        import openpyxl
+        sheets = pd.read_excel(path, sheet_name=None, header=None, dtype=object)
     except ImportError:
         raise FileError(
-            f"{path}: Excel files are read with openpyxl: pip install openpyxl, or save it as CSV"
+            "Excel files need openpyxl: pip install openpyxl, or save it as CSV"
         ) from None
-    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-    sheets = {sheet.title: list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
-    name = max(sheets, key=lambda title: len(sheets[title]), default="")
-    if not sheets or len(sheets[name]) < 2:
-        raise FileError(f"{path}: no sheet holds a table")
-    frame = pd.DataFrame(sheets[name], dtype=object).map(
-        lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell
-    )
+    name = max(sheets, key=lambda title: len(sheets[title]))
+    frame = sheets[name].map(lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell)
     notes = (f"of {len(sheets)} sheets the longest, {name!r}, was read",)
     return frame.to_csv(index=False, header=False).encode(), notes if len(sheets) > 1 else ()
 
 
-def _read_arrays(path: Path, reader: Callable[[Path], Iterator[tuple]]) -> FileTable:
-    """The vectors of a file; `reader` yields name, array and unit, or None, of what it holds."""
+def _read_arrays(path: Path, suffix: str) -> list[tuple]:
+    """Name, values and unit, or None, of the vectors in a file of arrays."""
+    import h5py
+
+    # so are new files of NetCDF and MATLAB
+    read = _hdf5 if h5py.is_hdf5(path) else READERS[suffix]
     content, others = [], []
-    for name, array, unit in reader(path):
+    for name, array, unit in read(path):
         vector = sum(n != 1 for n in array.shape) <= 1 and array.dtype.kind in "fiubMmUO"
         values = np.ravel(array[()]) if vector else array
         if vector and all(isinstance(x, str | Number | None) for x in values[:1].tolist()):
@@ -197,13 +210,13 @@ def _read_arrays(path: Path, reader: Callable[[Path], Iterator[tuple]]) -> FileT
             others.append(f"{name} ({' x '.join(map(str, array.shape))})")
     if not content:
         raise FileError(
-            f"{path}: no column; each must be a vector of its own, and the file holds "
+            "no column; each must be a vector of its own, and the file holds "
             f"{', '.join(others) or 'nothing'}"
         )
-    return _table(path, content, 1)
+    return content
 
 
-def _parquet_items(path: Path) -> Iterator[tuple]:
+def _parquet(path: Path) -> Iterator[tuple]:
     from pyarrow import parquet
 
     table = parquet.read_table(path)
@@ -212,7 +225,7 @@ def _parquet_items(path: Path) -> Iterator[tuple]:
         yield field.name, column.to_numpy(), unit and unit.decode()
 
 
-def _hdf5_items(path: Path) -> Iterator[tuple]:
+def _hdf5(path: Path) -> Iterator[tuple]:
     """Data sets, anywhere in an HDF5 or NetCDF-4 file, by their path in it."""
     import h5py
 
@@ -227,12 +240,7 @@ def _hdf5_items(path: Path) -> Iterator[tuple]:
                 yield name, item.asstr()[()] if text else item, unit
 
 
-def _netcdf_items(path: Path) -> Iterator[tuple]:
-    with path.open("rb") as file:
-        classic = file.read(3) == b"CDF"
-    if not classic:
-        yield from _hdf5_items(path)
-        return
+def _netcdf(path: Path) -> Iterator[tuple]:
     from scipy.io import netcdf_file
 
     with netcdf_file(path, "r", mmap=False) as file:
@@ -241,12 +249,7 @@ def _netcdf_items(path: Path) -> Iterator[tuple]:
             yield name, own, getattr(variable, "units", b"").decode() or None
 
 
-def _matlab_items(path: Path) -> Iterator[tuple]:
-    with path.open("rb") as file:
-        hdf5 = b"MATLAB 7.3" in file.read(128)
-    if hdf5:
-        yield from _hdf5_items(path)
-        return
+def _matlab(path: Path) -> Iterator[tuple]:
     from scipy.io import loadmat
 
     for name, value in loadmat(path).items():
@@ -255,28 +258,246 @@ def _matlab_items(path: Path) -> Iterator[tuple]:
 
 
 TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc"), ".xlsx"
-READERS = {
-    ".parquet": _parquet_items,
-    ".h5": _hdf5_items,
-    ".hdf5": _hdf5_items,
-    ".nc": _netcdf_items,
-    ".mat": _matlab_items,
-}
+READERS = {".parquet": _parquet, ".h5": _hdf5, ".hdf5": _hdf5, ".nc": _netcdf, ".mat": _matlab}
 
 
-def _described_units(path: Path) -> dict[str, str]:
-    """Units of a file's fields in the `datapackage.json` beside it."""
+@dataclass(frozen=True)
+class _Layout:
+    """Of a text table. header, units: a cell for each column. first: index of its first row."""
+
+    separator: str | None
+    decimal: str
+    header: list[str]
+    units: list[str | None]
+    first: int
+    notes: tuple[str, ...]
+
+
+def _read_text(
+    opened: Callable[[], BinaryIO], decimal: str | None, time: str | None, rows: int | None = None
+) -> tuple[list[tuple[str, np.ndarray, str | None]], int, tuple[str, ...]]:
+    """Header, values and unit, or None, of each column; the first row; what was passed over.
+
+    opened: opens the file. decimal, time, rows: as of `read_table`.
+    """
+    with opened() as file:
+        head = file.read(HEAD)
+        whole = not file.read(1)
+    for magic, kind in BINARY.items():
+        if head.startswith(magic):
+            raise FileError(f"this is {kind}, not a text table")
+    wide = head.startswith((b"\xff\xfe", b"\xfe\xff"))
+    if b"\0" in head and not wide:
+        raise FileError("not a text table in UTF-8 (it holds zero bytes)")
+    for encoding in ("utf-16",) if wide else ENCODINGS:
+        try:
+            return _read(opened, _lines(head, whole, encoding), encoding, decimal, time, rows)
+        except UnicodeDecodeError as error:
+            byte = error.object[error.start]
+    raise FileError(f"byte {byte:#x} is no text in UTF-8 or Windows-1252; save the file as UTF-8")
+
+
+def _lines(head: bytes, whole: bool, encoding: str) -> list[str]:
+    """The first lines of a text file, all of them whole."""
+    lines = codecs.getincrementaldecoder(encoding)().decode(head, whole).splitlines()
+    return lines if whole else lines[:-1] or lines
+
+
+def _read(opened, lines, encoding, decimal, time, rows):  # as `read_text`
+    layout = _layout(lines, decimal, time)
+    try:
+        with warnings.catch_warnings(), opened() as file:
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            frame = pd.read_csv(
+                file, sep=layout.separator or r"\s+", decimal=layout.decimal,
+                skiprows=layout.first, header=None, names=range(len(layout.header)),
+                index_col=False, encoding=encoding, skipinitialspace=True, low_memory=False,
+                nrows=rows,
+            )  # fmt: skip
+    except (pd.errors.ParserWarning, pd.errors.ParserError) as error:
+        raise FileError(_uneven(opened, encoding, layout)) from error
+    except pd.errors.EmptyDataError as error:
+        raise FileError("no rows of data") from error
+    notes = list(layout.notes)
+    if encoding == "cp1252":
+        notes.append("no text in UTF-8; read as Windows-1252")
+    content = []
+    for k, (header, unit) in enumerate(zip(layout.header, layout.units, strict=True)):
+        if header:
+            values, words = _without_words(frame[k], layout.decimal)
+            content.append((header, values.to_numpy(), unit))
+            notes += [
+                f"column {named(header)[0]!r}: {count} cells of {word!r} were left out, as missing "
+                "samples"
+                for word, count in words.items()
+            ]
+    return content, layout.first + 1, tuple(notes)
+
+
+def _without_words(cells: pd.Series, decimal: str) -> tuple[pd.Series, dict[str, int]]:
+    """Numbers, where all other cells are words for a missing sample, and the counts of these."""
+    if cells.dtype.kind in "fiub":
+        return cells, {}
+    text = cells.astype("string").str.strip()
+    words = text[text.str.casefold().isin(MISSING)]
+    others = text.drop(words.index).str.replace(decimal, ".")
+    numbers = pd.to_numeric(others, errors="coerce").reindex(text.index)
+    if not len(words) or (numbers.isna() & text.notna()).sum() > len(words) or not numbers.any():
+        return cells, {}
+    return numbers.astype(float), words.value_counts().to_dict()
+
+
+def _layout(lines: list[str], decimal: str | None, time: str | None) -> _Layout:
+    """Where columns are parted and rows begin, from the first lines of a file.
+
+    Most rows have the same number of cells, two or more. Lines of a logger before the first number
+    are passed over, but for the header and a row of units.
+    """
+    written = [k for k, line in enumerate(lines) if line.strip(" ,;\t\r")]
+    plain = [k for k in written if not lines[k].startswith("#")]
+    if not plain:
+        raise FileError("no header")
+    separator, columns = _parted(lines, plain, decimal)
+    cells = {k: _cells(lines[k].lstrip("#"), separator) for k in written}
+    whole = [k for k in written if len(cells[k]) == columns]
+    notes = []
+    if decimal is None:
+        decimal = _decimal([cell for k in whole for cell in cells[k]]) if separator != "," else "."
+        if decimal == ",":
+            notes.append("commas were read as decimal marks")
+    start = next((k for k in whole if k in plain and _is_data(cells[k], decimal)), None)
+    header = _header(cells, [k for k in whole if start is None or k <= start], plain, time)
+    if _is_data(cells[header], decimal):
+        header = _above(header, cells, columns, separator)
+    below = [k for k in whole if k > header]
+    start = next((k for k in below if _is_data(cells[k], decimal)), header + 1)
+    units = [None] * columns
+    passed = [k for k in written if k < header or header < k < start]
+    if below and below[0] < start:
+        bare = [cell.strip("[]()") for cell in cells[below[0]]]
+        units = [unit if is_unit(unit) else None for unit in bare]
+        passed = [k for k in passed if k != below[0] or not any(units)]
+    rows = [k + 1 for k in passed if k in plain]
+    notes += [f"rows before the data were left out: {len(rows)}, from row {k} on" for k in rows[:1]]
+    return _Layout(separator, decimal, cells[header], units, start, tuple(notes))
+
+
+def _header(
+    cells: dict[int, list[str]], rows: list[int], plain: list[int], time: str | None
+) -> int:
+    """Which of the rows, up to the first of data, names the columns.
+
+    The first that names the column of times or, where that is not known, the most columns that a
+    reader would know; where none does, the first one.
+    """
+    if time is not None:
+        name = named(time)[0]
+        naming = (k for k in rows if name in (named(cell)[0] for cell in cells[k]))
+        return next(naming, next(k for k in rows if k in plain))
+
+    def known(row: int) -> int:
+        return sum(bool(is_time(c) or target(c) or named(c)[1]) for c in map(str, cells[row]))
+
+    best = max(rows, key=known)  # the first of equals
+    return best if known(best) else next(k for k in rows if k in plain)
+
+
+def _decimal(cells: list[str]) -> str:
+    """The decimal mark: a comma where some cells can mean nothing else, and none has a point."""
+    commas = [cell for cell in cells if DECIMAL_COMMA.fullmatch(cell)]
+    told = any(not THOUSANDS.fullmatch(cell) for cell in commas)
+    return "," if told and not any(map(DECIMAL_POINT.fullmatch, cells)) else "."
+
+
+def _above(first: int, cells: dict[int, list[str]], columns: int, separator: str | None) -> int:
+    """The line above the first row of data, which must be the header."""
+    header = max((k for k in cells if k < first), default=None)
+    if header is None:
+        row = ", ".join(cells[first][:3])
+        raise FileError(f"the first row must name the columns; it is {row}, ...")
+    if len(cells[header]) != columns:
+        halved = separator == "," and columns == 2 * len(cells[header])
+        hint = f"; {SAY_DECIMAL}, and another separator between columns" if halved else ""
+        raise FileError(
+            f"row {header + 1}, the header, has {len(cells[header])} cells, row {first + 1} has "
+            f"{columns}{hint}"
+        )
+    return header
+
+
+def _parted(lines: list[str], plain: list[int], decimal: str | None) -> tuple[str | None, int]:
+    """What parts the columns, as most rows and the header say it, and how many there are.
+
+    `csv.Sniffer` would take decimal commas for it.
+    """
+    found = []
+    for separator in (mark for mark in MARKS if mark is None or mark != decimal):
+        rows = [_cells(lines[k], separator) for k in plain]
+        sizes = Counter(map(len, rows[len(rows) // 2 :]))
+        columns, count = sizes.most_common(1)[0]
+        if columns > 1 and 2 * count > sizes.total():
+            first = next(row for row in rows if len(row) == columns)
+            headed = not _is_data(first, decimal or ".")
+            found.append((not headed, separator, columns))
+    if not found:
+        raise FileError(
+            f"row {plain[-1] + 1}: {lines[plain[-1]]!r:.60} is one column, or rows differ; "
+            "columns must be parted by commas (without decimal commas), semicolons, tabs or blanks"
+        )
+    return min(found, key=lambda each: each[0])[1:]
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    """The cells of a line; white space may part them in any amount."""
+    if separator is None:
+        line, separator = " ".join(line.split()), " "
+    return [
+        cell.strip()
+        for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    ]
+
+
+def _is_data(cells: list[str], decimal: str) -> bool:
+    """Whether a row begins with a number or a time."""
+    first = next(filter(None, cells), "0")
+    if re.match(r"\d+[-/.:]\d+[-/.:]\d", first):
+        return True
+    try:
+        float(first.replace(decimal, "."))
+    except ValueError:
+        return DECIMAL_COMMA.fullmatch(first) is not None
+    return True
+
+
+def _uneven(opened: Callable[[], BinaryIO], encoding: str, layout: _Layout) -> str:
+    """What is wrong with the first row that has more cells than the header."""
+    with io.TextIOWrapper(opened(), encoding, errors="replace", newline="") as file:
+        before = 0
+        for k, line in enumerate(file):
+            cells = _cells(line, layout.separator) if k >= layout.first else []
+            if line.count('"') % 2:
+                before = before or k + 1
+            if len(cells) > len(layout.header):
+                return f"row {k + 1} has {len(cells)} cells, the header {len(layout.header)}"
+    return f"row {before}: a quotation mark is not closed" if before else "rows differ in length"
+
+
+def _described_units(path: Path, own: Mapping[str, str]) -> dict[str, str]:
+    """Units of columns in the `datapackage.json` beside a file; own: those in the file itself."""
     description = path.with_name("datapackage.json")
     if not description.is_file():
         return {}
     try:
         resources = json.loads(description.read_text(encoding="utf-8"))["resources"]
-        return {
-            field["name"]: field["unit"]
-            for resource in resources
-            if resource.get("path") == path.name
-            for field in resource.get("schema", {}).get("fields", [])
-            if "unit" in field
-        }
+        fields = [
+            f
+            for of in resources
+            if of.get("path") == path.name
+            for f in of.get("schema", {}).get("fields", [])
+        ]
+        found = {field["name"]: str(field["unit"]) for field in fields if "unit" in field}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileError(f"{description}: not a data package: {error}") from error
+    if differ := [name for name, unit in found.items() if own.get(name, unit) != unit]:
+        raise FileError(f"column {differ[0]!r} has another unit in {description.name}")
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 from galloping.field.units import state_unit
 
 if TYPE_CHECKING:
-    from galloping.field.mapping import ColumnMapping
+    from galloping.field.mapping import ColumnMapping, InputColumn
     from galloping.field.read import Series
 
 OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
@@ -183,3 +184,23 @@ def _clipped(values: np.ndarray) -> int | None:
     at_end = (values == values.max()) | (values == values.min())
     run = np.convolve(at_end, np.ones(CLIPPED), mode="valid") >= CLIPPED
     return int(np.argmax(run)) if run.any() else None
+
+
+def described(series: Series, columns: Sequence[InputColumn]) -> dict[str, dict]:
+    """What inputs are like, by column, as plain values."""
+    found = {}
+    for column in columns:
+        one = series.inputs[column.name]
+        known = one.values[np.isfinite(one.values)]
+        found[column.column] = {
+            "name": column.name,
+            "unit": series.units[column.name],
+            "mean": float(known.mean()),
+            "standard_deviation": float(known.std()),
+            "lowest": float(known.min()),
+            "highest": float(known.max()),
+            "step_s": float(np.median(np.diff(one.time))),
+            "between": column.between,
+            "error": column.error,
+        }
+    return found

@@ -1,6 +1,7 @@
 """From a file and its mapping to a recording of states, and a list of what was mended."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -10,11 +11,10 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.field.file_table import FileError, FileTable, read_table
-from galloping.field.input_columns import input_unit, inputs_of
-from galloping.field.mapping import Channel, ColumnMapping
-from galloping.field.units import UnitError, amount, factor, named, state_unit
+from galloping.field.mapping import Channel, ColumnMapping, InputColumn
+from galloping.field.units import UnitError, amount, factor, input_si, named, state_unit
 from galloping.identification.likelihood.inputs import FEWEST
-from galloping.inputs import Input
+from galloping.inputs import GAP, Input
 from galloping.passes import passing
 
 CODES = (  # that loggers write for a missing sample, of either sign
@@ -28,6 +28,7 @@ DAYS = (
 HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
 HOURS += [hours.replace(".%f", other) for hours in HOURS for other in ("", ":%f", ",%f")]
 FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
+HELD = 2  # rows, that a logger repeats a slower sample for at least
 SAME = 1e-9  # less than full correlation, of two channels that are one
 ALIKE, VARIED = 20, 5  # rows of a block, and values in it, that no two recordings share by chance
 
@@ -65,29 +66,57 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     passing(Path(path).name)
     table = read_table(path, mapping.decimal, mapping.time.column)
     time, start, origin = _seconds(table, mapping)
-    notes = list(table.notes)
-    columns, units = [], {}
-    for channel in (*mapping.channels, *mapping.inputs):
-        _column(table, channel.column, mapping)
-        column, codes = _without_codes(table.numbers(channel.column))
+    notes, columns, units = list(table.notes), [], {}
+    for one in (*mapping.channels, *mapping.inputs):
+        _column(table, one.column, mapping)
+        column, codes = _without_codes(table.numbers(one.column))
         notes += [
-            f"column {channel.column!r}: {count} samples of {code:g}, a code for missing ones, "
-            "were left out"
+            f"column {one.column!r}: {count} samples of {code:g}, a code for missing ones, were "
+            "left out"
             for code, count in codes.items()
         ]
-        if isinstance(channel, Channel):
-            columns.append(column * _to_si(table, channel))
-        else:
-            scale, units[channel.name] = input_unit(table, channel)
-            columns.append(column * scale)
-    for channel, column in zip((*mapping.channels, *mapping.inputs), columns, strict=True):
         if len(column) != len(time):
             raise FileError(
-                f"{table.path}: column {channel.column!r} has {len(column)} rows, the times "
+                f"{table.at(one.column)} has {len(column)} rows, the times "
                 f"{mapping.time.column!r} have {len(time)}"
             )
-    values = np.column_stack(columns)
+        if isinstance(one, Channel):
+            scale = _to_si(table, one.column, one.unit, state_unit(one.measures))
+        else:
+            scale, units[one.name] = _to_si(table, one.column, one.unit, "m/s", input_si)
+        columns.append(scale * column)
     rows = np.arange(len(time)) + table.first_row
+    time, values, rows, more = _in_order(table, time, np.column_stack(columns), rows)
+    measured = len(mapping.channels)
+    inputs = inputs_of(table, mapping.inputs, time, values[:, measured:])
+    values = values[:, :measured]
+    if len(time) < FEWEST and measured:
+        raise FileError(f"{table.path}: {len(time)} rows are fewer than the {FEWEST} needed")
+    for channel, column in zip(mapping.channels, values.T, strict=True):
+        known = column[np.isfinite(column)]
+        if len(known) < FEWEST:
+            raise FileError(
+                f"{table.at(channel.column)} has {len(known)} samples, fewer than the {FEWEST} "
+                "needed"
+            )
+        if np.ptp(known) == 0:
+            raise FileError(
+                f"{table.at(channel.column)} is {known[0]:g} throughout: the sensor did not work"
+            )
+    _check_distinct(table, mapping, values)
+    noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
+    used = {named(c.column)[0] for c in (mapping.time, *mapping.channels, *mapping.inputs)}
+    return Series(
+        table.path, time, start, values, rows, (*notes, *more), noise, inputs, units,
+        tuple(name for name in table.columns if name not in used), origin,
+    )  # fmt: skip
+
+
+def _in_order(
+    table: FileTable, time: np.ndarray, values: np.ndarray, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """Times, values and rows with times that increase, and a note of each thing that was mended."""
+    notes = []
     timeless = ~np.isfinite(time)
     if timeless.any():
         notes.append(f"{timeless.sum()} rows without a time were left out, row {rows[timeless][0]}")
@@ -98,8 +127,8 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
             f"the clock starts again in row {back}: what follows is a recording of its own"
         )
         time = moved
-    if np.any(np.diff(time) < 0):
-        late = np.flatnonzero(np.diff(time) < 0) + 1
+    late = np.flatnonzero(np.diff(time) < 0) + 1
+    if len(late):
         notes.append(f"{len(late)} times go back, first in row {rows[late[0]]}: sorted")
         order = np.argsort(time, kind="stable")
         time, values, rows = time[order], values[order], rows[order]
@@ -116,32 +145,7 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
         notes.append(f"{len(again)} repeated rows were dropped, first row {rows[again[0]]}")
         values = of_time.first().to_numpy()
         time, rows = (np.delete(each, again) for each in (time, rows))
-    measured = len(mapping.channels)
-    inputs = inputs_of(table.path, mapping.inputs, time, values[:, measured:])
-    values = values[:, :measured]
-    for channel, column in zip(mapping.channels, values.T, strict=True):
-        known = column[np.isfinite(column)]
-        if not len(known):
-            raise FileError(f"{table.path}: column {channel.column!r} is empty")
-        if len(known) < FEWEST <= len(time):
-            raise FileError(
-                f"{table.path}: column {channel.column!r} has {len(known)} samples, fewer than the "
-                f"{FEWEST} needed"
-            )
-        if np.ptp(known) == 0:
-            raise FileError(
-                f"{table.path}: column {channel.column!r} is {known[0]:g} throughout: the sensor "
-                "did not work"
-            )
-    _check_distinct(table, mapping, values)
-    if len(time) < FEWEST and measured:
-        raise FileError(f"{table.path}: {len(time)} rows are fewer than the {FEWEST} needed")
-    noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
-    used = {named(c.column)[0] for c in (mapping.time, *mapping.channels, *mapping.inputs)}
-    unused = tuple(name for name in table.columns if name not in used)
-    return Series(
-        table.path, time, start, values, rows, tuple(notes), noise, inputs, units, unused, origin
-    )
+    return time, values, rows, notes
 
 
 def _restarted(time: np.ndarray) -> np.ndarray | None:
@@ -211,10 +215,9 @@ def _seconds(table: FileTable, mapping: ColumnMapping) -> tuple[np.ndarray, str,
     if column.dtype.kind == "m":
         values = pd.TimedeltaIndex(column).total_seconds().to_numpy(float)
     else:
-        unit = _unit(table, name, mapping.time.unit, "s")
-        values = table.numbers(name) * _factor(table, name, unit, "s")
+        values = table.numbers(name) * _to_si(table, name, mapping.time.unit, "s")
     if not np.isfinite(values).any():
-        raise FileError(f"{table.path}: column {name!r} is empty")
+        raise FileError(f"{table.at(name)} is empty")
     return values - np.nanmin(values), "", float(np.nanmin(values))
 
 
@@ -258,13 +261,8 @@ def _column(table: FileTable, name: str, mapping: ColumnMapping) -> np.ndarray:
     except FileError as error:
         if name == mapping.time.column:
             hint = "--time names the column of the times (time: in a mapping)"
-        elif name in mapping.states:
-            hint = (
-                f"where nothing measures the state {name}, say what is measured, for each such "
-                "column: --measure STATE=COLUMN"
-            )
         else:
-            hint = "--measure STATE=COLUMN names a column of the file (channels: in a mapping)"
+            hint = "--measure STATE=COLUMN says which column measures what (channels: in a mapping)"
         raise FileError(f"{error}; {hint}") from None
 
 
@@ -284,31 +282,30 @@ def _without_codes(values: np.ndarray) -> tuple[np.ndarray, dict[float, int]]:
     return np.where(np.isin(values, known[used]), np.nan, values), codes
 
 
-def _to_si(table: FileTable, channel: Channel) -> float:
-    """What the values of a channel's column are multiplied by."""
-    wanted = state_unit(channel.measures)
-    unit = _unit(table, channel.column, channel.unit, wanted)
-    return _factor(table, channel.column, unit, wanted)
+def _to_si(
+    table: FileTable, column: str, said: str | None, wanted: str, convert: Callable = factor
+):
+    """What a column is multiplied by to be in `wanted`, as `convert` tells it from the unit.
 
-
-def _unit(table: FileTable, column: str, said: str | None, wanted: str) -> str:
-    """The unit of a column: the one that is said, or that of the file, which must not differ.
-
-    Where the file has another name than that of a unit, such as `counts`, what is said stands.
+    That is the unit that is said, or that of the file, which must not differ. Where the file has
+    another name than that of a unit, such as `counts`, what is said stands.
     """
-    own = table.unit(column).split(" since ")[0]
-    if not (said and own):
-        return said or own
-    try:
-        same = factor(own, wanted) == _factor(table, column, said, wanted)
-    except UnitError:
-        return said
-    if not same:
+    at, own = table.at(column), table.unit(column).split(" since ")[0]
+    if not (said or own):
         raise FileError(
-            f"{table.path}: column {column!r} is in {own} by the file and in {said} by the "
-            "mapping; must be the same"
+            f"{at} has no unit; add --unit {column}={wanted}, or whatever it is in (unit: in a "
+            "mapping), or write it behind the column's name, in []"
         )
-    return said
+    try:
+        found = convert(said or own, wanted)
+    except UnitError as error:
+        raise FileError(f"{at}: {error}") from error
+    with suppress(UnitError):
+        if said and own and convert(own, wanted) != found:
+            raise FileError(
+                f"{at} is in {own} by the file and in {said} by the mapping; must be the same"
+            )
+    return found
 
 
 def _known_noise(table: FileTable, channel: Channel) -> float:
@@ -317,22 +314,47 @@ def _known_noise(table: FileTable, channel: Channel) -> float:
     unit = channel.unit or table.unit(channel.column)
     try:
         noise = amount(channel.noise, unit, state_unit(channel.measures))
+        if not 0.0 < noise < np.inf:
+            raise UnitError(f"{channel.noise}; must be above 0")
     except UnitError as error:
         raise FileError(f"{table.path}: noise of column {channel.column!r}: {error}") from error
-    if not 0.0 < noise < np.inf:
-        raise FileError(
-            f"{table.path}: noise of column {channel.column!r}: {channel.noise}; must be above 0"
-        )
     return noise
 
 
-def _factor(table: FileTable, column: str, unit: str, wanted: str) -> float:
-    if not unit:
-        raise FileError(
-            f"{table.path}: column {column!r} has no unit; add --unit {column}={wanted}, or "
-            "whatever it is in (unit: in a mapping), or write it behind the column's name, in []"
+def inputs_of(
+    table: FileTable, columns: Sequence[InputColumn], time: np.ndarray, values: np.ndarray
+) -> dict[str, Input]:
+    """Inputs by name, from values (n, n_inputs) at the rows of a file.
+
+    Rows between the samples of a slower instrument, empty or repeated, are no gaps and no samples.
+    Raises FileError where a column holds fewer than two samples.
+    """
+    found = {}
+    for column, own in zip(columns, values.T, strict=True):
+        known = np.flatnonzero(np.isfinite(own))
+        if len(known) < 2:
+            raise FileError(f"{table.at(column.column)} has {len(known)} samples")
+        if column.between != "zero":
+            known = known[_fresh(own[known])]
+        steps = np.diff(time[known])
+        kept = np.zeros(len(own), bool)
+        kept[known] = True
+        for k in np.flatnonzero(steps > GAP * np.median(steps)):
+            kept[known[k] : known[k + 1]] = True
+        found[column.name] = Input(
+            time[kept] - column.delay, own[kept], column.between, column.error
         )
-    try:
-        return factor(unit, wanted)
-    except UnitError as error:
-        raise FileError(f"{table.path}: column {column!r}: {error}") from error
+    return found
+
+
+def _fresh(values: np.ndarray) -> np.ndarray:
+    """(n,) boolean: the samples of a slower instrument that a logger did not merely repeat.
+
+    All where values do not stay for a fixed number of rows.
+    """
+    fresh = np.append(True, np.diff(values) != 0)
+    runs = np.diff(np.flatnonzero(fresh))
+    if len(runs) < HELD or np.median(runs) < HELD:
+        return np.ones(len(values), bool)
+    regular = runs % np.median(runs) == 0
+    return fresh if regular.mean() > 0.9 else np.ones(len(values), bool)

@@ -13,21 +13,22 @@ from numpy.typing import ArrayLike, NDArray
 from galloping.arrays import increasing
 from galloping.field import dynamics as of_line
 from galloping.field import forecast as ahead
-from galloping.field.advice import Advice, advice
+from galloping.field.advice import Advice, Identify, advice, objected
 from galloping.field.dynamics import Dynamics, Surroundings
-from galloping.field.excerpt import by_excerpts
-from galloping.field.following import Following, Sensed, first_guess, simulator_of
 from galloping.field.forecast import (
+    Following,
     Forecast,
     HeldOut,
+    Sensed,
     check_followed,
     deviations,
+    first_guess,
+    simulator_of,
     with_factors,
 )
-from galloping.field.input_columns import mean_inputs
-from galloping.field.objections import Identify, objected
 from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import peaks_of, sampled, spectrum
+from galloping.field.recordings import by_excerpts, mean_inputs
 from galloping.field.units import NONE
 from galloping.field.wording import summary_text
 from galloping.identification.likelihood.inputs import checked_recordings

@@ -140,11 +140,11 @@ def state_unit(name: str) -> str:
     return "1"
 
 
-def input_si(unit: str) -> tuple[float, str]:
+def input_si(unit: str, _wanted: str) -> tuple[float, str]:
     """What values of an input are multiplied by, and the unit that they are in then, one of SI.
 
     A unit of SI by itself stays, and one that does not begin at zero, such as degC. Raises
-    UnitError.
+    UnitError. As `factor`, but any unit is wanted.
     """
     try:
         own = _registry().Quantity(1.0, "" if unit in ("1", "-") else unit)

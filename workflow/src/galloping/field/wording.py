@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from math import floor, log, log10
@@ -15,15 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
-from galloping.field.advice import Advice
+from galloping.field.advice import REPEATS, Advice
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
-from galloping.field.excerpt import excerpts
-from galloping.field.following import Sensed
-from galloping.field.forecast import HeldOut
-from galloping.field.input_columns import input_lines
-from galloping.field.objections import REPEATS
+from galloping.field.forecast import HeldOut, Sensed
 from galloping.field.quality import peaks_of, spectrum
 from galloping.field.reasons import PARTS, PLACES, PROBLEMS, WIND, plain_reasons
+from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, meaning, state_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.tracking import Forces
@@ -39,6 +36,10 @@ ENDS = {
     "irregular": "the motion never repeats, or settles too slowly to tell",
 }
 TECHNICAL = "## Technical part"
+BETWEEN = {
+    "zero": "held between samples", "linear": "linear between samples",
+    "cubic": "smooth between samples",
+}  # fmt: skip
 LEAST = 1e-6  # width of an interval that is said, in its value
 KNOWN = 0.01  # standard error of a coefficient that no further recording needs to tell better
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
@@ -322,9 +323,19 @@ def report_lines(report: dict) -> list[str]:
             f"{lowest} to {highest}, noise {noise}, {channel['missing_percent']:.1f} % missing, "
             f"mostly at {frequencies or 'no'} Hz"
         )
-    lines += [f"  {line}" for line in input_lines(report.get("inputs", {}))]
+    lines += [f"  {line}" for line in _input_lines(report.get("inputs", {}))]
     lines += [f"  {note}" for note in report["notes"]]
     return lines + [f"  {p['column']}, row {p['row']}: {p['what']}" for p in report["problems"]]
+
+
+def _input_lines(inputs: Mapping[str, dict]) -> list[str]:
+    """Of `quality.described`."""
+    return [
+        f"{column} is an input, {of['name']}: mean {of['mean']:.4g} {of['unit']}, deviation "
+        f"{of['standard_deviation']:.3g}, from {of['lowest']:.4g} to {of['highest']:.4g}, every "
+        f"{of['step_s']:.3g} s, {BETWEEN[of['between']]}"
+        for column, of in inputs.items()
+    ]
 
 
 def _untold(identified: IdentifiedModel) -> dict:
