@@ -137,8 +137,9 @@ def assess(model, at, seed, figure, as_csv, as_json):
     about rest begin to grow. Intervals are of 95 %.
     """
     from galloping.field.assess import assess as assessed
-    from galloping.field.assess import assessment_rows, assessment_text
+    from galloping.field.assess import assessment_rows
     from galloping.field.driving import held_at
+    from galloping.field.wording import assessment_text
     from galloping.storage import read_json
 
     if as_csv and as_json:

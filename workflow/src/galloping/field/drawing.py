@@ -12,7 +12,7 @@ from matplotlib.ticker import NullLocator
 from galloping.field.assess import Assessment, Cycle
 from galloping.field.forecast import Forecast, Sensed
 from galloping.field.quality import GAP, spectrum
-from galloping.field.units import meaning, state_unit
+from galloping.field.units import meaning, plain_unit, state_unit
 from galloping.figures import parts
 from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, SHADE, TRUE
 from galloping.identification.random_forces.ahead import spectra
@@ -251,8 +251,7 @@ def _samples(axes: Axes, time: np.ndarray, values: np.ndarray, span: tuple[float
 
 
 def _with_unit(name: str) -> str:
-    unit, plain = state_unit(name), meaning(name) or name
-    return plain if unit == "1" else f"{plain}, {unit}"
+    return ", ".join(filter(None, (meaning(name) or name, plain_unit(name))))
 
 
 def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

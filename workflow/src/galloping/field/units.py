@@ -140,6 +140,11 @@ def state_unit(name: str) -> str:
     return "1"
 
 
+def plain_unit(name: str) -> str:
+    """The same to be written behind a number: '' for a pure one."""
+    return state_unit(name).removeprefix("1")
+
+
 def input_si(unit: str, _wanted: str) -> tuple[float, str]:
     """What values of an input are multiplied by, and the unit that they are in then, one of SI.
 

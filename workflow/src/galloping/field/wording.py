@@ -1,10 +1,12 @@
 """What recordings and their model tell, in the words of an engineer.
 
-`summary.md.jinja` has the sentences, and here are the values and lists in them.
+`summary.md.jinja` has the sentences, and here are the values and lists in them. `reasons.csv` has
+parts of a verdict's reason, what each means and what would help, those that weigh more first.
 """
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
@@ -19,15 +21,15 @@ from galloping.field.advice import REPEATS, Advice
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
 from galloping.field.forecast import HeldOut, Sensed
 from galloping.field.quality import peaks_of, spectrum
-from galloping.field.reasons import PARTS, PLACES, PROBLEMS, WIND, plain_reasons
 from galloping.field.recordings import excerpts
-from galloping.field.units import coefficient_unit, meaning, state_unit
+from galloping.field.units import coefficient_unit, meaning, plain_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.tracking import Forces
 from galloping.polynomial import term_name, velocity_pairs
 from galloping.recording import Recording
 
 if TYPE_CHECKING:
+    from galloping.field.assess import Assessment, Condition, Mode
     from galloping.field.summary import Summary
 
 ENDS = {
@@ -36,6 +38,22 @@ ENDS = {
     "irregular": "the motion never repeats, or settles too slowly to tell",
 }
 TECHNICAL = "## Technical part"
+HELPS = {
+    "wind": "the wind speed, recorded beside the motion (`--input`)",
+    "places": "sensors at more places along the span, which tell its modes apart (`position` in a "
+    "mapping)",
+    "clocks": "one clock for all sensors, and samples at regular times",
+}
+WIND, PLACES = HELPS["wind"], HELPS["places"]
+PARTS = r"parts of the recording .* do not share one model"  # of a reason
+PROBLEMS = (  # part of what is wrong with samples, and what would help
+    ("is the unit", "the right units: the recorded motion is none that a span has"),
+    ("less than 10 periods", "a longer recording, of ten periods of the motion or more"),
+    ("less than 10 samples", "a higher sampling rate, of ten samples in a period or more"),
+    ("hardly more than noise", "a larger motion, or better sensors"),
+    ("the mean drifts", "a sensor whose zero holds still"),
+    ("clipped", "a sensor with a larger range"),
+)
 BETWEEN = {
     "zero": "held between samples", "linear": "linear between samples",
     "cubic": "smooth between samples",
@@ -73,7 +91,7 @@ def summary_text(
         "mixed": re.search(PARTS, found.reason),
         "recorded": list(_recorded(of.recordings)),
         **_of_forces(found, known),
-        "meanings": [why for why, _ in plain_reasons(found.reason) if why],
+        "meanings": [why for why, _ in _plain_reasons(found.reason) if why],
         "problems": problems,
         "helps": _helps(of, reports),
         "beside": beside if beside and beside[1] else None,
@@ -100,7 +118,7 @@ def _template():
         "listed": _and,
         "name": _name,
         "sentence": lambda text: text[:1].upper() + text[1:],
-        "unit": _unit,
+        "unit": plain_unit,
         "words": in_words,
     }
     text = files(__package__).joinpath("summary.md.jinja").read_text(encoding="utf-8")
@@ -131,10 +149,6 @@ def _name(state: str) -> str:
     return meaning(state).partition(" ")[0] or state
 
 
-def _unit(state: str) -> str:
-    return state_unit(state).removeprefix("1")
-
-
 def _and(parts: Iterable[str]) -> str:
     *most, last = parts
     return f"{', '.join(most)} and {last}" if most else last
@@ -156,8 +170,10 @@ def _of_small(known: Dynamics) -> dict:
         "line": "the line" if of_span else "the system",
         "gallop": "gallop" if of_span else "oscillate by itself",
         "gallops": "gallops" if of_span else "oscillates by itself",
-        "halves": [f"±{in_words(v, _unit(s))} {_name(s)}" for s, v in known.half_range.items()],
-        "places": ", ".join(f"{s} = {in_words(v, _unit(s))}" for s, v in known.rest.items()),
+        "halves": [
+            f"±{in_words(v, plain_unit(s))} {_name(s)}" for s, v in known.half_range.items()
+        ],
+        "places": ", ".join(f"{s} = {in_words(v, plain_unit(s))}" for s, v in known.rest.items()),
         "still": "\n".join(
             f"{state} does not oscillate by itself."
             for state, value in known.frequencies.items()
@@ -230,7 +246,7 @@ def _recorded(recordings: Sequence[Recording]) -> Iterator[tuple[str, str, float
             frequency, share = spectrum(time, longest, float(np.median(np.diff(time))))
             peaks = peaks_of(share)[1]
             pace = float(frequency[peaks[0]]) if len(peaks) else None
-            yield meaning(name) or name, _unit(name), float(size), pace
+            yield meaning(name) or name, plain_unit(name), float(size), pace
 
 
 def _of_trial(of: HeldOut) -> dict:
@@ -261,6 +277,27 @@ def _of_trial(of: HeldOut) -> dict:
     }
 
 
+@cache
+def _reasons() -> list[tuple[str, str, str]]:
+    text = files(__package__).joinpath("reasons.csv").read_text(encoding="utf-8")
+    rows = csv.DictReader(text.splitlines())
+    return [(row["pattern"], row["meaning"], row["help"].format(**HELPS)) for row in rows]
+
+
+def _plain_reasons(reason: str) -> list[tuple[str, str]]:
+    """What the parts of a verdict's reason mean, and what would help; none where it has none.
+
+    That the model is inadequate, the last of all, is said where nothing tells more.
+    """
+    known, clauses = _reasons(), reason.split("; ")
+    fitting = {
+        next((k for k, (pattern, *_) in enumerate(known) if re.search(pattern, clause)), None)
+        for clause in clauses
+    }
+    found = [known[k][1:] for k in sorted(fitting - {None})]
+    return found[:-1] if len(found) > 1 and found[-1] == known[-1][1:] else found
+
+
 def _helps(of: Summary, reports: Sequence[dict]) -> list[str]:
     """What would help, that which helps most first."""
     said = [problem["what"] for report in reports for problem in report["problems"]]
@@ -269,7 +306,7 @@ def _helps(of: Summary, reports: Sequence[dict]) -> list[str]:
         helps.append(
             "a sensor of the other direction: vertical and horizontal motion drive each other"
         )
-    for _, more in plain_reasons(of.found.reason):
+    for _, more in _plain_reasons(of.found.reason):
         helps += [more] if more and more not in " ".join(helps) else []
     advice = of.advice
     if advice and advice.options and advice.error > KNOWN * abs(advice.coefficient):
@@ -313,7 +350,7 @@ def report_lines(report: dict) -> list[str]:
     ]
     for column, channel in report["channels"].items():
         target = channel["measures"]
-        unit = _unit(target)
+        unit = plain_unit(target)
         frequencies = ", ".join(f"{f:.3g}" for f in channel["dominant_frequencies_hz"])
         lowest, highest, noise = (
             f"{channel[key]:.3g} {unit}".strip() for key in ("lowest", "highest", "noise")
@@ -365,3 +402,64 @@ def _of_advice(of: Advice) -> dict:
     share = 100.0 / abs(of.coefficient)
     then = [f"{name}: {share * error:.2g} %" for name, error in of.options]
     return {"now": f"{share * of.error:.2g} %", "then": then}
+
+
+def assessment_text(of: Assessment, units: Mapping[str, str]) -> str:
+    """A line for each thing that there is. units: of inputs, by name."""
+    lines, unit = [], units.get(of.along, "")
+    for condition in of.conditions:
+        held = ", ".join(
+            f"{k} = {v:g} {units.get(k, '')}".rstrip() for k, v in condition.at.items()
+        )
+        lines.append(f"At {held}:" if held else "The model by itself:")
+        lines += [f"  {line}" for line in _condition_lines(condition)]
+    for onset in of.onsets:
+        what = "begin to grow above" if onset.begins else "cease to grow above"
+        where = f"{of.along} = {_said(onset.value, unit)}"
+        lines.append(f"Small motions about rest {what} {where}, at {onset.frequency:.3g} Hz")
+    if of.along and not of.onsets:
+        low, high = of.span
+        lines.append(f"No onset between {of.along} = {low:g} and {high:g} {unit}".rstrip())
+    return "\n".join([*lines, *of.notes])
+
+
+def _condition_lines(of: Condition) -> list[str]:
+    lines = []
+    for number, rest in enumerate(of.equilibria, start=1):
+        places = ", ".join(f"{k} = {_said(v, plain_unit(k))}" for k, v in rest.place.items())
+        lines.append(f"rest {number}, {'' if rest.stable else 'un'}stable: {places}")
+        lines += [f"  {_mode_line(mode)}" for mode in rest.modes]
+    for number, cycle in enumerate(of.cycles, start=1):
+        halves = ", ".join(f"{k} ± {_said(v, plain_unit(k))}" for k, v in cycle.half_range.items())
+        some = f"; {100 * cycle.found:.0f} % of the draws have it" if cycle.found < 1.0 else ""
+        lines.append(
+            f"limit cycle {number}, {'' if cycle.stable else 'un'}stable: {halves}, period "
+            f"{_said(cycle.period, 's')}{some}"
+        )
+    none = [] if of.equilibria else ["no rest near the motion"]
+    ends = [] if of.cycles else [ENDS.get(kind, kind) for kind in of.ends]
+    return [*none, *lines, *ends]
+
+
+def _mode_line(mode: Mode) -> str:
+    damping = mode.damping
+    if mode.frequency.value == 0.0:
+        if damping.value > 0:
+            return f"{mode.state} decays at {_said(damping, '1/s')}"
+        growth = Value(-damping.value, -damping.high, -damping.low)
+        return f"{mode.state} grows at {_said(growth, '1/s')}"
+    net, frequency = _said(damping, "% of critical", 100.0), _said(mode.frequency, "Hz")
+    grows = ": it grows" if damping.value < 0 else ""
+    return f"{mode.state} oscillates at {frequency}, net damping {net}{grows}"
+
+
+def _said(of: Value, unit: str, factor: float = 1.0) -> str:
+    """A value times a factor with its interval, if it has one, to the digits that it tells."""
+    value = f"{factor * of.value:.4g} {unit}".rstrip()
+    if np.isnan(of.low):
+        return value
+    if np.isinf([of.low, of.high]).any():
+        ends = [f"{factor * end:.4g}" if np.isfinite(end) else "beyond the range"
+                for end in (of.low, of.high)]  # fmt: skip
+        return f"{value} ({ends[0]} to {ends[1]})"
+    return in_words(of, unit, factor).replace("  ", " ").rstrip()
