@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.physics.continuous import readings, release, simulate, span
+from galloping.physics.continuous import readings, release, simulate, span, wind_speed
 from galloping.physics.galerkin import modes
-from galloping.physics.gusts import wind_speed
 from galloping.physics.line import Line
 
 RATE, END = 12.5, 300.0  # Hz, s

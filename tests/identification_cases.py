@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from lines import simulate
 
-from galloping.bounds.sensitivity import sensitivities
+from galloping.bounds import sensitivities
 from galloping.identification.likelihood.problem import posed
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording

@@ -5,9 +5,8 @@ from functools import cache
 import numpy as np
 
 from galloping.configuration.load import load, plain
-from galloping.measurement.measuring import Motion
-from galloping.physics.equations import STATES, model
-from galloping.physics.galerkin import coefficients
+from galloping.measurement import Motion
+from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.polynomial import library
 from galloping.simulation import Simulator, time_grid
 

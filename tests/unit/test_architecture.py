@@ -66,8 +66,8 @@ HEAVY = {"numpy", "scipy", "heyoka", "numba", "pandas", "matplotlib", "pysindy",
         ("galloping", HEAVY | {"pydantic"}),
         ("galloping.cli", HEAVY),
         ("galloping.configuration.load", HEAVY - {"numpy"}),
-        ("galloping.study.cells, galloping.study.pieces, galloping.study.shown, galloping.field, "
-         "galloping.paper.printed", HEAVY - {"numpy", "scipy"}),
+        ("galloping.study.cells, galloping.study.cells, galloping.study.shown, galloping.field, "
+         "galloping.paper.claims", HEAVY - {"numpy", "scipy"}),
     ],
 )  # fmt: skip
 def test_what_is_imported_often_imports_nothing_heavy(imports, heavy):

@@ -7,17 +7,17 @@ import pandas as pd
 import pytest
 from lines import moved, simulate
 
-from galloping.bounds.information import Experiment, state_bound
-from galloping.bounds.recordings import (
+from galloping.bounds import (
+    Experiment,
     at_the_bound,
     bounds_of,
     deviations,
     free_terms,
     ranked_releases,
+    state_bound,
 )
 from galloping.intervals import IDENTIFIABLE
-from galloping.measurement.measuring import channel_scale
-from galloping.measurement.protocols import BY_NAME, Noise
+from galloping.measurement import BY_NAME, Noise, channel_scale
 from galloping.physics.galerkin import Derived
 from galloping.polynomial import library
 from galloping.simulation import Simulator

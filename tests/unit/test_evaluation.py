@@ -21,9 +21,8 @@ from galloping.evaluation.score import (
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
-from galloping.measurement.measuring import Motion, measure
-from galloping.physics.equations import model
-from galloping.physics.galerkin import coefficients
+from galloping.measurement import Motion, measure
+from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import PolynomialModel, extended, library
 from galloping.simulation import Simulator, Trajectory
 from galloping.tables.table3 import identified_terms

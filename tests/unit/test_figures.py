@@ -27,9 +27,9 @@ from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_
 from galloping.figures.style import METHODS, method_style, styled, write_figure
 from galloping.figures.verdicts import draw_reduction, draw_trust
 from galloping.identification.model import IdentifiedModel
-from galloping.measurement.measuring import Motion
-from galloping.measurement.protocols import BY_NAME as PROTOCOLS
-from galloping.paper.printed import CLAIMS
+from galloping.measurement import BY_NAME as PROTOCOLS
+from galloping.measurement import Motion
+from galloping.paper.claims import CLAIMS
 from galloping.physics.galerkin import derive
 from galloping.polynomial import library
 

@@ -9,8 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from galloping.configuration.load import load, plain
-from galloping.physics.equations import TERMS, model, symbol_of
-from galloping.physics.galerkin import coefficients, derive, ice_coefficients
+from galloping.physics.galerkin import (
+    TERMS,
+    coefficients,
+    derive,
+    ice_coefficients,
+    model,
+    symbol_of,
+)
 from galloping.physics.line import Line
 from galloping.polynomial import design_matrix, library
 from galloping.simulation import Simulator, time_grid

@@ -19,7 +19,7 @@ from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import bagged_medians
 from galloping.identification.sparse.supports import best_threshold, ebic, thresholded_supports
 from galloping.identification.sparse.tuning import seeded
-from galloping.measurement.measuring import Motion, measure
+from galloping.measurement import Motion, measure
 from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.recording import Recording
 from galloping.study.files import read_identified, write_identified

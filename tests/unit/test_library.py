@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 
 import galloping
 from galloping import Recording
-from galloping.immutable import Immutable
+from galloping.arrays import Immutable
 
 ROOT = Path(__file__).parents[2]
 TIME = np.arange(200) / 20

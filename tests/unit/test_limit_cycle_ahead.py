@@ -8,8 +8,7 @@ from lines import moved
 
 from galloping.cycles.prediction import limit_cycle_ahead
 from galloping.identification.model import IdentifiedModel
-from galloping.physics.equations import STATES
-from galloping.physics.galerkin import Derived
+from galloping.physics.galerkin import STATES, Derived
 from galloping.polynomial import library
 from galloping.tables.limit_cycle_ahead import limit_cycles_ahead
 

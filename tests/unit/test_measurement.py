@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from lines import moved
 
-from galloping.measurement.measuring import measure
-from galloping.measurement.protocols import BY_NAME, Noise, Protocol
+from galloping.intervals import generator
+from galloping.measurement import BY_NAME, Noise, Protocol, measure
 from galloping.recording import Recording
-from galloping.seeds import generator
 from galloping.study.files import read_recordings, write_recordings
 
 NAME = ("internal_resonance", "state", "noise_0.05")

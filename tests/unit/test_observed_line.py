@@ -7,8 +7,7 @@ from galloping.configuration.load import ConfigurationError, load, plain
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.model import IdentifiedModel
 from galloping.physics.continuous import observed as motion
-from galloping.physics.equations import STATES, model
-from galloping.physics.galerkin import coefficients
+from galloping.physics.galerkin import STATES, coefficients, model
 
 TIME = np.arange(3001) / 100
 REST = dict.fromkeys(STATES, 0.0)

@@ -13,8 +13,8 @@ from galloping.identification.sparse.evidence import Regressions, reduce
 from galloping.identification.sparse.regression import FOLDS, Judged, Regression, judge
 from galloping.identification.sparse.supports import forward_models
 from galloping.identification.sparse.tuning import Filtered, savitzky_golay, seeded, weak_form
-from galloping.measurement.measuring import measure
-from galloping.physics.equations import EQUATIONS
+from galloping.measurement import measure
+from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import PolynomialModel, library
 from galloping.tables.scores import CHOSEN, ORACLE, peers
 

@@ -6,9 +6,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from galloping.report.headline import headline
 from galloping.report.page import Item, Page, RecordingSection, as_html, render
-from galloping.report.printed_numbers import Cell, Row, Section
+from galloping.report.printed_numbers import Cell, Row, Section, headline
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from identification_cases import RELEASE, TIME, line, model, solution
 
-from galloping.bounds.sensitivity import sensitivities
+from galloping.bounds import sensitivities
 from galloping.polynomial import PolynomialModel
 
 

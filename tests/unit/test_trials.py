@@ -9,11 +9,10 @@ import pytest
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.model import IdentifiedModel
-from galloping.physics.equations import model
-from galloping.physics.galerkin import coefficients
+from galloping.intervals import generator
+from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import library
-from galloping.report.headline import verdicts
-from galloping.seeds import generator
+from galloping.report.printed_numbers import verdicts
 from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
 from galloping.trials import faults, published, recorded_lines, systems
 from galloping.trials.attempts import claims

@@ -3,13 +3,13 @@ from functools import cache
 
 from galloping.field import OUTPUTS
 from galloping.field import SHOWN as SHOWN_OF_FIELD
-from galloping.paper.printed import needed
+from galloping.paper.claims import needed
 from galloping.reproducibility import digest
 from galloping.reproducibility.lock import OF_STUDY
 from galloping.study import shown
 from galloping.study.cells import Study
-from galloping.names import OURS_FAMILY
-from galloping.study.pieces import without
+from galloping.results import OURS_FAMILY
+from galloping.study.cells import without
 from galloping.configuration.kinds import PAPER
 
 try:

@@ -1,7 +1,7 @@
 # models, motions, tables -> figures
 #
 # A figure: its label in the report, and how it is made, as a table is (tables.smk).
-from galloping.names import BOUND, NOISE, SUBSET
+from galloping.results import BOUND, NOISE, SUBSET
 
 COEFFICIENT_LEVELS = (0.01, 0.03, 0.05)
 HISTORY_LEVELS = (0.05, 0.1, 0.15)

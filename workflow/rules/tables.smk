@@ -5,7 +5,7 @@
 # `galloping.study.files.read` returns it.
 from types import SimpleNamespace
 
-from galloping.names import OURS
+from galloping.results import OURS
 from galloping.configuration.kinds import EXACT_TERMS, INTERVALS, MODEL_ERROR, SYSTEMS, TRUST
 
 SCORES = "<results>/tables/scores.csv"

@@ -5,11 +5,10 @@ from contextlib import suppress
 import numpy as np
 
 from galloping.cycles.family import LIBRARY, initial_state, line_family
-from galloping.cycles.limit_cycles import circle, settled
-from galloping.cycles.settling import settle
+from galloping.cycles.limit_cycles import circle, settle, settled
 from galloping.figures.engineering import write_animation
 from galloping.figures.style import spoken
-from galloping.physics.equations import STATES
+from galloping.physics.galerkin import STATES
 from galloping.reproducibility.job import run
 from galloping.simulation import Simulator
 

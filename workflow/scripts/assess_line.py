@@ -5,15 +5,15 @@ from contextlib import suppress
 import numpy as np
 
 from galloping.cycles.family import LIBRARY, initial_state, line_family
+from galloping.cycles.limit_cycles import settle
 from galloping.cycles.prediction import SAMPLES, split
 from galloping.cycles.ranking import DAMPING, Design, derived, places, ranked
 from galloping.cycles.rows import clearance_rows, measure_rows
-from galloping.cycles.settling import settle
-from galloping.names import OURS
-from galloping.physics.equations import STATES
+from galloping.intervals import generator
+from galloping.physics.galerkin import STATES
 from galloping.physics.measures import measure, usual
 from galloping.reproducibility.job import run
-from galloping.seeds import generator
+from galloping.results import OURS
 from galloping.simulation import Simulator
 from galloping.storage import write_rows
 from galloping.study.files import read_families, write_orbits

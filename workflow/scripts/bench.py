@@ -31,7 +31,7 @@ from galloping.identification.likelihood.problem import posed
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
-from galloping.measurement.measuring import measure
+from galloping.measurement import measure
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.simulation import Simulator, time_grid

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from galloping.reproducibility.job import run
 from galloping.study.files import read_as_written, write_table
-from galloping.tables.beside_reference import Origin, compare_study, processor, read_origin
+from galloping.tables.comparison import Origin, compare_study, processor, read_origin
 
 
 def compare_reference(tables, reference, origin, summary, differences, study):

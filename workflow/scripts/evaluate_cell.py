@@ -1,11 +1,11 @@
 """The Cramer-Rao bound of one cell, and scores of its models and of models at the bound."""
 
-from galloping.bounds.recordings import cell_bounds, deviations, models_at, no_models
+from galloping.bounds import cell_bounds, deviations, models_at, no_models
 from galloping.evaluation.score import Truth, evaluate
-from galloping.names import BOUND
-from galloping.physics.equations import EQUATIONS
+from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run
+from galloping.results import BOUND
 from galloping.storage import write_rows
 from galloping.study.files import (
     read_families,

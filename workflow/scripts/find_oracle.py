@@ -2,7 +2,7 @@
 
 from galloping.evaluation.oracle import oracle_rows
 from galloping.evaluation.score import Truth
-from galloping.measurement.measuring import measure
+from galloping.measurement import measure
 from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run
 from galloping.storage import write_rows

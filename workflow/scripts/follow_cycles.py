@@ -2,7 +2,7 @@
 
 from galloping.cycles.family import LIBRARY
 from galloping.cycles.rows import bifurcation_rows, limit_cycle_rows, line_diagram
-from galloping.physics.equations import STATES
+from galloping.physics.galerkin import STATES
 from galloping.reproducibility.job import run
 from galloping.simulation import Simulator
 from galloping.storage import write_rows

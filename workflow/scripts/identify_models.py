@@ -1,7 +1,7 @@
 """Models identified by a family of methods from every replicate of one cell."""
 
 from galloping.identification.cell import identify
-from galloping.measurement.measuring import measure
+from galloping.measurement import measure
 from galloping.polynomial import library
 from galloping.reproducibility.job import run
 from galloping.study.files import read_trajectories, write_identified

@@ -1,6 +1,6 @@
 """Replicated recordings of one cell."""
 
-from galloping.measurement.measuring import measure
+from galloping.measurement import measure
 from galloping.reproducibility.job import run
 from galloping.study.files import read_trajectories, write_recordings
 

@@ -8,9 +8,9 @@ from galloping.cycles.family import LIBRARY, initial_state
 from galloping.cycles.prediction import Prediction, predict, split
 from galloping.cycles.ranking import DAMPING
 from galloping.cycles.rows import prediction_rows, steady_truth
-from galloping.physics.equations import STATES
+from galloping.intervals import generator
+from galloping.physics.galerkin import STATES
 from galloping.reproducibility.job import run
-from galloping.seeds import generator
 from galloping.simulation import Simulator
 from galloping.storage import write_rows
 from galloping.study.files import read_families

@@ -24,8 +24,7 @@ from galloping.reproducibility.plan import planning
 from galloping.reproducibility.receipts import digest, inspect, receipts, remember
 from galloping.reproducibility.repair import audit, remove
 from galloping.storage import replacing, write_json
-from galloping.tables.beside_reference import Origin, processor
-from galloping.tables.comparison import table_differences, tables
+from galloping.tables.comparison import Origin, processor, table_differences, tables
 
 FAULTS = {
     "damaged": "not what its job wrote: `{repair}` makes it again",

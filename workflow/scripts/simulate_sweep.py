@@ -6,7 +6,7 @@ from pathlib import Path
 
 from galloping.cycles.family import LIBRARY
 from galloping.cycles.rows import map_rows, simulation_rows
-from galloping.physics.equations import STATES
+from galloping.physics.galerkin import STATES
 from galloping.reproducibility.job import run
 from galloping.reproducibility.receipts import grows
 from galloping.simulation import Simulator

@@ -3,8 +3,6 @@
 from os.path import relpath
 from pathlib import Path
 
-from galloping.report.headline import headline as found
-from galloping.report.headline import inferred, verdicts
 from galloping.report.page import (
     Item,
     Page,
@@ -14,7 +12,8 @@ from galloping.report.page import (
     render,
     versions,
 )
-from galloping.report.printed_numbers import section
+from galloping.report.printed_numbers import headline as found
+from galloping.report.printed_numbers import inferred, section, verdicts
 from galloping.reproducibility.job import run
 from galloping.storage import write_text
 from galloping.study.files import read_table

@@ -9,7 +9,7 @@ from drawing import drawn
 from PIL import Image
 
 from galloping.cycles.family import LIBRARY, line_family
-from galloping.cycles.limit_cycles import circle
+from galloping.cycles.limit_cycles import circle, settle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, derived, ranked
 from galloping.cycles.rows import (
@@ -23,11 +23,10 @@ from galloping.cycles.rows import (
     simulation_rows,
     steady_truth,
 )
-from galloping.cycles.settling import settle
 from galloping.figures.against_paper import draw_reproduction
 from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
 from galloping.figures.settled_motion import draw_limit_cycles, draw_prediction, draw_resonance_map
-from galloping.physics.equations import STATES
+from galloping.physics.galerkin import STATES
 from galloping.physics.measures import ice_removal, pendulum
 from galloping.simulation import Simulator
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad_vec, solve_ivp
 
 from galloping.cycles.continuation import Range
-from galloping.cycles.equilibria import equilibrium_branch, hopf_points
+from galloping.cycles.diagram import equilibrium_branch, hopf_points
 from galloping.cycles.family import Family
 from galloping.cycles.limit_cycles import from_branching, from_hopf, from_motion
 from galloping.polynomial import PolynomialModel

@@ -10,8 +10,7 @@ from galloping.configuration.load import load, plain
 from galloping.cycles.continuation import Range
 from galloping.cycles.diagram import diagram
 from galloping.cycles.family import PARAMETERS, critical_wind, initial_state, line_family
-from galloping.cycles.limit_cycles import at_value
-from galloping.cycles.settling import settle
+from galloping.cycles.limit_cycles import at_value, settle
 
 # half of the range over the last 1,000 of 4,000 s, v and w in m
 CHECKS = {

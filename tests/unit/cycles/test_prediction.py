@@ -12,8 +12,7 @@ from galloping.cycles.family import LIBRARY, critical_wind
 from galloping.cycles.prediction import predict, split
 from galloping.cycles.ranking import Design, changed, critical_winds, derived, evaluate, ranked
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.physics.equations import STATES, model
-from galloping.physics.galerkin import coefficients
+from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.physics.measures import NOTHING, damper, measure, pendulum, tension, usual
 from galloping.polynomial import library
 from galloping.recording import Recording

@@ -14,7 +14,7 @@ from galloping import IdentifiedModel, Simulator, derive
 from galloping.cli import main
 from galloping.configuration.load import load, plain
 from galloping.cycles.family import critical_wind
-from galloping.cycles.settling import settle
+from galloping.cycles.limit_cycles import settle
 from galloping.field import OUTPUTS
 from galloping.storage import write_text
 

@@ -10,7 +10,7 @@ from identification_cases import (
     unknown_support,
 )
 
-from galloping.bounds.information import Experiment, state_bound
+from galloping.bounds import Experiment, state_bound
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording

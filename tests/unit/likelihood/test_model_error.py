@@ -11,8 +11,7 @@ from galloping.figures.verdicts import draw_model_error
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
 from galloping.physics.continuous import wind
-from galloping.physics.equations import STATES, model
-from galloping.physics.galerkin import coefficients
+from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.study.cells import Study

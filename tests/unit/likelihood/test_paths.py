@@ -13,10 +13,10 @@ from scipy.signal import lfilter
 
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
-from galloping.physics.equations import STATES
+from galloping.intervals import generator
+from galloping.physics.galerkin import STATES
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
-from galloping.seeds import generator
 from galloping.simulation import Simulator, time_grid
 from galloping.trials.attempts import claims, measured
 from galloping.trials.recorded_lines import TERMS, lines

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from identification_cases import RELEASE, TIME, line, model, noisy, solution, unknown_support
 
-from galloping.bounds.information import Experiment, state_bound
+from galloping.bounds import Experiment, state_bound
 from galloping.identification.likelihood.problem import posed
 from galloping.identification.likelihood.weak_gls import begin, rough_fit, weak_gls
 from galloping.polynomial import library

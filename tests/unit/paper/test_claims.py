@@ -6,10 +6,9 @@ import pytest
 from drawing import drawn
 
 from galloping.figures.against_paper import draw_printed, draw_reproduction
-from galloping.measurement.measuring import Motion
-from galloping.paper.claims import HELD, judged, together
+from galloping.measurement import Motion
+from galloping.paper.claims import CLAIMS, HELD, Claim, judged, needed, together
 from galloping.paper.draws import Amounts, paper_draws
-from galloping.paper.printed import CLAIMS, Claim, needed
 from galloping.report import printed_numbers as report
 from galloping.tables.judged_claims import claims_table, paper_table
 from galloping.tables.line_parameters import conductor

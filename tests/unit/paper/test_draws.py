@@ -9,10 +9,10 @@ from galloping.configuration.load import load, plain
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification import cell, registry
 from galloping.identification.sparse.evidence import reduce
-from galloping.measurement.measuring import measure
-from galloping.names import NOISE, PAPER_METHOD, SUBSET
-from galloping.paper import draws, noise
+from galloping.measurement import measure
+from galloping.paper import draws
 from galloping.polynomial import extended, library
+from galloping.results import NOISE, PAPER_METHOD, SUBSET
 
 LINE = plain(load({}))["cases"]["internal_resonance"]
 CASE = {**LINE, "initial_state": {**LINE["initial_state"], "q_v": 0.7, "q_w": 1.0}}
@@ -62,7 +62,7 @@ def test_one_recording_gives_one_model_by_either_way(line):
 def test_a_drawn_regression_is_that_of_its_samples(line, points):
     """With next to no noise: least squares on the same number of samples finds the line."""
     motion, model = line
-    drawn = noise.DerivativeNoise(motion, library(4, 3), np.ones(4))
+    drawn = draws.DerivativeNoise(motion, library(4, 3), np.ones(4))
     products = drawn.draw(1e-9, points, np.random.default_rng(1))
     (reduced,) = products.regressions(motion.names, library(4, 3))
     found = np.linalg.lstsq(reduced.library, reduced.targets, rcond=None)[0].T
@@ -107,7 +107,7 @@ def test_a_draw_depends_on_its_own_cell_and_number_alone():
                                   .reset_index(drop=True))  # fmt: skip
 
 
-@pytest.mark.parametrize("protocol", list(noise.PROTOCOLS))
+@pytest.mark.parametrize("protocol", list(draws.PROTOCOLS))
 def test_known_kinematic_equations_are_not_identified(protocol):
     drawn = {
         kinematics: draws.paper_draws(

@@ -9,7 +9,7 @@ from drawing import drawn
 
 from galloping.configuration.load import load, plain
 from galloping.figures.against_paper import draw_region
-from galloping.paper import draws, likelihood, noise
+from galloping.paper import draws, unknowns
 from galloping.paper.draws import Amounts
 from galloping.paper.quick import QuickStudy, coefficients
 from galloping.paper.unknowns import BASE, BY_NAME, HIGH, LOW, NAMES, UNKNOWNS, Setting
@@ -34,7 +34,7 @@ def moved():
 def test_quick_thresholds_are_those_of_the_method(moved, columns, threshold):
     motion, line = moved
     terms, rng = library(4, 3), np.random.default_rng(3)
-    products = noise.DerivativeNoise(motion, terms, np.ones(4)).draw(0.05, 10000, rng, draws=3)
+    products = draws.DerivativeNoise(motion, terms, np.ones(4)).draw(0.05, 10000, rng, draws=3)
     quick = coefficients(products, Setting(threshold, columns=columns))
     for reduced, found in zip(products.regressions(line.states, terms), quick, strict=True):
         model = draws.identify(reduced, threshold=threshold, columns=columns).model
@@ -62,12 +62,12 @@ def test_a_study_is_more_probable_at_its_own_setting(moved):
     rng = np.random.default_rng(5)
     printed = paper_search.evaluated(BASE, KNOWN, 1, rng)["draws"][0]
     claims = [
-        replace(c, paper_value=printed[c.name]) if c.is_number else c for c in likelihood.PRINTED
+        replace(c, paper_value=printed[c.name]) if c.is_number else c for c in unknowns.PRINTED
     ]
     claims = [c for c in claims if c.is_number or c.met(np.array([printed[c.name]]))[0]]
     others = [KNOWN, {**KNOWN, "threshold": 0.0008}, {**KNOWN, "wind_speed": 12.0}]
     found = [
-        sum(likelihood.log_probabilities(
+        sum(unknowns.log_probabilities(
             paper_search.evaluated_scores(BASE, values, 24, rng), printed=claims
         ).values())
         for values in others
@@ -78,23 +78,23 @@ def test_a_study_is_more_probable_at_its_own_setting(moved):
 def test_bounds_and_numbers_of_a_cell_hold_in_the_same_draw():
     """Two draws, one with the printed errors, one that keeps the bounds: neither does both."""
     rows = []
-    for cell in likelihood.CELLS:
+    for cell in unknowns.CELLS:
         for draw in range(2):
             row = dict(zip(("kind", "level", "points"), cell, strict=True)) | {"draw": draw}
             row["points"] = row["points"] or 30001
             row |= {"missing": 0, "r2_q_v": 0.9999, "r2_q_w": 0.99999}
-            for claim in likelihood.NUMBERS:
-                if likelihood.cell_of(claim) == cell:
+            for claim in unknowns.NUMBERS:
+                if unknowns.cell_of(claim) == cell:
                     row[claim.column] = claim.paper_value
             rows.append(row)
     both = pd.DataFrame(rows)
-    at_once = likelihood.log_probabilities(both)
+    at_once = unknowns.log_probabilities(both)
     apart = both.copy()
     whole = (apart["kind"] == "noise") & (apart["level"] == 0.05)
     apart.loc[whole & (apart["draw"] == 0), "r2_q_v"] = 0.5
     apart.loc[whole & (apart["draw"] == 1), "mean_error_linear_percent"] = 300.0
-    assert likelihood.log_probabilities(apart)["noise 0.05"] < at_once["noise 0.05"] - 2
-    assert likelihood.log_probabilities(apart)["noise 0.1"] == at_once["noise 0.1"]
+    assert unknowns.log_probabilities(apart)["noise 0.05"] < at_once["noise 0.05"] - 2
+    assert unknowns.log_probabilities(apart)["noise 0.1"] == at_once["noise 0.1"]
 
 
 def settings_around(centre, width, number, rng):

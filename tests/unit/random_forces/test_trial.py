@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from galloping.seeds import generator
+from galloping.intervals import generator
 from galloping.trials.ambient import DAMPING, FREQUENCIES, decays, drawn
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from galloping.configuration.load import load
 from galloping.results import Motion
-from galloping.study import files, pieces
-from galloping.study.cells import Study
+from galloping.study import files
+from galloping.study.cells import Study, without
 
 
 def study(**settings):
@@ -103,8 +103,8 @@ def test_noise_that_looks_like_percent_is_questioned_in_one_line(measurement, as
 
 def test_a_sweep_does_not_read_what_it_varies(default):
     line = default.cases[0].released
-    told = pieces.without(line, "wind_speed", "tension", None, "span")
+    told = without(line, "wind_speed", "tension", None, "span")
     assert "speed" not in told["wind"] and "tension" not in told["line"]
     assert told["line"]["span"] == line["line"]["span"]  # its spacers move with it
-    ratios = pieces.without(line, "damping_ratio")
+    ratios = without(line, "damping_ratio")
     assert ratios["damping"] == {} and ratios["initial_state"] == line["initial_state"]

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from galloping.tables.beside_reference import (
+from galloping.tables.comparison import (
     AGREES,
     DIFFERENCE_COLUMNS,
     DIFFERS,

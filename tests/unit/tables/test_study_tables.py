@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import interval
-from galloping.physics.equations import model
-from galloping.physics.galerkin import Derived, coefficients
+from galloping.physics.galerkin import Derived, coefficients, model
 from galloping.polynomial import PolynomialModel, library
 from galloping.tables.line_parameters import spacers
 from galloping.tables.scores import all_scores, data_amount, noise_coefficients, noise_r2

@@ -1,10 +1,14 @@
-"""Arrays that a user gives: lists, arrays and columns of a frame become floats, or one line."""
+"""Arrays: of a user, checked in one line; held by dataclasses, never changed; on one thread."""
 
+from collections.abc import Callable
+from dataclasses import fields
 from datetime import UTC, datetime
 from numbers import Real
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
 
 
 def floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
@@ -83,3 +87,68 @@ def increasing(name: str, values: ArrayLike) -> NDArray[np.float64]:
 def _words(shape: tuple[int | None, ...]) -> str:
     lengths = ["n" if length is None else str(length) for length in shape]
     return f"shape ({', '.join(lengths)}{',' if len(shape) == 1 else ''})"
+
+
+class Immutable:
+    """Base of dataclasses of `frozen=True, eq=False`, whose arrays and dicts become read-only.
+
+    Two are equal where all they hold is, NaN equal to NaN; equal ones have the same hash. Copies
+    and pickles are read-only too. An array that can still be written elsewhere is copied.
+    """
+
+    def __post_init__(self) -> None:
+        for name, value in self._held().items():
+            object.__setattr__(self, name, _read_only(value))
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def __reduce__(self) -> tuple[Callable, tuple]:
+        held = {
+            name: dict(value) if isinstance(value, MappingProxyType) else value
+            for name, value in self._held().items()
+        }
+        return _made, (type(self), held)
+
+    def _held(self) -> dict[str, object]:
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    def _key(self) -> tuple:
+        return tuple(map(_comparable, self._held().values()))
+
+
+def _made(of: type, held: dict[str, object]) -> object:
+    return of(**held)
+
+
+def _read_only(value: object) -> object:
+    if isinstance(value, dict):
+        return MappingProxyType(dict(value))
+    if not isinstance(value, np.ndarray):
+        return value
+    owner = value if value.base is None else value.base
+    if value.flags.writeable or not isinstance(owner, np.ndarray) or owner.flags.writeable:
+        value = np.array(value)
+        value.flags.writeable = False
+    return value
+
+
+def _comparable(value: object) -> object:
+    """Equal and hashed alike where the values are: of NaN there is one, of zero one sign."""
+    if isinstance(value, MappingProxyType):
+        return frozenset((name, _comparable(each)) for name, each in value.items())
+    if isinstance(value, tuple):
+        return tuple(map(_comparable, value))
+    if isinstance(value, float) and np.isnan(value):
+        return "nan"
+    if isinstance(value, np.ndarray):
+        alike = np.where(np.isnan(value), np.nan, value + 0.0)
+        return value.shape, alike.tobytes()
+    return value
+
+
+# What this decorates has one thread until it ends: with small matrices others only wait.
+one_thread = threadpool_limits.wrap(limits=1, user_api="blas")

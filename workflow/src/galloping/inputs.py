@@ -15,8 +15,7 @@ import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import floats, increasing, seconds
-from galloping.immutable import Immutable
+from galloping.arrays import Immutable, floats, increasing, seconds
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

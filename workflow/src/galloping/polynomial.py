@@ -15,7 +15,7 @@ from numbers import Integral
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.immutable import Immutable
+from galloping.arrays import Immutable
 
 Exponents = tuple[int, ...]
 

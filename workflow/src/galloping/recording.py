@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import floats, increasing, seconds
-from galloping.immutable import Immutable
+from galloping.arrays import Immutable, floats, increasing, seconds
 from galloping.inputs import Input
 
 

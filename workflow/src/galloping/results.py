@@ -1,4 +1,4 @@
-"""What the stages of a study hand on beside recordings and identified models.
+"""What the stages of a study hand on beside recordings and identified models, and shared names.
 
 Without what computes it: files are read and written whatever becomes of that.
 """
@@ -9,6 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from galloping.polynomial import PolynomialModel
+
+# kinds of cells, with which their names begin
+NOISE = "noise"  # a whole record
+SUBSET = "points"  # random samples of it
+JOINT = "joint"  # all recordings of a case together
+
+BOUND = "bound"  # the Cramer-Rao bound, where methods are named
+# what the paper did, as its printed numbers tell: see `galloping.paper`
+PAPER_PROTOCOL, PAPER_METHOD = "derivative", "paper"
+OURS = "maximum_likelihood"  # what figures set beside the paper's method
+OURS_FAMILY = "likelihood"
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
-from galloping.immutable import Immutable
+from galloping.arrays import Immutable
 from galloping.inputs import Input
 from galloping.polynomial import Exponents, PolynomialModel
 
@@ -133,7 +133,7 @@ class Simulator:
                 self._at[key] = Simulator(self.states, model.terms, inputs=model.inputs)
             rest = {name: inputs[name] for name in model.inputs}
             return self._at[key](model, x0, time, rest)
-        from galloping.driven import first_step, solution  # compiles
+        from galloping.taylor import first_step, solution  # compiles
 
         own = [inputs[name] for name in model.inputs]
         step = min(self._step, first_step(own))

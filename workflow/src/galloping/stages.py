@@ -6,20 +6,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import finite, increasing
+from galloping.arrays import finite, increasing, one_thread
 from galloping.arrays import initial_state as checked_state
-from galloping.bounds.information import Experiment, state_bound
+from galloping.bounds import Experiment, state_bound
 from galloping.configuration.load import ConfigurationError, load, plain
 from galloping.inputs import Input, at_times
-from galloping.measurement.measuring import Motion
-from galloping.measurement.measuring import measure as recordings_of
-from galloping.measurement.protocols import BY_NAME
-from galloping.physics.equations import model as equations_of
+from galloping.measurement import BY_NAME, Motion
+from galloping.measurement import measure as recordings_of
 from galloping.physics.galerkin import coefficients
+from galloping.physics.galerkin import model as equations_of
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 from galloping.simulation import Simulator, Trajectory, check_inputs
-from galloping.threads import one_thread
 
 
 def derive(**sections: Mapping | float) -> PolynomialModel:

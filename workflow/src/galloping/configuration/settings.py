@@ -12,7 +12,7 @@ from galloping.configuration.keys import keys
 from galloping.configuration.kinds import KINDS, LONGEST
 from galloping.fields import Name, invalid, one_of, selection, setting, show
 from galloping.identification.registry import METHODS
-from galloping.measurement.protocols import PROTOCOLS
+from galloping.measurement import PROTOCOLS
 from galloping.physics.gusts import SPECTRA
 
 LineSection = keys("line", "The span and how it hangs.")

@@ -5,8 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.physics.equations import STATES, TERMS, model
-from galloping.physics.galerkin import coefficients, frequencies, ice_coefficients, modes
+from galloping.physics.galerkin import (
+    STATES,
+    TERMS,
+    coefficients,
+    frequencies,
+    ice_coefficients,
+    model,
+    modes,
+)
 from galloping.physics.line import Line, integrate
 from galloping.polynomial import PolynomialModel
 

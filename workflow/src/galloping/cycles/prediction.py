@@ -21,9 +21,9 @@ from galloping.cycles.limit_cycles import (
     Orbit,
     at_value,
     from_motion,
+    settle,
     settled,
 )
-from galloping.cycles.settling import settle
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import Identified, drawn, normal, of_draws
 from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs

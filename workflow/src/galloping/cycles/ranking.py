@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from galloping.cycles.limit_cycles import settled
+from galloping.cycles.limit_cycles import Settled, settle, settled
 from galloping.cycles.prediction import Split, near, split
-from galloping.cycles.settling import Settled, settle
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import of_draws
 from galloping.physics.clearance import clearance
-from galloping.physics.equations import STATES, model
-from galloping.physics.galerkin import coefficients
+from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.physics.measures import NOTHING, Measure, added, modal_masses
 from galloping.simulation import Simulator
 

@@ -6,21 +6,18 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.cycles.continuation import Branch, Range
-from galloping.cycles.diagram import Diagram, diagram
-from galloping.cycles.equilibria import HOPF
+from galloping.cycles.diagram import HOPF, Diagram, diagram
 from galloping.cycles.family import (
     critical_wind,
     initial_state,
     line_family,
     parameter,
 )
-from galloping.cycles.limit_cycles import Orbit
+from galloping.cycles.limit_cycles import Orbit, Settled, settle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, Outcome, outline
-from galloping.cycles.settling import Settled, settle
 from galloping.physics.clearance import clearance, design_ellipses, envelope
-from galloping.physics.equations import STATES
-from galloping.physics.galerkin import frequencies, modes
+from galloping.physics.galerkin import STATES, frequencies, modes
 from galloping.physics.line import Line
 from galloping.simulation import Simulator
 

@@ -16,7 +16,7 @@ from galloping.evaluation.motion import (
 )
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95
-from galloping.physics.equations import EQUATIONS
+from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import PolynomialModel
 from galloping.simulation import Simulator, Trajectory
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
-from galloping.bounds.information import Experiment, bound_of, information
+from galloping.bounds import Experiment, bound_of, information
 from galloping.field.dynamics import Surroundings
 from galloping.field.forecast import Sensed, simulator_of
 from galloping.field.recordings import excerpts

@@ -13,21 +13,26 @@ from itertools import product
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from galloping.arrays import Immutable, one_thread
 from galloping.cycles.continuation import NotConverged, Point, Range, corrected
-from galloping.cycles.diagram import Diagram, diagram
-from galloping.cycles.equilibria import equilibrium_branch, hopf_points
+from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
 from galloping.cycles.family import Family
-from galloping.cycles.limit_cycles import VANISHED, CycleProblem, Orbit, at_value, settled
-from galloping.cycles.settling import Settled, settle
+from galloping.cycles.limit_cycles import (
+    VANISHED,
+    CycleProblem,
+    Orbit,
+    Settled,
+    at_value,
+    settle,
+    settled,
+)
 from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value, zero_of
 from galloping.field.forecast import simulator_of
 from galloping.field.units import plain_unit
 from galloping.identification.model import IdentifiedModel
-from galloping.immutable import Immutable
 from galloping.intervals import drawn, of_draws
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
-from galloping.threads import one_thread
 
 KICK = 1e-2  # of the size of the motion, from an equilibrium
 BEYOND = 2.5  # sizes of the motion: how far from its middle equilibria are looked for

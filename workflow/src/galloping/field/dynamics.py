@@ -7,14 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, root
 
+from galloping.arrays import Immutable
 from galloping.cycles.family import Family
-from galloping.cycles.limit_cycles import Orbit, settled
+from galloping.cycles.limit_cycles import Orbit, settle, settled
 from galloping.cycles.prediction import near
-from galloping.cycles.settling import settle
 from galloping.field.forecast import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.modes import decay_interval
-from galloping.immutable import Immutable
 from galloping.intervals import NORMAL_95, drawn, of_draws
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from galloping.arrays import Immutable
 from galloping.field.recordings import known_ahead
 from galloping.field.units import NONE
 from galloping.identification.likelihood.integrals import (
@@ -18,7 +19,6 @@ from galloping.identification.likelihood.integrals import (
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces
-from galloping.immutable import Immutable
 from galloping.inputs import Input, at_times
 from galloping.intervals import QUANTILES_90, drawn
 from galloping.passes import passing

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import increasing
+from galloping.arrays import Immutable, increasing, one_thread
 from galloping.field import dynamics as of_line
 from galloping.field import forecast as ahead
 from galloping.field.advice import Advice, Identify, advice, objected
@@ -34,11 +34,9 @@ from galloping.field.wording import summary_text
 from galloping.identification.likelihood.inputs import checked_recordings
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces
-from galloping.immutable import Immutable
 from galloping.inputs import Input
 from galloping.passes import part, passing
 from galloping.recording import Recording
-from galloping.threads import one_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

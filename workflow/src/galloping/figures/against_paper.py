@@ -27,9 +27,9 @@ from galloping.figures.style import (
     scientific,
     spoken,
 )
-from galloping.names import PAPER_METHOD
-from galloping.paper.printed import AT_LEAST, AT_MOST, CLAIMS, Claim
+from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, Claim
 from galloping.paper.unknowns import BASE, UNKNOWNS, Unknown
+from galloping.results import PAPER_METHOD
 
 BY_NAME = {claim.name: claim for claim in CLAIMS}
 ROW, HEAD = 0.23, 1.25  # inches: height of a claim, room for the heads and the legend

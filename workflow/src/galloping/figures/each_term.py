@@ -22,8 +22,7 @@ from galloping.figures.style import (
 )
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import IDENTIFIABLE
-from galloping.physics.equations import EQUATIONS, STATES, TERMS
-from galloping.physics.galerkin import Derived
+from galloping.physics.galerkin import EQUATIONS, STATES, TERMS, Derived
 from galloping.polynomial import library, term_name
 from galloping.tables.table3 import identified_terms
 

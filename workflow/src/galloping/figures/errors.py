@@ -21,8 +21,8 @@ from galloping.figures.style import (
     method_style,
     spoken,
 )
-from galloping.names import BOUND, NOISE, OURS, PAPER_METHOD, SUBSET
-from galloping.paper.printed import CLAIMS, Claim
+from galloping.paper.claims import CLAIMS, Claim
+from galloping.results import BOUND, NOISE, OURS, PAPER_METHOD, SUBSET
 from galloping.tables.scores import ORACLE, ORDERS, mean_error, of_kind, spread
 
 DECADES = (1e-2, 1e2)  # percent: the axis of errors where there are none

@@ -18,7 +18,7 @@ from galloping.figures.style import (
     scientific,
     spoken,
 )
-from galloping.measurement.measuring import Motion
+from galloping.measurement import Motion
 
 LAST = 30.0  # s at the end of the record, where single periods can be seen
 HEADROOM = 1.5  # of the true motion: what goes beyond is cut

@@ -12,9 +12,8 @@ from matplotlib.patches import Arc, Circle, FancyBboxPatch, Polygon
 
 from galloping.figures import parts
 from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, TRUE, method_style, spoken
-from galloping.measurement.measuring import Motion
-from galloping.physics.equations import STATES
-from galloping.physics.galerkin import Derived, ice_coefficients
+from galloping.measurement import Motion
+from galloping.physics.galerkin import STATES, Derived, ice_coefficients
 from galloping.physics.line import MODES, Line, positions
 
 ICE, METAL, INK = "#d6e6f2", "#6b6b6b", "#111111"

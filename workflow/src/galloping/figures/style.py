@@ -13,7 +13,7 @@ from pathlib import Path
 import matplotlib.style
 from matplotlib.figure import Figure
 
-from galloping.names import BOUND
+from galloping.results import BOUND
 from galloping.storage import replacing
 
 SINGLE, DOUBLE = 3.5, 7.2  # inches: one and two columns of a paper

@@ -13,8 +13,8 @@ from matplotlib.patches import Patch
 from galloping.configuration.kinds import GAMMAS
 from galloping.figures import parts
 from galloping.figures.style import DOUBLE, MODEL, PAPER, QUIET, SERIES, SHADE, method_style, spoken
-from galloping.names import OURS
-from galloping.trials.published_numbers import METHODS
+from galloping.results import OURS
+from galloping.tables.trial_summaries import METHODS
 
 STATUSES = ("ok", "not identifiable", "approximate", "refused")
 WHOLE = {"facecolor": "white", "edgecolor": QUIET, "linewidth": 0.7, "hatch": "////"}

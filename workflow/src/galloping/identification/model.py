@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from galloping.arrays import increasing
+from galloping.arrays import Immutable, increasing
 from galloping.arrays import initial_state as checked_state
-from galloping.immutable import Immutable
 from galloping.inputs import Input
 from galloping.polynomial import Exponents, PolynomialModel, merged, with_error
 from galloping.storage import read_json, write_json

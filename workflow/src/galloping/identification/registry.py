@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from galloping.fields import Section
 from galloping.identification.options import Ensemble, NoOptions, Paper, Scanned, Thresholded
-from galloping.measurement import protocols
-from galloping.measurement.protocols import (
+from galloping.measurement import (
     ALL_STATES,
     DERIVATIVES,
     DISPLACEMENTS_ALONE,
+    PROTOCOLS,
     RATES,
     Protocol,
 )
@@ -52,7 +52,7 @@ class Method:
     @property
     def protocols(self) -> tuple[str, ...]:
         """Names of the protocols whose recordings it can use."""
-        return tuple(each.name for each in protocols.PROTOCOLS if each.measures in self.takes)
+        return tuple(each.name for each in PROTOCOLS if each.measures in self.takes)
 
     @property
     def modules(self) -> tuple[str, ...]:

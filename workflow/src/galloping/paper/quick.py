@@ -26,9 +26,8 @@ from galloping.identification.sparse.supports import (
     threshold_path,
     thresholded_supports,
 )
-from galloping.measurement.measuring import Motion, channel_scale
-from galloping.paper.draws import PATH_LENGTH, Amounts
-from galloping.paper.noise import PROTOCOLS, Products
+from galloping.measurement import Motion, channel_scale
+from galloping.paper.draws import PATH_LENGTH, PROTOCOLS, Amounts, Products
 from galloping.paper.unknowns import Setting
 from galloping.polynomial import Exponents, PolynomialModel, library
 

@@ -14,8 +14,7 @@ from numba import njit
 from numpy.polynomial.legendre import legvander
 from scipy.optimize import root
 
-from galloping.physics.equations import STATES
-from galloping.physics.galerkin import ice_coefficients
+from galloping.physics.galerkin import STATES, ice_coefficients
 from galloping.physics.gusts import wind_speed
 from galloping.physics.line import Line, Mode, positions, weights
 from galloping.results import Motion

@@ -9,8 +9,8 @@ from galloping.configuration.schema import child, leaves, schema
 from galloping.configuration.settings import CaseSection, Settings, paper_cases
 from galloping.fields import show
 from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
-from galloping.measurement.protocols import ALL_STATES, DERIVATIVES, Protocol
-from galloping.names import (
+from galloping.measurement import ALL_STATES, DERIVATIVES, Protocol
+from galloping.results import (
     JOINT,
     NOISE,
     OURS,

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 
 from galloping.intervals import IDENTIFIABLE
-from galloping.physics.equations import EQUATIONS
-from galloping.physics.galerkin import Derived
+from galloping.physics.galerkin import EQUATIONS, Derived
 from galloping.polynomial import extended, library
 from galloping.tables.scores import exact, failures
 

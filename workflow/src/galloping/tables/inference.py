@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 
 from galloping.intervals import QUANTILES_90
-from galloping.paper.likelihood import CELLS, NUMBERS, PRINTED, cell_name
-from galloping.paper.unknowns import BASE, BY_NAME, UNKNOWNS
+from galloping.paper.unknowns import BASE, BY_NAME, CELLS, NUMBERS, PRINTED, UNKNOWNS, cell_name
 from galloping.trials import paper_search
 from galloping.trials.paper_search import STEADY
 

@@ -6,10 +6,9 @@ import numpy as np
 import pandas as pd
 
 from galloping.evaluation.motion import steady_amplitude
-from galloping.measurement.measuring import Motion
-from galloping.names import NOISE, PAPER_METHOD, PAPER_PROTOCOL
-from galloping.paper.claims import judged, together, verdict_of_share
-from galloping.paper.printed import CLAIMS, Claim
+from galloping.measurement import Motion
+from galloping.paper.claims import CLAIMS, Claim, judged, together, verdict_of_share
+from galloping.results import NOISE, PAPER_METHOD, PAPER_PROTOCOL
 
 COLUMNS = (
     "claim", "source", "case", "direction", "quantity", "paper_value", "study_value", "low", "high",

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import pandas as pd
 
 from galloping.intervals import interval
-from galloping.names import NOISE, SUBSET
+from galloping.results import NOISE, SUBSET
 
 CELL = ["case", "protocol", "level"]
 ORDERS = ("linear", "quadratic", "cubic")

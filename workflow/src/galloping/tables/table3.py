@@ -7,8 +7,7 @@ import pandas as pd
 
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import interval
-from galloping.physics.equations import EQUATIONS, STATES, symbol_of
-from galloping.physics.galerkin import Derived
+from galloping.physics.galerkin import EQUATIONS, STATES, Derived, symbol_of
 from galloping.polynomial import Exponents, PolynomialModel, extended, library, term_name
 
 TERMS = ["equation", "symbol", "term", "true", "identified", "low", "high", "found"]

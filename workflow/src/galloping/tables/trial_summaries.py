@@ -1,15 +1,59 @@
 """Trials summed up: how often a verdict is right, what it costs, and what others published of the
 same.
+
+`exact_terms.csv`: how many of DRAWS draws of the noise of the Lorenz system gave exactly the right
+terms, by length in s and noise level, as kept in AHsu98/jsindy at da8393e,
+`paper-figures/lorenz-heatmap` (MIT licence, copyright 2025 Alexander W. Hsu, Ike W. Griss Salas,
+Jacob M. Stevens-Haas, J. Nathan Kutz, Aleksandr Aravkin and Bamdad Hosseini), the row of ODR-BINDy
+by its author L. Fung (arXiv 2507.23426). ODR-BINDy is told the size of the noise. Of van der Pol
+and Roessler the authors give pictures and no numbers. Intervals: PSI-SINDy, arXiv 2610.11486,
+5,000 draws; the size of the noise is known.
 """
 
+import csv
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
 from galloping.tables.scores import together
-from galloping.trials import published_numbers as published
+
+# --- published ---
+
+
+DRAWS = 128
+METHODS = {
+    "odr_bindy": "ODR-BINDy (told the noise)",
+    "jsindy": "JSINDy",
+    "ensemble_weak_sindy": "ensemble weak SINDy",
+}
+
+
+def _shares() -> dict[str, dict[tuple[float, float], float]]:
+    """By method, and (duration, level)."""
+    shares: dict = {method: {} for method in METHODS}
+    with Path(__file__).with_name("exact_terms.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            of, level = shares[row.pop("method")], float(row.pop("level"))
+            of |= {(float(length), level): int(n) / DRAWS for length, n in row.items()}
+    return shares
+
+
+EXACT = {"lorenz": _shares()}  # by system
+
+# PSI-SINDy, of the quadratic coefficient. Without one: the least and the largest share of the
+# intervals of 95 % that hold zero, and the same of naive tests at level 0.05 that reject it, over
+# 200, 800, 1,600 and 3,200 samples; the median width of the intervals at the ends of that range.
+# With one: the share of its tests that reject zero.
+HOLDING, NAIVE_REJECTIONS = (0.946, 0.956), (0.074, 0.087)
+WIDTHS = {200: 0.385, 3200: 0.096}
+POWER = {("gamma 0.02", 800): 0.0675, ("gamma 0.16", 800): 0.6485}
+
+
+# --- summaries ---
+
 
 EVERY_TERM = 9.0  # least t at the bound of lines whose terms a recording tells without doubt
 
@@ -69,7 +113,7 @@ def published_terms(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.
 
     parts: fits of `galloping.trials.published.exact_terms`. exact: share of fits with exactly the
     right terms, with an interval of 95 % (E. B. Wilson 1927), and beside it the share that each of
-    `published_numbers.METHODS` had, NaN where none is known. ok_and_inexact: `ok` with any other
+    `METHODS` had, NaN where none is known. ok_and_inexact: `ok` with any other
     terms, even such as are below the stated limits. weakest_t: of the true terms, at the bound.
     settings: none are read.
     """
@@ -83,7 +127,7 @@ def published_intervals(parts: Mapping[str, pd.DataFrame], settings: Mapping) ->
     parts: fits of `galloping.trials.published.intervals`. found: share of models with the term,
     with an interval as in `published_terms`; holds: of the intervals of 95 % with its true
     coefficient; width: their median. The published numbers beside them are those of
-    `published_numbers`, NaN where none is known; of naive tests the range over the lengths.
+    this module, NaN where none is known; of naive tests the range over the lengths.
     settings: none are read.
     """
     return _summed(together(parts, settings), ["case", "samples", "method"], _intervals)
@@ -158,12 +202,12 @@ def _paths(fits: pd.DataFrame) -> dict[str, object]:
 
 def _exact(fits: pd.DataFrame) -> dict[str, object]:
     system, duration, level = fits.iloc[0][["system", "duration", "level"]]
-    shares, cell = published.EXACT.get(system, {}), (duration, round(level, 6))
+    shares, cell = EXACT.get(system, {}), (duration, round(level, 6))
     ok = fits["status"] == "ok"
     return {
         "fits": len(fits),
         **_with_interval(fits["exact"]),
-        **{name: shares.get(name, {}).get(cell, np.nan) for name in published.METHODS},
+        **{name: shares.get(name, {}).get(cell, np.nan) for name in METHODS},
         "ok": int(ok.sum()),
         "ok_and_inexact": int(np.sum(ok & ~fits["exact"])),
         "ok_and_wrong": int(fits["ok_and_wrong"].sum()),
@@ -174,13 +218,13 @@ def _exact(fits: pd.DataFrame) -> dict[str, object]:
 
 def _intervals(fits: pd.DataFrame) -> dict[str, object]:
     case, samples = fits.iloc[0][["case", "samples"]]
-    naive, holding, widths = published.NAIVE_REJECTIONS, published.HOLDING, published.WIDTHS
+    naive, holding, widths = NAIVE_REJECTIONS, HOLDING, WIDTHS
     if case != "gamma 0":  # what was published of an absent term
         naive, holding, widths = (np.nan, np.nan), (np.nan, np.nan), {}
     return {
         "fits": len(fits),
         **_with_interval(fits["found"]),
-        "found_published": published.POWER.get((case, samples), np.nan),
+        "found_published": POWER.get((case, samples), np.nan),
         "found_naive_low": naive[0],
         "found_naive_high": naive[1],
         "holds": fits["holds"].mean(),

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 
 from galloping.cycles.family import PARAMETERS, Parameter, entry, initial_state
-from galloping.names import PAPER_METHOD, PAPER_PROTOCOL
 from galloping.paper.claims import HELD
 from galloping.paper.draws import Amounts, line_motion, paper_draws
 from galloping.physics.galerkin import coefficients
+from galloping.results import PAPER_METHOD, PAPER_PROTOCOL
 from galloping.tables.judged_claims import COLUMNS, claims_table
 
 THRESHOLD = "threshold"  # of the method, not of the line

@@ -6,11 +6,11 @@ from time import process_time
 
 import numpy as np
 
-from galloping.bounds.recordings import bounds_of, on_library
+from galloping.bounds import bounds_of, on_library
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95
-from galloping.measurement.measuring import Motion, measure, noises_of
+from galloping.measurement import Motion, measure, noises_of
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 

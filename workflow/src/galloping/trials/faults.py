@@ -11,12 +11,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.identification.likelihood import instrument
-from galloping.physics.equations import STATES, model
-from galloping.physics.galerkin import coefficients
+from galloping.intervals import generator
+from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.physics.gusts import wind_speed
 from galloping.polynomial import PolynomialModel, design_matrix
 from galloping.recording import Recording
-from galloping.seeds import generator
 from galloping.trials.attempts import Attempt, trial_of
 from galloping.trials.recorded_lines import DURATION, MARGIN, RATE, MovingLine, default_line
 

@@ -1,7 +1,7 @@
 """Settings of what the paper leaves out at which its printed numbers are probable.
 
 A reading of the paper is searched from settings at random, those first whose motion is steady, by
-an evolution strategy (CMA-ES; Hansen 2016) that climbs the probability of `paper.likelihood`.
+an evolution strategy (CMA-ES; Hansen 2016) that climbs the probability of `paper.unknowns`.
 
 The probability of a setting is known from a few draws of the noise, and scatters. A Gaussian
 process through all settings tried smooths it, another one tells which motions are steady; both
@@ -25,13 +25,13 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
-from galloping.measurement.measuring import Motion
-from galloping.paper import likelihood
+from galloping.intervals import generator
+from galloping.measurement import Motion
+from galloping.paper import unknowns
 from galloping.paper.draws import Amounts, line_motion
 from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
 from galloping.paper.unknowns import BY_NAME, HIGH, LOW, NAMES, Variant
 from galloping.physics.galerkin import coefficients
-from galloping.seeds import generator
 
 AMOUNTS = Amounts()
 STEADY = 0.02  # relative change of amplitude between the halves of the steady window
@@ -137,7 +137,7 @@ def evaluated(
     summed: with the shares of draws of each claim instead of one draw.
     """
     row = {**values, "change": np.nan, "log_probability": np.nan, "height": 10 * IMPOSSIBLE}
-    case, setting = variant.case(_line(likelihood.CASE), values), variant.method(values)
+    case, setting = variant.case(_line(unknowns.CASE), values), variant.method(values)
     weakest = _weakest(variant, values) / setting.threshold if _is_raw(setting) else np.inf
     if weakest < 1:  # no recovery without noise, in either case
         return {**row, "height": 2 * IMPOSSIBLE + 100 * np.log(weakest)}
@@ -148,21 +148,19 @@ def evaluated(
     if variant.steady and row["change"] >= STEADY:
         return {**row, "height": IMPOSSIBLE - 100 * np.log(row["change"] / STEADY)}
     scores = _scores(motion, line, setting, draws, rng)
-    logs = likelihood.log_probabilities(scores)
+    logs = unknowns.log_probabilities(scores)
     row["log_probability"] = row["height"] = sum(logs.values())
     row["without_amplitudes"] = sum(
-        likelihood.log_probabilities(scores, left_out=("amplitude",)).values()
+        unknowns.log_probabilities(scores, left_out=("amplitude",)).values()
     )
     if summed:
-        return row | logs | dict(likelihood.shares(scores))
+        return row | logs | dict(unknowns.shares(scores))
     # those that share no random subset
-    return (
-        row | logs | {"draws": [likelihood.one_draw(scores, k) for k in range(0, draws, SHARING)]}
-    )
+    return row | logs | {"draws": [unknowns.one_draw(scores, k) for k in range(0, draws, SHARING)]}
 
 
 def _scores(motion, line, setting, draws, rng) -> pd.DataFrame:
-    return QuickStudy(motion, line, AMOUNTS).draws(setting, draws, rng, still=likelihood.STILL)
+    return QuickStudy(motion, line, AMOUNTS).draws(setting, draws, rng, still=unknowns.STILL)
 
 
 def evaluated_scores(
@@ -170,7 +168,7 @@ def evaluated_scores(
 ) -> pd.DataFrame:
     """Draws of the paper's study at one setting, whatever its motion."""
     moved = line_motion(
-        variant.case(_line(likelihood.CASE), values), AMOUNTS.duration, AMOUNTS.sampling_rate
+        variant.case(_line(unknowns.CASE), values), AMOUNTS.duration, AMOUNTS.sampling_rate
     )
     return _scores(*moved, variant.method(values), draws, rng)
 
@@ -181,7 +179,7 @@ def _is_raw(setting) -> bool:
 
 def _weakest(variant: Variant, values: Mapping[str, float]) -> float:
     """The smallest coefficient of both of the paper's lines."""
-    both = [coefficients(variant.case(_line(n), values)) for n in (likelihood.CASE, "non_resonant")]
+    both = [coefficients(variant.case(_line(n), values)) for n in (unknowns.CASE, "non_resonant")]
     return min(abs(value) for each in both for value in each.values() if value)
 
 
@@ -213,7 +211,7 @@ def _at_random(
         if _is_raw(variant.method(values)) and values["threshold"] > weakest:
             continue
         case = variant.case(
-            _line(likelihood.CASE), {**values, "release_vertical": 0.5, "release_horizontal": 0.5}
+            _line(unknowns.CASE), {**values, "release_vertical": 0.5, "release_horizontal": 0.5}
         )
         if coefficients(case)["gamma_1"] >= 0:
             continue  # the line does not gallop in this wind
@@ -278,7 +276,7 @@ def predicted(
     ]
     return {
         claim.name: np.concatenate([claim.values(table) for table in tables])
-        for claim in likelihood.NUMBERS
+        for claim in unknowns.NUMBERS
     }
 
 

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.bounds.information import Experiment, state_bound
-from galloping.bounds.recordings import on_library
+from galloping.bounds import Experiment, on_library, state_bound
 from galloping.configuration.kinds import GAMMAS, LONGEST
 from galloping.identification.cell import identify
-from galloping.intervals import NORMAL_95
+from galloping.intervals import NORMAL_95, generator
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
-from galloping.seeds import generator
 from galloping.simulation import Simulator
 from galloping.trials.attempts import Attempt, fits
 from galloping.trials.systems import model_of

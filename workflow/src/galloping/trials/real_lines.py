@@ -17,13 +17,12 @@ from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
 from galloping.inputs import Input
-from galloping.intervals import NORMAL_95, drawn
+from galloping.intervals import NORMAL_95, drawn, generator
 from galloping.physics import continuous, galerkin
-from galloping.physics.equations import STATES
+from galloping.physics.galerkin import STATES
 from galloping.physics.line import Line
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
-from galloping.seeds import generator
 from galloping.simulation import Simulator
 from galloping.terms import parse
 

@@ -21,11 +21,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.configuration.load import load, plain
-from galloping.cycles.settling import settle
-from galloping.physics.equations import STATES, model
-from galloping.physics.galerkin import coefficients
+from galloping.cycles.limit_cycles import settle
+from galloping.intervals import generator
+from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.polynomial import PolynomialModel, library
-from galloping.seeds import generator
 from galloping.simulation import Simulator, time_grid
 from galloping.trials.attempts import Attempt, at_the_bound, fits, measured, trial_of
 

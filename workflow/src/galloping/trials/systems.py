@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from galloping.bounds.information import Experiment, state_bound
-from galloping.bounds.recordings import on_library
+from galloping.bounds import Experiment, on_library, state_bound
 from galloping.polynomial import PolynomialModel, library
 from galloping.simulation import Simulator
 from galloping.trials.attempts import fits, measured

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from galloping.arrays import one_thread
 from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.free_run import (
     forgets_start,
@@ -58,7 +59,6 @@ from galloping.identification.random_forces.random_forces import moved_at_random
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
-from galloping.threads import one_thread
 
 PRIOR = Prior()
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from galloping.arrays import one_thread
 from galloping.identification.likelihood.inputs import check_question, checked_recordings, driven
 from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.problem import Problem, largest, posed
@@ -18,7 +19,6 @@ from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
-from galloping.threads import one_thread
 
 WEAK_ITERATIONS = 3  # of the weights: the coefficients then move by less than their errors
 # Periods of the stretch of a long recording that a start is fitted to. Measured: of the default

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
+from galloping.arrays import one_thread
 from galloping.identification.likelihood.inputs import check_question, checked_recordings
 from galloping.identification.likelihood.plausible import detection_limits
 from galloping.identification.likelihood.prior import costs
@@ -47,7 +48,6 @@ from galloping.identification.random_forces.whiteness import Whiteness, whitenes
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.recording import Recording
-from galloping.threads import one_thread
 
 SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the modes, rad/s
 SLOWER = 4.0  # times the period of the swings, at which a start then follows something else

@@ -1,14 +1,17 @@
-"""Measurement protocols: what each measures of a motion, and how well.
+"""What instruments would have recorded of a motion, by one protocol or another.
 
-A protocol is its noise on each state and on each state's derivative: from it follow the recordings
-(`measuring`), the Cramer-Rao bound (`bounds.recordings`) and which methods can use them
-(`identification.registry`).
+A protocol is its noise on each state and on each state's derivative: from it follow the recordings,
+the Cramer-Rao bound (`bounds`) and which methods can use them (`identification.registry`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from galloping.intervals import generator
+from galloping.recording import Recording
+from galloping.results import Motion
 
 # What recordings hold: exact states with their derivatives, all states, not all of them, or
 # derivatives beside states that are not exact, if there are any.
@@ -22,7 +25,7 @@ class Noise:
     """Standard deviation of the noise on each channel: 0 where exact, inf where not measured.
 
     states, derivatives: (n_states,), of the states in their units and of their derivatives. It is
-    drawn white and Gaussian (`measuring.measure`).
+    drawn white and Gaussian (`measure`).
     """
 
     states: np.ndarray
@@ -98,3 +101,69 @@ PROTOCOLS = (
     Protocol("acceleration", _accelerations, "noisy accelerations alone", by_default=False),
 )
 BY_NAME = {protocol.name: protocol for protocol in PROTOCOLS}
+
+
+# --- recordings ---
+
+
+def measure(
+    motions: Sequence[Motion],
+    *,
+    protocol: str,
+    level: float,
+    relative: bool,
+    samples: int,
+    recordings: int,
+    replicates: int,
+    seed: int,
+    name: Sequence[str],
+) -> list[tuple[Recording, ...]]:
+    """Independent recordings of the first motion or of several under one protocol, by replicate.
+
+    level: of the noise; relative: in units of each channel's standard deviation. samples: how many
+    of each motion; fewer than it has are a random subset, drawn without replacement. recordings: of
+    how many motions. The recording of a motion in a replicate depends on `seed`, `name` and these
+    two numbers only.
+    """
+    noises = noises_of(motions[:recordings], protocol, level, relative)
+    of_derivatives = "derivatives" if BY_NAME[protocol].measures == DERIVATIVES else "rates"
+
+    def record(replicate: int, release: int) -> Recording:
+        rng = generator(seed, "measurement", *name, replicate, release)
+        motion, noise = motions[release], noises[release]
+        rows = slice(None)
+        if samples < len(motion.time):
+            rows = np.sort(rng.choice(len(motion.time), size=samples, replace=False))
+        values = _channels(motion.states[rows], noise.states, rng)
+        further = {}
+        if np.any(np.isfinite(noise.derivatives)):
+            channels = _channels(motion.derivatives[rows], noise.derivatives, rng)
+            further[of_derivatives] = channels
+        return Recording(motion.time[rows], motion.names, values, **further)
+
+    return [tuple(record(r, i) for i in range(recordings)) for r in range(replicates)]
+
+
+def noises_of(
+    motions: Sequence[Motion], protocol: str, level: float, relative: bool
+) -> list[Noise]:
+    """The noise on each motion. Raises KeyError for an unknown protocol."""
+    described = BY_NAME[protocol]
+    return [described.noise(level, channel_scale(each, relative)) for each in motions]
+
+
+def _channels(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Exact channels (n, n_channels) with noise, NaN where one is not measured."""
+    if not np.any(sigma):
+        return exact
+    return exact + np.where(np.isinf(sigma), np.nan, sigma) * rng.standard_normal(exact.shape)
+
+
+def channel_scale(motion: Motion, relative: bool) -> np.ndarray:
+    """What a noise level is in units of, (2, n_states), of states and of derivatives.
+
+    relative: the standard deviation of each, else one SI unit.
+    """
+    if not relative:
+        return np.ones((2, len(motion.names)))
+    return np.array([motion.states.std(axis=0), motion.derivatives.std(axis=0)])

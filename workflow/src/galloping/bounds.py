@@ -1,0 +1,454 @@
+"""The Cramer-Rao bound: how precisely any unbiased method can know each coefficient.
+
+From recordings of a line, models drawn at it too, and which further recording would help most.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import heyoka as hy
+import numpy as np
+
+from galloping.identification.model import IdentifiedModel
+from galloping.inputs import Input, at_times
+from galloping.intervals import IDENTIFIABLE, generator
+from galloping.measurement import Motion, Noise, measure, noises_of
+from galloping.physics.galerkin import EQUATIONS
+from galloping.polynomial import Exponents, PolynomialModel, beside, design_matrix, term_name
+from galloping.simulation import (
+    COMPILATION,
+    EQUAL_STEPS,
+    Simulator,
+    check_inputs,
+    equations,
+    most_steps,
+)
+from galloping.taylor import first_step, solution
+
+# --- how a motion depends on coefficients and on where it starts ---
+
+
+MAX_STEPS = 2**16
+Places = tuple[tuple[int, int], ...]
+
+
+def sensitivities(
+    model: PolynomialModel,
+    free: np.ndarray,
+    initial_state: np.ndarray,
+    time: np.ndarray,
+    inputs: Mapping[str, Input] | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The solution of `model` at `time` and its derivatives, without inputs to double precision.
+
+    free: (n_free, 2) pairs (equation, term) of the coefficients to differentiate by; absent ones
+    too. initial_state: (n_states,) at time[0]. time: (n,), s, increasing. inputs: the model's.
+    Returns the states (n, n_states) and the sensitivities (n, n_states, n_free + n_states), by
+    the free coefficients and then by the initial state.
+    Raises ValueError where the solution leaves the range of numbers.
+    """
+    n, n_free = len(model.states), len(free)
+    diverges = "the solution of the model diverges, or its time scale is too short"
+    if model.inputs:
+        own = list(check_inputs(model, inputs or {}, time).values())
+        most = EQUAL_STEPS * most_steps(time)
+        try:
+            states, moved, _ = solution(
+                model, own, np.asarray(initial_state, float), time, first_step(own), most, free
+            )
+        except FloatingPointError:
+            raise ValueError(diverges) from None
+        if not (np.all(np.isfinite(states)) and np.all(np.isfinite(moved))):
+            raise ValueError(diverges)
+        return states, moved
+    support = model.support
+    support[free[:, 0], free[:, 1]] = True
+    ta = _integrator(model.states, model.terms, _places(np.argwhere(support)), _places(free))
+    ta.pars[:] = model.coefficients[support]
+    ta.time = time[0]
+    ta.state[:] = np.concatenate([initial_state, np.eye(n, n_free + n, n_free).ravel()])
+    outcome, *_, states = ta.propagate_grid(time, max_steps=MAX_STEPS)
+    if outcome != hy.taylor_outcome.time_limit:
+        raise ValueError(diverges)
+    return states[:, :n], states[:, n:].reshape(len(time), n, -1)
+
+
+def rate_sensitivities(
+    model: PolynomialModel,
+    free: np.ndarray,
+    states: np.ndarray,
+    moved: np.ndarray,
+    inputs: np.ndarray | None = None,
+) -> np.ndarray:
+    """Those of the states' derivatives, shaped alike, from what `sensitivities` returns.
+
+    inputs: (n, n_inputs) of a model with inputs.
+    """
+    rates = model.jacobian(states, inputs) @ moved
+    theta = design_matrix(beside(states, inputs), model.terms)
+    rates[:, free[:, 0], np.arange(len(free))] += theta[:, free[:, 1]]
+    return rates
+
+
+def _places(pairs: np.ndarray) -> Places:
+    return tuple(map(tuple, pairs.tolist()))
+
+
+@lru_cache(maxsize=16)
+def _integrator(
+    states: tuple[str, ...], terms: tuple[Exponents, ...], present: Places, free: Places
+) -> hy.taylor_adaptive:
+    """Of the states and their derivatives; the parameters are the coefficients `present`."""
+    support = np.zeros((len(states), len(terms)), bool)
+    support[tuple(np.transpose(present))] = True
+    system = equations(states, terms, support)
+    by = [*(hy.par[present.index(place)] for place in free), *(v for v, _ in system)]
+    return hy.taylor_adaptive(
+        hy.var_ode_sys(system, by), [0.0] * len(states), pars=[0.0] * len(present), **COMPILATION
+    )
+
+
+# --- the bound ---
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What one recording measures: where it starts, when it samples, and how well.
+
+    initial_state: (n_states,). time: (n,), s, increasing, any sampling; the state at time[0] is
+    `initial_state`. sigma: (n_states,) standard deviation of the noise on each state, in the
+    state's unit, infinite for a state that is not measured. rate_sigma: the same of the states'
+    derivatives, None where none is measured. inputs: those of a model that has any.
+    """
+
+    initial_state: np.ndarray
+    time: np.ndarray
+    sigma: np.ndarray
+    rate_sigma: np.ndarray | None = None
+    inputs: Mapping[str, Input] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The bound of each free coefficient.
+
+    free: (n_free, 2) pairs (equation, term). std: (n_free,) least standard deviation, in the
+    coefficient's unit, infinite where the data say nothing. t: (n_free,) |coefficient| / std.
+    covariance: (n_free, n_free), the inverse of the information, infinite where it is singular.
+    """
+
+    free: np.ndarray
+    std: np.ndarray
+    t: np.ndarray
+    covariance: np.ndarray
+
+
+def state_bound(model: PolynomialModel, free: np.ndarray, experiments: list[Experiment]) -> Bound:
+    """Bound from noisy states: protocols `state` and `displacement`, subsets, several recordings.
+
+    free: (n_free, 2) pairs (equation, term). The recordings share the coefficients; the initial
+    state of each is unknown. The information is the sum over samples of S^T S / sigma^2.
+    Raises ValueError where the model's solution diverges.
+    """
+    free = np.asarray(free).reshape(-1, 2)
+    total = np.zeros((len(free), len(free)))
+    for experiment in experiments:
+        total += information(model, free, experiment)
+    return bound_of(model, free, total)
+
+
+def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment) -> np.ndarray:
+    """(n_free, n_free) Fisher information of one recording, its initial state eliminated.
+
+    Raises ValueError where the model's solution diverges.
+    """
+    return fisher_information(weighted_sensitivities(model, free, experiment), len(free))
+
+
+def weighted_sensitivities(
+    model: PolynomialModel, free: np.ndarray, experiment: Experiment
+) -> np.ndarray:
+    """(n, n_channels, n_free + n_states): what samples depend on, in deviations of their noise.
+
+    Channels are the states and then, where any is measured, their derivatives. Columns are by the
+    free coefficients and then by the initial state. Raises ValueError where the model's
+    solution diverges.
+    """
+    time, inputs = experiment.time, experiment.inputs
+    states, s = sensitivities(model, free, experiment.initial_state, time, inputs)
+    weighted = s / experiment.sigma[:, None]
+    if experiment.rate_sigma is None:
+        return weighted
+    driving = at_times([inputs[name] for name in model.inputs], time)
+    rates = rate_sensitivities(model, free, states, s, driving) / experiment.rate_sigma[:, None]
+    return np.concatenate([weighted, rates], axis=1)
+
+
+def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
+    """(n_free, n_free), of the samples of `weighted_sensitivities`, or of some of them."""
+    rows = weighted.reshape(-1, weighted.shape[2])
+    return eliminated(rows.T @ rows, n_free)
+
+
+def ranked_experiments(
+    model: PolynomialModel,
+    free: np.ndarray,
+    done: list[Experiment],
+    options: list[Experiment],
+) -> list[tuple[int, Bound]]:
+    """Which further recording would help most.
+
+    free: (n_free, 2) pairs (equation, term), of present and, where their absence is in doubt, of
+    absent terms. done: the recordings there are. options: further ones, of which one is made.
+    Returns the index of each option with the bound after it, the one with the largest weakest t
+    of the present terms first; options on which the model diverges are left out.
+    """
+    free = np.asarray(free).reshape(-1, 2)
+    before = sum((information(model, free, one) for one in done), np.zeros((len(free), len(free))))
+    present = model.coefficients[free[:, 0], free[:, 1]] != 0
+    ranked = []
+    for k, option in enumerate(options):
+        try:
+            ranked.append((k, bound_of(model, free, before + information(model, free, option))))
+        except ValueError:
+            continue
+    return sorted(ranked, key=lambda entry: -entry[1].t[present].min())
+
+
+def derivative_bound(
+    model: PolynomialModel, free: np.ndarray, x: np.ndarray, sigma: np.ndarray
+) -> Bound:
+    """Bound from exact states and noisy derivatives: sigma^2 (Theta^T Theta)^-1, per equation.
+
+    x: (n, n_states) the sampled states, with the inputs beside them if there are any. sigma:
+    (n_states,) noise of each state derivative.
+    """
+    free = np.asarray(free).reshape(-1, 2)
+    theta = design_matrix(x, model.terms)
+    gram = theta.T @ theta
+    total = np.zeros((len(free), len(free)))
+    for equation in np.unique(free[:, 0]):
+        rows = np.flatnonzero(free[:, 0] == equation)
+        columns = free[rows, 1]
+        total[np.ix_(rows, rows)] = gram[np.ix_(columns, columns)] / sigma[equation] ** 2
+    return bound_of(model, free, total)
+
+
+def eliminated(information: np.ndarray, keep: int) -> np.ndarray:
+    """Information about the first `keep` parameters when the others are unknown (Schur)."""
+    rest = information[keep:, keep:]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(rest), np.finfo(float).tiny))
+    inverse = np.linalg.pinv(rest * scale[:, None] * scale, rcond=1e-13, hermitian=True)
+    cross = information[:keep, keep:] * scale
+    return information[:keep, :keep] - cross @ inverse @ cross.T
+
+
+def covariance_of(information: np.ndarray) -> np.ndarray:
+    """Inverse of an information matrix, its diagonal infinite where a parameter is undetermined."""
+    diagonal = np.diag(information).copy()
+    seen = diagonal > 0
+    covariance = np.full(information.shape, np.inf)
+    if not seen.any():
+        return covariance
+    scale = 1.0 / np.sqrt(diagonal[seen])
+    values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] * scale[:, None] * scale)
+    good = values > 1e-13 * values[-1]
+    inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T
+    undetermined = (vectors[:, ~good] ** 2).sum(axis=1) > 1e-6
+    inverse = inverse * scale[:, None] * scale
+    inverse[undetermined, undetermined] = np.inf
+    covariance[np.ix_(seen, seen)] = inverse
+    return covariance
+
+
+def bound_of(model: PolynomialModel, free: np.ndarray, total: np.ndarray) -> Bound:
+    """The bound from the information `total` (n_free, n_free)."""
+    covariance = covariance_of(total)
+    std = np.sqrt(np.diag(covariance))
+    t = np.abs(model.coefficients[free[:, 0], free[:, 1]]) / std
+    return Bound(free, std, t, covariance)
+
+
+# --- recordings of a line ---
+
+
+def free_terms(model: PolynomialModel, equations: Sequence[int]) -> np.ndarray:
+    """(n_free, 2) pairs (equation, term) of the terms present in the unknown `equations`."""
+    pairs = np.argwhere(model.support)
+    return pairs[np.isin(pairs[:, 0], equations)]
+
+
+def bounds_of(
+    model: PolynomialModel,
+    equations: Sequence[int],
+    motions: Sequence[Motion],
+    noises: Sequence[Noise],
+    samplings: Sequence[Sequence[np.ndarray | slice]],
+) -> list[Bound]:
+    """The bound on the present terms from recordings of one system, by each of some samplings.
+
+    motions, noises: one for each recording. samplings: indices of the samples of each recording.
+    Raises ValueError for derivatives of exact states where their noise differs.
+    """
+    free = free_terms(model, equations)
+    rates = [n.derivatives if np.any(np.isfinite(n.derivatives)) else None for n in noises]
+    if not any(np.any(noise.states) for noise in noises):
+        if any(np.any(noise.derivatives != noises[0].derivatives) for noise in noises):
+            raise ValueError("bound: derivatives of exact states need the same noise")
+        # one system, one noise: the rows of all recordings in one regression
+        x = ([m.states[k] for m, k in zip(motions, rows, strict=True)] for rows in samplings)
+        sigma = noises[0].derivatives
+        return [derivative_bound(model, free, np.concatenate(each), sigma) for each in x]
+    # a motion is followed once: to be free where it starts is to be free where samples begin
+    whole = [
+        weighted_sensitivities(
+            model, free, Experiment(motion.states[0], motion.time, noise.states, rate)
+        )
+        for motion, noise, rate in zip(motions, noises, rates, strict=True)
+    ]
+    totals = (
+        sum(fisher_information(each[k], len(free)) for each, k in zip(whole, rows, strict=True))
+        for rows in samplings
+    )
+    return [bound_of(model, free, total) for total in totals]
+
+
+def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
+    """Standard deviations of a bound as (n_states, n_terms), NaN for terms without one."""
+    std = np.full(model.coefficients.shape, np.nan)
+    std[tuple(found.free.T)] = found.std
+    return std
+
+
+def at_the_bound(
+    model: PolynomialModel, found: Bound, rng: np.random.Generator, lacking: Sequence[str] = ()
+) -> IdentifiedModel:
+    """What an efficient method that knows the terms would find: one draw at the bound.
+
+    lacking: names of the terms that the candidate library lacks. Where there are any, or the data
+    leave a coefficient undetermined, there is no such method, and no model.
+    """
+    if lacking:
+        reason = f"bound: the library lacks {', '.join(lacking)}"
+        return IdentifiedModel.refused(model.states, model.terms, reason)
+    if not np.all(np.isfinite(found.covariance)):
+        reason = "bound: a term is undetermined"
+        return IdentifiedModel.refused(model.states, model.terms, reason)
+    values, vectors = np.linalg.eigh(found.covariance)
+    draw = vectors @ (np.sqrt(np.maximum(values, 0)) * rng.standard_normal(len(values)))
+    coefficients = model.coefficients.copy()
+    coefficients[tuple(found.free.T)] += draw
+    drawn = replace(model, coefficients=coefficients)
+    return IdentifiedModel(drawn, "unjudged", standard_errors=on_library(model, found))
+
+
+def cell_bounds(
+    model: PolynomialModel,
+    equations: Sequence[int],
+    motions: Sequence[Motion],
+    measurement: Mapping,
+    name: Sequence[str],
+) -> list[Bound]:
+    """The bounds of a cell: one for all replicates, or each its own where their times differ.
+
+    motions, measurement, name: what its recordings are drawn from, see `measure`. None without
+    noise.
+    """
+    if measurement["level"] == 0:
+        return []
+    motions = motions[: measurement["recordings"]]
+    protocol, level, relative = (measurement[k] for k in ("protocol", "level", "relative"))
+    noises = noises_of(motions, protocol, level, relative)
+    times_differ = measurement["samples"] < len(motions[0].time)
+    replicates = measurement["replicates"] if times_differ else 1
+    samplings = [
+        [np.searchsorted(motions[0].time, recording.time) for recording in recordings]
+        for recordings in measure(motions, name=name, **{**measurement, "replicates": replicates})
+    ]
+    return bounds_of(model, equations, motions, noises, samplings)
+
+
+def models_at(
+    model: PolynomialModel,
+    bounds: Sequence[Bound],
+    measurement: Mapping,
+    name: Sequence[str],
+    lacking: Sequence[str] = (),
+) -> list[IdentifiedModel]:
+    """What an efficient method would find from each replicate; without noise, the line itself.
+
+    lacking: names of the terms that the candidate library lacks.
+    """
+    if not bounds:
+        return [IdentifiedModel(model, "unjudged")]
+    return [
+        at_the_bound(
+            model,
+            bounds[k % len(bounds)],
+            generator(measurement["seed"], "bound", *name, k),
+            lacking,
+        )
+        for k in range(measurement["replicates"])
+    ]
+
+
+def no_models(model: PolynomialModel, measurement: Mapping, reason: str) -> list[IdentifiedModel]:
+    """None from any replicate, for `reason`."""
+    refused = IdentifiedModel.refused(model.states, model.terms, f"bound: {reason}")
+    return [refused] * measurement["replicates"]
+
+
+def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int) -> np.ndarray:
+    """(n_bounds, n_states, n_terms) standard deviations, NaN without noise.
+
+    candidates: how many terms of the model, the first, the candidate library has. No method
+    estimates the others: they have no bound, NaN.
+    """
+    if not bounds:
+        return np.full((1, *model.coefficients.shape), np.nan)
+    std = np.stack([on_library(model, each) for each in bounds])
+    std[:, :, candidates:] = np.nan
+    return std
+
+
+def ranked_releases(
+    line: PolynomialModel, first: Motion, level: float, heights: Sequence[float]
+) -> list[dict]:
+    """One row a release from rest at one of the `heights` (m) in either direction, the best first.
+
+    first: the recording that there is. level: of the noise on every state, in units of its
+    deviation. Releases from which the line's motion ends early are left out; where that of `first`
+    does, or there is no noise, which leaves nothing to learn, all are.
+    """
+    if first.status != "ok" or level == 0:
+        return []
+    simulator = Simulator(line.states, line.terms)
+    names, options = [], []
+    for state in ("q_v", "q_w"):
+        for height in heights:
+            start = first.states[0].copy()
+            start[line.states.index(state)] = height
+            motion = simulator(line, start, first.time)
+            if motion.status == "ok":
+                names.append(f"{state}(0) = {height:g} m")
+                options.append(_noisy(first.time, motion.states, level))
+    done = [_noisy(first.time, first.states, level)]
+    rows = []
+    for k, bound in ranked_experiments(line, free_terms(line, tuple(EQUATIONS)), done, options):
+        weakest = int(np.argmin(bound.t))
+        equation, term = bound.free[weakest]
+        rows.append(
+            {
+                "release": names[k],
+                "level": level,
+                "weakest_t": float(bound.t[weakest]),
+                "weakest_term": f"{EQUATIONS[equation]} {term_name(line.terms[term], line.states)}",
+                "identifiable": bool(bound.t[weakest] > IDENTIFIABLE),
+            }
+        )
+    return rows
+
+
+def _noisy(time: np.ndarray, states: np.ndarray, level: float) -> Experiment:
+    return Experiment(states[0], time, level * states.std(axis=0))

@@ -1,1 +1,0 @@
-"""How precisely any unbiased method can know each coefficient."""

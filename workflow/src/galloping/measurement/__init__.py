@@ -1,1 +1,0 @@
-"""From the motion of a line to recordings of it, under one protocol or another."""
