@@ -82,7 +82,7 @@ class Dynamics(Immutable):
     rest: m, of each coordinate, the equilibrium that the recorded motion surrounds; empty where
     there is none. frequencies: Hz, damping: ratio to critical, of small motions about it, wind
     included; below zero they grow. Each by the coordinate that mostly moves. kind: of the motion in
-    the end, as in `cycles.settling`. half_range: by coordinate, of the limit cycle if it is one,
+    the end, as in `settle`. half_range: by coordinate, of the limit cycle if it is one,
     period: s, of it, None where the motion settles on a cycle that is not found exactly. at: the
     inputs that all of this is at, held at their means.
     """
