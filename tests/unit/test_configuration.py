@@ -173,6 +173,8 @@ REFUSED = [
     ("simulation.steady_window", [299.95, 300], "[299.95, 300]", "must hold 10 or more"),
     ("simulation.steady_window", [200, 200], "no", "must be increasing, 0..300 s"),
     ("measurement.subsets.points", [1000, 50000], "50000 is larger", "(30001 samples)"),
+    (f"{CASE}.truth.model", "plate", "unknown model 'plate'; allowed: two_mode, continuous"),
+    (f"{CASE}.truth.modes", 3, "is not allowed with model two_mode; must be left out"),
     ("sweeps.wind.values", [10, 12, 5], "[10, 12, 5] is not a range", "2 to 1000 values"),
     ("sweeps.wind.second", "tension", "'tension'", "null", "both"),
     ("assessment.measures.none.kind", "damper", "nothing", "position, coefficient"),
@@ -362,7 +364,7 @@ FILES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("content", "expected"), FILES)
+@pytest.mark.parametrize(("content", "expected"), FILES, ids=range(len(FILES)))
 def test_a_bad_file_is_one_line_with_its_name(tmp_path, content, expected):
     path = tmp_path / "study.yaml"
     if content is not None:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from snakemake.iocontainers import InputFiles, OutputFiles, Params, Wildcards
 
 from galloping.reproducibility import job
 from galloping.study.files import read
@@ -66,17 +65,3 @@ def test_from_a_line_to_recordings_without_snakemake(cases, tmp_path):
     noise = (first.values - motion.states).std(axis=0) / motion.states.std(axis=0)
     assert np.allclose(noise, 0.05, rtol=0.2)
     assert not np.array_equal(first.values, second.values)
-
-
-def test_a_function_is_called_with_what_its_rule_names():
-    class Job:
-        input = InputFiles(fromdict={"one": "a", "many": ["b", "c"], "none": []})
-        output = OutputFiles(fromdict={"made": "d"})
-        params = Params(fromdict={"level": {"measurement.level": 0.05}, "code": {"digest": "x"}})
-        wildcards = Wildcards(fromdict={"case": "line", "cell": "noise_0"})
-
-    def function(case, one, many, none, made, level): ...
-
-    assert job.arguments(function, Job) == {
-        "case": "line", "one": "a", "many": ["b", "c"], "none": [], "made": "d", "level": 0.05,
-    }  # fmt: skip

@@ -30,7 +30,7 @@ def test_an_environment_that_is_a_link_is_refused_and_its_target_left_alone(root
     assert [path.name for path in theirs.iterdir()] == ["file"]
 
 
-@pytest.mark.parametrize("cores", ["abc", "0", "-1", "1.5", ""])
+@pytest.mark.parametrize("cores", ["0", "1.5"])
 def test_a_number_of_cores_that_is_none_is_one_line(root, cores):
     assert script(root, "run_study", "--cores", cores) == (
         1,
@@ -74,10 +74,9 @@ def test_help_names_every_variable_with_a_line_each(root):
     ("content", "line"),
     [
         (None, "config/config.yaml: No such file or directory"),
-        ("cases: {\n", "config/config.yaml:2: expected the node content"),
         ("measurement: {replicates: many}\n", "measurement.replicates: 'many' is text"),
     ],
-    ids=["missing", "broken", "wrong"],
+    ids=["missing", "wrong"],
 )
 def test_plain_snakemake_says_of_a_bad_configuration_what_make_says(root, tmp_path, content, line):
     (tmp_path / "workflow").symlink_to(root / "workflow")
@@ -92,3 +91,4 @@ def test_plain_snakemake_says_of_a_bad_configuration_what_make_says(root, tmp_pa
         check=False,
     )  # fmt: skip
     assert run.returncode != 0 and run.stdout.splitlines() == made, run.stdout
+    assert {path.name for path in tmp_path.iterdir()} <= {"workflow", "config", ".snakemake"}

@@ -147,20 +147,3 @@ def test_a_term_outside_the_library_leaves_an_approximate_model() -> None:
     assert found.status == "approximate"
     assert found.diagnostics["forecast_r2"] > 0.95
     assert "model inadequate" in found.reason
-
-
-def test_what_is_known_must_leave_an_equation() -> None:
-    recording = Recording(TIME[:200], LINE.states, measured()[:200])
-    model = line()
-    for known, names, says in (
-        (model, LINE.states, "all known"),
-        (None, ("dq_v",), "needs `known`"),
-    ):
-        with pytest.raises(ValueError, match=says):
-            maximum_likelihood([recording], model.terms, known, names)
-
-
-@pytest.mark.parametrize("name", ["known_noise", "unknown_scales", "unknown_offsets"])
-def test_what_is_said_of_a_recording_is_checked(name: str) -> None:
-    with pytest.raises(ValueError, match=f"recording: {name}"):
-        Recording([0.0, 1.0, 2.0], ["x", "y"], np.zeros((3, 2)), **{name: [0.1]})

@@ -85,11 +85,6 @@ def test_rows_about_the_same_are_told_apart_by_their_order():
     assert found["row"].tolist() == ["case=a, method=stlsq, level=0.05, row 2"]
 
 
-def test_a_table_without_keys_is_an_error():
-    with pytest.raises(ValueError, match="no column says what a row is about: r2"):
-        compare_tables(pd.DataFrame({"r2": [1]}), pd.DataFrame({"r2": [1]}))
-
-
 def test_a_difference_in_words():
     found = compare_tables(table(), table(TABLE.replace("0.9,", "1,").replace("refused", "ok")))
     assert [describe(row) for _, row in found.iterrows()] == [
