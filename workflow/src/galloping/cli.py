@@ -12,6 +12,8 @@ from galloping.cli_models import (
     at_option,
     derive,
     inputs_option,
+    json_option,
+    seed_option,
     show,
     simulate,
 )
@@ -146,24 +148,21 @@ def _mapping(
         channels = [{"column": name, "measures": name} for name in named]
     if not named:
         raise MappingError("--states: name the states of the system, such as x,y,z")
-    noise_of = dict(text.partition("=")[::2] for text in noises)
-    for channel in channels:
-        unit = by_column.pop(channel["column"], None) or channel.get("unit") or for_all
-        if unit:
-            channel["unit"] = unit
-        if channel["column"] in noise_of:
-            channel["noise"] = noise_of.pop(channel["column"])
-    for one in driving:
-        if unit := by_column.pop(one["column"], None):
-            one["unit"] = unit
-    time = {**found.time, **({"unit": by_column.pop(clock)} if clock in by_column else {})}
-    if by_column:
-        raise MappingError(f"--unit: no column {next(iter(by_column))!r} is measured")
-    if noise_of:
-        raise MappingError(f"--noise: no column {next(iter(noise_of))!r} is measured")
-    content = {"time": time, "states": named, "channels": channels, "decimal": decimal}
-    content["inputs"] = driving
-    return validated({**content, **({} if span is None else {"span": span})})
+    if for_all:
+        channels = [{"unit": for_all, **channel} for channel in channels]
+    time = dict(found.time)
+    for key, said, of in (
+        ("unit", by_column, [time, *channels, *driving]),
+        ("noise", dict(text.partition("=")[::2] for text in noises), channels),
+    ):
+        for column, value in said.items():
+            own = [one for one in of if one["column"] == column]
+            if not own:
+                raise MappingError(f"--{key}: no column {column!r} is measured")
+            for one in own:
+                one[key] = value
+    content = {"time": time, "states": named, "channels": channels, "inputs": driving}
+    return validated(content | {"decimal": decimal, "span": span})
 
 
 def _units(units):
@@ -206,10 +205,8 @@ def _proposal(file, by_column, for_all, time_column, decimal, taken=()):
               "tells.")  # fmt: skip
 @click.option("--output", type=click.Path(file_okay=False), required=True, help="Folder to write.")
 @click.option("--replace", is_flag=True, help="Write over an earlier model in that folder.")
-@click.option(
-    "--seed", type=click.IntRange(0), default=0, help="Seed of the draws behind intervals."
-)
-@click.option("--json", "as_json", is_flag=True, help="Print the result for machines.")
+@seed_option
+@json_option
 def identify(
     files, degree, library, method, known, random_force, output, replace, seed, as_json, **mapping
 ):
@@ -267,7 +264,7 @@ def identify(
 @_mapping_options
 @click.option("--write-map", type=click.Path(dir_okay=False),
               help="Write how the columns are read to a new YAML file, for --map.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print the report for machines.")
+@json_option
 def inspect(file, write_map, as_json, **mapping):
     """Tell what a recording is worth.
 
@@ -317,10 +314,8 @@ def _written_map(file, path, mapping) -> bool:
               help="Length of the end of FILE to start from, s; else six periods.")  # fmt: skip
 @at_option
 @inputs_option
-@click.option(
-    "--seed", type=click.IntRange(0), default=0, help="Seed of the draws behind the band."
-)
-@click.option("--json", "as_json", is_flag=True, help="Print rows for machines.")
+@seed_option
+@json_option
 def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **mapping):
     """Forecast the motion after the end of FILE.
 

@@ -15,6 +15,10 @@ at_option = click.option(
 inputs_option = click.option(
     "--inputs", "inputs_file", type=click.Path(), metavar="FILE", help="A file with the inputs."
 )
+seed_option = click.option(
+    "--seed", type=click.IntRange(0), default=0, help="Seed of the draws behind intervals."
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for machines.")
 
 
 def answered(path):
@@ -30,7 +34,7 @@ def answered(path):
 @click.command()
 @click.argument("model", type=click.Path(dir_okay=False))
 @click.option("--latex", is_flag=True, help="Equations as LaTeX.")
-@click.option("--json", "as_json", is_flag=True, help="Print the terms for machines.")
+@json_option
 def show(model, latex, as_json):
     """Print the equations of a MODEL, with errors and verdict."""
     from galloping.field.analysis import model_rows
@@ -55,7 +59,7 @@ def show(model, latex, as_json):
 @at_option
 @inputs_option
 @click.option("--time", "time_column", help="Column of the times in that file; t.")
-@click.option("--json", "as_json", is_flag=True, help="Print rows for machines.")
+@json_option
 def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_json):
     """Simulate a MODEL and print its states as CSV.
 
@@ -120,13 +124,11 @@ def _simulated(model, state, rate: float, last: int, inputs) -> Iterator[dict]:
 @click.command()
 @click.argument("model", type=click.Path(dir_okay=False))
 @at_option
-@click.option(
-    "--seed", type=click.IntRange(0), default=0, help="Seed of the draws behind intervals."
-)
+@seed_option
 @click.option("--figure", type=click.Path(dir_okay=False), metavar="FILE",
               help="Draw limit cycles and onset along the range, as SVG and PNG.")  # fmt: skip
 @click.option("--csv", "as_csv", is_flag=True, help="Print a table.")
-@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+@json_option
 def assess(model, at, seed, figure, as_csv, as_json):
     """Tell from which wind on a line gallops, how far.
 
@@ -165,7 +167,7 @@ def assess(model, at, seed, figure, as_csv, as_json):
 
 @click.command()
 @click.argument("case", type=click.Path(dir_okay=False))
-@click.option("--json", "as_json", is_flag=True, help="Print coefficients for machines.")
+@json_option
 def derive(case, as_json):
     """Derive the equations of a line.
 

@@ -201,10 +201,10 @@ class Question:
 
         Raises ValueError for what is no library, and where it leaves an input out.
         """
-        inputs = mapping.names[len(mapping.states) :]
+        inputs = mapping.input_names
         texts = self.library or mapping.library
         if not texts:
-            return library(len(mapping.names), self.degree), None
+            return library(len(mapping.states) + len(inputs), self.degree), None
         terms, allowed = parse(texts, mapping.states, inputs)
         for k, name in enumerate(inputs, start=len(mapping.states)):
             if not any(term[k] for term in terms):
@@ -226,7 +226,7 @@ def analyse(
     mapping = field.mapping
     terms, allowed = question.terms(mapping)
     check_inputs(field.series, terms, len(mapping.states))
-    inputs = mapping.names[len(mapping.states) :]
+    inputs = mapping.input_names
     texts = (*mapping.known, *question.known)
     known, known_states, single = known_model(texts, mapping.states, terms, inputs)
     method, given = resolve_name(METHODS[question.method]), field.recordings

@@ -121,22 +121,24 @@ class ColumnMapping(_Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> "ColumnMapping":
-        for name in self.states:
-            if not NAME.fullmatch(name):
-                hint = (
-                    f"; name the state, such as q_v, and measure it: --measure 'q_v={name}'"
-                    if named(name)[1]
-                    else "; a name is letters, digits and _, such as q_v"
-                )
-                raise ValueError(f"states: {name!r} is not a name{hint}")
-            if self.states.count(name) > 1:
-                raise ValueError(f"states: {name} is named twice")
-        seen = set()
+        inputs = self.input_names
+        for section, names in (("states", self.states), ("inputs", inputs)):
+            for name in names:
+                if not NAME.fullmatch(name):
+                    raise ValueError(
+                        f"{section}: {name!r} is not a name, which is letters, digits and _; say "
+                        "what column it is: --measure q_v=COLUMN, --input U=COLUMN"
+                    )
+                if section == "inputs" and name in self.states:
+                    raise ValueError(f"inputs: {name} is a state; name the input otherwise")
+                if names.count(name) > 1:
+                    raise ValueError(f"{section}: {name} is named twice")
+        columns = [one.column for one in (self.time, *self.channels, *self.inputs)]
+        for column in columns:
+            if columns.count(column) > 1:
+                raise ValueError(f"column {column!r} is named twice")
         for channel in self.channels:
             self.target(channel)
-            if channel.column in seen:
-                raise ValueError(f"channels: column {channel.column!r} is named twice")
-            seen.add(channel.column)
             if channel.position is not None and self.span is None:
                 raise ValueError(
                     f"channels: {channel.column!r} has a position, so the mapping needs the span"
@@ -146,19 +148,6 @@ class ColumnMapping(_Section):
                     f"channels: position {channel.position:g} m of {channel.column!r} is not "
                     f"inside the span of {self.span:g} m"
                 )
-        for one in self.inputs:
-            if not NAME.fullmatch(one.name):
-                raise ValueError(
-                    f"inputs: {one.name!r} is not a name; name the input, such as U={one.column}"
-                )
-            if one.name in self.names[: len(self.states)]:
-                raise ValueError(f"inputs: {one.name} is a state; name the input otherwise")
-            if self.names.count(one.name) > 1:
-                raise ValueError(f"inputs: {one.name} is named twice")
-            if one.column in seen or one.column == self.time.column:
-                raise ValueError(f"inputs: column {one.column!r} is named twice")
-            seen.add(one.column)
-        inputs = self.names[len(self.states) :]
         if self.library:
             parse(self.library, self.states, inputs)
         for text in self.known:
@@ -175,9 +164,8 @@ class ColumnMapping(_Section):
                 raise ValueError(f"{key}: {name!r}; must be all, or among {', '.join(self.states)}")
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Of the states and then of the inputs."""
-        return self.states + tuple(one.name for one in self.inputs)
+    def input_names(self) -> tuple[str, ...]:
+        return tuple(one.name for one in self.inputs)
 
     def target(self, channel: Channel) -> tuple[int, bool]:
         """Index of the state that a channel is about, and whether it measures its rate."""
