@@ -214,13 +214,13 @@ EDITS = {
     "a function body in a method that is not asked for": statement_added(
         "identification/sparse/lasso.py", "lasso"),
     "a comment, a docstring or the layout of a module": all_of(
-        replaced(module("physics/galerkin.py"), '"""From the', '"""Words.\n\nFrom the'),
+        replaced(module("physics/galerkin.py"), '"""The galloping equations: ', '"""Words: '),
         replaced(module("physics/galerkin.py"), " * omega_v + ", " * (\n omega_v  # words\n) + "),
     ),
     "an error message where no number is computed: `reproducibility/job.py`": replaced(
         module("reproducibility/job.py"), "The disk is full: ", "No space is left: "),
     "a rule's message or a comment in a rule": replaced(
-        "workflow/rules/derive.smk", '        "Deriving', '        # words\n        "Now deriving'
+        "workflow/rules/simulate.smk", '        "Deriving', '        # words\n        "Now deriving'
     ),
     "a caption": appended("workflow/report/figures/figure05.rst", "Words.\n"),
     "another version of matplotlib": upgraded("matplotlib"),
@@ -233,7 +233,7 @@ EDITS = {
     "a script, module, rule file or result touched": touched(
         "workflow/scripts/derive_model.py",
         module("physics/galerkin.py"),
-        "workflow/rules/derive.smk",
+        "workflow/rules/simulate.smk",
         "results/smoke/models/non_resonant.json",
         "results/smoke/identified/non_resonant/state/joint_0.05/sparse.npz",
     ),

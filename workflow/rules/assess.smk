@@ -16,10 +16,8 @@ rule follow_cycles:
         line=lambda wildcards: line_without(  # its tension says how far a galloping line can move
             wildcards.case, {sweep(wildcards).parameter} - {"tension"}
         ),
-        parameter=lambda wildcards: {
-            f"sweeps.{wildcards.sweep}.parameter": sweep(wildcards).parameter
-        },
-        ends=lambda wildcards: {f"sweeps.{wildcards.sweep}.ends": sweep(wildcards).ends},
+        parameter=of_sweep("parameter"),
+        ends=of_sweep("ends"),
         code=lambda wildcards: code("follow_cycles.py"),
     message:
         "Limit cycles of {wildcards.case} along {wildcards.sweep}"
@@ -40,11 +38,9 @@ rule simulate_sweep:
         line=lambda wildcards: line_without(
             wildcards.case, {sweep(wildcards).parameter, sweep(wildcards).second}
         ),
-        parameter=lambda wildcards: {
-            f"sweeps.{wildcards.sweep}.parameter": sweep(wildcards).parameter
-        },
+        parameter=of_sweep("parameter"),
         values=lambda wildcards: {"values": list(block(wildcards).values)},
-        second=lambda wildcards: {f"sweeps.{wildcards.sweep}.second": sweep(wildcards).second},
+        second=of_sweep("second"),
         second_value=lambda wildcards: {"second_value": block(wildcards).second},
         code=lambda wildcards: code("simulate_sweep.py"),
     message:

@@ -77,6 +77,11 @@ def line_without(case, parameters):
     return {f"cases.{case}": without(STUDY.case(case).released, *parameters)}
 
 
+def of_sweep(key):
+    """What a sweep says at a key."""
+    return lambda wildcards: {f"sweeps.{wildcards.sweep}.{key}": getattr(sweep(wildcards), key)}
+
+
 def amounts(case):
     """How much of what the paper's study measures the claims about a case need."""
     measurement, simulation = STUDY.plain["measurement"], STUDY.plain["simulation"]

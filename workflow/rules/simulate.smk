@@ -1,4 +1,22 @@
-# model -> trajectory, and which further release would tell most
+# line + wind -> model -> trajectory -> recordings, and which further release would tell most
+
+
+rule derive_model:
+    output:
+        model="<results>/models/{case}.json",
+    log:
+        "<logs>/derive_model/{case}.log",
+    benchmark:
+        "<benchmarks>/derive_model/{case}.tsv"
+    conda:
+        "../envs/galloping.yaml"
+    params:
+        line=line,
+        code=lambda wildcards: code("derive_model.py"),
+    message:
+        "Deriving the galloping equations of {wildcards.case}"
+    script:
+        "../scripts/derive_model.py"
 
 
 rule simulate_line:
@@ -78,3 +96,27 @@ rule rank_releases:
         "Which further recording of {wildcards.case} would help most"
     script:
         "../scripts/rank_releases.py"
+
+
+# trajectory -> recordings, where they are asked for: the jobs that need them draw the same themselves.
+# Read by all of them as a temporary file, it would run all of them again for an edit of one.
+
+
+rule measure_motion:
+    input:
+        trajectory="<results>/trajectories/{case}.npz",
+    output:
+        recordings="<results>/recordings/{case}/{protocol}/{cell}.npz",
+    log:
+        "<logs>/measure_motion/{case}/{protocol}/{cell}.log",
+    benchmark:
+        "<benchmarks>/measure_motion/{case}/{protocol}/{cell}.tsv"
+    conda:
+        "../envs/galloping.yaml"
+    params:
+        measurement=lambda wildcards: {"measurement": cell(wildcards).measurement},
+        code=lambda wildcards: code("measure_motion.py"),
+    message:
+        "Measuring {wildcards.case} by {wildcards.protocol}, {wildcards.cell}"
+    script:
+        "../scripts/measure_motion.py"
