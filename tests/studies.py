@@ -160,7 +160,7 @@ def jobs_of(root, planned, tmp_path_factory):
     (folder / "workflow").symlink_to(root / "workflow")
 
     @cache
-    def jobs(text="{}"):
+    def jobs(text):
         (folder / "mine.yaml").write_text(text, encoding="utf-8")
         return {job["outputs"][0]: job for job in planned(folder, "mine.yaml")}
 

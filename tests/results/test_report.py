@@ -11,15 +11,15 @@ from selenium.webdriver.support.ui import WebDriverWait
 pytestmark = pytest.mark.xdist_group("report")
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def results(root):
     return root / "results"
 
 
-@pytest.fixture
-def page(browser, results, tmp_path):
-    """The report alone in a folder, so that it can use no file beside it."""
-    copy = tmp_path / "report.html"
+@pytest.fixture(scope="module")
+def page(browser, results, tmp_path_factory):
+    """The report alone in a folder, so that it can use no file beside it, loaded once."""
+    copy = tmp_path_factory.mktemp("report") / "report.html"
     copy.write_bytes((results / "report.html").read_bytes())
     browser.get(copy.as_uri())
     return browser

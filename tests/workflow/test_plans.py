@@ -1,20 +1,24 @@
 """What Snakemake plans of studies of every kind, and what their jobs read."""
 
+from pathlib import Path
 from pkgutil import resolve_name
 
 import pytest
 
 from galloping.configuration.kinds import KINDS
+from galloping.report.data_dictionary import columns
 
 TRIALS = ", ".join(f"{kind}: {{kind: {kind}}}" for kind in KINDS)
 LINES = "internal_resonance: null, non_resonant: null"
+TRIALS_ALONE = f"{{cases: {{{LINES}}}, trials: {{{TRIALS}}}}}"
 OTHERS = [
     "measurement: {protocols: [displacement], levels: [0.3], joint_levels: [0]}",
     "{identification: {methods: [weak]}, measurement: {protocols: [state]}}",
     f"{{cases: {{{LINES}, alone: {{}}}}, identification: {{methods: [stlsq]}}}}",
-    f"{{cases: {{{LINES}}}, trials: {{{TRIALS}}}}}",
+    TRIALS_ALONE,
     "cases: {non_resonant: {truth: {model: continuous, modes: 3}}}",
 ]
+UNITS = {"m": "m", "s": "s", "percent": "%", "m_s": "m/s", "hz": "Hz"}
 pytestmark = pytest.mark.xdist_group("plans")
 
 
@@ -38,6 +42,24 @@ def test_tables_and_figures_are_of_what_is_in_a_study(jobs_of):
 
 def test_every_param_carries_its_key(jobs_of):
     """Else two numbers that swap would go unnoticed."""
-    for job in jobs_of().values():
+    for job in jobs_of("{}").values():
         for name, param in job["settings"].items():
             assert isinstance(param, dict) and (name == "code" or len(param) == 1), (job, name)
+
+
+@pytest.mark.parametrize("settings", ["{}", TRIALS_ALONE])
+def test_the_data_dictionary_is_of_the_tables_there_are(jobs_of, settings):
+    """Each column once, with the unit of its name."""
+    jobs = jobs_of(settings)
+    rows = columns(jobs["results/tables/columns.csv"]["settings"]["settings"]["settings"])
+    tables = {Path(path).stem for job in jobs.values() for path in job["outputs"]}
+    assert {"", "reference_summary"} <= set(rows["table"]) <= tables | {""}
+    assert ("scores" in set(rows["table"])) == (settings == "{}")
+    assert list(rows) == ["table", "column", "unit", "meaning"]
+    assert not rows.duplicated(["table", "column"]).any()
+    assert (rows["meaning"].str.len() > 3).all()
+    for row in rows.to_dict("records"):
+        stem = row["column"].removesuffix("_low").removesuffix("_high")
+        ends = [unit for end, unit in UNITS.items() if stem.endswith(f"_{end}")]
+        if ends and not stem.startswith("r2_"):
+            assert row["unit"] in ends, row
