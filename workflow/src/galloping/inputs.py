@@ -152,7 +152,7 @@ def windowed(
     points, weights = np.polynomial.legendre.leggauss(QUADRATURE)
     half = np.diff(breaks)[:, None] / 2.0
     time = breaks[:-1, None] + half * (1.0 + points)
-    held = np.stack([_held(one, time) for one in inputs])
+    held = np.stack([extrapolated(one, time) for one in inputs])
     place = np.clip((time - edges[window][:, None]) / step, 0.0, 1.0)
     basis = legvander(2.0 * place - 1.0, degree) * (2 * np.arange(degree + 1) + 1.0)
     weighted = basis * (half * weights / step)[..., None]
@@ -164,8 +164,8 @@ def windowed(
     return found
 
 
-def _held(one: Input, time: np.ndarray) -> np.ndarray:
-    """Values, where it is not covered those at the nearest time that is."""
+def extrapolated(one: Input, time: np.ndarray) -> np.ndarray:
+    """Values at `time` (...), s, where it is not covered those at the nearest time that is."""
     ends = np.array(one.stretches)
     after = np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1)
     later = np.minimum(after + 1, len(ends) - 1)

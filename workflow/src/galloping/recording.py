@@ -182,3 +182,11 @@ class Recording(Immutable):
         """Whether the samples are equally spaced (to a thousandth of the spacing)."""
         steps = np.diff(self.time)
         return bool(np.ptp(steps) < 1e-3 * steps.mean())
+
+
+def mean_inputs(names: Sequence[str], recordings: Sequence[Recording]) -> dict[str, float]:
+    """Of the named inputs, over the samples of the recordings."""
+    return {
+        name: float(np.nanmean(np.concatenate([one.inputs[name](one.time) for one in recordings])))
+        for name in names
+    }

@@ -17,7 +17,6 @@ from galloping.field.recordings import (
     LEAST,
     by_excerpts,
     input_notes,
-    mean_inputs,
     parted,
     recording,
 )
@@ -29,7 +28,7 @@ from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95
 from galloping.passes import part, passing
 from galloping.polynomial import Exponents, PolynomialModel, library, term_name
-from galloping.recording import Recording
+from galloping.recording import Recording, mean_inputs
 from galloping.storage import write_json, write_rows, write_text
 from galloping.terms import known_model, parse
 
@@ -258,7 +257,7 @@ def analyse(
         )
     case = None
     if beside and summary.found.status != "refused":
-        found = summary.found.at(mean_inputs(summary.found.model, given))
+        found = summary.found.at(mean_inputs(summary.found.model.inputs, given))
         case = beside[0], expected(beside[1], found, Surroundings.of(given))
     with part("write", until=1.0):
         write_outputs(folder, field, summary, case)

@@ -143,6 +143,7 @@ def _in_random_forces(
     """Of a model that random forces move: by the slopes of what is told with the coefficients."""
     model, support = identified.model, np.argwhere(identified.support)
     errors = np.sqrt(np.diag(identified.covariance))
+    errors[errors == 0.0] = 1.0  # of coefficients that are known
 
     def of(step: np.ndarray) -> np.ndarray:
         coefficients = model.coefficients.copy()

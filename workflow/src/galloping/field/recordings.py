@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -183,7 +183,9 @@ def by_excerpts(
     stretches = excerpts(recordings)
     found = method(stretches, *question, **options)
     whole = all(one is other for one, other in zip(stretches, recordings, strict=False))
-    return method(recordings, *question, forced=()) if found.is_forced and not whole else found
+    if found.is_forced and not whole:
+        return method(recordings, *question, **options, forced=())
+    return found
 
 
 def _pieces(recording: Recording, count: int, period: float) -> list[Recording]:
@@ -233,14 +235,6 @@ def input_notes(recording: Recording) -> list[str]:
         for name, one in recording.inputs.items()
         if (gone := ~one.covered(time)).any()
     ]
-
-
-def mean_inputs(model: PolynomialModel, recordings: Sequence[Recording]) -> dict[str, float]:
-    """Of the inputs of a model, over the samples of the recordings."""
-    return {
-        name: float(np.nanmean(np.concatenate([one.inputs[name](one.time) for one in recordings])))
-        for name in model.inputs
-    }
 
 
 def known_ahead(

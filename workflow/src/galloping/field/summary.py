@@ -28,7 +28,7 @@ from galloping.field.forecast import (
 )
 from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import peaks_of, sampled, spectrum
-from galloping.field.recordings import by_excerpts, mean_inputs
+from galloping.field.recordings import by_excerpts
 from galloping.field.units import NONE
 from galloping.field.wording import summary_text
 from galloping.identification.likelihood.inputs import checked_recordings
@@ -36,7 +36,7 @@ from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces
 from galloping.inputs import Input
 from galloping.passes import part, passing
-from galloping.recording import Recording
+from galloping.recording import Recording, mean_inputs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -194,7 +194,7 @@ def dynamics(
     where there is no model. Raises ValueError for other input.
     """
     given = _checked(found, recordings)
-    at = mean_inputs(found.model, given)
+    at = mean_inputs(found.model.inputs, given)
     around, rng = Surroundings.of(given), np.random.default_rng(seed)
     said = of_line.dynamics(found.at(at) if at else found, around, rng)
     return replace(said, at=at) if said and at else said
@@ -321,7 +321,8 @@ def stretches(
         if len(own) < 2:
             continue
         if told is not None:
-            motions.append((own, sensed.of(identified.model, told[first:end])))
+            driven = simulator.at(own)
+            motions.append((own, sensed.of(identified.model, told[first:end], driven)))
             continue
         follow = Following(simulator, sensed, own, sigma)
         guess = first_guess(recording, first)

@@ -100,9 +100,8 @@ def maximum_likelihood(
     inputs = tuple(recordings[0].inputs)
     check_question(states, terms, known, known_states, prior, inputs, coefficients, allowed)
     if forced is not None:
-        if coefficients or allowed is not None:
-            raise ValueError("forced: not with what is known of single coefficients or equations")
-        return random_forces(recordings, terms, known, known_states, forced)
+        asked = terms, known, known_states, forced, coefficients, allowed
+        return random_forces(recordings, *asked)
     problem = posed(states, terms, known, known_states, prior, inputs, coefficients, allowed)
     objections, given = [], recordings
     try:
@@ -128,9 +127,7 @@ def _at_time_scale(
 ) -> IdentifiedModel:
     """The model from the starts of one time scale. Raises NO_MODEL where none leads to one."""
     begun = begun or begin(problem, recordings, share)
-    every = problem.open[list(problem.unknown)].all() and not problem.precision.any()
-    asked = share == 1.0 and every and not problem.inputs
-    if asked and (forced := moved_at_random(problem, begun)) is not None:
+    if share == 1.0 and (forced := moved_at_random(problem, begun)) is not None:
         return forced
     rescaled = scaled(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):

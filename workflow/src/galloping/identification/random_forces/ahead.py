@@ -31,7 +31,8 @@ def motions(
     recording tells it.
     """
     recording = end_of(found, recording)
-    drawn, ahead = [], Steps.between(np.append(recording.time[-1], time))
+    inputs = [recording.inputs[name] for name in found.model.inputs]
+    drawn, ahead = [], Steps.between(np.append(recording.time[-1], time), inputs)
     for model in models:
         follow, data = tracker(replace(found, model=model), recording)
         end = follow.over(data)
@@ -89,7 +90,9 @@ def spectra(
         power = np.einsum("fci,ij,fcj->fc", moved, white, moved.conj()).real
         return frequency, 2.0 * power + noise
     channels, powers = follow.channels, []
-    steps = Steps.between(np.arange(len(recording.time)) * step)
+    inputs = [recording.inputs[name] for name in found.model.inputs]
+    time = recording.time[0] + np.arange(len(recording.time)) * step
+    steps = Steps.between(time, inputs)
     begin = follow.over(data).mean
     for _ in range(MOTIONS):
         states = follow.motion(begin, steps, rng)

@@ -6,9 +6,12 @@ the integral of exp(A s) G exp(A s)' from 0 to h; both by the eigenvectors of A.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from galloping.inputs import Factor, Input, extrapolated
 
 TICKS = 1000  # of the median step, to which times are rounded: so that equal steps are one
 FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them, but for rounding
@@ -17,19 +20,35 @@ FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them
 @dataclass(frozen=True)
 class Steps:
     """lengths: (n_steps,) s, that occur between samples. of: (n,) index of the step before each
-    sample, -1 before the first.
+    sample, -1 before the first. time: (n,) s. inputs: what is known beside the motion.
     """
 
     lengths: np.ndarray
     of: np.ndarray
+    time: np.ndarray
+    inputs: tuple[Input, ...] = ()
 
     @classmethod
-    def between(cls, time: np.ndarray) -> Steps:
+    def between(cls, time: np.ndarray, inputs: Sequence[Input] = ()) -> Steps:
         """Of times (n,) s, increasing."""
         tick = np.median(np.diff(time)) / TICKS
         counts = np.diff(np.round((time - time[0]) / tick).astype(np.int64))
         occurring, index = np.unique(np.maximum(counts, 1), return_inverse=True)
-        return cls(occurring * tick, np.append(-1, index))
+        return cls(occurring * tick, np.append(-1, index), time, tuple(inputs))
+
+    def driven(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
+        """(2 n_substeps + 1, n_factors) factors of the inputs at the begin and half way of each of
+        the substeps, (n_steps,) of a step, of all steps, and at the end.
+        """
+        halves = 2 * substeps[self.of[1:]]
+        if not factors:
+            return np.empty((halves.sum() + 1, 0))
+        begins = np.cumsum(halves) - halves
+        share = (np.arange(halves.sum()) - np.repeat(begins, halves)) / np.repeat(halves, halves)
+        time = np.repeat(self.time[:-1], halves) + share * np.repeat(np.diff(self.time), halves)
+        values = [extrapolated(one, np.append(time, self.time[-1])) for one in self.inputs]
+        powers = np.array(factors, float)[:, :, np.newaxis]
+        return np.ascontiguousarray(np.prod(np.array(values) ** powers, axis=1).T)
 
 
 def discretised(

@@ -24,7 +24,7 @@ def _monomials(x, exponents, out):
 
 @njit(cache=True, error_model="numpy")
 def _rates(x, exponents, coefficients, terms, out):
-    """terms: room for the monomials, which stay there."""
+    """x: states, and then factors of inputs. terms: room for the monomials, which stay there."""
     _monomials(x, exponents, terms)
     for i in range(len(out)):
         total = 0.0
@@ -36,13 +36,13 @@ def _rates(x, exponents, coefficients, terms, out):
 @njit(cache=True, error_model="numpy")
 def _jacobian(x, exponents, coefficients, out):
     out[:] = 0.0
-    d = len(x)
+    d = len(out)
     for j in range(len(exponents)):
         for k in range(d):
             if exponents[j, k] == 0:
                 continue
             slope = float(exponents[j, k])
-            for m in range(d):
+            for m in range(len(x)):
                 for _ in range(exponents[j, m] - (1 if m == k else 0)):
                     slope *= x[m]
             for i in range(d):
@@ -73,12 +73,16 @@ def _congruent(a, b, work, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _moved(x, h, force, exponents, coefficients, terms, stages, middle):
-    """Change `x` to `h` s later, in a constant force; `middle` to where it is half way."""
-    d = len(x)
+def _moved(x, h, force, driven, exponents, coefficients, terms, stages, middle):
+    """Change `x` to `h` s later, in a constant force; `middle` to where it is half way.
+
+    driven: (3, n_factors) at the begin, half way and at the end.
+    """
+    d = len(coefficients)
     before = stages[4]
-    before[:] = x
+    before[:] = x[:d]
     for stage in range(4):
+        x[d:] = driven[(stage + 1) // 2]
         _rates(x, exponents, coefficients, terms, stages[stage])
         for i in range(d):
             stages[stage, i] += force[i]
@@ -95,27 +99,29 @@ def _moved(x, h, force, exponents, coefficients, terms, stages, middle):
 
 @njit(cache=True, error_model="numpy")
 def extended_filter(
-    samples, step_of, lengths, substeps, exponents, coefficients, white, sensed, is_rate, noise, x,
-    p, candidates,
+    samples, step_of, lengths, substeps, driven, exponents, coefficients, white, sensed, is_rate,
+    noise, x, p, candidates,
 ):  # fmt: skip
     """Innovations and their variances, (n, n_channels) each, NaN where samples are missing or the
     filter fails; the means of the states (n, n_states) after each sample; and the slopes of the
     innovations (n, n_channels, n_candidates) with coefficients, the gains held.
 
     samples, step_of, noise, x, p: as of `kalman_filter`. lengths, substeps: (n_steps,) s, and into
-    how many each is divided. exponents: (n_terms, n_states), coefficients: (n_states, n_terms) of
-    the equations; white: (n_states, n_states) covariance of their forces in a second. sensed,
-    is_rate: (n_channels,) the state of each channel, and whether its rate is measured. candidates:
-    (n_candidates, 2) equation and term.
+    how many each is divided. driven: (2 n_substeps of all steps + 1, n_factors) factors of inputs,
+    at the begin and half way of each. exponents: (n_terms, n_states + n_factors), coefficients:
+    (n_states, n_terms) of the equations; white: (n_states, n_states) covariance of their forces in
+    a second. sensed, is_rate: (n_channels,) the state of each channel, and whether its rate is
+    measured. candidates: (n_candidates, 2) equation and term.
     """  # fmt: skip
     n, channels = samples.shape
-    d, many = len(x), len(candidates)
+    d, many, place = len(x), len(candidates), 0
     innovations = np.full((n, channels), np.nan)
     variances = np.full((n, channels), np.nan)
     means = np.full((n, d), np.nan)
     slopes = np.zeros((n, channels, many))
     told = np.zeros((d, many))  # slopes of the states
-    terms, stages, middle = np.zeros(len(exponents)), np.zeros((5, d)), np.zeros(d)
+    terms, stages = np.zeros(len(exponents)), np.zeros((5, d))
+    here, middle = np.append(x, driven[0]), np.append(x, driven[0])
     a, square, cube, fourth, over, half, work, added, jacobian = np.zeros((9, d, d))
     before, unit, still, gain, row = np.zeros(d), np.eye(d), np.zeros(d), np.zeros(d), np.zeros(d)
     moved, seen = np.zeros((d, many)), np.zeros(many)
@@ -124,7 +130,9 @@ def extended_filter(
             count = substeps[step_of[k]]
             h = lengths[step_of[k]] / count
             for _ in range(count):
-                _moved(x, h, still, exponents, coefficients, terms, stages, middle)
+                now = driven[place : place + 3]
+                _moved(here, h, still, now, exponents, coefficients, terms, stages, middle)
+                place += 2
                 _jacobian(middle, exponents, coefficients, jacobian)
                 for i in range(d):
                     for j in range(d):
@@ -156,11 +164,11 @@ def extended_filter(
                         for i in range(d):
                             acts = half[i, candidates[c, 0]] * terms[candidates[c, 1]]
                             told[i, c] += h * acts
-        if not np.all(np.isfinite(x)):
+        if not np.all(np.isfinite(here)):
             break
-        _rates(x, exponents, coefficients, terms, stages[0])
-        _jacobian(x, exponents, coefficients, jacobian)
-        before[:] = x
+        _rates(here, exponents, coefficients, terms, stages[0])
+        _jacobian(here, exponents, coefficients, jacobian)
+        before[:] = here[:d]
         for c in range(channels):
             if np.isnan(samples[k, c]):
                 continue
@@ -168,7 +176,7 @@ def extended_filter(
             error = samples[k, c] - (stages[0, own] if is_rate[c] else before[own])
             for i in range(d):
                 row[i] = jacobian[own, i] if is_rate[c] else unit[own, i]
-                error -= row[i] * (x[i] - before[i])
+                error -= row[i] * (here[i] - before[i])
             spread = noise[c]
             for i in range(d):
                 gain[i] = 0.0
@@ -185,33 +193,36 @@ def extended_filter(
                 slopes[k, c, j] = -seen[j]
             for i in range(d):
                 gain[i] /= spread
-                x[i] += gain[i] * error
+                here[i] += gain[i] * error
                 for j in range(many):
                     told[i, j] -= gain[i] * seen[j]
             for i in range(d):
                 for j in range(i + 1):
                     p[i, j] -= gain[i] * gain[j] * spread
                     p[j, i] = p[i, j]
-        means[k] = x
+        means[k] = here[:d]
+    x[:] = here[:d]
     return innovations, variances, means, slopes
 
 
 @njit(cache=True, error_model="numpy")
-def random_motion(x, step_of, lengths, substeps, exponents, coefficients, root, noise):
+def random_motion(x, step_of, lengths, substeps, driven, exponents, coefficients, root, noise):
     """(n, n_states) from `x` on, in forces whose covariance in a second is root root'.
 
-    step_of, lengths, substeps, exponents, coefficients: as of `extended_filter`. noise: (n_substeps
+    All until `coefficients`: as of `extended_filter`. noise: (n_substeps
     of all steps, n_states) of unit variance.
     """
-    states = np.empty((len(step_of), len(x)))
-    terms, stages, middle = np.zeros(len(exponents)), np.zeros((5, len(x))), np.zeros(len(x))
-    place = 0
+    d, place = len(x), 0
+    states = np.empty((len(step_of), d))
+    terms, stages = np.zeros(len(exponents)), np.zeros((5, d))
+    here, middle = np.append(x, driven[0]), np.append(x, driven[0])
     for k in range(len(step_of)):
         if step_of[k] >= 0:
             h = lengths[step_of[k]] / substeps[step_of[k]]
             for _ in range(substeps[step_of[k]]):
                 force = root @ noise[place] / np.sqrt(h)
-                _moved(x, h, force, exponents, coefficients, terms, stages, middle)
+                now = driven[2 * place : 2 * place + 3]
+                _moved(here, h, force, now, exponents, coefficients, terms, stages, middle)
                 place += 1
-        states[k] = x
+        states[k] = here[:d]
     return states

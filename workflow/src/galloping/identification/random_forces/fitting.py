@@ -7,7 +7,7 @@ sampling. Their derivatives are differences; the information is that of F. C. Sc
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,7 +17,6 @@ from galloping.identification.likelihood.problem import Problem
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.tracking import Data, Filtered, Forces, Tracker
 from galloping.passes import passing
-from galloping.polynomial import PolynomialModel
 
 FIRST_STEP, STEP = 1e-5, 1e-3  # of differences: in units of a parameter, then of its error
 CONVERGED = 1e-2  # rise of the log-likelihood that a step of the iteration promises
@@ -47,7 +46,7 @@ class Model:
 @dataclass(frozen=True)
 class Innovations:
     """innovations, variances: (n, n_channels) of the samples of all recordings, NaN where missing.
-    parts: the filter over each recording.
+    parts: the filter over each recording, and what priors expect, as samples of coefficients.
     """
 
     parts: tuple[Filtered, ...]
@@ -79,8 +78,9 @@ class Question:
     """What is asked of recordings.
 
     forced: indices of the equations that have a force. size: (n_states,) of the motion. unit:
-    (n_candidates,) of the coefficients. middle: (n_states,) about which the motion is.
-    least_noise: (n_channels,) of a sample.
+    (n_candidates,) of the coefficients. always: (n_candidates,) those of the linear equations that
+    every fit has, and those with a prior. middle: (n_states,) about which the motion is.
+    least_noise: (n_channels,) of a sample. held: means of the inputs.
     """
 
     problem: Problem
@@ -88,19 +88,16 @@ class Question:
     forced: tuple[int, ...]
     size: np.ndarray
     unit: np.ndarray
+    always: np.ndarray
     middle: np.ndarray
     least_noise: np.ndarray
     data: tuple[Data, ...]
+    held: Mapping[str, float]
 
     @property
     def penalty(self) -> float:
         """2 ln N of N samples."""
         return 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in self.data))
-
-    @cached_property
-    def linear_terms(self) -> np.ndarray:
-        """(n_candidates,) whether a candidate is of the first degree or constant."""
-        return self.problem.degrees <= 1
 
     def centring(self, support: np.ndarray) -> np.ndarray:
         """(n_support, n_support) from coefficients in their units to those of which a constant is
@@ -108,9 +105,9 @@ class Question:
 
         Of a motion that is far from zero, a constant is otherwise told by the stiffness alone.
         """
-        places, terms = np.flatnonzero(support), np.array(self.problem.terms)
-        centring = np.eye(len(places))
-        equations, degrees = self.problem.candidates[places, 0], self.problem.degrees[places]
+        places, terms = np.flatnonzero(support), self.problem.of_states
+        centring, equations = np.eye(len(places)), self.problem.candidates[places, 0]
+        degrees = np.where(self.always, self.problem.degrees, -1)[places]
         for n in np.flatnonzero(degrees == 0):
             for m in np.flatnonzero((equations == equations[n]) & (degrees == 1)):
                 at = self.middle @ terms[self.problem.candidates[places[m], 1]]
@@ -138,10 +135,8 @@ class Question:
             slow[self.forced, self.forced] = np.square(model.slow)
             rates[list(self.forced)] = model.rates
         forces = Forces(white, slow, rates)
-        full = PolynomialModel(
-            problem.states, problem.terms, problem.coefficients(model.coefficients)
-        )
-        return Tracker(full, forces, self.channels, model.noise, self.size)
+        full = problem.model(model.coefficients)
+        return Tracker(full, forces, self.channels, model.noise, self.size, self.held)
 
     def regression(self, model: Model) -> tuple[np.ndarray, np.ndarray]:
         """Information (n_candidates, n_candidates) on changes of the coefficients, in their units,
@@ -159,12 +154,22 @@ class Question:
             own = slopes[told] * self.unit / root[:, np.newaxis]
             known += own.T @ own
             right -= own.T @ (filtered.innovations[told] / root)
-        return known, right
+        prior, pull = self.problem.with_prior(np.zeros((n, n)), np.zeros(n), model.coefficients)
+        return known + prior * np.outer(self.unit, self.unit), right + pull * self.unit
 
     def filtered(self, model: Model) -> Innovations:
         """Raises numpy.linalg.LinAlgError where the model cannot be discretised."""
         tracker = self.tracker(model)
-        return Innovations(tuple(tracker.over(one) for one in self.data))
+        return Innovations((*(tracker.over(one) for one in self.data), *self._expected(model)))
+
+    def _expected(self, model: Model) -> list[Filtered]:
+        """What priors of coefficients expect beyond a model, as a sample each."""
+        problem = self.problem
+        mean, precision = map(problem.of_candidates, (problem.expected, problem.precision))
+        told, none = np.flatnonzero(precision), np.empty(0)
+        error, variance = np.full((2, len(told), len(self.channels.names)), np.nan)
+        error[:, 0], variance[:, 0] = (mean - model.coefficients)[told], 1.0 / precision[told]
+        return [Filtered(error, variance, none, none, none, len(told))] if len(told) else []
 
 
 @dataclass(frozen=True)

@@ -12,20 +12,20 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from galloping.arrays import one_thread
-from galloping.identification.likelihood.inputs import check_question, checked_recordings
+from galloping.identification.likelihood.inputs import check_question, checked_recordings, driven
 from galloping.identification.likelihood.plausible import detection_limits
 from galloping.identification.likelihood.prior import costs
-from galloping.identification.likelihood.problem import Problem, posed
+from galloping.identification.likelihood.problem import Coefficient, Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
-from galloping.identification.likelihood.verdict import by, refused
+from galloping.identification.likelihood.verdict import by, refused, with_inputs
 from galloping.identification.likelihood.weak_gls import MOST_MISFIT, Start, prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.discrete import Steps
 from galloping.identification.random_forces.fitting import (
     Fit,
     Model,
@@ -45,9 +45,10 @@ from galloping.identification.random_forces.start import (
 from galloping.identification.random_forces.tracking import Data, sizes
 from galloping.identification.random_forces.wavering import wavers
 from galloping.identification.random_forces.whiteness import Whiteness, whiteness
+from galloping.inputs import at_times
 from galloping.passes import passing
-from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
-from galloping.recording import Recording
+from galloping.polynomial import Exponents, PolynomialModel, design_matrix, velocity_pairs
+from galloping.recording import Recording, mean_inputs
 
 SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the modes, rad/s
 SLOWER = 4.0  # times the period of the swings, at which a start then follows something else
@@ -57,6 +58,7 @@ LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact sampl
 MOST_CHOICES = 4  # of nonlinear terms, each after a fit of the last
 FAINT = 1e-3  # of the forces, as good as none
 START_PERIODS = 20.0  # shortest periods, over which the first state is told
+STEADY = 0.5  # mean of a factor of inputs, in its root mean square, from which it is mostly that
 
 
 @one_thread
@@ -66,26 +68,29 @@ def random_forces(
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
     forced: Sequence[str] = (),
+    coefficients: Sequence[Coefficient] = (),
+    allowed: ArrayLike | None = None,
 ) -> IdentifiedModel:
     """Identify a model that random forces move, from one or several recordings of a system.
 
-    recordings, terms, known, known_states: as of `maximum_likelihood`. forced: names of the
+    All but `forced`: as of `maximum_likelihood`. forced: names of the
     coordinates or of the states in whose equations a force acts; by default all that are sought.
     The status is `ok`, `approximate` where what is left is no white noise, or `refused`; the
     covariance of the forces is in `forces`. Raises ValueError for other input.
     """
-    recordings = checked_recordings(recordings)
-    states = recordings[0].states
-    inputs = tuple(recordings[0].inputs)
-    check_question(states, terms, known, known_states, inputs=inputs)
-    problem = posed(states, terms, known, known_states, inputs=inputs)
+    given = checked_recordings(recordings)
+    states = given[0].states
+    inputs = tuple(given[0].inputs)
+    check_question(states, terms, known, known_states, None, inputs, coefficients, allowed)
+    problem = posed(states, terms, known, known_states, None, inputs, coefficients, allowed)
     places = forced_equations(problem, forced)
     try:
+        recordings = driven(given, problem.inputs)
         cleaned, _, period = prepared(recordings)
         rescaled = scaled(cleaned, period)
         question, whole, _ = fitted_to_some(problem, rescaled, period, places)
         found, _ = fitted_to_all(question, whole, rescaled, period)
-        return _with_scales(found, cleaned, rescaled)
+        return with_inputs(_with_scales(found, cleaned, rescaled), given, recordings)
     except NO_MODEL as error:
         return by(["random forces"], refused(problem, str(error)))
 
@@ -102,14 +107,19 @@ def moved_at_random(problem: Problem, start: Start) -> IdentifiedModel | None:
             return None
         forced, rescaled = problem.unknown, scaled(start.recordings, start.period)
         question, whole, left = fitted_to_some(problem, rescaled, start.period, forced, may_be_slow)
-        if not left.nearly:
+        if not _will_do(problem, left):
             return None
         found, left = fitted_to_all(question, whole, rescaled, start.period)
-        if not left.nearly:
+        if not _will_do(problem, left):
             return None
     except NO_MODEL:
         return None
     return _with_scales(found, start.recordings, rescaled)
+
+
+def _will_do(problem: Problem, left: Whiteness) -> bool:
+    """Whether a model that was not asked for answers; beside inputs others are near as well."""
+    return left.nearly and not (problem.inputs and left.relevant)
 
 
 def _with_scales(
@@ -167,13 +177,15 @@ def fitted_to_some(
     channels, recordings = Channels.of(recordings), _thinned(recordings)
     question, starts = _begun(problem, recordings, channels, forced)
     white = next((each for each in starts if not each.slow), replace(starts[0], slow=(), rates=()))
-    whole = fitted(question, white, question.linear_terms, correlated=True)
+    whole = fitted(question, white, question.always, correlated=True)
+    if problem.inputs:  # what they bring is no slow force
+        whole = _with_further_terms(question, whole)
     left = _left(question, whole, recordings)
     if not left.white and may_be_slow and not set(channels.rates) & set(forced):
         whole = _with_slow_forces(question, starts[0], whole)  # no sensor reads the force
     elif not (may_be_slow or left.nearly):
         raise Unusable(in_words(left, channels))
-    whole = _with_nonlinear_terms(question, whole)
+    whole = _with_further_terms(question, whole)
     return question, whole, _left(question, whole, recordings)
 
 
@@ -210,27 +222,31 @@ def _begun(
     pairs = channels.pairs
     if set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states):
         raise Unusable("random forces are told of coordinates X and their velocities dX only")
-    if problem.inputs:
-        raise Unusable("random forces beside measured inputs are not told apart")
     step, grids = on_grids(recordings)
     period = shortest(grids, step)
     size, mean, deviation = sizes(recordings, channels, period)
-    terms, omega = np.array(problem.terms), 2.0 * np.pi / period
-    unit = np.array([omega * size[i] / np.prod(size ** terms[j]) for i, j in problem.candidates])
+    omega, powers = 2.0 * np.pi / period, problem.of_states
+    about, largest = _factors(problem, recordings)
+    moved = np.prod(size**powers, axis=1) * largest
+    unit = np.array([omega * size[i] / moved[j] for i, j in problem.candidates])
+    always = _always(problem, np.abs(about) > STEADY * largest)
     middle = np.zeros(len(problem.states))
     middle[list(channels.values)] = mean[: len(channels.values)]
     middle[list(pairs.values())] = 0.0
     least = LEAST_NOISE * deviation
     data = _data(recordings, channels)
-    question = Question(problem, channels, forced, size, unit, middle, least, data)
+    held = mean_inputs(problem.inputs, recordings)
+    question = Question(problem, channels, forced, size, unit, always, middle, least, data, held)
     frequencies, power = spectra(grids, step)
+    alike = np.all(powers[:, np.newaxis] == powers, axis=2)
+    expected, known = problem.of_candidates(problem.expected), problem.known + problem.expected
     found = []
     for system in systems(channels, grids, step, period):
-        rows = np.zeros((len(problem.states), len(problem.terms)))
-        for j, term in enumerate(problem.terms):
-            if sum(term) <= 1:
-                rows[:, j] = system[:, term.index(1)] if sum(term) else -system @ middle
-        free = rows[tuple(problem.candidates.T)]
+        constant = -(system @ middle)[:, np.newaxis]
+        rows = np.where(powers.sum(axis=1) > 0, system @ powers.T, constant)
+        rows = (rows - (about * known) @ alike) / np.where(about == 0.0, largest, about)
+        free = np.where(always, problem.of_candidates(rows), 0.0)
+        free = np.where(problem.of_candidates(problem.precision) > 0.0, expected, free)
         rate = SLOW * np.min(np.abs(np.linalg.eigvals(system)))
         sensing = channels.sensing(system)
         for slow in (None, rate):
@@ -246,49 +262,79 @@ def _begun(
     return question, [model for _, model in sorted(found, key=lambda each: -each[0])]
 
 
+def _factors(problem: Problem, recordings: list[Recording]) -> tuple[np.ndarray, np.ndarray]:
+    """(n_terms,) mean and root mean square of what inputs bring to each term, 1 if nothing."""
+    own = [at_times(tuple(each.inputs.values()), each.time) for each in recordings]
+    of_inputs = tuple(term[len(problem.states) :] for term in problem.terms)
+    factors = design_matrix(np.concatenate(own), of_inputs)
+    return factors.mean(axis=0), np.sqrt(np.mean(factors**2, axis=0))
+
+
+def _always(problem: Problem, steady: np.ndarray) -> np.ndarray:
+    """(n_candidates,) those of the linear equations, and those with a prior.
+
+    Of terms that differ in their inputs alone, the one of the lowest powers of those that are
+    mostly there: steady, (n_terms,).
+    """
+    always, simplest = problem.of_candidates(problem.precision) > 0.0, {}
+    for k, (i, j) in enumerate(problem.candidates):
+        if problem.degrees[k] <= 1 and steady[j]:
+            powers = sum(map(abs, problem.terms[j][len(problem.states) :]))
+            own = simplest.setdefault((i, *problem.of_states[j]), (powers, k))
+            simplest[(i, *problem.of_states[j])] = min(own, (powers, k))
+    always[[k for _, k in simplest.values()]] = True
+    return always
+
+
 def _data(recordings: list[Recording], channels: Channels) -> tuple[Data, ...]:
-    return tuple(Data(channels.samples(each), Steps.between(each.time)) for each in recordings)
+    return tuple(Data.of(each, channels) for each in recordings)
 
 
 def _with_slow_forces(question: Question, start: Model, white: Fit) -> Fit:
     """The fit with slow forces beside the white ones, where they pay."""
     slow = start.slow
-    if not slow:
+    if not slow or question.problem.inputs:
         own = np.min(np.abs(np.linalg.eigvals(question.tracker(white.model).system)))
         rate = SLOW * own
         slow = tuple(rate * np.diag(white.model.root))
         start = replace(white.model, slow=slow, rates=(rate,) * len(slow))
     try:
-        fit = fitted(question, start, question.linear_terms, correlated=True)
+        fit = fitted(question, start, white.support, correlated=True)
     except (FloatingPointError, np.linalg.LinAlgError):
         return white
     gain = fit.filtered.log_likelihood - white.filtered.log_likelihood
     return fit if 2.0 * gain > question.penalty * 2 * len(fit.model.slow) else white
 
 
-def _with_nonlinear_terms(question: Question, fit: Fit) -> Fit:
-    """The fit with the nonlinear terms that pay.
+def _with_further_terms(question: Question, fit: Fit) -> Fit:
+    """The fit with the terms that pay, nonlinear ones and those of inputs.
 
-    They are chosen on the slopes of the innovations, again after each fit of those that were. Where
-    the motion is so large that any pays, the cubic damping of each coordinate stays too: what it
-    takes off the linear one, net damping at rest would lack, and the data alone hardly tell it.
+    They are chosen on the slopes of the innovations, again after each fit of those that were. What
+    the data alone hardly tell stays too, so that intervals hold it: what inputs do to the damping
+    of a coordinate, and, where the motion is so large that any nonlinear term pays, its cubic
+    damping and stiffness, for the linear ones would take their place.
     """
-    problem, linear = question.problem, question.linear_terms
-    own = set(velocity_pairs(problem.states).values())
-    cubes = [i in own and problem.terms[j][i] == 3 for i, j in problem.candidates]
-    damping = np.array(cubes) & (problem.degrees == 3)
-    allowed = fit.support | ~linear
-    prices = np.where(linear, 0.0, costs(problem.prior, problem.complexity, question.penalty))
+    problem, always = question.problem, question.always
+    pairs = {velocity: [velocity, i] for i, velocity in velocity_pairs(problem.states).items()}
+    powers = [
+        problem.of_states[j][pairs[i]] if i in pairs else (0, 0) for i, j in problem.candidates
+    ]
+    damping, stiffness = np.array(powers).T
+    damped = (damping == 1) & (problem.degrees == 1)
+    cubic = (np.maximum(damping, stiffness) == 3) & (problem.degrees == 3)
+    allowed = fit.support | ~always
+    prices = np.where(always, 0.0, costs(problem.prior, problem.complexity, question.penalty))
     every = np.ones(allowed.sum(), bool)
     for _ in range(MOST_CHOICES):
         known, right = question.regression(fit.model)
         about, support = fit.model.coefficients / question.unit, allowed.copy()
+        apart = problem.chosen_about(fit.model.coefficients) / question.unit
         support[allowed] = select(
             known[np.ix_(allowed, allowed)], right[allowed], [fit.support[allowed], every],
-            prices[allowed], about[allowed],
+            prices[allowed], apart[allowed],
         )  # fmt: skip
-        if np.any(support & ~linear):
-            support |= damping
+        large = np.any(support & (problem.degrees > 1))
+        support |= damped | (cubic & large)
         if np.array_equal(support, fit.support):
             break
         scaled, _ = solve_support(known, right + known @ about, support)
@@ -329,11 +375,12 @@ def _chosen(question: Question, fit: Fit, penalty: float) -> np.ndarray:
     that by itself is hardly told.
     """
     problem, support = question.problem, fit.support.copy()
+    judged = support & question.always & (problem.of_candidates(problem.precision) == 0.0)
     own = {velocity: i for i, velocity in velocity_pairs(problem.states).items()}
     groups: dict[tuple[int, ...], list[int]] = {}
-    for k in np.flatnonzero(support & question.linear_terms):
+    for k in np.flatnonzero(judged):
         equation, j = problem.candidates[k]
-        moved = next((s for s, e in enumerate(problem.terms[j]) if e), None)
+        moved = next((s for s, e in enumerate(problem.of_states[j]) if e), None)
         pair = {own[equation], own.get(moved, moved)} - {None}
         groups.setdefault((*sorted(pair), k) if moved is None else tuple(sorted(pair)), []).append(
             k
@@ -376,9 +423,9 @@ def _identified(
 ) -> IdentifiedModel:
     problem, channels, support = question.problem, question.channels, fit.support
     unit = question.unit[support]
-    covariance = fit.coefficient_covariance * np.outer(unit, unit)
+    covariance = problem.of_model(fit.coefficient_covariance * np.outer(unit, unit), support)
     errors = np.full(len(support), np.nan)
-    errors[support] = np.sqrt(np.diag(covariance))
+    errors[support] = np.sqrt(np.diag(fit.coefficient_covariance)) * unit
     absent = added_deviation(known, support) * question.unit
     absent[np.diag(known) == 0.0] = np.nan
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
@@ -390,13 +437,11 @@ def _identified(
     said = "" if left.white else f"; {in_words(left, channels)}"
     status = "approximate" if said and left.relevant else "ok"
     found = IdentifiedModel(
-        model=PolynomialModel(
-            problem.states, problem.terms, problem.coefficients(fit.model.coefficients)
-        ),
+        model=problem.model(fit.model.coefficients),
         status=status,
         reason=f"moved by random forces{said}",
-        standard_errors=problem.on_library(errors),
-        unconditional_errors=problem.on_library(np.where(support, errors, absent)),
+        standard_errors=problem.on_library(errors, 0.0),
+        unconditional_errors=problem.on_library(np.where(support, errors, absent), 0.0),
         detection_limits=problem.on_library(detection_limits(absent, support, penalty)),
         covariance=covariance,
         known=problem.known_equations,

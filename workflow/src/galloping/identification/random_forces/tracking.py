@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,8 @@ from galloping.identification.random_forces.discrete import Steps, discretised
 from galloping.identification.random_forces.extended import extended_filter, random_motion
 from galloping.identification.random_forces.kalman import kalman_filter
 from galloping.polynomial import PolynomialModel
-from galloping.recording import Recording
+from galloping.recording import Recording, mean_inputs
+from galloping.taylor import Tables, tables
 
 # Standard deviation of the first state, in that of the motion: of a linear system, and of another,
 # whose slopes are told where it is expected to be.
@@ -28,6 +29,11 @@ class Data:
 
     samples: np.ndarray
     steps: Steps
+
+    @classmethod
+    def of(cls, recording: Recording, channels: Channels) -> Data:
+        steps = Steps.between(recording.time, tuple(recording.inputs.values()))
+        return cls(channels.samples(recording), steps)
 
 
 @dataclass(frozen=True)
@@ -78,9 +84,9 @@ class Forces:
 class Tracker:
     """A model, its forces and its instruments.
 
-    noise: (n_channels,) deviations of a sample. size: (n_states,) of the motion. Raises
-    numpy.linalg.LinAlgError where the model has no rest. With slow forces, the filter is of the
-    states and of those.
+    noise: (n_channels,) deviations of a sample. size: (n_states,) of the motion. held: means of the
+    inputs, at which the linear part is. Raises numpy.linalg.LinAlgError where the model has no
+    rest. With slow forces, the filter is of the states and of those.
     """
 
     model: PolynomialModel
@@ -88,20 +94,26 @@ class Tracker:
     channels: Channels
     noise: np.ndarray
     size: np.ndarray
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def steady(self) -> PolynomialModel:
+        """The model in the means of its inputs."""
+        return self.model.at(self.held) if self.held else self.model
 
     @cached_property
     def system(self) -> np.ndarray:
         """(n_states, n_states) the linear part of the equations."""
-        exponents = np.array(self.model.terms)
+        exponents = np.array(self.steady.terms)
         first = exponents.sum(axis=1) == 1
-        return self.model.coefficients[:, first] @ exponents[first]
+        return self.steady.coefficients[:, first] @ exponents[first]
 
     @cached_property
     def rest(self) -> np.ndarray:
         """(n_states,) where the linear part is in equilibrium."""
-        constant = np.sum(np.array(self.model.terms), axis=1) == 0
+        constant = np.sum(np.array(self.steady.terms), axis=1) == 0
         try:
-            return -np.linalg.solve(self.system, self.model.coefficients[:, constant].sum(axis=1))
+            return -np.linalg.solve(self.system, self.steady.coefficients[:, constant].sum(axis=1))
         except np.linalg.LinAlgError:
             raise np.linalg.LinAlgError("a stiffness cannot be told in random forces") from None
 
@@ -135,8 +147,10 @@ class Tracker:
 
     @cached_property
     def is_linear(self) -> bool:
-        exponents = np.array(self.model.terms)
-        return not self.model.coefficients[:, exponents.sum(axis=1) > 1].any()
+        """Whether it is, and no input bears on it."""
+        exponents, n = np.array(self.model.terms), len(self.size)
+        others = (exponents[:, :n].sum(axis=1) > 1) | exponents[:, n:].any(axis=1)
+        return not self.model.coefficients[:, others].any()
 
     @property
     def first_mean(self) -> np.ndarray:
@@ -150,18 +164,24 @@ class Tracker:
         within = (DIFFUSE if self.is_linear else NEAR) * self.size
         return np.diag(np.append(within**2, slow[self.forces.places]))
 
+    @property
+    def _tables(self) -> Tables:
+        return tables(self.model.terms, len(self.size))
+
     def equations(self, terms: Sequence[int] = ()) -> tuple[np.ndarray, np.ndarray]:
-        """Exponents (n_terms, m) and coefficients (m, n_terms) of what moves the states and slow
-        forces; those of the model that are present, but for `terms`, indices that come first.
+        """Exponents (n_terms, m + n_factors) and coefficients (m, n_terms) of what moves the states
+        and slow forces; those of the model that are present, but for `terms`, indices that come
+        first.
         """
-        n, m = len(self.size), len(self.driven[0])
+        n, m, known = len(self.size), len(self.driven[0]), self._tables
         others = np.flatnonzero(self.model.coefficients.any(axis=0))
         own = [*terms, *(j for j in others if j not in set(terms))]
-        exponents = np.zeros((len(own) + m - n, m), np.int64)
+        exponents = np.zeros((len(own) + m - n, m + len(known.factors)), np.int64)
         coefficients = np.zeros((m, len(exponents)))
-        exponents[: len(own), :n] = np.array(self.model.terms)[own]
+        signals = known.exponents[known.position[own]]
+        exponents[: len(own), :n], exponents[: len(own), m:] = signals[:, :n], signals[:, n:]
         coefficients[:n, : len(own)] = self.model.coefficients[:, own]
-        exponents[len(own) :, n:] = np.eye(m - n, dtype=np.int64)
+        exponents[len(own) :, n:m] = np.eye(m - n, dtype=np.int64)
         coefficients[:, len(own) :] = self.driven[0][:, n:]
         return exponents, coefficients
 
@@ -184,22 +204,23 @@ class Tracker:
         return Filtered(innovations, variances, means[:, :n], x, p, count), slopes
 
     def _extended(self, data: Data, exponents, coefficients, white, x, p, candidates):
-        channels, lengths = self.channels, data.steps.lengths
+        channels, steps = self.channels, data.steps
         sensed = np.array([*channels.values, *channels.rates])
         is_rate = np.arange(len(sensed)) >= len(channels.values)
+        counts = self.substeps(steps.lengths)
         return extended_filter(
-            data.samples, data.steps.of, lengths, self.substeps(lengths), exponents, coefficients,
-            white, sensed, is_rate, self.noise**2, x, p, candidates,
+            data.samples, steps.of, steps.lengths, counts,
+            steps.driven(counts, self._tables.factors), exponents, coefficients, white, sensed,
+            is_rate, self.noise**2, x, p, candidates,
         )  # fmt: skip
 
     def motion(self, x: np.ndarray, steps: Steps, rng: np.random.Generator) -> np.ndarray:
         """(n, n_states) from states and slow forces `x` (m,) on, in forces drawn for it."""
         counts = self.substeps(steps.lengths)
-        drawn = rng.standard_normal((counts[steps.of[1:]].sum(), len(x)))
-        root = factor(self.driven[1])
-        exponents, coefficients = self.equations()
-        own = x.copy(), steps.of[1:], steps.lengths, counts, exponents, coefficients, root, drawn
-        return random_motion(*own)[:, : len(self.size)]
+        noise = rng.standard_normal((counts[steps.of[1:]].sum(), len(x)))
+        driven, root = steps.driven(counts, self._tables.factors), factor(self.driven[1])
+        own = steps.of[1:], steps.lengths, counts, driven, *self.equations(), root, noise
+        return random_motion(x, *own)[:, : len(self.size)]
 
     def over(self, data: Data) -> Filtered:
         """Raises numpy.linalg.LinAlgError where the model cannot be discretised."""
@@ -222,13 +243,14 @@ class Tracker:
         By the filter of the states beside what they were at first, which does not change.
         """
         exponents, coefficients = self.equations()
-        m, n = len(coefficients), len(self.size)
+        m, n, steps = len(coefficients), len(self.size), data.steps
+        states, factors = exponents[:, :m], exponents[:, m:]
         doubled = np.zeros((2 * m, 2 * m))
         doubled[:m, :m] = self.driven[1]
         x, p = np.tile(self.first_mean, 2), np.kron(np.ones((2, 2)), self.first_covariance)
-        steps = Steps(data.steps.lengths, data.steps.of[:count])
+        steps = replace(steps, of=steps.of[:count], time=steps.time[:count])
         self._extended(
-            Data(data.samples[:count], steps), np.hstack([exponents, np.zeros_like(exponents)]),
+            Data(data.samples[:count], steps), np.hstack([states, np.zeros_like(states), factors]),
             np.vstack([coefficients, np.zeros_like(coefficients)]), doubled, x, p,
             np.zeros((0, 2), np.int64),
         )  # fmt: skip
@@ -270,10 +292,12 @@ def tracker(found: IdentifiedModel, recording: Recording) -> tuple[Tracker, Data
             raise ValueError(
                 f"the model knows no noise of {name}: its recordings had no such sensor"
             )
+    names = found.model.inputs
     unsized = Tracker(
-        found.model, Forces.of(found), channels, np.array(noise), np.ones(len(states))
-    )
+        found.model, Forces.of(found), channels, np.array(noise), np.ones(len(states)),
+        mean_inputs(names, [recording]),
+    )  # fmt: skip
     fastest = np.abs(np.linalg.eigvals(unsized.system)).max()
     size, _, _ = sizes([recording], channels, 2.0 * np.pi / fastest)
-    data = Data(channels.samples(recording), Steps.between(recording.time))
-    return replace(unsized, size=size), data
+    recording = replace(recording, inputs={name: recording.inputs[name] for name in names})
+    return replace(unsized, size=size), Data.of(recording, channels)
