@@ -341,7 +341,7 @@ def test_a_status_is_right_where_its_claim_holds_or_its_doubt_is_due():
         ("refused", False, False, 0.0), ("approximate", True, False, np.nan),
     ]  # fmt: skip
     fits = pd.DataFrame(rows, columns=["status", "exact", "ok_and_wrong", "cause_named"])
-    figure = draw_trust(fits.assign(group="lines"), {})
+    figure = draw_trust(fits.assign(group="lines"))
     written = [text.get_text() for text in figure.axes[0].texts]
     assert written == ["1 of 2", "1 of 2", "0 of 1", "1 of 1"]
 
@@ -354,6 +354,6 @@ def test_no_point_of_the_reduction_is_cut_off():
         for direction in ("vertical", "horizontal")
         for line, amplitude, error in (("two modes", 1.0, 0.0), ("9 modes", 3.0, np.nan))
     )  # fmt: skip
-    axes = draw_reduction(table, {}).axes[0]
+    axes = draw_reduction(table).axes[0]
     assert axes.get_ylim()[0] == 0 and axes.get_ylim()[1] > 3.2
     assert "another motion" in axes.get_legend_handles_labels()[1]

@@ -192,7 +192,7 @@ def test_the_oracle_is_never_worse_than_what_was_chosen():
             scored("stlsq", k, 20, 0, 0.4, choice="right terms"),
         )
     )
-    table = peers(scores, {"a cell": best}, {}).set_index(["method", "setting"])
+    table = peers(scores, {"a cell": best}).set_index(["method", "setting"])
     numbers = ["mean_error_percent", "exact", "r2_q_v", "r2_q_w", "replicates"]
     assert table.loc[("stlsq", CHOSEN), numbers].tolist() == [12.5, 0, 0.5, 0.5, 4]
     assert table.loc[("stlsq", ORACLE), numbers].tolist() == [5, 1, 0.5, 0.5, 3]

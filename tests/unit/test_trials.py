@@ -83,7 +83,7 @@ def test_random_lines_and_their_table():
         recorded_lines.of_random_lines(5, "all", [0], METHODS, **levels, duration=60.0)
     )
     assert list(fits["release"]) == [0, 1]
-    table = trust(fits, {})
+    table = trust(fits)
     line = table[table["case"] == "all"].to_dict("records")[0]
     assert (line["group"], line["fits"], line["level"]) == ("random lines", 2, 0.05)
     answers = ("ok", "not_identifiable", "approximate", "refused")
@@ -159,13 +159,13 @@ def test_a_fault_is_named(fault, size):
 def test_published_settings_stand_beside_their_numbers():
     settings = {"levels": [0.1], "durations": [4.0]}
     fits = pd.DataFrame(published.exact_terms(5, "lorenz", [0, 1], METHODS, **settings))
-    (row,) = published_terms({"lorenz": fits}, {}).to_dict("records")
+    (row,) = published_terms({"lorenz": fits}).to_dict("records")
     assert (row["system"], row["duration"], row["level"], row["fits"]) == ("lorenz", 4.0, 0.1, 2)
     assert (row["odr_bindy"], row["ensemble_weak_sindy"]) == (128 / 128, 1 / 128)
     assert row["exact_low"] < row["exact"] or row["exact"] == 0.0
     again = pd.DataFrame(published.exact_terms(5, "lorenz", [1], METHODS, **settings))
     assert again["weakest_t"][0] == fits["weakest_t"][1] and len(again) == 1
-    assert draw_published_terms(published_terms({"lorenz": fits}, {}), {}).axes
+    assert draw_published_terms(published_terms({"lorenz": fits})).axes
 
 
 def test_intervals_after_selection_stand_beside_their_numbers():
@@ -173,9 +173,9 @@ def test_intervals_after_selection_stand_beside_their_numbers():
         pd.DataFrame(published.intervals(5, case, range(4), METHODS, samples=[800]))
         for case in ("gamma 0", "gamma 0.16")
     ]
-    table = published_intervals(dict(enumerate(fits)), {}).set_index("case")
+    table = published_intervals(dict(enumerate(fits))).set_index("case")
     assert table.loc["gamma 0.16", "found_published"] == 0.6485
     assert np.isnan(table.loc["gamma 0.16", "holds_published_low"])
     assert table.loc["gamma 0", "holds"] == 1.0 and table.loc["gamma 0", "found"] == 0.0
     assert table.loc["gamma 0.16", "found"] == 1.0
-    assert draw_published_intervals(table.reset_index(), {}).axes
+    assert draw_published_intervals(table.reset_index()).axes

@@ -8,8 +8,8 @@ from galloping.study.files import read_all
 
 
 def draw_figure(svg, png, function, settings, look, names, **files):
-    read = read_all(files, names)
-    write_figure(svg, png, lambda: resolve_name(function)(**read, settings=settings), **look)
+    read = read_all(files, names) | ({"settings": settings} if settings else {})
+    write_figure(svg, png, lambda: resolve_name(function)(**read), **look)
 
 
 if __name__ == "__main__":

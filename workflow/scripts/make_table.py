@@ -7,7 +7,8 @@ from galloping.study.files import read_all, write_table
 
 
 def make_table(table, function, settings, names, **files):
-    write_table(table, resolve_name(function)(**read_all(files, names), settings=settings))
+    read = read_all(files, names) | ({"settings": settings} if settings else {})
+    write_table(table, resolve_name(function)(**read))
 
 
 if __name__ == "__main__":

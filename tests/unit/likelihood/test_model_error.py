@@ -109,7 +109,7 @@ def test_trial_has_a_row_for_each_replicate_and_method():
     methods = {method.name: study.options(method) for method in small.methods}
     rows = resolve_name(small.kind.function)(small.seed, batch.case, batch.replicates, methods)
     fits = pd.DataFrame(rows)
-    table = model_error({"small": fits}, {}).set_index("method")
+    table = model_error({"small": fits}).set_index("method")
     ours = table.loc["maximum_likelihood"]
     assert ours[["replicates", "answered"]].to_list() == [1, 1]
     assert ours["damping_v_error_percent"] < 5.0
@@ -118,7 +118,7 @@ def test_trial_has_a_row_for_each_replicate_and_method():
     assert ours["forecast_r2"] > 0.9
     assert 0.0 <= ours["coverage_95_percent"] <= 100.0
     assert np.isnan(table.loc["weak", "coverage_95_percent"])  # it states no intervals
-    assert len(draw_model_error(table.reset_index(), {}).axes) == 6
+    assert len(draw_model_error(table.reset_index()).axes) == 6
 
 
 @pytest.mark.slow

@@ -229,6 +229,6 @@ def test_an_inferred_value_says_so_and_another_does_not(cases):
 def test_table_3_in_the_papers_layout():
     rows = [("gamma_1", 0.5, 0.6), ("kappa_1", -1.0, -1.1), ("gamma_8", 2.0, 2.0), ("dq_w^3", 0, 1)]
     table3 = pd.DataFrame(rows, columns=["symbol", "true", "identified"]).assign(case="a")
-    table = as_printed(table3, {})
+    table = as_printed(table3)
     assert table["1"].to_list() == ["0.5 (-1)", "0.6 (-1.1)"]
     assert table["8"].to_list() == ["2", "2"] and table["10"].to_list() == ["", ""]

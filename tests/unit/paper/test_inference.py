@@ -144,20 +144,20 @@ def test_tables_and_figure(searched, monkeypatch):
     numbers = ["height", "log_probability", "noise 0.05"]
     other[numbers] -= 10.0
     parts = {"one": searched, "two": other}
-    readings = tables.readings(parts, {})
+    readings = tables.readings(parts)
     assert dict(zip(readings["reading"], readings["verdict"], strict=True)) == {
         BASE.name: "probable", "sine": "ruled out",
     }  # fmt: skip
     assert readings.set_index("reading").loc["sine", "least"] == "noise 0.05"
     samples = tables.region_samples({"one": searched}, {"seed": 1})
-    table = tables.region_table(samples, readings, {}).set_index("unknown")
+    table = tables.region_table(samples, readings).set_index("unknown")
     assert (table.loc[list(NAMES), "low"] <= table.loc[list(NAMES), "high"]).all()
     assert table.loc["mode shape", "verdict"] == "determined"
-    left = tables.left_out(samples, {})
+    left = tables.left_out(samples)
     assert len(left) == 10 and (left["all_low"] <= left["all_high"]).all()
-    pairs = tables.exclusions(parts, {})
+    pairs = tables.exclusions(parts)
     assert (pairs["both"] <= pairs[["first", "second"]].min(axis=1)).all()
-    drawn(lambda: draw_region(samples, readings, {}))
+    drawn(lambda: draw_region(samples, readings))
 
 
 def test_every_reading_is_a_line_that_can_gallop():

@@ -75,12 +75,12 @@ def study_scores(replicates=4):
 def test_tables_do_not_depend_on_the_order_of_replicates(table):
     scores = study_scores()
     shuffled = scores.sample(frac=1, random_state=1, ignore_index=True)
-    pd.testing.assert_frame_equal(table(shuffled, {}), table(scores, {}))
+    pd.testing.assert_frame_equal(table(shuffled), table(scores))
 
 
 def test_noise_tables_hold_whole_records_with_failures_counted():
     scores = study_scores()
-    errors, r2 = noise_coefficients(scores, {}), noise_r2(scores, {})
+    errors, r2 = noise_coefficients(scores), noise_r2(scores)
     assert set(errors["order"]) == {"linear", "quadratic", "cubic"}
     assert set(errors["level"]) == set(r2["level"]) == {0.0, 0.05}
     assert len(r2) == 2 * 2 * 2 * 2 and len(errors) == 2 * 2 * 2 * 3
@@ -97,7 +97,7 @@ def test_noise_tables_hold_whole_records_with_failures_counted():
 
 
 def test_data_amount_holds_subsets():
-    table = data_amount(study_scores(), {})
+    table = data_amount(study_scores())
     assert set(table["points"]) == {1000} and set(table["method"]) == {"stlsq"}
     assert len(table) == 2 * 2
     assert set(table["failures"]) == {1}
@@ -105,15 +105,15 @@ def test_data_amount_holds_subsets():
     assert (table["r2_low"] == -INF).all()
     assert np.isfinite(table[["amplitude_error_percent", "r2"]]).all(axis=None)
     scores = study_scores()
-    none = data_amount(scores[scores["kind"] != "points"], {})
+    none = data_amount(scores[scores["kind"] != "points"])
     assert none.empty and list(none) == list(table)
 
 
 def test_scores_of_cells_stand_in_one_order():
     scores = study_scores()
     cells = {str(k): cell for k, (_, cell) in enumerate(scores.groupby(["case", "method", "cell"]))}
-    forward = all_scores(cells, {})
-    pd.testing.assert_frame_equal(forward, all_scores(dict(reversed(cells.items())), {}))
+    forward = all_scores(cells)
+    pd.testing.assert_frame_equal(forward, all_scores(dict(reversed(cells.items()))))
     assert len(forward) == len(scores)
 
 

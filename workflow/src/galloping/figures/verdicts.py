@@ -47,10 +47,10 @@ STRETCHES = {"r2_0_100_s": "white", "r2_100_200_s": "#bbbbbb", "r2_200_300_s": "
 # --- statuses ---
 
 
-def draw_trust(table: pd.DataFrame, settings: Mapping) -> Figure:
+def draw_trust(table: pd.DataFrame) -> Figure:
     """A panel for each group of fits, a bar for each status: how often it is right.
 
-    table: fits.csv. settings: none are read.
+    table: fits.csv.
     """
     table = table.assign(right=_right(table))
     groups = list(dict.fromkeys(table["group"]))
@@ -91,10 +91,10 @@ def _right(fits: pd.DataFrame) -> pd.Series:
 # --- beside published numbers ---
 
 
-def draw_published_terms(table: pd.DataFrame, settings: Mapping) -> Figure:
+def draw_published_terms(table: pd.DataFrame) -> Figure:
     """A panel for each system and length: share of exactly the right terms against the noise.
 
-    table: published_terms.csv, of which the rows of our method are drawn. settings: none are read.
+    table: published_terms.csv, of which the rows of our method are drawn.
     """
     table, style = table[table["method"] == OURS], method_style(OURS)
     shares = ["level", "exact", "exact_low", "exact_high", *OTHERS]
@@ -120,11 +120,10 @@ def draw_published_terms(table: pd.DataFrame, settings: Mapping) -> Figure:
     return figure
 
 
-def draw_published_intervals(table: pd.DataFrame, settings: Mapping) -> Figure:
+def draw_published_intervals(table: pd.DataFrame) -> Figure:
     """How often the quadratic term is found, and how often its interval holds, by its size.
 
-    table: published_intervals.csv, of which the rows of our method are drawn. settings: none are
-    read.
+    table: published_intervals.csv, of which the rows of our method are drawn.
     """
     table = table[table["method"] == OURS]
     shares = ["found", "found_low", "found_high", "found_published", "holds"]
@@ -156,12 +155,11 @@ def draw_published_intervals(table: pd.DataFrame, settings: Mapping) -> Figure:
 # --- lines that are not their own model ---
 
 
-def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
+def draw_model_error(table: pd.DataFrame) -> Figure:
     """A panel for each quantity, a row for each line and its sensors, a marker for each method.
 
     Errors in percent, median over the answered replicates, a line on to the worst of them; the last
-    panel says how many were answered, with how many terms. table: model_error.csv. settings: none
-    are read.
+    panel says how many were answered, with how many terms. table: model_error.csv.
     """
     truths = sorted(table["truth"].unique(), key=lambda truth: (truth.startswith("two"), truth))
     methods = sorted(table["method"].unique(), key=lambda method: method != OURS)
@@ -198,11 +196,11 @@ def draw_model_error(table: pd.DataFrame, settings: Mapping) -> Figure:
     return figure
 
 
-def draw_reduction(table: pd.DataFrame, settings: Mapping) -> Figure:
+def draw_reduction(table: pd.DataFrame) -> Figure:
     """Amplitude, limit cycle and R2 by line: a row for each quantity, a column for each direction.
 
     table: reduction.csv. The two-mode model is the dashed line; R2 is that of its displacement in
-    three stretches of the record. settings: none are read.
+    three stretches of the record.
     """
     lines = [name for name in table["line"].unique() if name != TWO_MODES]
     figure = Figure(figsize=(DOUBLE, 6.0), layout="constrained")

@@ -48,9 +48,7 @@ def identifiability(
     return table.assign(t=t, verdict=np.where(t.isna(), "undefined", known))
 
 
-def efficiency(
-    scores: pd.DataFrame, identifiability: pd.DataFrame, settings: Mapping
-) -> pd.DataFrame:
+def efficiency(scores: pd.DataFrame, identifiability: pd.DataFrame) -> pd.DataFrame:
     """One row a cell and method: exact supports, rms error over bound, R2, coverage, failures.
 
     identifiability: that table, for the weakest t of each cell. Cells without noise have no bound

@@ -22,10 +22,10 @@ PREDICTED, PREDICTING = 40, 16  # settings, and draws of each
 WITH, WITHOUT = "log_probability", "without_amplitudes"
 
 
-def readings(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+def readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Each reading of the paper at its most probable setting.
 
-    parts: rows of `trials.paper_search`. settings: none are read. power_of_ten: logarithm of its
+    parts: rows of `trials.paper_search`. power_of_ten: logarithm of its
     probability beside that of the most probable steady reading. least: the cell by which it loses
     most. verdict: `probable`, `less probable` (UNLIKELY), `ruled out` (RULED_OUT), `no motion`.
     """
@@ -78,10 +78,10 @@ def region_samples(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.D
     return pd.concat(tables, ignore_index=True)
 
 
-def region_table(samples: pd.DataFrame, readings: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
     """One row for each unknown: what the printed numbers tell of it.
 
-    samples: of `region_samples`; readings: of `readings`. settings: none are read. Numbers have
+    samples: of `region_samples`; readings: of `readings`. Numbers have
     their most probable value, their 5 to 95 % interval and the range they were looked for in;
     readings the one that is most probable, and how much less probable the next one is.
     """
@@ -113,11 +113,11 @@ def region_table(samples: pd.DataFrame, readings: pd.DataFrame, settings: Mappin
     return pd.DataFrame(table)
 
 
-def left_out(samples: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+def left_out(samples: pd.DataFrame) -> pd.DataFrame:
     """Each printed number beside what draws give in the region, inferred with and without the
     amplitudes' errors: without them these are predictions.
 
-    samples: of `region_samples`. settings: none are read. quantile: where the printed number
+    samples: of `region_samples`. quantile: where the printed number
     stands among the draws.
     """
     drawn, table = samples[samples["kind"] == "draw"], []
@@ -136,11 +136,11 @@ def left_out(samples: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def exclusions(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Pair by pair, whether draws that have one of the printed numbers have the other.
 
     parts: rows of `trials.paper_search`, of which the draws of all readings count, each a study
-    of one draw. settings: none are read. A draw has a number within a factor NEAR; `steady` is the
+    of one draw. A draw has a number within a factor NEAR; `steady` is the
     motion. by_chance: how many would have both were they independent of each other.
     """
     rows = pd.concat(parts.values(), ignore_index=True)

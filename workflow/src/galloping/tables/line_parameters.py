@@ -44,7 +44,7 @@ def spacers(settings: dict) -> pd.DataFrame:
     return table[table["key"].str.startswith("spacers.")].reset_index(drop=True)
 
 
-def readings(settings: dict) -> pd.DataFrame:
+def readings() -> pd.DataFrame:
     """How the damaged text of the paper is read: what it prints, what stands for it, and why."""
     with files("galloping.paper").joinpath("readings.csv").open(encoding="utf-8") as file:
         return pd.read_csv(file, keep_default_na=False)

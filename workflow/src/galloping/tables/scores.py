@@ -19,16 +19,16 @@ PEERS = (
 )  # fmt: skip
 
 
-def together(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+def together(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Rows of all parts in their order; a column that a part does not have is empty there."""
     filled = [part for part in parts.values() if len(part)]
     return pd.concat(filled, ignore_index=True) if filled else pd.DataFrame(columns=["case"])
 
 
-def all_scores(cells: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+def all_scores(cells: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """All replicates of all cells, in one order however they are given."""
     keys = ["case", "protocol", "method", "cell", "replicate"]
-    return together(cells, settings).sort_values(keys, kind="stable", ignore_index=True)
+    return together(cells).sort_values(keys, kind="stable", ignore_index=True)
 
 
 def of_kind(scores: pd.DataFrame, kind: str) -> pd.DataFrame:
@@ -79,7 +79,7 @@ def summarise(
     return table.reset_index().astype({axis: str})
 
 
-def noise_coefficients(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+def noise_coefficients(scores: pd.DataFrame) -> pd.DataFrame:
     """case, protocol, method, level, order, mean_error_percent with its interval."""
     columns = {order: f"mean_error_{order}_percent" for order in ORDERS}
     columns = {order: name for order, name in columns.items() if name in scores}
@@ -87,14 +87,14 @@ def noise_coefficients(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
     return summarise(of_kind(scores, NOISE), keys, columns, "order", "mean_error_percent")
 
 
-def noise_r2(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+def noise_r2(scores: pd.DataFrame) -> pd.DataFrame:
     """case, protocol, method, level, state, r2_median, r2_low, r2_high, replicates, failures."""
     columns, keys = {state: f"r2_{state}" for state in STATES}, [*CELL[:2], "method", "level"]
     table = summarise(of_kind(scores, NOISE), keys, columns, "state", "r2")
     return table.rename(columns={"r2": "r2_median"})
 
 
-def data_amount(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+def data_amount(scores: pd.DataFrame) -> pd.DataFrame:
     """case, protocol, method, points, state, amplitude_error_percent and r2 with intervals."""
     subsets, keys = of_kind(scores, SUBSET), ["case", "protocol", "method", "points"]
     columns = {state: f"amplitude_error_{state}_percent" for state in STATES}
@@ -103,15 +103,13 @@ def data_amount(scores: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
     return amplitude.merge(r2, on=[*keys, "state", "replicates", "failures"], validate="1:1")
 
 
-def peers(
-    scores: pd.DataFrame, oracles: Mapping[str, pd.DataFrame], settings: Mapping
-) -> pd.DataFrame:
+def peers(scores: pd.DataFrame, oracles: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Medians over replicates of error and R2 of whole records, and the share of exact supports.
 
     scores: of all cells, of which those with an oracle are shown. oracles: by cell, rows of the
     same columns for the oracle's models of some replicates, `choice` of which is `least error` or
     `right terms`. Each number of a replicate's oracle is the best of the two and of the model as
-    chosen. settings: none are read. Columns: PEERS.
+    chosen. Columns: PEERS.
     """
     if not oracles:
         return pd.DataFrame(columns=PEERS)

@@ -76,7 +76,7 @@ def table3(
     return table[[*first, *named]]
 
 
-def as_printed(table3: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+def as_printed(table3: pd.DataFrame) -> pd.DataFrame:
     """Table 3 as the paper lays it out: gamma of each number, and kappa in parentheses.
 
     table3: table3_coefficients.csv. A row for the true and for the identified coefficients of each

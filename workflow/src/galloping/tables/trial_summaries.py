@@ -58,7 +58,7 @@ POWER = {("gamma 0.02", 800): 0.0675, ("gamma 0.16", 800): 0.6485}
 EVERY_TERM = 9.0  # least t at the bound of lines whose terms a recording tells without doubt
 
 
-def trust(fits: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
+def trust(fits: pd.DataFrame) -> pd.DataFrame:
     """One row for each group, case, protocol and level of the fits to lines.
 
     fits: of `galloping.trials.attempts`. coverage_given_terms: of the true terms found, how many
@@ -66,31 +66,30 @@ def trust(fits: pd.DataFrame, settings: Mapping) -> pd.DataFrame:
     all fits that state them (`ok` and `not identifiable`), in those that do not; width_ratio:
     median of the widths of the second over the first. cause_named: of fits to recordings with a
     fault. Random lines of which every true term has a t above EVERY_TERM at the bound have a
-    further row. settings: none are read.
+    further row.
     """
     sure = fits[(fits["group"] == "random lines") & (fits["weakest_t"] > EVERY_TERM)]
     rows = pd.concat([fits, sure.assign(case=f"every t > {EVERY_TERM:g}")])
     return _summed(rows, ["group", "case", "protocol", "level"], _trust)
 
 
-def systems(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+def systems(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """One row for each system, length, noise level and method.
 
     parts: fits of `galloping.trials.attempts`. error_over_bound: median over the fits with exactly
-    the right terms. settings: none are read.
+    the right terms.
     """
     keys = ["system", "states", "samples", "level", "method"]
-    return _summed(together(parts, settings), keys, _systems)
+    return _summed(together(parts), keys, _systems)
 
 
-def model_error(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+def model_error(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """One row for each truth, sensors and method, of lines that are not their own model.
 
     parts: fits of `galloping.trials.real_lines`. Errors are medians over the answered replicates,
     and the worst of them; coverage_95_percent: of the intervals of the quantities that are judged.
-    settings: none are read.
     """
-    return _summed(together(parts, settings), ["truth", "sensors", "method"], _model_error)
+    return _summed(together(parts), ["truth", "sensors", "method"], _model_error)
 
 
 def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
@@ -100,7 +99,7 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     NaN where a trial does not say. settings: `kinds`, by trial.
     """
     kinds = {name: settings["kinds"][name.split("/")[0]].replace("_", " ") for name in parts}
-    fits = together({name: part.assign(group=kinds[name]) for name, part in parts.items()}, {})
+    fits = together({name: part.assign(group=kinds[name]) for name, part in parts.items()})
     asked = fits.reindex(columns=["exact", "ok_and_wrong"]).astype(float)
     fits = fits.assign(**asked).fillna({"path": ""})
     table = _summed(fits, ["group", "method", "path"], _paths)
@@ -108,29 +107,27 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     return table.sort_values(order, ascending=[True, True, False], kind="stable")
 
 
-def published_terms(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+def published_terms(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """One row for each system, length, noise level and method.
 
     parts: fits of `galloping.trials.published.exact_terms`. exact: share of fits with exactly the
     right terms, with an interval of 95 % (E. B. Wilson 1927), and beside it the share that each of
     `METHODS` had, NaN where none is known. ok_and_inexact: `ok` with any other
     terms, even such as are below the stated limits. weakest_t: of the true terms, at the bound.
-    settings: none are read.
     """
     keys = ["system", "duration", "level", "method"]
-    return _summed(together(parts, settings), keys, _exact)
+    return _summed(together(parts), keys, _exact)
 
 
-def published_intervals(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
+def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """One row for each quadratic coefficient, number of samples and method.
 
     parts: fits of `galloping.trials.published.intervals`. found: share of models with the term,
     with an interval as in `published_terms`; holds: of the intervals of 95 % with its true
     coefficient; width: their median. The published numbers beside them are those of
     this module, NaN where none is known; of naive tests the range over the lengths.
-    settings: none are read.
     """
-    return _summed(together(parts, settings), ["case", "samples", "method"], _intervals)
+    return _summed(together(parts), ["case", "samples", "method"], _intervals)
 
 
 def _summed(
