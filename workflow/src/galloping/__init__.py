@@ -75,42 +75,19 @@ Your own data are arrays, lists or a pandas DataFrame; NaN is what is missing:
 >>> own = galloping.Recording.from_frame({"t": [0, 0.1, 0.2], "q": [0, 0.1, 0.2]}, time="t")
 """
 
+import ast
 from importlib import import_module
+from pathlib import Path
 
 __version__ = "0.1.0"
 
-# name -> module and name there: imported at first use, since some compile
+# What the stub imports, name -> module and name there: imported at first use, since some compile.
+_STUB = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
 _PUBLIC = {
-    "Assessment": ("galloping.field.assess", "Assessment"),
-    "Coefficient": ("galloping.identification.likelihood.problem", "Coefficient"),
-    "ConfigurationError": ("galloping.configuration.load", "ConfigurationError"),
-    "Dynamics": ("galloping.field.dynamics", "Dynamics"),
-    "Forecast": ("galloping.field.forecast", "Forecast"),
-    "IdentifiedModel": ("galloping.identification.model", "IdentifiedModel"),
-    "Input": ("galloping.inputs", "Input"),
-    "PolynomialModel": ("galloping.polynomial", "PolynomialModel"),
-    "Prior": ("galloping.identification.likelihood.prior", "Prior"),
-    "Recording": ("galloping.recording", "Recording"),
-    "Simulator": ("galloping.simulation", "Simulator"),
-    "Summary": ("galloping.field.summary", "Summary"),
-    "Trajectory": ("galloping.simulation", "Trajectory"),
-    "Value": ("galloping.field.dynamics", "Value"),
-    "assess": ("galloping.field.assess", "assess"),
-    "cramer_rao_bound": ("galloping.stages", "cramer_rao_bound"),
-    "derive": ("galloping.stages", "derive"),
-    "dynamics": ("galloping.field.summary", "dynamics"),
-    "forecast": ("galloping.field.summary", "forecast"),
-    "library": ("galloping.terms", "parse"),
-    "maximum_likelihood": (
-        "galloping.identification.likelihood.maximum_likelihood",
-        "maximum_likelihood",
-    ),
-    "measure": ("galloping.stages", "measure"),
-    "polynomial_library": ("galloping.polynomial", "library"),
-    "progress": ("galloping.passes", "progress"),
-    "simulate": ("galloping.stages", "simulate"),
-    "summarise": ("galloping.field.summary", "summarise"),
-    "weak_gls": ("galloping.identification.likelihood.weak_gls", "weak_gls"),
+    alias.asname or alias.name: (node.module, alias.name)
+    for node in _STUB.body
+    if isinstance(node, ast.ImportFrom)
+    for alias in node.names
 }
 __all__ = ["__version__", *_PUBLIC]
 

@@ -1,4 +1,4 @@
-"""What type checkers see of the names that `__init__.py` imports at first use."""
+"""The public names: type checkers see them here, and `__init__.py` imports each at first use."""
 
 from galloping.configuration.load import ConfigurationError
 from galloping.field.assess import Assessment, assess
