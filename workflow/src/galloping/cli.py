@@ -1,24 +1,15 @@
 """The command `galloping`: from files to models, from models to motions."""
 
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 import click
 
-from galloping.cli_models import (
-    answered,
-    assess,
-    at_option,
-    derive,
-    inputs_option,
-    json_option,
-    seed_option,
-    show,
-    simulate,
-)
 from galloping.field.terminal import json_text, print_rows, shown
 
+PIECE = 100_000  # rows of a simulation that are held at a time
 REFUSED, INTERRUPTED = 3, 130  # exit codes: the recordings give no model; Ctrl-C
 
 
@@ -109,78 +100,36 @@ def _mapping_options(command):
     return command
 
 
-def _mapping(
-    files, time_column, states, measures, units, noises, inputs, between, span, decimal, map_file
-):
-    """The mapping that options, or else the names of the first file's columns, tell."""
-    from galloping.field.columns import NO_UNIT, states_of
-    from galloping.field.mapping import (
-        MappingError,
-        channel_of,
-        input_of,
-        read_mapping,
-        validated,
-    )
+def _mapping(file, options):
+    """The mapping that options tell; how columns are read by their names alone is said."""
+    from galloping.field.mapping import asked
 
-    if map_file:
-        others = (states, measures, units, noises, inputs, between, span, time_column, decimal)
-        if any(other not in (None, ()) for other in others):
-            raise MappingError("--map stands alone: leave out all other options of columns")
-        return read_mapping(map_file)
-    named = [name.strip() for name in states.split(",")] if states else []
-    channels = [channel_of(text) for text in measures]
-    by_column, for_all = _units(units)
-    driving = [input_of(text, between or "cubic") for text in inputs]
-    taken = [one["column"] for one in driving]
-    found = _proposal(files[0], by_column, for_all, time_column, decimal, taken)
-    own = [name for name in named if name in found.columns]
-    clock = found.time["column"]
-    if found.doubts.get(clock, NO_UNIT) != NO_UNIT:
-        raise MappingError(f"{files[0]}: no column is plainly the time, say --time {clock!r} or so")
-    if channels:
-        named = named or states_of(channel["measures"] for channel in channels)
-    elif own and all(name in own or name[1:] in own for name in named):
-        channels = [{"column": name, "measures": name} for name in own]
-    elif set(named) <= set(states_of(("q_v", "q_w"))):
-        channels, named = found.sure(str(files[0])), named or found.states
-        click.echo(f"{files[0]}: {found}", err=True)
-    else:
-        channels = [{"column": name, "measures": name} for name in named]
-    if not named:
-        raise MappingError("--states: name the states of the system, such as x,y,z")
-    if for_all:
-        channels = [{"unit": for_all, **channel} for channel in channels]
-    time = dict(found.time)
-    for key, said, of in (
-        ("unit", by_column, [time, *channels, *driving]),
-        ("noise", dict(text.partition("=")[::2] for text in noises), channels),
-    ):
-        for column, value in said.items():
-            own = [one for one in of if one["column"] == column]
-            if not own:
-                raise MappingError(f"--{key}: no column {column!r} is measured")
-            for one in own:
-                one[key] = value
-    content = {"time": time, "states": named, "channels": channels, "inputs": driving}
-    return validated(content | {"decimal": decimal, "span": span})
+    mapping, said = asked(file, **options)
+    if said:
+        click.echo(said, err=True)
+    return mapping
 
 
-def _units(units):
-    """The units of columns, and that of all others but the time, or None."""
-    from galloping.field.mapping import MappingError
+at_option = click.option(
+    "--at", multiple=True, metavar="INPUT=VALUE", help="What an input is held at, such as U=12."
+)
+inputs_option = click.option(
+    "--inputs", "inputs_file", type=click.Path(), metavar="FILE", help="A file with the inputs."
+)
+seed_option = click.option(
+    "--seed", type=click.IntRange(0), default=0, help="Seed of the draws behind intervals."
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for machines.")
 
-    for_all, *more = [text for text in units if "=" not in text] or [None]
-    if more:
-        raise MappingError(f"--unit: {for_all} and {more[0]}; must be one for all, or COLUMN=UNIT")
-    return dict(text.partition("=")[::2] for text in units if "=" in text), for_all
 
+def answered(path):
+    """The model in a file, where there is one."""
+    from galloping.identification.model import IdentifiedModel
 
-def _proposal(file, by_column, for_all, time_column, decimal, taken=()):
-    from galloping.field.columns import ROWS, proposal
-    from galloping.field.file_table import read_table
-
-    table = read_table(file, decimal, time_column, ROWS)
-    return proposal(table, by_column, for_all, time_column, taken)
+    loaded = IdentifiedModel.load(path)
+    if loaded.status == "refused":
+        raise ValueError(f"{path}: holds no model; {loaded.verdict}")
+    return loaded
 
 
 @main.command()
@@ -232,13 +181,11 @@ def identify(
 
     forced = () if random_force is None else tuple(map(str.strip, random_force.split(",")))
     question = Question(degree or 3, method, known, seed, library, forced)
-    columns = _mapping(files, **mapping)
+    columns = _mapping(files[0], mapping)
     if degree and (library or columns.library):
         raise ValueError("--degree: leave it out where a library says the terms")
     question.terms(columns)  # which must make sense before anything is read
     columns.check_forced(forced, "--random-force")
-    if not output:
-        raise ValueError("--output: names no folder")
     earlier = [name for name in OUTPUTS if (Path(output) / name).exists()]
     if earlier and not replace:
         raise ValueError(
@@ -274,34 +221,33 @@ def inspect(file, write_map, as_json, **mapping):
     from galloping.field.analysis import read_field
     from galloping.field.wording import report_lines
 
-    if write_map and not _written_map(file, write_map, mapping):
+    if write_map and _doubts_of_written(file, write_map, mapping):
         return
-    mapping |= {"map_file": write_map} if write_map else {}
+    mapping = dict.fromkeys(mapping) | {"map_file": write_map} if write_map else mapping
     with shown():
-        report = read_field([file], _mapping([file], **mapping)).reports[0]
+        report = read_field([file], _mapping(file, mapping)).reports[0]
     click.echo(json_text(report, indent=2) if as_json else "\n".join(report_lines(report)))
 
 
-def _written_map(file, path, mapping) -> bool:
-    """Write a mapping of a file's columns, and say what it leaves open: False where it does."""
-    from galloping.field.mapping import MappingError
+def _doubts_of_written(file, path, options) -> dict[str, str]:
+    """Write a mapping of a file's columns, say what it leaves open, and return that by column."""
+    from galloping.field.mapping import MappingError, proposed
     from galloping.storage import write_text
 
-    given = [key for key, value in mapping.items() if value not in (None, ())]
-    if more := set(given) - {"time_column", "decimal", "units"}:
+    given = {key for key, value in options.items() if value not in (None, ())}
+    if more := given - {"time_column", "decimal", "units"}:
         raise MappingError(f"--write-map goes with --time, --unit and --decimal; not {min(more)}")
     if Path(path).exists():
         raise MappingError(f"{path}: exists; name another file, or remove it")
-    time, decimal = mapping["time_column"], mapping["decimal"]
-    found = _proposal(file, *_units(mapping["units"]), time, decimal)
+    decimal = options["decimal"]
+    found = proposed(file, options["units"], options["time_column"], decimal)
     if not found.channels:
         found.sure(file)  # which says why there is nothing to write
     write_text(Path(path), found.yaml(Path(file).name, decimal))
     click.echo(f"Written {path}: {found}", err=True)
     for column, doubt in found.doubts.items():
         click.echo(f"Check {column!r} in {path}: {doubt}", err=True)
-    mapping |= dict.fromkeys(("time_column", "decimal")) | {"units": ()}
-    return not found.doubts
+    return found.doubts
 
 
 @main.command()
@@ -336,7 +282,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     if not mapping["map_file"]:
         mapping["states"] = mapping["states"] or ",".join(states)
         mapping["inputs"] = mapping["inputs"] or loaded.model.inputs
-    field = read_field([file], _mapping([file], **mapping))
+    field = read_field([file], _mapping(file, mapping))
     if field.mapping.states != states:
         raise ValueError(f"{model}: has the states {', '.join(states)}; --states must be the same")
     inputs = inputs_after(field, loaded.model.inputs, at, inputs_file)
@@ -349,5 +295,154 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     print_rows(forecast_rows(ahead), as_json)
 
 
-for command in (show, simulate, assess, derive):
-    main.add_command(command)
+@main.command()
+@click.argument("model", type=click.Path(dir_okay=False))
+@click.option("--latex", is_flag=True, help="Equations as LaTeX.")
+@json_option
+def show(model, latex, as_json):
+    """Print the equations of a MODEL, with errors and verdict."""
+    from galloping.field.analysis import model_rows
+    from galloping.identification.model import IdentifiedModel
+    from galloping.storage import read_json
+
+    if latex and as_json:
+        raise click.UsageError("--latex and --json exclude each other")
+    loaded = IdentifiedModel.load(model)
+    if as_json:
+        click.echo(json_text(model_rows(loaded, read_json(model).get("units", {}))))
+    else:
+        click.echo(loaded.latex() if latex else str(loaded))
+
+
+@main.command()
+@click.argument("model", type=click.Path(dir_okay=False))
+@click.option("--duration", type=click.FloatRange(0, 1e6, min_open=True),
+              help="s; 300, or as long as the inputs.")  # fmt: skip
+@click.option("--rate", type=click.FloatRange(0, 1e4, min_open=True), default=25.0, help="Hz.")
+@click.option("--initial", help="Initial state, numbers with commas; else that of the recording.")
+@at_option
+@inputs_option
+@click.option("--time", "time_column", help="Column of the times in that file; t.")
+@json_option
+def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_json):
+    """Simulate a MODEL and print its states as CSV.
+
+    The inputs of a model are held, --at U=12, or come from a file with columns of their names, the
+    first time of which is that of the initial state.
+    """
+    import numpy as np
+
+    from galloping.field.driving import driving
+
+    loaded = answered(model)
+    inputs = driving(model, loaded.model.inputs, at, inputs_file, time_column)
+    measured = [one.stretches[-1][1] for one in inputs.values() if not isinstance(one, float)]
+    known = min(measured, default=np.inf)
+    if duration and duration > known:
+        raise ValueError(f"--duration {duration:g}: {inputs_file} ends {known:g} s after its begin")
+    duration = duration or min(known, 300.0)
+    states = loaded.model.states
+    if initial:
+        try:
+            start = np.array(initial.split(","), float)
+        except ValueError:
+            start = np.empty(0)
+        if len(start) != len(states) or not np.all(np.isfinite(start)):
+            raise ValueError(f"--initial: {initial!r}; must be a number for each of {states}")
+    elif np.isfinite(loaded.initial_states).all() and len(loaded.initial_states):
+        start = loaded.initial_states[0]
+    else:
+        raise ValueError(f"{model}: holds no initial state; say --initial")
+    try:
+        rows = _simulated(loaded.model, start, rate, int(duration * rate + 1e-9), inputs)
+        print_rows(rows, as_json)
+    except FloatingPointError as error:
+        raise ValueError(f"{model}: {error}") from None
+
+
+def _simulated(model, state, rate: float, last: int, inputs) -> Iterator[dict]:
+    """Rows 0 to `last` of a motion. Raises FloatingPointError where it ends early."""
+    import numpy as np
+
+    from galloping.simulation import Simulator
+
+    simulator = Simulator(model.states, model.terms, inputs=model.inputs)
+    names, first = ("time_s", *model.states), 0
+    while True:
+        until = min(first + PIECE, last)
+        trajectory = simulator(model, state, np.arange(first, until + 1) / rate, inputs)
+        rows = np.column_stack([trajectory.time, trajectory.states])[int(first > 0) :]
+        for row in rows[np.isfinite(rows).all(axis=1)].tolist():
+            yield dict(zip(names, row, strict=True))
+        if trajectory.status != "ok":
+            raise FloatingPointError(trajectory.status)
+        if until == last:
+            return
+        first, state = until, trajectory.states[-1]
+
+
+@main.command()
+@click.argument("model", type=click.Path(dir_okay=False))
+@at_option
+@seed_option
+@click.option("--figure", type=click.Path(dir_okay=False), metavar="FILE",
+              help="Draw limit cycles and onset along the range, as SVG and PNG.")  # fmt: skip
+@click.option("--csv", "as_csv", is_flag=True, help="Print a table.")
+@json_option
+def assess(model, at, seed, figure, as_csv, as_json):
+    """Tell from which wind on a line gallops, how far.
+
+    From a MODEL: positions of rest and their stability, limit cycles, and the onset.
+
+    Inputs are held at what --at says. Along a range of one, such as U=8:16 or U=8:16:0.5, limit
+    cycles are followed, the unstable ones as well, and the onset is looked for: where small motions
+    about rest begin to grow. Intervals are of 95 %.
+    """
+    from galloping.field.assess import assess as assessed
+    from galloping.field.assess import assessment_rows
+    from galloping.field.driving import held_at
+    from galloping.field.wording import assessment_text
+    from galloping.storage import read_json
+
+    if as_csv and as_json:
+        raise click.UsageError("--csv and --json exclude each other")
+    loaded, units = answered(model), read_json(model).get("units", {})
+    with shown():
+        found = assessed(loaded, held_at(at, loaded.model.inputs), seed=seed)
+    if figure:
+        from galloping.field.drawing import DPI, FONT_SIZE, draw_assessment  # matplotlib
+        from galloping.figures.style import write_figure
+
+        svg, png = (Path(figure).with_suffix(form) for form in (".svg", ".png"))
+        write_figure(svg, png, lambda: draw_assessment(found, units), DPI, FONT_SIZE)
+    if as_csv or as_json:
+        print_rows(assessment_rows(found, units), as_json)
+    else:
+        click.echo(f"{loaded.verdict}\n{assessment_text(found, units)}")
+
+
+@main.command()
+@click.argument("case", type=click.Path(dir_okay=False))
+@json_option
+def derive(case, as_json):
+    """Derive the equations of a line.
+
+    CASE.yaml is a case of the configuration: config/README.md has its keys.
+    """
+    from galloping.configuration.load import ConfigurationError, read
+    from galloping.stages import derive as derived
+
+    content = read(case)
+    try:
+        model = derived(**{str(section): keys for section, keys in content.items()})
+    except ConfigurationError as error:
+        lines = str(error).splitlines()
+        raise ValueError("\n".join(f"{case}: {line}" for line in lines)) from None
+    if as_json:
+        rows = {
+            state: {n: c for n, c in zip(model.term_names, row.tolist(), strict=True) if c}
+            for state, row in zip(model.states, model.coefficients, strict=True)
+        }
+        click.echo(json_text(rows))
+    else:
+        click.echo("\n".join(model.equations()))

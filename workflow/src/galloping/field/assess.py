@@ -137,7 +137,8 @@ def assess(
     several = [name for name, value in at.items() if np.ndim(value)]
     missing = [name for name in found.model.inputs if name not in at]
     if missing:
-        raise ValueError(f"the model has the input {missing[0]}; say at which value of it")
+        name = missing[0]
+        raise ValueError(f"the model has the input {name}; say at which, --at {name}=VALUE")
     if len(several) > 1:
         raise ValueError(f"a range of {several[0]} and of {several[1]}; must be of one input")
     (along,) = several or [""]

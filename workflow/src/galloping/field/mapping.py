@@ -14,6 +14,8 @@ from pydantic import (
     model_validator,
 )
 
+from galloping.field.columns import NO_UNIT, ROWS, Proposal, proposal, states_of
+from galloping.field.file_table import read_table
 from galloping.field.units import named
 from galloping.terms import parse, parse_known
 
@@ -250,3 +252,84 @@ def input_of(text: str, between: str = "cubic") -> dict:
     keys = {"name": name.strip() if equals else column, "column": column, "unit": unit}
     keys["error"] = error.strip()
     return {key: value for key, value in keys.items() if value} | {"between": between}
+
+
+def _units(texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
+    """Units of columns from `COLUMN=UNIT`, and that of all others but the time, or None."""
+    for_all, *more = [text for text in texts if "=" not in text] or [None]
+    if more:
+        raise MappingError(f"--unit: {for_all} and {more[0]}; must be one for all, or COLUMN=UNIT")
+    return dict(text.partition("=")[::2] for text in texts if "=" in text), for_all
+
+
+def proposed(
+    file: str,
+    units: Sequence[str],
+    time: str | None,
+    decimal: str | None,
+    taken: Sequence[str] = (),
+) -> Proposal:
+    """How a file may be read, as of `columns.proposal`. units: texts of the option."""
+    return proposal(read_table(file, decimal, time, ROWS), *_units(units), time, taken)
+
+
+def asked(
+    file: str,
+    *,
+    time_column: str | None,
+    states: str | None,
+    measures: Sequence[str],
+    units: Sequence[str],
+    noises: Sequence[str],
+    inputs: Sequence[str],
+    between: str | None,
+    span: float | None,
+    decimal: str | None,
+    map_file: str | None,
+) -> tuple[ColumnMapping, str]:
+    """The mapping that the options of the command, or else the names of a file's columns, tell.
+
+    The second is how columns are read where their names alone say it, else ''.
+    """
+    if map_file:
+        others = (states, measures, units, noises, inputs, between, span, time_column, decimal)
+        if any(other not in (None, ()) for other in others):
+            raise MappingError("--map stands alone: leave out all other options of columns")
+        return read_mapping(map_file), ""
+    said = ""
+    named_states = [name.strip() for name in states.split(",")] if states else []
+    channels = [channel_of(text) for text in measures]
+    driving = [input_of(text, between or "cubic") for text in inputs]
+    by_column, for_all = _units(units)
+    taken = [one["column"] for one in driving]
+    found = proposed(file, units, time_column, decimal, taken)
+    own = [name for name in named_states if name in found.columns]
+    clock = found.time["column"]
+    if found.doubts.get(clock, NO_UNIT) != NO_UNIT:
+        raise MappingError(f"{file}: no column is plainly the time, say --time {clock!r} or so")
+    if channels:
+        named_states = named_states or states_of(channel["measures"] for channel in channels)
+    elif own and all(name in own or name[1:] in own for name in named_states):
+        channels = [{"column": name, "measures": name} for name in own]
+    elif set(named_states) <= set(states_of(("q_v", "q_w"))):
+        channels, named_states = found.sure(file), named_states or found.states
+        said = f"{file}: {found}"
+    else:
+        channels = [{"column": name, "measures": name} for name in named_states]
+    if not named_states:
+        raise MappingError("--states: name the states of the system, such as x,y,z")
+    if for_all:
+        channels = [{"unit": for_all, **channel} for channel in channels]
+    time = dict(found.time)
+    for key, values, of in (
+        ("unit", by_column, [time, *channels, *driving]),
+        ("noise", dict(text.partition("=")[::2] for text in noises), channels),
+    ):
+        for column, value in values.items():
+            meant = [one for one in of if one["column"] == column]
+            if not meant:
+                raise MappingError(f"--{key}: no column {column!r} is measured")
+            for one in meant:
+                one[key] = value
+    content = {"time": time, "states": named_states, "channels": channels, "inputs": driving}
+    return validated(content | {"decimal": decimal, "span": span}), said
