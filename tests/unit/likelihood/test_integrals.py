@@ -7,28 +7,37 @@ from galloping import Recording, derive, maximum_likelihood, polynomial_library,
 
 TERMS = polynomial_library(4, 3)
 LINE = derive()
-TIME = np.arange(0, 300, 0.04)
-MOTION = simulate(LINE, [0.1, 0.1, 0, 0], TIME).states
-NOISE = {"velocities": 0.02, "accelerations": 0.05}  # of the deviation
+# duration and step, s; release, m; noise, of the deviation
+MOTIONS = {
+    "velocities": (120, 0.08, (0.6, 0.9), 0.005),
+    "velocities for long": (300, 0.04, (0.1, 0.1), 0.02),
+    "accelerations": (300, 0.04, (0.1, 0.1), 0.05),
+}
 
 
-def recording(quantity, seed=8):
+def recording(name, seed=8):
     """Of the line's velocities, or its accelerations with a drifting offset, and nothing else."""
-    noise = NOISE[quantity] * np.random.default_rng(seed).standard_normal((len(TIME), 2))
-    values, rates = np.full((2, *MOTION.shape), np.nan)
-    if quantity == "velocities":
-        values[:, 2:] = MOTION[:, 2:] + noise * MOTION[:, 2:].std(axis=0)
-        return Recording(TIME, LINE.states, values)
-    exact = LINE(MOTION)[:, 2:]
-    drift = 0.3 + 0.2 * TIME[:, None] / TIME[-1]
+    duration, step, release, noise = MOTIONS[name]
+    time = np.arange(0, duration, step)
+    motion = simulate(LINE, [*release, 0, 0], time).states
+    noise = noise * np.random.default_rng(seed).standard_normal((len(time), 2))
+    values, rates = np.full((2, *motion.shape), np.nan)
+    if name != "accelerations":
+        values[:, 2:] = motion[:, 2:] + noise * motion[:, 2:].std(axis=0)
+        return Recording(time, LINE.states, values)
+    exact = LINE(motion)[:, 2:]
+    drift = 0.3 + 0.2 * time[:, None] / time[-1]
     rates[:, 2:] = exact + noise * exact.std(axis=0) + drift
     unknown = np.array([False, False, True, True])
-    return Recording(TIME, LINE.states, values, rates=rates, unknown_offsets=unknown)
+    return Recording(time, LINE.states, values, rates=rates, unknown_offsets=unknown)
 
 
-@pytest.mark.parametrize("quantity", ["velocities", "accelerations"])
-def test_the_line_is_found_without_its_displacements(quantity):
-    identified = maximum_likelihood(recording(quantity), TERMS)
+LONG = pytest.param("velocities for long", marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("name", ["velocities", LONG, "accelerations"])
+def test_the_line_is_found_without_its_displacements(name):
+    identified = maximum_likelihood(recording(name), TERMS)
     assert identified.status == "ok", identified.reason
     assert identified.model.terms == TERMS
     true = LINE.on_library(TERMS).coefficients
