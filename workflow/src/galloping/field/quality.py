@@ -59,9 +59,11 @@ def quality(series: Series, mapping: ColumnMapping) -> dict:
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
         described, problems = _channel(time, values, step, series.rows)
         unlikely = _unlikely(described, state_unit(channel.measures))
-        problems += [{"row": int(series.rows[0]), "what": what} for what in unlikely]
         report["channels"][channel.column] = {"measures": channel.measures, **described}
-        report["problems"] += [{"column": channel.column, **problem} for problem in problems]
+        report["problems"] += [
+            {"column": channel.column, "row": int(row), "what": what}
+            for row, what in (*problems, *((series.rows[0], what) for what in unlikely))
+        ]
     return report
 
 
@@ -117,7 +119,8 @@ def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _channel(
     time: np.ndarray, values: np.ndarray, step: float, rows: np.ndarray
-) -> tuple[dict, list[dict]]:
+) -> tuple[dict, list[tuple[int, str]]]:
+    """What a channel is like, and its problems: the row where each begins, and what it is."""
     known = np.isfinite(values)
     t, y, row = time[known], values[known], rows[known]
     sigma = noise(y)
@@ -143,18 +146,18 @@ def _channel(
     problems = []
     coarse = len(peaks) > 0 and frequency[peaks[0]] * step > 1.0 / PER_PERIOD
     if outliers.any() and not coarse:
-        problems.append({"row": int(row[outliers][0]), "what": f"{outliers.sum()} outliers"})
+        problems.append((row[outliers][0], f"{outliers.sum()} outliers"))
     if (flat := _clipped(y)) is not None:
-        problems.append({"row": int(row[flat]), "what": f"clipped at {y[flat]:g}"})
+        problems.append((row[flat], f"clipped at {y[flat]:g}"))
     if len(peaks) and sampled(t) * frequency[peaks[0]] < PERIODS:
-        problems.append({"row": int(row[0]), "what": f"less than {PERIODS} periods of the motion"})
+        problems.append((row[0], f"less than {PERIODS} periods of the motion"))
     if motion < SIGNAL * sigma and not coarse:
-        problems.append({"row": int(row[0]), "what": "hardly more than noise"})
+        problems.append((row[0], "hardly more than noise"))
     if coarse:
-        problems.append({"row": int(row[0]), "what": f"less than {PER_PERIOD} samples in a period"})
+        problems.append((row[0], f"less than {PER_PERIOD} samples in a period"))
     means = np.array([part.mean() for part in thirds])
     if np.ptp(means) > max(motion, 10 * sigma):
-        problems.append({"row": int(row[0]), "what": "the mean drifts by more than the motion"})
+        problems.append((row[0], "the mean drifts by more than the motion"))
     return described, problems
 
 
