@@ -35,7 +35,7 @@ def script(path, inputs=(), settings=SETTINGS):
         output=OutputFiles(fromdict={"made": f"{RESULTS}/{path}"}),
         log=[f"{RESULTS}/logs/{path}.log"],
         params=Params(fromdict=settings),
-        wildcards={"case": "a"},
+        wildcards={"case": "a", "cell": "b"},
         rule="make",
     )
 
@@ -45,7 +45,7 @@ def make(path, content="1\n", inputs=(), settings=SETTINGS):
     described = script(path, inputs, settings)
     target = Path(described.output[0])
     target.parent.mkdir(parents=True, exist_ok=True)
-    job.run(lambda made, speed: Path(made).write_text(content), described)
+    job.run(lambda made, speed, case: Path(made).write_text(content), described)
     return str(target)
 
 
@@ -89,7 +89,8 @@ def test_a_job_says_what_it_made_from_what():
     receipt = read_receipt(table)
     assert receipt.inputs == {model: digest(model)}
     assert (receipt.sha256, receipt.size) == (digest(table), 2)
-    assert (receipt.settings, receipt.rule, receipt.wildcards) == (SETTINGS, "make", {"case": "a"})
+    assert (receipt.settings, receipt.rule) == (SETTINGS, "make")
+    assert receipt.wildcards == {"case": "a", "cell": "b"}
     assert list(receipts(RESULTS)) == [model, table]
     assert receipts("results") == {}  # of results inside results
 
