@@ -340,7 +340,8 @@ ALIKE = {  # what another row shows too, tried among the slow tests
     "a noise level added above the others", "a noise level removed", "a method removed",
     "a threshold of `stlsq`", "a function body in `evaluation/motion.py`",
     "a function body in `figures/errors.py`", "a function body in `storage.py`",
-    "a colour in `figures/style.py`", "another version of matplotlib",
+    "a colour in `figures/style.py`", "another version of matplotlib", "the seed",
+    "a subset size added", "the length of the record",
 }  # fmt: skip
 # only Snakemake knows what became of a file: here and in test_reference.py
 OF_FILES = ("a number in `results/reference`", "a script, module, rule file or result touched")
