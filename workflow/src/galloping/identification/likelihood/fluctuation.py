@@ -20,7 +20,6 @@ from galloping.identification.likelihood.weak_constraint import (
     integrable,
     joint,
     jump_covariance,
-    linearised,
     moved,
     white_misfit,
 )
@@ -59,9 +58,7 @@ def chosen(
     return problem.alike(select(information, right, tried, penalty, about))
 
 
-def fluctuating(
-    record: Record, fit: StretchFit, penalty: float
-) -> tuple[StretchFit, np.ndarray] | None:
+def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray] | None:
     """The fit with means of coefficients that fluctuate, the terms chosen with them, and the
     covariance of the means (n_support, n_support).
 
@@ -72,8 +69,8 @@ def fluctuating(
     diverges.
     penalty: worth of a term in units of chi^2, were the model exact.
     """
-    rates = _rate_terms(record.problem)
-    misfit = white_misfit(record, linearised(record, fit).residual)
+    record, rates = fit.record, _rate_terms(fit.record.problem)
+    misfit = white_misfit(record, fit.linear.residual)
     excess = _excess(record, misfit)
     windows = np.diff(record.segments.first)
     divisible = windows.min() >= FLUCTUATION_PARTS and len(windows) <= MOST_DIVIDED
@@ -83,14 +80,13 @@ def fluctuating(
     size = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     unit = _units(record, size, rates)
     variance, least = (FIRST_FLUCTUATION * unit) ** 2, (LEAST_FLUCTUATION * unit) ** 2
-    fine = replace(fit, starts=parts.starts, misfit=misfit)
+    fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit)
     for passed in range(FLUCTUATING_PASSES):
         passing("try coefficients that fluctuate")
-        linear = linearised(parts, fine)
-        misfit = white_misfit(parts, linear.residual)
+        misfit = white_misfit(parts, fine.linear.residual)
         if passed and not excess - _excess(record, misfit) >= EXPLAINED * excess:
             return None
-        wider = _with_fluctuations(linear, rates)
+        wider = _with_fluctuations(fine.linear, rates)
         starts = np.pad(fine.starts, ((0, 0), (0, len(rates))))
         support, jump = fine.support, fine.jump
         for settling in reversed(range(VARIANCE_PASSES)):
@@ -106,10 +102,8 @@ def fluctuating(
             step = moved(solved, change)
             own = np.diagonal(solved.variance, axis1=1, axis2=2) + step**2
             variance = np.maximum(own[:, len(size) :].mean(axis=0), least)
-        following = StretchFit(
-            fine.free + change, support, fine.starts + step[:, : len(size)], misfit, jump
-        )
-        fine = integrable(parts, fine, following)
+        free, starts = fine.free + change, fine.starts + step[:, : len(size)]
+        fine = integrable(fine, StretchFit(parts, free, support, starts, misfit, jump))
     if not fine.support.any():
         return None
     return replace(fit, free=fine.free, support=fine.support), covariance

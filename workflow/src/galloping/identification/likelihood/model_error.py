@@ -31,7 +31,6 @@ from galloping.identification.likelihood.weak_constraint import (
     integrable,
     joint,
     jump_covariance,
-    linearised,
     of_variance,
     predictions,
     white_misfit,
@@ -182,26 +181,23 @@ def _approximate(
     """
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     jump = np.diag((FIRST_JUMP * scale) ** 2)
-    start = StretchFit(
-        free, np.ones(len(free), bool), record.starts, of_variance(record, sigma**2), jump
-    )
+    every, misfit = np.ones(len(free), bool), of_variance(record, sigma**2)
+    start = StretchFit(record, free, every, record.starts, misfit, jump)
     for misfit_of in (coloured_misfit, white_misfit):
         try:
-            whole = _iterate(record, start, misfit_of)
-            made = _of_penalties(record, whole, misfit_of, penalty)
+            whole = _iterate(start, misfit_of)
+            made = _of_penalties(whole, misfit_of, penalty)
             if max(each.skill for each in made) > 0.0:
                 break
         except (FloatingPointError, np.linalg.LinAlgError):
             if misfit_of is white_misfit:
                 raise
-    found = _varying(record, whole, penalty) or _smallest(made)
+    found = _varying(whole, penalty) or _smallest(made)
     misfit = "white misfit" if misfit_of is white_misfit else "coloured misfit"
     return replace(found, path=(misfit, *found.path))
 
 
-def _of_penalties(
-    record: Record, whole: StretchFit, misfit_of: MisfitOf, penalty: float
-) -> list[Approximation]:
+def _of_penalties(whole: StretchFit, misfit_of: MisfitOf, penalty: float) -> list[Approximation]:
     """Of each of PENALTIES the model, before one with which none is found.
 
     whole: the fit of the whole library. Raises FloatingPointError or LinAlgError where the first of
@@ -211,10 +207,10 @@ def _of_penalties(
     fit = whole
     for times in PENALTIES:
         try:
-            fit = _iterate(record, fit, misfit_of, times * penalty, whole.jump)
+            fit = _iterate(fit, misfit_of, times * penalty, whole.jump)
             if not fit.support.any():
                 raise FloatingPointError("no term stands out of the noise")
-            made.append(replace(_judged(record, fit), path=(f"penalty {times:g}",)))
+            made.append(replace(_judged(fit), path=(f"penalty {times:g}",)))
         except (FloatingPointError, np.linalg.LinAlgError):
             if not made:
                 raise
@@ -238,14 +234,14 @@ def _smallest(made: list[Approximation]) -> Approximation:
     return made[chosen]
 
 
-def _varying(record: Record, fit: StretchFit, penalty: float) -> Approximation | None:
+def _varying(fit: StretchFit, penalty: float) -> Approximation | None:
     """Means of coefficients that fluctuate, judged as a fit is, where they predict anything."""
     try:
-        varying = fluctuating(record, fit, penalty)
+        varying = fluctuating(fit, penalty)
         if varying is None:
             return None
         means, covariance = varying
-        judged = _judged(record, means)
+        judged = _judged(means)
     except (FloatingPointError, np.linalg.LinAlgError):
         return None
     if not judged.skill > 0.0:
@@ -254,7 +250,6 @@ def _varying(record: Record, fit: StretchFit, penalty: float) -> Approximation |
 
 
 def _iterate(
-    record: Record,
     fit: StretchFit,
     misfit_of: MisfitOf,
     penalty: float | None = None,
@@ -263,11 +258,10 @@ def _iterate(
     """Gauss-Newton, with covariances estimated on the way and, unless `penalty` is None, terms
     chosen. largest: covariance of jumps whose size those of the model may not exceed.
     """
-    choosing = 1 if penalty is None else CHOOSING_PASSES
+    record, choosing = fit.record, 1 if penalty is None else CHOOSING_PASSES
     for passed in range(choosing + SETTLING_PASSES):
         passing("approximate in stretches")
-        linear = linearised(record, fit)
-        solved = joint(record, linear, fit.starts, record.precision(fit.jump))
+        solved = joint(record, fit.linear, fit.starts, record.precision(fit.jump))
         solved = solved.with_prior(record.problem, fit.free)
         right, support = solved.right + solved.information @ fit.free, fit.support
         if penalty is not None and passed < choosing:
@@ -275,29 +269,30 @@ def _iterate(
         free, _ = solve_support(solved.information, right, support)
         change = free - fit.free
         starts = fit.starts + solved.response[:, :, :-1] @ change + solved.response[:, :, -1]
-        jump = jump_covariance(record, linear, fit.starts, solved, 0.0 * change, record.followed)
+        jump = jump_covariance(
+            record, fit.linear, fit.starts, solved, 0.0 * change, record.followed
+        )
         if largest is not None:
             share = np.minimum(1.0, np.sqrt(np.diag(largest) / np.diag(jump)))
             jump = jump * np.outer(share, share)
-        same, misfit = np.array_equal(support, fit.support), misfit_of(record, linear.residual)
-        fit = integrable(record, fit, StretchFit(free, support, starts, misfit, jump))
+        same, misfit = np.array_equal(support, fit.support), misfit_of(record, fit.linear.residual)
+        fit = integrable(fit, StretchFit(record, free, support, starts, misfit, jump))
         if same and passed and change @ solved.information @ change < ERROR_CONVERGED:
             break
     return fit
 
 
-def _judged(record: Record, fit: StretchFit) -> Approximation:
+def _judged(fit: StretchFit) -> Approximation:
     """The fit with its covariance and its forecasts, both by leaving groups of segments out."""
+    record, precision = fit.record, fit.record.precision(fit.jump)
     condensed, segments = record.condensed, record.segments
-    linear = linearised(record, fit)
-    precision = record.precision(fit.jump)
     count = len(fit.starts)
     groups = np.array_split(np.arange(count), min(count, MOST_GROUPS))
     changes = np.zeros((len(groups), int(fit.support.sum())))
     residual = np.full(condensed.targets.shape, np.inf)
     for k, group in enumerate(groups):
         passing("forecast stretches that are left out")
-        solved = joint(record, linear, fit.starts, precision, np.isin(np.arange(count), group))
+        solved = joint(record, fit.linear, fit.starts, precision, np.isin(np.arange(count), group))
         solved = solved.with_prior(record.problem, fit.free)
         change, _ = solve_support(solved.information, solved.right, fit.support)
         changes[k] = change[fit.support]
@@ -308,7 +303,7 @@ def _judged(record: Record, fit: StretchFit) -> Approximation:
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
     covariance = SYSTEMATIC * of_few(len(groups)) * freedom / len(groups) * spread.T @ spread
-    solved = joint(record, linear, fit.starts, precision).with_prior(record.problem, fit.free)
+    solved = joint(record, fit.linear, fit.starts, precision).with_prior(record.problem, fit.free)
     covariance += prior_covariance(record.problem, solved.information, fit.support)
     return Approximation(
         fit.free, fit.support, fit.starts, solved.information, covariance,

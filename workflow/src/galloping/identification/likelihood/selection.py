@@ -1,6 +1,7 @@
 """Choosing the terms on a quadratic model of the misfit, by least chi^2 plus a price a term."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -128,9 +129,15 @@ class Tableau:
         """(n_out,) fall of chi^2 when one term is added."""
         return self.gradient**2 / np.diag(self.information)
 
+    @cached_property
+    def two(self) -> np.ndarray:
+        """(2, n_pairs) places in `out` of every two terms that could be added."""
+        return np.array(np.triu_indices(len(self.out), 1))
+
     def pairs(self) -> np.ndarray:
-        """(n_out, n_out) fall of chi^2 when two terms are added, zero where they are one."""
-        return _pairs(self.gradient, self.information)
+        """(n_pairs,) fall of chi^2 when two terms are added, zero where they are one."""
+        between = self.information[tuple(self.two)]
+        return _pairs(self.gradient, np.diag(self.information), between, self.two)
 
     def exchanges(self) -> np.ndarray:
         """(n_kept, n_out) rise of chi^2 when one term is exchanged for another."""
@@ -141,14 +148,13 @@ class Tableau:
         )
 
     def exchanges_for_two(self) -> np.ndarray:
-        """(n_kept, n_out, n_out) rise of chi^2 when one term is exchanged for two."""
-        rises = np.empty((len(self.kept), len(self.out), len(self.out)))
-        for k, share in enumerate(self.share):
-            variance, coefficient = self.covariance[k, k], self.coefficients[k]
-            gradient = self.gradient + share * (coefficient / variance)
-            information = self.information + np.outer(share, share / variance)
-            rises[k] = coefficient**2 / variance - _pairs(gradient, information)
-        return rises
+        """(n_kept, n_pairs) rise of chi^2 when one term is exchanged for two."""
+        variance, (i, j) = np.diag(self.covariance)[:, None], self.two
+        gradient = self.gradient + self.share * (self.coefficients[:, None] / variance)
+        per_variance = self.share / variance
+        diagonal = np.diag(self.information) + self.share * per_variance
+        between = self.information[i, j] + self.share[:, i] * per_variance[:, j]
+        return self.wald[:, None] - _pairs(gradient, diagonal, between, self.two)
 
     def exchanges_of_two(self) -> tuple[np.ndarray, np.ndarray]:
         """Rise of chi^2 (n_pairs, n_out) when two terms are exchanged for one; (n_pairs, 2)."""
@@ -184,13 +190,16 @@ def tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     )  # fmt: skip
 
 
-def _pairs(gradient: np.ndarray, information: np.ndarray) -> np.ndarray:
-    """(n, n) fall of chi^2 when two terms are added, zero where they are one but for rounding."""
-    diagonal = np.diag(information)
-    product = np.outer(diagonal, diagonal)
-    determinant = product - information**2
-    square = np.outer(gradient**2, diagonal)
-    gain = square + square.T - 2.0 * np.outer(gradient, gradient) * information
+def _pairs(
+    gradient: np.ndarray, diagonal: np.ndarray, between: np.ndarray, two: np.ndarray
+) -> np.ndarray:
+    """(..., n_pairs) fall of chi^2 when two terms are added, zero where they are one but for
+    rounding. diagonal: (..., n), between: (..., n_pairs), of the information about them.
+    """
+    (g, h), (d, e) = (values[..., two].swapaxes(0, -2) for values in (gradient, diagonal))
+    product = d * e
+    determinant = product - between**2
+    gain = g**2 * e + h**2 * d - 2.0 * (g * h) * between
     good = determinant > DEPENDENT * product
     return np.divide(gain, determinant, out=np.zeros_like(gain), where=good)
 
@@ -203,32 +212,38 @@ def moves(
 
     A term leaves; one or two enter; one is exchanged for one or for two, or two for one.
     """
-    kept, out, nothing = here.kept, here.out, np.array([-1])
-    i, j = np.triu_indices(len(out), 1)
+    kept, out, none = here.kept[:, None], here.out[:, None], np.zeros((1, 0), int)
+    two = here.out[here.two.T]
+    # rises (n_leave, n_enter), and the terms of each row that leave and of each column that enter
     options = [
-        (here.wald, kept, nothing, nothing, nothing),
-        (-here.additions(), nothing, nothing, out, nothing),
-        (-here.pairs()[i, j], nothing, nothing, out[i], out[j]),
-        (here.exchanges(), kept[:, None], nothing, out, nothing),
-        (here.exchanges_for_two()[:, i, j], kept[:, None], nothing, out[i], out[j]),
+        (here.wald[:, None], kept, none),
+        (-here.additions()[None], none, out),
+        (-here.pairs()[None], none, two),
+        (here.exchanges(), kept, out),
+        (here.exchanges_for_two(), kept, two),
     ]
     if len(kept) > 1:
         rises, pairs = here.exchanges_of_two()
-        first, second = kept[pairs].T[:, :, None]
-        options.append((rises, first, second, out, nothing))
-    rows = [np.stack([x.ravel() for x in np.broadcast_arrays(*option)]) for option in options]
-    rise, *terms = np.concatenate(rows, axis=1)
-    leave, leave_too, enter, enter_too = np.array(terms).astype(int)
-    price = np.append(cost, 0.0)  # the last place takes `nothing`
-    rise = rise + price[enter] + price[enter_too] - price[leave] - price[leave_too]
+        options.append((rises, here.kept[pairs], out))
+    priced = []
+    for rises, leave, enter in options:
+        for terms in enter.T:
+            rises = rises + cost[terms]
+        for terms in leave.T:
+            rises = rises - cost[terms][:, None]
+        priced.append(rises.ravel())
+    rise, ends = np.concatenate(priced), np.cumsum([len(each) for each in priced])
     edge = np.partition(rise, most - 1)[most - 1] if most < len(rise) else np.inf
     best = np.flatnonzero(rise <= edge)
     best = best[np.argsort(rise[best], kind="stable")][:most]
-    row, others = np.arange(len(best)), np.zeros((len(best), len(support) + 1), bool)
-    others[:, :-1] = support
-    for place, present in ((leave, False), (leave_too, False), (enter, True), (enter_too, True)):
-        others[row, place[best]] = present
-    return rise[best], others[:, :-1]
+    others = np.tile(support, (len(best), 1))
+    of_option = np.searchsorted(ends, best, "right")
+    for other, place, option in zip(others, best, of_option, strict=True):
+        _, leave, enter = options[option]
+        row, column = divmod(place - ends[option], len(enter))  # counted from the end
+        other[leave[row]] = False
+        other[enter[column]] = True
+    return rise[best], others
 
 
 def _descend(
@@ -252,21 +267,21 @@ def _remove(whitened: Whitened, support: np.ndarray, cost: np.ndarray) -> np.nda
     """Backward elimination; the inverse is updated by one rank at each removal, then made anew."""
     while True:
         here = tableau(whitened, support)
-        kept, c, inverse = here.kept, here.coefficients, here.covariance
-        while len(kept):
-            worth = c**2 / np.diag(inverse) - cost[kept]
-            worst = int(np.argmin(worth))
-            if worth[worst] >= 0.0:
+        c, inverse, price = here.coefficients, here.covariance, cost[here.kept]
+        left = np.ones(len(c), bool)
+        while left.any():
+            rise = np.divide(c**2, np.diag(inverse), out=np.full(len(c), np.inf), where=left)
+            worst = int(np.argmin(rise - price))
+            if rise[worst] - price[worst] >= 0.0:
                 break
             column = inverse[:, worst] / inverse[worst, worst]
-            c = np.delete(c - column * c[worst], worst)
-            inverse = inverse - np.outer(column, inverse[worst])
-            inverse = np.delete(np.delete(inverse, worst, 0), worst, 1)
-            kept = np.delete(kept, worst)
-        if len(kept) == len(here.kept):
+            c = c - column * c[worst]
+            inverse = inverse - column[:, None] * inverse[worst]
+            left[worst] = False
+        if left.all():
             return support
         support = np.zeros_like(support)
-        support[kept] = True
+        support[here.kept[left]] = True
 
 
 def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:

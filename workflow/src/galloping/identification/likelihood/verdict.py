@@ -196,12 +196,10 @@ def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -
             f"term found weigh {share:.2g}"
         )
     here = tableau(whitened, plausible.supports[0])
-    n = len(here.out)
-    for size, falls in ((1, here.additions()), (2, here.pairs())):
-        several = n if size == 1 else n * (n - 1) / 2
-        if several and falls.max() > chdtri(size, FALSE_DOUBT_RATE / several):
-            places = np.unravel_index(np.argmax(falls), falls.shape)
-            added = " with ".join(names[here.out[k]] for k in places)
+    alone = np.arange(len(here.out))[None]
+    for places, falls in ((alone, here.additions()), (here.two, here.pairs())):
+        if len(falls) and falls.max() > chdtri(len(places), FALSE_DOUBT_RATE / len(falls)):
+            added = " with ".join(names[here.out[k]] for k in places[:, np.argmax(falls)])
             reasons.append(
                 f"{added} is plausible, below the limit of selection (chi2 {-falls.max():+.1f})"
             )

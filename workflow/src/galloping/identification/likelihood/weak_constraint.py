@@ -4,6 +4,7 @@ Weak-constraint estimation (Y. Tremolet, Q. J. R. Meteorol. Soc. 132, 2006): the
 segments, linearised about a fit, and its normal equations with the states eliminated.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -111,34 +112,6 @@ class Joint:
         return replace(self, information=information, right=right)
 
 
-@dataclass(frozen=True)
-class StretchFit:
-    """free, support: (n_candidates,). starts: (n_segments, n_states). misfit: (n_recordings,
-    n_lags, n_observed, n_rows) autocovariance of what the projections miss, by the lag in windows,
-    zero beyond the last. jump: (n_states, n_states) covariance at full motion.
-    """
-
-    free: np.ndarray
-    support: np.ndarray
-    starts: np.ndarray
-    misfit: np.ndarray
-    jump: np.ndarray
-
-
-def integrable(record: Record, fit: StretchFit, following: StretchFit) -> StretchFit:
-    """`following`, or as much of the step to it as can be integrated over every segment."""
-    for _ in range(MOST_HALVINGS):
-        if np.all(np.isfinite(predictions(record, following.free, following.starts))):
-            return following
-        following = replace(
-            following,
-            free=(fit.free + following.free) / 2.0,
-            starts=(fit.starts + following.starts) / 2.0,
-            support=fit.support | following.support,
-        )
-    raise FloatingPointError("no model found that can be integrated over a few periods")
-
-
 def predictions(
     record: Record, free: np.ndarray, starts: np.ndarray, segments: slice = slice(None)
 ) -> np.ndarray:
@@ -153,63 +126,33 @@ def predictions(
     return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
 
 
-def linearised(record: Record, fit: StretchFit) -> Linear:
-    """Misfit of every segment about a fit. Raises FloatingPointError where that diverges."""
-    problem, condensed, segments = record.problem, record.condensed, record.segments
-    compiled = system(problem.tables, problem.coefficients(fit.free), problem.candidates)
-    count, n, m = len(fit.starts), len(fit.free), len(fit.free) + fit.starts.shape[1]
-    information, right = np.empty((count, m, m)), np.empty((count, m))
-    residual, whitening = np.empty(condensed.targets.shape), Whitening.of(record, fit.misfit)
-    ends, slopes = np.empty(fit.starts.shape), np.empty((*fit.starts.shape, m))
-    for g in range(count):  # one by one: the rows of a long recording do not fit in memory
-        own = slice(segments.first[g], segments.first[g + 1])
-        predicted, rows, ends[g], slopes[g], _ = condensed.solution(
-            compiled, segments.first[g : g + 2], fit.starts[g : g + 1], sensitive=True
-        )
-        if not (np.all(np.abs(ends[g]) < HUGE) and np.all(np.abs(slopes[g]) < HUGE)):
-            raise FloatingPointError("the model diverges within a segment")
-        residual[own] = condensed.targets[own] - predicted
-        both = np.concatenate([rows, residual[own][..., None]], axis=3)
-        both = whitening(both, own, segments.recording[g]).reshape(-1, m + 1)
-        products = both.T @ both
-        information[g], right[g] = products[:m, :m], products[:m, m]
-    return Linear(information, right, residual, ends, slopes[:, :, :n], slopes[:, :, n:])
-
-
-@dataclass(frozen=True)
-class Whitening:
+def whitening(record: Record, misfit: np.ndarray) -> Callable[[np.ndarray, slice, int], np.ndarray]:
     """What makes projections of a segment independent and of variance one.
 
-    covariance: (n_recordings, n_observed, n_rows, n, n) of the n windows of the longest segment.
-    factors: of it (Cholesky). present: (n_windows, n_observed, n_rows), of the whole record.
+    misfit: as of `StretchFit`. It takes the rows (n_windows, n_observed, n_rows, m) of a segment,
+    the segment's windows and its recording, and gives rows that are zero where those are absent.
     """
+    if misfit.shape[1] == 1:  # white
+        weight = 1.0 / np.sqrt(misfit[:, 0, :, :, None])
+        return lambda rows, own, recording: rows * weight[recording]
+    apart = np.abs(np.subtract.outer(np.arange(record.longest), np.arange(record.longest)))
+    covariance = np.moveaxis(misfit, 1, -1)[..., apart]
+    factors = np.linalg.cholesky(covariance)
 
-    covariance: np.ndarray
-    factors: np.ndarray
-    present: np.ndarray
-
-    @classmethod
-    def of(cls, record: Record, misfit: np.ndarray) -> Self:
-        """misfit: as of `StretchFit`."""
-        lags = np.zeros((len(misfit), record.longest, *misfit.shape[2:]))
-        lags[:, : misfit.shape[1]] = misfit[:, : record.longest]
-        apart = np.abs(np.subtract.outer(np.arange(record.longest), np.arange(record.longest)))
-        covariance = np.moveaxis(lags, 1, -1)[..., apart]
-        return cls(covariance, np.linalg.cholesky(covariance), record.present)
-
-    def __call__(self, rows: np.ndarray, own: slice, recording: int) -> np.ndarray:
-        """rows: (n_windows, n_observed, n_rows, m) of the segment `own`; zero where absent."""
-        whitened, n = np.zeros(rows.shape), len(rows)
+    def whitened(rows: np.ndarray, own: slice, recording: int) -> np.ndarray:
+        found, n = np.zeros(rows.shape), len(rows)
         for o, k in np.ndindex(rows.shape[1:3]):
-            at = np.flatnonzero(self.present[own, o, k])
-            if not len(at):
+            at = np.flatnonzero(record.present[own, o, k])
+            if not len(at):  # LAPACK prints a message where there are none
                 continue
-            factor = self.factors[recording, o, k, :n, :n]
+            factor = factors[recording, o, k, :n, :n]
             if len(at) < n:
-                factor = np.linalg.cholesky(self.covariance[recording, o, k][np.ix_(at, at)])
+                factor = np.linalg.cholesky(covariance[recording, o, k][np.ix_(at, at)])
             # `scipy.linalg.solve_triangular` takes three times as long for so few rows
-            whitened[at, o, k] = lapack.dtrtrs(factor.T, rows[at, o, k], lower=0, trans=1)[0]
-        return whitened
+            found[at, o, k] = lapack.dtrtrs(factor.T, rows[at, o, k], lower=0, trans=1)[0]
+        return found
+
+    return whitened
 
 
 def white_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
@@ -243,6 +186,62 @@ def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
         misfit[r] = taper * irfft(power, length, axis=0)[:n_lags] / count
     misfit[:, 0] = (1.0 + COVARIANCE_RIDGE) * misfit[:, 0] + record.floor[:, :, None] ** 2
     return misfit
+
+
+@dataclass(frozen=True)
+class StretchFit:
+    """free, support: (n_candidates,). starts: (n_segments, n_states). misfit: (n_recordings,
+    n_lags, n_observed, n_rows) autocovariance of what the projections miss, by the lag in windows,
+    zero beyond the last. jump: (n_states, n_states) covariance at full motion.
+    """
+
+    record: Record
+    free: np.ndarray
+    support: np.ndarray
+    starts: np.ndarray
+    misfit: np.ndarray
+    jump: np.ndarray
+
+    @cached_property
+    def linear(self) -> Linear:
+        """Misfit of every segment about the fit. Raises FloatingPointError where that diverges."""
+        record = self.record
+        problem, condensed, segments = record.problem, record.condensed, record.segments
+        compiled = system(problem.tables, problem.coefficients(self.free), problem.candidates)
+        count, n = len(self.starts), len(self.free)
+        m = n + self.starts.shape[1]
+        information, right = np.empty((count, m, m)), np.empty((count, m))
+        residual, whitened = np.empty(condensed.targets.shape), whitening(record, self.misfit)
+        ends, slopes = np.empty(self.starts.shape), np.empty((*self.starts.shape, m))
+        for g in range(count):  # one by one: the rows of a long recording do not fit in memory
+            own = slice(segments.first[g], segments.first[g + 1])
+            predicted, rows, ends[g], slopes[g], _ = condensed.solution(
+                compiled, segments.first[g : g + 2], self.starts[g : g + 1], sensitive=True
+            )
+            if not (np.all(np.abs(ends[g]) < HUGE) and np.all(np.abs(slopes[g]) < HUGE)):
+                raise FloatingPointError("the model diverges within a segment")
+            residual[own] = condensed.targets[own] - predicted
+            both = np.concatenate([rows, residual[own][..., None]], axis=3)
+            both = whitened(both, own, segments.recording[g]).reshape(-1, m + 1)
+            products = both.T @ both
+            information[g], right[g] = products[:m, :m], products[:m, m]
+        return Linear(information, right, residual, ends, slopes[:, :, :n], slopes[:, :, n:])
+
+
+def integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
+    """`following`, or as much of the step to it as can be integrated over every segment."""
+    for _ in range(MOST_HALVINGS):
+        try:
+            following.linear  # noqa: B018 - which the next step needs
+            return following
+        except FloatingPointError:
+            following = replace(
+                following,
+                free=(fit.free + following.free) / 2.0,
+                starts=(fit.starts + following.starts) / 2.0,
+                support=fit.support | following.support,
+            )
+    raise FloatingPointError("no model found that can be integrated over a few periods")
 
 
 def joint(
