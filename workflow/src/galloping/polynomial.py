@@ -204,6 +204,8 @@ class PolynomialModel(Immutable):
 
         Raises ValueError where a term with a non-zero coefficient is missing from `terms`.
         """
+        if terms == self.terms:
+            return self
         index = {term: j for j, term in enumerate(terms)}
         coefficients = np.zeros((len(self.states), len(terms)))
         for j, term in enumerate(self.terms):

@@ -154,7 +154,7 @@ class Following:
             n = max(int(stage * len(self.time)), min(len(self.time), 2 * len(guess)))
             for _ in range(ITERATIONS if slopes is None else NEARBY):
                 motion = self.motion(model, start, self.time[:n])
-                own = self.slopes(model, start, n) if slopes is None else slopes
+                own = self.slopes(model, start, motion) if slopes is None else slopes
                 if not (np.all(np.isfinite(motion)) and np.all(np.isfinite(own))):
                     return None
                 left = ((target[:n] - motion) * weight[:n]).ravel()
@@ -167,13 +167,13 @@ class Following:
         states = self.simulator(model, start, time).states
         return self.sensed.of(model, states, self.simulator.at(time))
 
-    def slopes(self, model: PolynomialModel, start: np.ndarray, n: int) -> np.ndarray:
-        """(n_states, n, n_sensed): change of n samples with each state at the first."""
-        motion = self.motion(model, start, self.time[:n])
+    def slopes(self, model: PolynomialModel, start: np.ndarray, motion: np.ndarray) -> np.ndarray:
+        """(n_states, n, n_sensed): change of the motion (n, n_sensed) with each state at first."""
+        time = self.time[: len(motion)]
         size = STEP * (np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0) + 1e-6)
         return np.array(
             [
-                (self.motion(model, start + size * unit, self.time[:n]) - motion) / size[k]
+                (self.motion(model, start + size * unit, time) - motion) / size[k]
                 for k, unit in enumerate(np.eye(len(start)))
             ]
         )
@@ -419,7 +419,7 @@ def _motions(
     motions = []
     near = None if fitted is None else follow.motion(identified.model, fitted, sampled)
     if near is not None and follow.misfit(near, values) < worst:
-        slopes = follow.slopes(identified.model, fitted, len(sampled))
+        slopes = follow.slopes(identified.model, fitted, near)
         for model in drawn(identified, DRAWS, rng):
             passing("draw models and starts")
             noisy = values + sigma * rng.standard_normal(values.shape)
