@@ -96,18 +96,18 @@ def test_a_mapping_is_proposed_to_be_checked_and_then_used(tmp_path):
 
 
 def test_an_earlier_output_is_kept_unless_it_is_to_be_replaced(tmp_path):
-    command = ("identify", *recorded(tmp_path / "a.csv"), "--method", "weak_gls", "--output")
-    run(*command, tmp_path / "new" / "out")
-    made = {path.name: path.read_bytes() for path in (tmp_path / "new" / "out").iterdir()}
-    assert sorted(made) == sorted(OUTPUTS)
-    said = run(*command, tmp_path / "new" / "out", "--degree", 1, code=1)
-    assert f"{tmp_path / 'new' / 'out'}: holds an earlier summary.md" in said
-    assert {path.name: path.read_bytes() for path in (tmp_path / "new" / "out").iterdir()} == made
-    (tmp_path / "new" / "out" / "notes.txt").write_text("mine")
-    run(*command, tmp_path / "new" / "out", "--degree", 1, "--replace")
-    after = {path.name: path.read_bytes() for path in (tmp_path / "new" / "out").iterdir()}
+    out = tmp_path / "out"
+    out.mkdir()
+    earlier = {"summary.md": b"of a year ago", "model.json": b"{}", "notes.txt": b"mine"}
+    for name, content in earlier.items():
+        (out / name).write_bytes(content)
+    command = ("identify", *recorded(tmp_path / "a.csv"), "--method", "weak_gls", "--output", out)
+    assert f"{out}: holds an earlier summary.md" in run(*command, code=1)
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == earlier
+    run(*command, "--replace")
+    after = {path.name: path.read_bytes() for path in out.iterdir()}
     assert after.pop("notes.txt") == b"mine"
-    assert sorted(after) == sorted(OUTPUTS) and after["model.json"] != made["model.json"]
+    assert sorted(after) == sorted(OUTPUTS) and not earlier.items() & after.items()
 
 
 @pytest.mark.parametrize("output", ["a.csv/out", "/proc/out"])
