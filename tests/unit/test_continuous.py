@@ -18,7 +18,7 @@ from galloping.physics.continuous import (
     simulate,
     span,
 )
-from galloping.physics.line import Line
+from galloping.physics.galerkin import Line
 
 TIME = np.arange(30001) / 100
 BARE = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}

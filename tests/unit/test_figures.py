@@ -22,7 +22,7 @@ from galloping.figures.errors import (
     draw_overview,
     printed,
 )
-from galloping.figures.histories import draw_histories, draw_recovery
+from galloping.figures.motions import draw_histories, draw_recovery
 from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_line
 from galloping.figures.style import METHODS, method_style, styled, write_figure
 from galloping.figures.verdicts import draw_reduction, draw_trust

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from galloping.configuration.load import load, plain
 from galloping.physics.galerkin import (
     TERMS,
+    Line,
     coefficients,
     derive,
     ice_coefficients,
     model,
     symbol_of,
 )
-from galloping.physics.line import Line
 from galloping.polynomial import design_matrix, library
 from galloping.simulation import Simulator, time_grid
 

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import galloping
 from galloping.identification.model import IdentifiedModel
-from galloping.inputs import Input, windowed
+from galloping.recording import Input, windowed
 
 TIME = np.arange(401) / 20.0
 

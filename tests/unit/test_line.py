@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from galloping.physics.line import Line, integrate, irvine_mode, irvine_root, positions, sine_mode
+from galloping.physics.galerkin import (
+    Line,
+    integrate,
+    irvine_mode,
+    irvine_root,
+    positions,
+    sine_mode,
+)
 
 
 @pytest.fixture

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
-from galloping.physics.galerkin import coefficients, frequencies, model, modes
-from galloping.physics.line import Line, integrate
+from galloping.physics.galerkin import Line, coefficients, frequencies, integrate, model, modes
 from galloping.simulation import Simulator, time_grid
 
 CASES = plain(load({}))["cases"]

@@ -14,7 +14,7 @@ from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import library
 from galloping.report.printed_numbers import verdicts
 from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
-from galloping.trials import faults, published, recorded_lines, systems
+from galloping.trials import published, recorded_lines
 from galloping.trials.attempts import claims
 from galloping.trials.recorded_lines import draw
 
@@ -101,7 +101,7 @@ def test_random_lines_and_their_table():
 
 
 def test_a_chaotic_system_is_followed_in_short_segments_where_long_ones_lead_astray():
-    fit = next(iter(systems.trial(4711, "lorenz", [0], METHODS, samples=[2000], levels=[0.1])))
+    fit = next(iter(published.systems(4711, "lorenz", [0], METHODS, samples=[2000], levels=[0.1])))
     assert fit["status"] == "ok" and fit["exact"]
 
 
@@ -144,7 +144,9 @@ def test_terms_that_make_up_others_are_followed_from_few_on_but_not_on_a_limit_c
 
 
 def test_a_system_is_compared_with_its_bound():
-    system = next(iter(systems.trial(5, "van_der_pol", [0], METHODS, samples=[500], levels=[0.01])))
+    system = next(
+        iter(published.systems(5, "van_der_pol", [0], METHODS, samples=[500], levels=[0.01]))
+    )
     assert system["exact"] and 0.2 < system["error_over_bound"] < 3.0
     assert np.isnan(system["cause_named"])
 
@@ -152,7 +154,7 @@ def test_a_system_is_compared_with_its_bound():
 @pytest.mark.parametrize(("fault", "size"), [("late channels", 0.0), ("clock", 0.001)])
 def test_a_fault_is_named(fault, size):
     """Late channels also where the data are followed in pieces only."""
-    fit = next(iter(faults.trial(4711, fault, [0], METHODS, levels=[0.05])))
+    fit = next(iter(recorded_lines.of_faulty_recordings(4711, fault, [0], METHODS, levels=[0.05])))
     assert fit["cause_named"] and fit["status"] != "ok" and fit["size"] >= size
 
 

@@ -64,7 +64,7 @@ def histories(label, labels, pair):
     cells = {f"{FIRST}/{pair[0].name}/{name}": text for name, text in labels(pair).items()}
     return drawn(
         label,
-        "histories:draw_histories",
+        "motions:draw_histories",
         {"case": FIRST, **names(pair), "cells": cells, "window": WINDOW},
         trajectory=f"<results>/trajectories/{FIRST}.npz",
         reconstructions=every("<results>/reconstructions/{cell}.npz", cell=cells),
@@ -134,7 +134,7 @@ if LINES:
         ),
         "figure04": drawn(
             "04 motion without noise",
-            "histories:draw_recovery",
+            "motions:draw_recovery",
             {"cases": LINES, **names(by_paper), "level": min(levels)},
             trajectories=every("<results>/trajectories/{case}.npz", case=LINES),
             reconstructions={
@@ -234,7 +234,7 @@ if LINES:
         ),
         "limit_cycles": drawn(
             "from which wind on, and how far",
-            "settled_motion:draw_limit_cycles",
+            "motions:draw_limit_cycles",
             {
                 "cases": {case.name: case.line for case in STUDY.cases},
                 "parameter": "wind_speed",
@@ -245,7 +245,7 @@ if LINES:
         ),
         "resonance_map": drawn(
             "where the 2:1 resonance lies",
-            "settled_motion:draw_resonance_map",
+            "motions:draw_resonance_map",
             {
                 "case": FIRST,
                 "x_label": "wind speed, m/s",
@@ -262,7 +262,7 @@ if LINES:
         ),
         "prediction": drawn(
             "other wind speeds, from an identified model",
-            "settled_motion:draw_prediction",
+            "motions:draw_prediction",
             {
                 "case": FIRST,
                 "protocols": list(predicted),
@@ -274,7 +274,7 @@ if LINES:
         ),
         "limit_cycle_ahead": drawn(
             "the limit cycle ahead of its time",
-            "settled_motion:draw_limit_cycle_ahead",
+            "motions:draw_limit_cycle_ahead",
             {"window": WINDOW},
             table=table_of("limit_cycle_ahead"),
         ),

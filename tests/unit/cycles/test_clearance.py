@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from galloping.configuration.load import load, plain
-from galloping.physics.clearance import (
+from galloping.physics.measures import (
     FOOT,
     Ellipse,
     cigre,

@@ -25,7 +25,7 @@ from galloping.cycles.rows import (
 )
 from galloping.figures.against_paper import draw_reproduction
 from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
-from galloping.figures.settled_motion import draw_limit_cycles, draw_prediction, draw_resonance_map
+from galloping.figures.motions import draw_limit_cycles, draw_prediction, draw_resonance_map
 from galloping.physics.galerkin import STATES
 from galloping.physics.measures import ice_removal, pendulum
 from galloping.simulation import Simulator

@@ -7,7 +7,7 @@ import pytest
 
 import galloping
 from galloping import Coefficient
-from galloping.inputs import Input
+from galloping.recording import Input
 
 TIME = np.arange(1601) / 20.0
 DUFFING_TERMS = ((1, 0, 0), (0, 1, 0), (3, 0, 0), (0, 0, 1))

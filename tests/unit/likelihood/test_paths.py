@@ -18,8 +18,8 @@ from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.simulation import Simulator, time_grid
 from galloping.trials.attempts import claims, measured
+from galloping.trials.published import PERIODS, SYSTEMS
 from galloping.trials.recorded_lines import TERMS, lines
-from galloping.trials.systems import PERIODS, SYSTEMS
 
 OSCILLATOR = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.3, "x^2 dx": -0.3})
 TIME = np.linspace(0.0, 100.0, 2001)

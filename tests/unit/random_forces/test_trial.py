@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from galloping.intervals import generator
-from galloping.trials.ambient import DAMPING, FREQUENCIES, decays, drawn
+from galloping.trials.real_lines import DAMPING, FREQUENCIES, decays, random_modes
 
 
 def test_recordings_are_drawn_by_number_within_the_ranges():
-    recording, system = drawn(generator(1, "ambient", 3))
-    again, _ = drawn(generator(1, "ambient", 3))
+    recording, system = random_modes(generator(1, "ambient", 3))
+    again, _ = random_modes(generator(1, "ambient", 3))
     np.testing.assert_array_equal(recording.values, again.values)
     values, _ = decays(system, ())
     assert np.all(np.abs(values) / (2 * np.pi) >= FREQUENCIES[0] - 1e-9)
@@ -20,7 +20,7 @@ def test_recordings_are_drawn_by_number_within_the_ranges():
 
 
 def test_slopes_of_decays_are_differences():
-    _, system = drawn(generator(1, "ambient", 4))
+    _, system = random_modes(generator(1, "ambient", 4))
     places = [(i, np.array([j])) for i in (2, 3) for j in range(4)] + [(2, np.array([], int))]
     _, slopes = decays(system, places)
     assert np.all(slopes[:, -1] == 0.0)
@@ -32,6 +32,6 @@ def test_slopes_of_decays_are_differences():
 
 
 def test_slower_mode_comes_first():
-    _, system = drawn(generator(1, "ambient", 5))
+    _, system = random_modes(generator(1, "ambient", 5))
     values, _ = decays(system, ())
     assert values[0].imag < values[1].imag == pytest.approx(np.max(np.linalg.eigvals(system).imag))

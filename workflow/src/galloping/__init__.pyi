@@ -12,11 +12,10 @@ from galloping.identification.likelihood.prior import Prior
 from galloping.identification.likelihood.problem import Coefficient
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
-from galloping.inputs import Input
 from galloping.passes import progress
 from galloping.polynomial import PolynomialModel
 from galloping.polynomial import library as polynomial_library
-from galloping.recording import Recording
+from galloping.recording import Input, Recording
 from galloping.simulation import Simulator, Trajectory
 from galloping.stages import cramer_rao_bound, derive, measure, simulate
 from galloping.terms import parse as library

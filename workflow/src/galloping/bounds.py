@@ -11,11 +11,11 @@ import heyoka as hy
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel
-from galloping.inputs import Input, at_times
 from galloping.intervals import IDENTIFIABLE, generator
 from galloping.measurement import Motion, Noise, measure, noises_of
 from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import Exponents, PolynomialModel, beside, design_matrix, term_name
+from galloping.recording import Input, at_times
 from galloping.simulation import (
     COMPILATION,
     EQUAL_STEPS,

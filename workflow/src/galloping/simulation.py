@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from galloping.arrays import Immutable
-from galloping.inputs import Input
 from galloping.polynomial import Exponents, PolynomialModel
+from galloping.recording import Input
 
 # Far beyond any span's clearance: a model that gets here has lost its limit cycle.
 DIVERGENCE_LIMIT = 1e3

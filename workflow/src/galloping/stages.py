@@ -10,13 +10,12 @@ from galloping.arrays import finite, increasing, one_thread
 from galloping.arrays import initial_state as checked_state
 from galloping.bounds import Experiment, state_bound
 from galloping.configuration.load import ConfigurationError, load, plain
-from galloping.inputs import Input, at_times
 from galloping.measurement import BY_NAME, Motion
 from galloping.measurement import measure as recordings_of
 from galloping.physics.galerkin import coefficients
 from galloping.physics.galerkin import model as equations_of
 from galloping.polynomial import PolynomialModel, velocity_pairs
-from galloping.recording import Recording
+from galloping.recording import Input, Recording, at_times
 from galloping.simulation import Simulator, Trajectory, check_inputs
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from galloping.inputs import Factor, Input, windowed
 from galloping.polynomial import Exponents, PolynomialModel
+from galloping.recording import Factor, Input, windowed
 
 ORDER = 12  # of the series in time
 

@@ -54,7 +54,7 @@ KINDS = {
         options={"protocols": ("state",), "levels": (0.05,)},
     ),
     "sensor_faults": Kind(
-        "galloping.trials.faults:trial",
+        "galloping.trials.recorded_lines:of_faulty_recordings",
         TRUST,
         cases=(
             "none", "clock", "velocity scale", "late channels", "random force", "gusts", "jitter",
@@ -72,7 +72,7 @@ KINDS = {
         options={"levels": (0.05,)},
     ),
     "systems": Kind(
-        "galloping.trials.systems:trial",
+        "galloping.trials.published:systems",
         SYSTEMS,
         cases=PUBLISHED,
         methods=("maximum_likelihood", "weak_gls", "weak"),
@@ -88,7 +88,8 @@ KINDS = {
         ),
     ),
     "ambient": Kind(
-        "galloping.trials.ambient:trial", MODEL_ERROR, cases=("two modes in random forces",)
+        "galloping.trials.real_lines:in_random_forces",
+        MODEL_ERROR, cases=("two modes in random forces",)
     ),
     "published_terms": Kind(
         "galloping.trials.published:exact_terms",

@@ -8,13 +8,14 @@ import numpy as np
 from galloping.physics.galerkin import (
     STATES,
     TERMS,
+    Line,
     coefficients,
     frequencies,
     ice_coefficients,
+    integrate,
     model,
     modes,
 )
-from galloping.physics.line import Line, integrate
 from galloping.polynomial import PolynomialModel
 
 DIFFERENCE = 1e-5  # of the parameter's scale: central differences are good to about 1e-10

@@ -10,9 +10,8 @@ from galloping.cycles.limit_cycles import Settled, settle, settled
 from galloping.cycles.prediction import Split, near, split
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import of_draws
-from galloping.physics.clearance import clearance
 from galloping.physics.galerkin import STATES, coefficients, model
-from galloping.physics.measures import NOTHING, Measure, added, modal_masses
+from galloping.physics.measures import NOTHING, Measure, added, clearance, modal_masses
 from galloping.simulation import Simulator
 
 OUTLINE = 2000  # places of a motion: with 256 one that never repeats had 0.1 to 0.2 m too much room

@@ -16,9 +16,8 @@ from galloping.cycles.family import (
 from galloping.cycles.limit_cycles import Orbit, Settled, settle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, Outcome, outline
-from galloping.physics.clearance import clearance, design_ellipses, envelope
-from galloping.physics.galerkin import STATES, frequencies, modes
-from galloping.physics.line import Line
+from galloping.physics.galerkin import STATES, Line, frequencies, modes
+from galloping.physics.measures import clearance, design_ellipses, envelope
 from galloping.simulation import Simulator
 
 SIMULATION = "simulation"

@@ -10,7 +10,7 @@ from galloping.field.columns import ROWS, clock_of
 from galloping.field.file_table import read_table
 from galloping.field.mapping import ColumnMapping, InputColumn, TimeColumn
 from galloping.field.read import Series, read_series
-from galloping.inputs import Input
+from galloping.recording import Input
 
 VALUES, MOST_VALUES = 9, 200  # of a range, where no step is said; and at all
 

@@ -19,11 +19,10 @@ from galloping.identification.likelihood.integrals import (
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces
-from galloping.inputs import Input, at_times
 from galloping.intervals import QUANTILES_90, drawn
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
-from galloping.recording import Recording
+from galloping.recording import Input, Recording, at_times
 from galloping.simulation import Simulator, Trajectory
 
 ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods

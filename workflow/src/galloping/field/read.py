@@ -14,8 +14,8 @@ from galloping.field.file_table import FileError, FileTable, read_table
 from galloping.field.mapping import Channel, ColumnMapping, InputColumn
 from galloping.field.units import UnitError, amount, factor, input_si, named, state_unit
 from galloping.identification.likelihood.inputs import FEWEST
-from galloping.inputs import GAP, Input
 from galloping.passes import passing
+from galloping.recording import GAP, Input
 
 CODES = (  # that loggers write for a missing sample, of either sign
     99, 999, 9999, 99999, 999999, 9999999, 99.9, 99.99, 999.9, 999.99, 999.25, 9999.9, 9999.99,

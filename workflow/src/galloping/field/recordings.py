@@ -13,9 +13,8 @@ from galloping.identification.likelihood.inputs import FEWEST
 from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
-from galloping.inputs import GAP, Input
 from galloping.polynomial import PolynomialModel
-from galloping.recording import Recording
+from galloping.recording import GAP, Input, Recording
 
 if TYPE_CHECKING:
     from galloping.field.mapping import Channel, ColumnMapping

@@ -34,9 +34,8 @@ from galloping.field.wording import summary_text
 from galloping.identification.likelihood.inputs import checked_recordings
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces
-from galloping.inputs import Input
 from galloping.passes import part, passing
-from galloping.recording import Recording, mean_inputs
+from galloping.recording import Input, Recording, mean_inputs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

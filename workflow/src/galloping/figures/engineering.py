@@ -16,9 +16,8 @@ from galloping.cycles.limit_cycles import Orbit
 from galloping.figures import parts
 from galloping.figures.schematics import INK, arrow
 from galloping.figures.style import MODEL, PAPER, TRUE, spoken, styled
-from galloping.physics.clearance import design_ellipses
-from galloping.physics.galerkin import modes
-from galloping.physics.line import Line, positions
+from galloping.physics.galerkin import Line, modes, positions
+from galloping.physics.measures import design_ellipses
 from galloping.storage import replacing
 
 COLUMNS = 3  # of panels of orbits

@@ -13,8 +13,7 @@ from matplotlib.patches import Arc, Circle, FancyBboxPatch, Polygon
 from galloping.figures import parts
 from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, TRUE, method_style, spoken
 from galloping.measurement import Motion
-from galloping.physics.galerkin import STATES, Derived, ice_coefficients
-from galloping.physics.line import MODES, Line, positions
+from galloping.physics.galerkin import MODES, STATES, Derived, Line, ice_coefficients, positions
 
 ICE, METAL, INK = "#d6e6f2", "#6b6b6b", "#111111"
 HEIGHT = 2.9

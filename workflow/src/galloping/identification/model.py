@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, increasing
 from galloping.arrays import initial_state as checked_state
-from galloping.inputs import Input
 from galloping.polynomial import Exponents, PolynomialModel, merged, with_error
+from galloping.recording import Input
 from galloping.storage import read_json, write_json
 
 if TYPE_CHECKING:

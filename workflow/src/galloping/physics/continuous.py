@@ -14,9 +14,8 @@ from numba import njit
 from numpy.polynomial.legendre import legvander
 from scipy.optimize import root
 
-from galloping.physics.galerkin import STATES, ice_coefficients
+from galloping.physics.galerkin import STATES, Line, Mode, ice_coefficients, positions, weights
 from galloping.physics.gusts import wind_speed
-from galloping.physics.line import Line, Mode, positions, weights
 from galloping.results import Motion
 
 AERODYNAMICS = ("small_angle", "relative")

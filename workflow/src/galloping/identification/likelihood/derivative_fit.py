@@ -7,9 +7,8 @@ from galloping.identification.likelihood.problem import Problem, largest
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.verdict import Regression, by, judged, refused
 from galloping.identification.model import IdentifiedModel
-from galloping.inputs import at_times
 from galloping.polynomial import design_matrix
-from galloping.recording import Recording
+from galloping.recording import Recording, at_times
 
 
 def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedModel:

@@ -8,7 +8,6 @@ from math import isfinite
 import numpy as np
 
 from galloping.identification.likelihood.prior import Prior
-from galloping.inputs import windowed
 from galloping.polynomial import (
     Exponents,
     PolynomialModel,
@@ -16,7 +15,7 @@ from galloping.polynomial import (
     term_name,
     velocity_pairs,
 )
-from galloping.recording import Recording
+from galloping.recording import Recording, windowed
 from galloping.taylor import Tables, tables
 
 # Degree of the polynomial that an input is over a window. Measured on two modes in gusts sampled 20

@@ -16,9 +16,8 @@ from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
 from galloping.identification.model import Unusable
-from galloping.inputs import at_times
 from galloping.polynomial import velocity_pairs
-from galloping.recording import Recording
+from galloping.recording import Recording, at_times
 
 # Smooth curves. Quintic splines: their derivatives, which the weak form's errors need, are cubic.
 SPLINE_DEGREE = 5

@@ -18,7 +18,7 @@ from galloping.identification.likelihood.weak_gls import Start, WeakFit, rough_f
 from galloping.identification.model import BY_TERM, IdentifiedModel
 
 # Shares of the time scale that the spectrum shows; each for where the one before gave no model.
-# Measured on systems of `galloping.trials.systems`: a cubic oscillator that slows down as it decays
+# Measured on systems of `trials.published`: a cubic oscillator that slows down as it decays
 # needs a half or a quarter, one that relaxes a half; of two that a quarter did not answer, neither
 # did an eighth or a sixteenth.
 TIME_SCALES = (1.0, 1 / 2, 1 / 4)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.inputs import Factor, Input, extrapolated
+from galloping.recording import Factor, Input, extrapolated
 
 TICKS = 1000  # of the median step, to which times are rounded: so that equal steps are one
 FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them, but for rounding

@@ -45,10 +45,9 @@ from galloping.identification.random_forces.start import (
 from galloping.identification.random_forces.tracking import Data, sizes
 from galloping.identification.random_forces.wavering import wavers
 from galloping.identification.random_forces.whiteness import Whiteness, whiteness
-from galloping.inputs import at_times
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix, velocity_pairs
-from galloping.recording import Recording, mean_inputs
+from galloping.recording import Recording, at_times, mean_inputs
 
 SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the modes, rad/s
 SLOWER = 4.0  # times the period of the swings, at which a start then follows something else
