@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from pkgutil import resolve_name
 
 import numpy as np
+import pandas as pd
 
 from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
@@ -72,36 +72,12 @@ def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> 
 
 def forecast_rows(predicted: Forecast) -> list[dict]:
     """Rows of forecast.csv: time and, for each channel, median and 90 % band."""
-    rows = []
-    for k, time in enumerate(predicted.time):
-        row = {"time_s": float(time)}
-        for i, name in enumerate(predicted.names):
-            row[name] = float(predicted.median[k, i])
-            row[f"{name}_low"] = float(predicted.low[k, i])
-            row[f"{name}_high"] = float(predicted.high[k, i])
-        rows.append(row)
-    return rows
-
-
-def describe_tables(folder: Path, tables: dict[str, dict[str, str]]) -> None:
-    """Write the Frictionless `datapackage.json` of a folder.
-
-    tables: for each CSV file its columns with their units.
-    """
-    resources = [
-        {
-            "name": Path(file).stem,
-            "path": file,
-            "schema": {
-                "fields": [
-                    {"name": name, **({"unit": unit} if unit else {})}
-                    for name, unit in columns.items()
-                ]
-            },
-        }
-        for file, columns in tables.items()
-    ]
-    write_json(folder / "datapackage.json", {"name": "galloping", "resources": resources})
+    columns = {"time_s": predicted.time}
+    for i, name in enumerate(predicted.names):
+        columns[name] = predicted.median[:, i]
+        columns[f"{name}_low"] = predicted.low[:, i]
+        columns[f"{name}_high"] = predicted.high[:, i]
+    return pd.DataFrame(columns).to_dict("records")
 
 
 UNUSED = "columns that are not used: {}; a wind among them is named by --input U=COLUMN"
@@ -228,7 +204,7 @@ def analyse(
     inputs = mapping.input_names
     texts = (*mapping.known, *question.known)
     known, known_states, single = known_model(texts, mapping.states, terms, inputs)
-    method, given = resolve_name(METHODS[question.method]), field.recordings
+    method, given = METHODS[question.method], field.recordings
     options: dict[str, object] = {}
     if forced := question.random_force or mapping.random_force:
         options["forced"] = () if forced == ("all",) else forced
@@ -300,21 +276,28 @@ def write_outputs(
         units={state: state_unit(state) for state in states} | field.units,
         versions={"galloping": __version__},
     )
-    write_rows(folder / "model.csv", model_rows(identified, field.units), list(MODEL_COLUMNS))
-    tables = {"model.csv": MODEL_COLUMNS}
-    rows = [row for part in of.forecasts for row in forecast_rows(part)]
     channels = Sensed.by(field.recordings[-1]).names
     units = {f"{s}{end}": state_unit(s) for s in channels for end in ("", "_low", "_high")}
-    tables["forecast.csv"] = {"time_s": "s", **units}
-    write_rows(folder / "forecast.csv", rows, list(tables["forecast.csv"]))
-    describe_tables(folder, tables)
+    tables = {"model.csv": MODEL_COLUMNS, "forecast.csv": {"time_s": "s", **units}}
+    ahead = [row for part in of.forecasts for row in forecast_rows(part)]
+    write_rows(folder / "model.csv", model_rows(identified, field.units), list(MODEL_COLUMNS))
+    write_rows(folder / "forecast.csv", ahead, list(tables["forecast.csv"]))
+    write_json(folder / "datapackage.json", _package(tables))
     write_text(folder / "summary.md", summary_text(of, field.reports, beside))
+
+
+def _package(tables: Mapping[str, Mapping[str, str]]) -> dict:
+    """The Frictionless description of CSV files, of each its columns with their units."""
+    resources = []
+    for file, columns in tables.items():
+        fields = [{"name": n, "unit": unit} if unit else {"name": n} for n, unit in columns.items()]
+        resources.append({"name": Path(file).stem, "path": file, "schema": {"fields": fields}})
+    return {"name": "galloping", "resources": resources}
 
 
 def write_figures(folder: Path, field: Field, of: Summary) -> None:
     """quality, fit and forecast, as SVG and PNG."""
     from galloping.field import drawing  # matplotlib
-    from galloping.field.drawing import DPI, FONT_SIZE
     from galloping.figures.style import write_figure
 
     drawn = {
@@ -324,4 +307,5 @@ def write_figures(folder: Path, field: Field, of: Summary) -> None:
     }
     for name, draw in drawn.items():
         passing(f"draw {name}")
-        write_figure(folder / f"{name}.svg", folder / f"{name}.png", draw, DPI, FONT_SIZE)
+        svg, png = folder / f"{name}.svg", folder / f"{name}.png"
+        write_figure(svg, png, draw, drawing.DPI, drawing.FONT_SIZE)

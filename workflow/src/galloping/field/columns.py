@@ -145,15 +145,12 @@ class Proposal:
     def yaml(self, file: str, decimal: str | None) -> str:
         """The text of a mapping to check and edit."""
 
-        def section(keys: dict) -> str:
-            pairs = (f"{key}: {json.dumps(keys[key], ensure_ascii=False)}" for key in keys)
-            return "{" + ", ".join(pairs) + "}"
-
         def line(keys: dict, more: str = "") -> str:
             doubt = self.doubts.get(keys["column"], "")
             keys = keys | ({"unit": None} if NO_UNIT in doubt else {})
             said = ", ".join(filter(None, [more, doubt and f"CHECK: {doubt}"]))
-            return section(keys) + (f"  # {said}" if said else "")
+            pairs = (f"{key}: {json.dumps(keys[key], ensure_ascii=False)}" for key in keys)
+            return f"{{{', '.join(pairs)}}}" + (f"  # {said}" if said else "")
 
         return "\n".join(
             [

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +31,8 @@ from galloping.field.recordings import by_excerpts
 from galloping.field.units import NONE
 from galloping.field.wording import summary_text
 from galloping.identification.likelihood.inputs import checked_recordings
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces
 from galloping.passes import part, passing
@@ -40,10 +41,7 @@ from galloping.recording import Input, Recording, mean_inputs
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-METHODS = {
-    name: f"galloping.identification.likelihood.{name}:{name}"
-    for name in ("maximum_likelihood", "weak_gls")
-}
+METHODS = {"maximum_likelihood": maximum_likelihood, "weak_gls": weak_gls}
 HELD_OUT = 0.1  # of a recording, to try the forecast on,
 MOST_HELD_OUT = 30  # periods of the motion, and so many samples of it
 MOST_SAMPLES = 5000
@@ -130,8 +128,8 @@ def summarise(
 
     def identify(others: Sequence[Recording]) -> IdentifiedModel:
         known = tuple(found.model.states[i] for i in found.known)
-        again = resolve_name(METHODS[method])
-        return by_excerpts(again, list(others), found.model.terms, found.model, known, **options)
+        terms = found.model.terms
+        return by_excerpts(METHODS[method], list(others), terms, found.model, known, **options)
 
     names = [f"recording {number}" for number in range(1, len(given) + 1)]
     return summarised(found, given, identify, seed, names=names)
