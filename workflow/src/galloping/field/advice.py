@@ -18,6 +18,7 @@ from galloping.identification.likelihood.maximum_likelihood import maximum_likel
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.identification.random_forces.wavering import wavers
+from galloping.identification.work import ENDED
 from galloping.polynomial import library, term_name, velocity_pairs
 from galloping.recording import Recording
 
@@ -99,6 +100,8 @@ def _forced(identified: IdentifiedModel, recordings: Sequence[Recording], period
     if exact or not little_told(identified) or not wavers(recordings, period):
         return ""
     linear = maximum_likelihood(own, library(len(identified.model.states), 1))
+    if ENDED in identified.reason or ENDED in linear.reason:  # a search to its end may tell more
+        return ""
     return FORCED if little_told(linear) or kept_up(linear, own) else ""
 
 

@@ -25,6 +25,7 @@ from galloping.field.units import NONE, coefficient_unit, state_unit
 from galloping.field.wording import summary_text
 from galloping.identification.likelihood.problem import Coefficient
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.work import limited
 from galloping.intervals import NORMAL_95
 from galloping.passes import part, passing
 from galloping.polynomial import Exponents, PolynomialModel, library, term_name
@@ -225,12 +226,13 @@ def analyse(
     def identify(recordings: Sequence[Recording]) -> IdentifiedModel:
         return by_excerpts(method, list(recordings), terms, known, known_states, **options)
 
-    with part("identify", until=0.45):
-        identified = identify(given)
-    with part("summarise", until=0.8):
-        summary = summarised(
-            identified, given, identify, question.seed, names=field.names, faults=field.faults
-        )
+    with limited(given):
+        with part("identify", until=0.45):
+            identified = identify(given)
+        with part("summarise", until=0.8):
+            summary = summarised(
+                identified, given, identify, question.seed, names=field.names, faults=field.faults
+            )
     case = None
     if beside and summary.found.status != "refused":
         found = summary.found.at(mean_inputs(summary.found.model.inputs, given))

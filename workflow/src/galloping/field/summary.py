@@ -35,6 +35,7 @@ from galloping.identification.likelihood.maximum_likelihood import maximum_likel
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces
+from galloping.identification.work import limited
 from galloping.passes import part, passing
 from galloping.recording import Input, Recording, mean_inputs
 
@@ -132,7 +133,8 @@ def summarise(
         return by_excerpts(METHODS[method], list(others), terms, found.model, known, **options)
 
     names = [f"recording {number}" for number in range(1, len(given) + 1)]
-    return summarised(found, given, identify, seed, names=names)
+    with limited(given):
+        return summarised(found, given, identify, seed, names=names)
 
 
 @one_thread

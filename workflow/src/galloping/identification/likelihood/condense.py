@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from galloping.identification.work import spend
 from galloping.taylor import ORDER, System, integrate
 
 # Projections. Three a window hold all that samples tell of a motion that turns by a twelfth of a
@@ -60,10 +61,12 @@ class Condensed:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
         """`taylor.integrate` over segments between the windows `first` (n_segments + 1,)."""
         own = slice(first[0], first[-1])
-        return integrate(
+        found = integrate(
             compiled, self.step, first - first[0], starts, self.functionals[own], self.observed,
             self.inputs[own], sensitive,
         )  # fmt: skip
+        spend(found[1].size)
+        return found
 
     def squares(self, residual: np.ndarray) -> np.ndarray:
         """(n_recordings, n_observed) of projections (n_windows, n_observed, ROWS), summed."""

@@ -57,6 +57,7 @@ from galloping.identification.likelihood.weak_gls import Start, begin, largest_t
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.random_forces import moved_at_random, random_forces
 from galloping.identification.random_forces.unmodelled import unmodelled
+from galloping.identification.work import is_spent, limited
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
@@ -103,23 +104,34 @@ def maximum_likelihood(
         asked = terms, known, known_states, forced, coefficients, allowed
         return random_forces(recordings, *asked)
     problem = posed(states, terms, known, known_states, prior, inputs, coefficients, allowed)
-    objections, given = [], recordings
+    given = recordings
     try:
         recordings = driven(recordings, problem.inputs)
     except Unusable as error:
         return by(["no model"], refused(problem, str(error)))
     if all(recording.derivatives is not None for recording in recordings):
         return with_inputs(derivative_fit(problem, recordings), given, recordings)
+    with limited(recordings) as work:
+        found = work.told(_at_some_time_scale(problem, recordings, start))
+    return with_inputs(found, given, recordings)
+
+
+def _at_some_time_scale(
+    problem: Problem, recordings: list[Recording], start: Start | None
+) -> IdentifiedModel:
+    """The model from the starts of the first time scale of which any leads to one."""
+    objections = []
     for share in TIME_SCALES:
+        if is_spent():
+            break
         try:
             found = _at_time_scale(problem, recordings, share, start if share == 1.0 else None)
         except NO_MODEL as error:
             objections.append(str(error))
             continue
-        found = found if share == 1.0 else by([f"time scale {share:g}"], found)
-        return with_inputs(found, given, recordings)
+        return found if share == 1.0 else by([f"time scale {share:g}"], found)
     more = unmodelled(recordings)
-    return by(["no model"], refused(problem, "; ".join(filter(None, [more, objections[0]]))))
+    return by(["no model"], refused(problem, "; ".join(filter(None, [more, *objections[:1]]))))
 
 
 def _at_time_scale(
@@ -139,11 +151,10 @@ def _at_time_scale(
         for k, position in enumerate(positions, 1):
             try:
                 one = _identified(moving, recordings, position)
+                found.append(by([f"rest {k} of {len(positions)}"], one))
             except NO_MODEL as error:
                 objections.append(error)
-                continue
-            found.append(by([f"rest {k} of {len(positions)}"], one))
-            if agree(found):
+            if agree(found) or is_spent():
                 break
         if not found:
             raise objections[0]

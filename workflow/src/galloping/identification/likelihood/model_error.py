@@ -36,6 +36,7 @@ from galloping.identification.likelihood.weak_constraint import (
     white_misfit,
 )
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.work import is_spent
 from galloping.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
 
@@ -187,7 +188,7 @@ def _approximate(
         try:
             whole = _iterate(start, misfit_of)
             made = _of_penalties(whole, misfit_of, penalty)
-            if max(each.skill for each in made) > 0.0:
+            if max(each.skill for each in made) > 0.0 or is_spent():
                 break
         except (FloatingPointError, np.linalg.LinAlgError):
             if misfit_of is white_misfit:

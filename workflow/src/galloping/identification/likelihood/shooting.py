@@ -15,6 +15,7 @@ import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.problem import Problem
+from galloping.identification.work import SEGMENT, spend
 from galloping.taylor import system
 
 HUGE = 1e30  # of a state or a derivative, from which a solution counts as diverged
@@ -202,6 +203,7 @@ def chained(linearised: Linearised, segments: Segments, longest: float = np.inf)
 def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Eliminated:
     """Match the segments of each chain and eliminate its first state."""
     n_segments, n_states = starts.shape
+    spend(SEGMENT * n_segments)
     n = len(linearised.right)
     information, right = linearised.information.copy(), linearised.right.copy()
     states = np.zeros((n_segments, n_states, n + 1))

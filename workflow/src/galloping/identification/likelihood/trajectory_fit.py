@@ -35,6 +35,7 @@ from galloping.identification.likelihood.shooting import (
 )
 from galloping.identification.likelihood.smoothing import Smooth
 from galloping.identification.likelihood.weak_gls import Start, WeakFit
+from galloping.identification.work import ENDED, is_spent
 from galloping.passes import passing
 from galloping.recording import Recording
 
@@ -139,6 +140,8 @@ def free_fit(problem: Problem, begun: Start, start: WeakFit) -> FreeFit | None:
     """
     best, improving, periods = None, True, float(PERIODS_PER_SEGMENT)
     for _ in range(SHORTER):
+        if is_spent():
+            break
         try:
             condensed, segments, fit = prepare(problem, begun, start, periods)
             periods = np.median(np.diff(segments.first)) * condensed.step / begun.period
@@ -286,10 +289,12 @@ def guarded_step(
     """A step from `fit`, or, where that diverges or raises the misfit, from nearer to `previous`.
 
     The other arguments as in `_gauss_newton`. Raises FloatingPointError where halving the way
-    does not help.
+    does not help, or no work is left.
     """
     passing("follow the recording in segments")
     for _ in range(MOST_HALVINGS):
+        if is_spent():
+            raise FloatingPointError(ENDED)
         try:
             step = _gauss_newton(problem, condensed, segments, fit, longest, cost)
             if step.fit.is_close(condensed) or step.fit.chi2 < 1.5 * fit.chi2:
