@@ -45,19 +45,28 @@ def draw_quality(
     for of_file, report in zip(series, reports, strict=True):
         gaps = [(gap["from_s"], gap["from_s"] + gap["length_s"])
                 for gap in report["sampling"]["gaps"]]  # fmt: skip
+        told = report["channels"].values()
+        fastest = max((f for one in told for f in one["dominant_frequencies_hz"]), default=np.inf)
         for channel, values in zip(mapping.channels, of_file.values.T, strict=True):
             dominant = report["channels"][channel.column]["dominant_frequencies_hz"]
-            own = of_file.time, values, gaps, dominant, _with_unit(channel.measures)
+            own = of_file.time, values, gaps, dominant, fastest, _with_unit(channel.measures)
             rows.append((f"{channel.column} of {report['file']}", *own))
         for column in mapping.inputs:
             one, unit = of_file.inputs[column.name], of_file.units[column.name]
             unknown = [(a[1], b[0]) for a, b in pairwise(one.stretches)]
-            own = one.time, one.values, unknown, [], f"{column.name}, {unit}".removesuffix(", 1")
+            label = f"{column.name}, {unit}".removesuffix(", 1")
+            own = one.time, one.values, unknown, [], fastest, label
             rows.append((f"{column.column} of {report['file']}, an input", *own))
     figure = Figure(figsize=(DOUBLE, 0.5 + ROW * len(rows)), layout="constrained")
-    grid = figure.subplots(len(rows), 2, squeeze=False, width_ratios=(2, 1))
+    shared = len(series) == 1  # files differ in their times
+    grid = figure.subplots(
+        len(rows), 2, squeeze=False, sharex="col" if shared else "none", width_ratios=(2, 1)
+    )
     for k, (row, panels) in enumerate(zip(rows, grid, strict=True)):
         _quality_row(2 * k, *panels, *row)
+    for left, right in grid[-1:] if shared else grid:
+        left.set_xlabel("time, s")
+        right.set_xlabel("frequency, Hz")
     parts.legend(figure, columns=2, loc="outside upper right")
     return figure
 
@@ -71,6 +80,7 @@ def _quality_row(
     values: np.ndarray,
     gaps: Sequence[tuple[float, float]],
     dominant: Sequence[float],
+    fastest: float,
     label: str,
 ) -> None:
     parts.letter(left, k, title)
@@ -78,7 +88,7 @@ def _quality_row(
     left.plot(*_envelope(time, values), color=MODEL, lw=0.5)
     for gap in gaps:
         left.axvspan(*gap, color=BAND, lw=0, label="gap")
-    left.set(xlabel="time, s", ylabel=label, xlim=(time[0], time[-1]))
+    left.set(ylabel=label, xlim=(time[0], time[-1]))
     known = np.isfinite(values)
     frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
     share = np.maximum(share, share.max() * 10.0**-DECADES)
@@ -88,11 +98,11 @@ def _quality_row(
             f"{first:.3g} Hz", (first, 1.0), xycoords=("data", "axes fraction"),
             xytext=(2, -2), textcoords="offset points", va="top", color=PAPER, size="x-small",
         )  # fmt: skip
-    top = min(max([5 * each for each in dominant], default=frequency[-1]), frequency[-1])
+    top = min(5 * fastest, frequency[-1])
     shown = frequency <= top
     right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
     right.yaxis.set_minor_locator(NullLocator())
-    right.set(xlim=(0, top), xlabel="frequency, Hz", ylabel="share of the power")
+    right.set(xlim=(0, top), ylabel="share of the power")
 
 
 def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarray]]) -> Figure:
