@@ -17,14 +17,16 @@ from galloping.publication import archive
 from galloping.publication.archive import (
     MANIFEST,
     NotRestorable,
+    changed_settings,
+    faults,
     is_plain,
     pack,
+    restore,
     unpack,
     write_manifest,
 )
 from galloping.publication.provenance import Commit, commit
 from galloping.publication.publishing import files, obstacles
-from galloping.publication.restoration import changed_settings, faults, restore
 from galloping.reproducibility import repair
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.receipts import Receipt, digest, read_receipt, write_receipt

@@ -14,11 +14,17 @@ from pathlib import Path
 import pandas as pd
 
 from galloping.configuration.load import ConfigurationError, configured, plain
-from galloping.publication.archive import NotRestorable, unpack
+from galloping.publication.archive import (
+    NotRestorable,
+    changed_settings,
+    check_digest,
+    faults,
+    published_settings,
+    unpack,
+)
+from galloping.publication.archive import restore as restored
 from galloping.publication.publishing import ALLOWABLE, NotPublishable
 from galloping.publication.publishing import publish as published
-from galloping.publication.restoration import changed_settings, check_digest, faults, settings
-from galloping.publication.restoration import restore as restored
 from galloping.reproducibility.lock import Obstacle, locked, make_command
 from galloping.reproducibility.plan import planning
 from galloping.reproducibility.receipts import digest, inspect, receipts, remember
@@ -102,7 +108,7 @@ def verify_archive(archive, sha256, configfile):
 
 def compare(folder: Path, study: dict) -> None:
     """Compare an unpacked archive with the study here. Exits with 1 if it differs."""
-    results, before = study["results"], settings(folder)
+    results, before = study["results"], published_settings(folder)
     if not tables(Path(results)):
         print(f"{results}: no study here, so that no numbers were compared")
         return

@@ -1,18 +1,39 @@
-"""Zip archives: the same bytes for the same files, read without trust in who made them; and the
-SHA-256 of every file of a folder, in the format of `sha256sum --check`."""
+"""Archives of publications: the same bytes for the same files, and read without trust in who made
+them: whether one is whole and agrees with a study here, and its results put in place.
 
+A manifest has the SHA-256 of every file of a folder, in the format of `sha256sum --check`.
+"""
+
+import os
 import re
 import shutil
 import stat
 import struct
+import tempfile
+import time
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from galloping.reproducibility.receipts import digest
-from galloping.storage import write_text
+from pydantic import TypeAdapter, ValidationError
 
+from galloping.configuration.load import ConfigurationError, load, plain, read
+from galloping.reproducibility.plan import Plan
+from galloping.reproducibility.receipts import (
+    Receipt,
+    digest,
+    read_receipt,
+    receipt_path,
+    receipts,
+    write_receipt,
+)
+from galloping.reproducibility.repair import adopt, audit, set_aside
+from galloping.storage import partial_prefix, write_text
+from galloping.tables.comparison import flat, table_differences
+
+CONFIGURATION, RECEIPTS, MANIFEST = "configuration.yaml", "receipts.json", "manifest.sha256"
 # Far above what a study needs, far below what would harm.
 MAX_ENTRIES = 20_000
 MAX_SIZE = 4 * 2**30  # bytes, of all files together
@@ -20,8 +41,10 @@ MAX_SIZE = 4 * 2**30  # bytes, of all files together
 EARLIEST = (1980, 1, 1, 0, 0, 0)  # the time that every entry has; a zip knows none before
 PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=-]*(/[A-Za-z0-9_][A-Za-z0-9_.+=-]*)*")
 # what is raised for what is no zip file, a broken one, or one with a name twice
-BROKEN = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, ValueError, RuntimeError)
-UNSOUND = (*BROKEN, FileExistsError, NotADirectoryError, IsADirectoryError)
+UNSOUND = (
+    zipfile.BadZipFile, zlib.error, struct.error, EOFError, ValueError, RuntimeError,
+    FileExistsError, NotADirectoryError, IsADirectoryError,
+)  # fmt: skip
 
 
 class NotRestorable(Exception):
@@ -84,9 +107,6 @@ def unpack(archive: Path, folder: Path) -> None:
         raise NotRestorable(f"{archive}: not a sound zip file ({error})") from None
 
 
-MANIFEST = "manifest.sha256"
-
-
 def write_manifest(folder: Path) -> None:
     """Write the manifest of all files below `folder` into it."""
     paths = [path for path in files_of(folder) if path != MANIFEST]
@@ -109,3 +129,127 @@ def manifest_faults(folder: Path) -> Iterator[str]:
             yield f"{path}: missing"
         elif digest(folder / path) != listed[path]:
             yield f"{path}: changed"
+
+
+PLACES = ("results", "reference")  # settings on which no number depends
+RECEIPT_LIST = TypeAdapter(list[Receipt])
+
+
+def check_digest(archive: str | Path, expected: str | None) -> str:
+    """The SHA-256 of an archive. expected: of the published one. Raises NotRestorable."""
+    present = digest(archive)
+    if expected and present != expected.lower():
+        raise NotRestorable(f"{archive}: SHA-256 {present}, not {expected}")
+    return present
+
+
+def published_settings(folder: Path) -> dict:
+    """The settings of an unpacked publication. Raises NotRestorable."""
+    try:
+        return plain(load(read(folder / CONFIGURATION)))
+    except ConfigurationError as error:
+        text = str(error).splitlines()[0].removeprefix(f"{folder}/")
+        raise NotRestorable(f"{CONFIGURATION}: {text}") from None
+
+
+def published_receipts(folder: Path) -> dict[str, Receipt]:
+    """The receipts of an unpacked publication by path; `kept` says which files are in it.
+
+    Raises NotRestorable, also for a receipt of a file or log outside the results folder.
+    """
+    results = published_settings(folder)["results"]
+    try:
+        made = RECEIPT_LIST.validate_json((folder / RECEIPTS).read_bytes(), strict=True)
+    except (OSError, ValidationError):
+        raise NotRestorable(f"{RECEIPTS}: missing, or not a list of receipts") from None
+    for receipt in made:
+        for path, base in ((receipt.path, results), (receipt.log, f"{results}/logs")):
+            if not (is_plain(path) and path.startswith(f"{base}/")):
+                raise NotRestorable(f"{RECEIPTS}: {path!r} is not a plain path in {base}")
+    return {r.path: replace(r, kept=(folder / r.path).is_file()) for r in made}
+
+
+def faults(folder: Path) -> Iterator[str]:
+    """One line for everything in an unpacked publication that contradicts its own records."""
+    if lines := list(manifest_faults(folder)):
+        yield from lines  # receipts would say the same again
+        return
+    try:
+        made, study = published_receipts(folder), published_settings(folder)
+    except NotRestorable as error:
+        yield str(error)
+        return
+    apart = f"{study['reference']}/"
+    for name in files_of(folder):
+        if name.startswith(f"{study['results']}/") and not name.startswith(apart):
+            if name not in made:
+                yield f"{name}: without a receipt of how it was made"
+            elif digest(folder / name) != made[name].sha256:
+                yield f"{name}: not what its receipt says"
+
+
+def changed_settings(published: Mapping, present: Mapping) -> Iterator[str]:
+    """One line for each setting in which two studies differ, but where their files are."""
+    one, other = dict(flat(published)), dict(flat(present))
+    for key in dict.fromkeys([*one, *other]):
+        there, here = (found.get(key, "nothing") for found in (one, other))
+        if key not in PLACES and there != here:
+            yield f"{key}: {there} in the archive, {here} here"
+
+
+def restore(archive: Path, plan: Plan, *, replacing: bool = False) -> Iterator[str]:
+    """Put the results of an archive where the plan wants them; says what was done.
+
+    No result is written before the archive is found whole and in agreement with what was computed
+    here. Afterwards Snakemake takes a file as made if its receipt, and those of all that it was
+    made from, are of the plan's jobs with the plan's settings; others are set aside. replacing: set
+    results aside that are not those of the archive. Raises NotRestorable.
+    """
+    results = plan.results
+    # on the file system of the results; `make repair` sweeps it if this process is killed
+    with tempfile.TemporaryDirectory(prefix=partial_prefix(), dir=results) as temporary:
+        folder = Path(temporary)
+        unpack(archive, folder)
+        if lines := list(faults(folder)):
+            raise NotRestorable("\n".join(lines))
+        published = published_settings(folder)
+        if published["results"] != results:
+            raise NotRestorable(
+                f"results: {published['results']!r} in the archive, not {results!r}"
+            )
+        if not list(changed_settings(published, plan.settings)):
+            lines = list(table_differences(folder / results, results, only=audit(plan).sound))
+            if lines:
+                why = "the same study, computed here, has other numbers: see `make verify`"
+                raise NotRestorable("\n".join([*lines, why]))
+        made = published_receipts(folder)
+        digests = {path: receipt.sha256 for path, receipt in made.items()}
+        others = [path for path in _present(plan) if digests.get(path) != digest(path)]
+        if others and not replacing:
+            more = f" and {len(others) - 1} more" if others[1:] else ""
+            told = "not as in the archive; REPLACE=yes sets what differs aside"
+            raise NotRestorable(f"{others[0]}{more}: {told}")
+        for path in others:
+            set_aside(results, path)
+            receipt_path(path).unlink(missing_ok=True)
+        placed = [p for p in digests if (folder / p).exists() and not Path(p).exists()]
+        for path in placed:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            (folder / path).replace(path)
+        for path, receipt in made.items():
+            # one of a file that was here before, stays
+            if path in placed or not (Path(path).exists() and read_receipt(path)):
+                write_receipt(replace(receipt, kept=Path(path).exists()))
+    now = time.time_ns()
+    for path in _present(plan):
+        os.utime(path, ns=(now, now))  # none is newer than what was made from it
+    if others:
+        yield f"{len(others)} other files set aside in {results}/set_aside"
+    yield f"{len(placed)} files restored"
+    yield from adopt(plan)
+
+
+def _present(plan: Plan) -> list[str]:
+    """The files of the study that are in place: planned, or made."""
+    known = {*plan.maker, *receipts(plan.results)}
+    return sorted(path for path in known if Path(path).exists())

@@ -11,7 +11,14 @@ from rocrate.model.contextentity import ContextEntity
 from rocrate.model.entity import Entity
 from rocrate.rocrate import ROCrate
 
-from galloping.publication.archive import files_of, is_plain, pack, write_manifest
+from galloping.publication.archive import (
+    CONFIGURATION,
+    RECEIPTS,
+    files_of,
+    is_plain,
+    pack,
+    write_manifest,
+)
 from galloping.publication.provenance import Commit, commit, environment
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import digest, receipts
@@ -20,7 +27,6 @@ from galloping.storage import partial_prefix, write_json, write_text
 
 METADATA = "ro-crate-metadata.json"
 WORKFLOW = "workflow/Snakefile"
-CONFIGURATION = "configuration.yaml"
 PROFILES = {
     "https://w3id.org/ro/wfrun/process/0.5": "Process Run Crate",
     "https://w3id.org/ro/wfrun/workflow/0.5": "Workflow Run Crate",
@@ -30,7 +36,7 @@ DESCRIPTIONS = {
     CONFIGURATION: "all settings of the run, defaults included",
     "environment.json": "versions of Python and of all packages, and the machine",
     "publication.json": "version, commit, and what was not as it should be at publication",
-    "receipts.json": "settings, code, inputs, seconds of work and SHA-256 of every file of the "
+    RECEIPTS: "settings, code, inputs, seconds of work and SHA-256 of every file of the "
     "study, also of those that are not in this archive",
     "report.html": "the report: what was found, figures and tables in one page",
 }
@@ -142,7 +148,6 @@ def _add(crate: ROCrate, identifier: str, kind: str, **properties: object) -> En
 
 
 PUBLICATION = "publication"
-RECEIPTS = "receipts.json"
 SOURCES = (
     "CITATION.cff", "LICENSE", "Makefile", "README.md", "Snakefile", "pyproject.toml",
     "requirements.lock", "config", "workflow",
