@@ -16,6 +16,7 @@ import numpy as np
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.tracking import Data, Filtered, Forces, Tracker
+from galloping.identification.work import is_spent
 from galloping.passes import passing
 
 FIRST_STEP, STEP = 1e-5, 1e-3  # of differences: in units of a parameter, then of its error
@@ -280,7 +281,8 @@ def fitted(
     here, damping = of(vector), FIRST_DAMPING
     if not np.isfinite(here.log_likelihood):
         raise FloatingPointError("the filter of its start loses all digits")
-    first = _slopes(of, vector, here, step)[: int(support.sum())]
+    slopes = _slopes(of, vector, here, step)
+    first = slopes[: int(support.sum())]
     told = np.einsum("ijk,ijk->i", first, first) > UNTOLD
     if not told.all():  # such as the position of rest by accelerations
         kept = support.copy()
@@ -288,7 +290,6 @@ def fitted(
         return fitted(question, model, kept, correlated, filtered)
     for _ in range(MOST_STEPS):
         passing("fit random forces")
-        slopes = _slopes(of, vector, here, step)
         known, rise = information(slopes), score(slopes, here)
         step = STEP / np.sqrt(np.diag(known))
         for _ in range(MOST_DAMPED):
@@ -303,11 +304,12 @@ def fitted(
                 break
             damping *= 8.0
         else:
+            slopes = _slopes(of, vector, here, step)
             break
         vector, here, damping = vector + change, tried, max(damping / 16.0, 1e-9)
-        if 0.5 * rise @ change < CONVERGED:
+        slopes = _slopes(of, vector, here, step)
+        if 0.5 * rise @ change < CONVERGED or is_spent():
             break
-    slopes = _slopes(of, vector, here, step)
     return Fit(parameters.model(vector), support, correlated, here, slopes, parameters.centring)
 
 

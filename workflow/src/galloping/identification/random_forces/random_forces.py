@@ -45,6 +45,7 @@ from galloping.identification.random_forces.start import (
 from galloping.identification.random_forces.tracking import Data, sizes
 from galloping.identification.random_forces.wavering import wavers
 from galloping.identification.random_forces.whiteness import Whiteness, whiteness
+from galloping.identification.work import is_spent, limited
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix, velocity_pairs
 from galloping.recording import Recording, at_times, mean_inputs
@@ -85,11 +86,13 @@ def random_forces(
     places = forced_equations(problem, forced)
     try:
         recordings = driven(given, problem.inputs)
-        cleaned, _, period = prepared(recordings)
-        rescaled = scaled(cleaned, period)
-        question, whole, _ = fitted_to_some(problem, rescaled, period, places)
-        found, _ = fitted_to_all(question, whole, rescaled, period)
-        return with_inputs(_with_scales(found, cleaned, rescaled), given, recordings)
+        with limited(recordings) as work:
+            cleaned, _, period = prepared(recordings)
+            rescaled = scaled(cleaned, period)
+            question, whole, _ = fitted_to_some(problem, rescaled, period, places)
+            found, _ = fitted_to_all(question, whole, rescaled, period)
+        found = work.told(_with_scales(found, cleaned, rescaled))
+        return with_inputs(found, given, recordings)
     except NO_MODEL as error:
         return by(["random forces"], refused(problem, str(error)))
 
@@ -325,6 +328,8 @@ def _with_further_terms(question: Question, fit: Fit) -> Fit:
     prices = np.where(always, 0.0, costs(problem.prior, problem.complexity, question.penalty))
     every = np.ones(allowed.sum(), bool)
     for _ in range(MOST_CHOICES):
+        if is_spent():
+            break
         known, right = question.regression(fit.model)
         about, support = fit.model.coefficients / question.unit, allowed.copy()
         apart = problem.chosen_about(fit.model.coefficients) / question.unit

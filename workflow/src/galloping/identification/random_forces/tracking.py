@@ -13,6 +13,7 @@ from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.discrete import Steps, discretised
 from galloping.identification.random_forces.extended import extended_filter, random_motion
 from galloping.identification.random_forces.kalman import kalman_filter
+from galloping.identification.work import spend
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording, mean_inputs
 from galloping.taylor import Tables, tables
@@ -208,6 +209,7 @@ class Tracker:
         sensed = np.array([*channels.values, *channels.rates])
         is_rate = np.arange(len(sensed)) >= len(channels.values)
         counts = self.substeps(steps.lengths)
+        spend(counts[steps.of].sum() * exponents.size)
         return extended_filter(
             data.samples, steps.of, steps.lengths, counts,
             steps.driven(counts, self._tables.factors), exponents, coefficients, white, sensed,
@@ -229,6 +231,7 @@ class Tracker:
         transitions, disturbances = discretised(*self.driven, data.steps.lengths)
         p, n = self.first_covariance, len(self.rest)
         x = np.zeros(len(p))
+        spend(len(data.samples) * len(p))
         innovations, variances, means = kalman_filter(
             data.samples - self.shift, data.steps.of, transitions, disturbances, self.sensing,
             self.noise**2, x, p,
