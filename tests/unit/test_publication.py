@@ -25,9 +25,9 @@ from galloping.publication.archive import (
     unpack,
     write_manifest,
 )
-from galloping.publication.provenance import Commit, commit
 from galloping.publication.publishing import files, obstacles
 from galloping.reproducibility import repair
+from galloping.reproducibility.digest import Commit, commit
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.receipts import Receipt, digest, read_receipt, write_receipt
 from galloping.reproducibility.repair import Audit

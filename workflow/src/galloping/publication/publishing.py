@@ -19,7 +19,7 @@ from galloping.publication.archive import (
     pack,
     write_manifest,
 )
-from galloping.publication.provenance import Commit, commit, environment
+from galloping.reproducibility.digest import Commit, commit, environment
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import digest, receipts
 from galloping.reproducibility.repair import Audit, audit

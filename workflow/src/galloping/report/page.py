@@ -17,9 +17,9 @@ from docutils.core import publish_parts
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
-from galloping.publication.provenance import commit
 from galloping.report.data_dictionary import meaning
 from galloping.report.printed_numbers import Section
+from galloping.reproducibility.digest import commit
 
 LIBRARIES = ("numpy", "scipy", "pandas", "heyoka", "numba", "pysindy", "matplotlib", "snakemake")
 PLAIN = " !'()*,/:;=@[]{}|^+"  # may stand in a data URI between double quotes

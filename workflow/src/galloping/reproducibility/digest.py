@@ -1,4 +1,5 @@
-"""Digest of the code that a script runs, so that Snakemake reruns what an edit touches.
+"""Digest of the code that a script runs, so that Snakemake reruns what an edit touches; and what a
+study was made with: the commit, Python, the packages and the machine.
 
 Snakemake tracks a rule's script by its time, and not at all what the script imports. The digest
 covers the script and its imports from this package, transitively, with the templates and tables of
@@ -8,7 +9,9 @@ work but have no part in it. Versions of the libraries that are imported stand b
 
 import ast
 import hashlib
+import os
 import platform
+import subprocess
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -166,3 +169,53 @@ def _distribution(name: str) -> metadata.PackageMetadata | None:
         return metadata.distribution(name).metadata
     except metadata.PackageNotFoundError:
         return None
+
+
+@dataclass(frozen=True)
+class Commit:
+    """What is checked out.
+
+    digest: of the commit. date: when it was made (ISO 8601). described: after the nearest tag, as
+    `git describe` says. changes: files that are not as in the commit.
+    """
+
+    digest: str
+    date: str
+    described: str
+    changes: tuple[str, ...]
+
+
+def commit() -> Commit | None:
+    """The commit checked out in the working folder, or None if git does not know of one."""
+    try:
+        digest, date = _git("show", "--no-patch", "--format=%H %cI", "HEAD").split()
+        described = _git("describe", "--tags", "--always", "--dirty").strip()
+        status = _git("status", "--porcelain", "--untracked-files=all").splitlines()
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return Commit(digest, date, described, tuple(line[3:] for line in status))
+
+
+def environment() -> dict:
+    """Versions of Python and of all packages, and apart from them what depends on the machine."""
+    packages = {canonicalize_name(found.name): found.version for found in metadata.distributions()}
+    return {
+        "python": platform.python_version(),
+        "packages": dict(sorted(packages.items())),
+        "machine": {
+            "system": platform.system(),
+            "release": platform.release(),
+            "architecture": platform.machine(),
+            "cores": os.cpu_count(),
+        },
+    }
+
+
+def _git(*arguments: str) -> str:
+    return subprocess.run(
+        ["git", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        check=True,
+    ).stdout
