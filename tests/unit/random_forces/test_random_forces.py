@@ -131,7 +131,7 @@ def test_intervals_hold_of_recordings_as_they_are(ambient, how):
     assert all(held(found, recording))
 
 
-@pytest.mark.parametrize("kind", ["velocities", "all", "mixed"])
+@pytest.mark.parametrize("kind", ["velocities", "all", "mixed", "means"])
 def test_any_mix_of_channels(kind):
     recording, states, system = two_modes(3)
     rng = np.random.default_rng(6)
@@ -143,10 +143,29 @@ def test_any_mix_of_channels(kind):
         noisy[:, [1, 2, 3]] = np.nan
         accelerations = states @ system[3]
         rates[:, 3] = accelerations + 0.05 * accelerations.std() * rng.standard_normal(len(states))
+    elif kind == "means":  # of accelerometers, which show the forces
+        noisy[:] = np.nan
+        rates[1:, 2:] = np.diff(states[:, 2:], axis=0) / np.diff(recording.time)[:, np.newaxis]
+        rates += 0.01 * rng.standard_normal(states.shape)
     recording = Recording(recording.time, STATES, noisy, rates=rates)
     found = maximum_likelihood(recording, LINEAR, forced=())
     assert found.is_forced
     assert all(held(found, recording))
+    np.testing.assert_allclose(np.sqrt(np.diag(found.forces)[2:]), 0.01, rtol=0.1)
+
+
+def test_forecasts_of_accelerometers_hold():
+    recording, states, _ = two_modes(5)
+    rng, rates = np.random.default_rng(7), np.full(states.shape, np.nan)
+    rates[1:, 2:] = np.diff(states[:, 2:], axis=0) / np.diff(recording.time)[:, np.newaxis]
+    rates += 0.01 * rng.standard_normal(states.shape)
+    recording = Recording(recording.time, STATES, np.full(states.shape, np.nan), rates=rates)
+    shown, hidden = recording[:5700], recording[5700:]
+    ahead = forecast(maximum_likelihood(shown, LINEAR), shown, hidden.time)
+    inside = (hidden.rates > ahead.low[:, 2:]) & (hidden.rates < ahead.high[:, 2:])
+    assert 0.8 < inside[:, 2:].mean() < 0.99
+    width = (ahead.high - ahead.low)[0, 4:] / 3.3  # of the forces in a sample, and of its noise
+    assert np.all(width > 0.8 * np.hypot(0.01 * np.sqrt(10.0), 0.01))
 
 
 def test_several_recordings_tell_more(ambient):

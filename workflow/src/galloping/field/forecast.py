@@ -254,8 +254,9 @@ def forecast(
     if identified.is_forced:
         models = drawn(identified, DRAWS, rng)
         states = in_random_forces.motions(identified, models, recording, time, rng)
-        motions = np.array([sensed.of(*each) for each in zip(models, states, strict=True)])
-        missed = np.zeros_like(sigma)
+        driven = simulator.at(time)
+        motions = np.array([sensed.of(*each, driven) for each in zip(models, states, strict=True)])
+        missed = in_random_forces.noise_of_means(identified, recording, sensed.rates, sigma)
     elif identified.status == "approximate":
         motions = _motions(identified, recording, simulator, time, window, np.inf, rng)
         missed = _missed(identified, recording, simulator, time - recording.time[-1], window)

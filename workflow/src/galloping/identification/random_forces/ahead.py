@@ -41,6 +41,19 @@ def motions(
     return np.array(drawn)
 
 
+def noise_of_means(
+    found: IdentifiedModel, recording: Recording, rates: Sequence[int], sigma: np.ndarray
+) -> np.ndarray:
+    """`sigma` (n,) with the white forces in the mean rates of states, `rates`, its last."""
+    noise = sigma.copy()
+    if rates and found.diagnostics.get("rates_averaged"):
+        step = np.median(np.diff(recording.time))
+        noise[-len(rates) :] = np.hypot(
+            sigma[-len(rates) :], np.sqrt(np.diag(found.forces)[list(rates)] / step)
+        )
+    return noise
+
+
 def end_of(found: IdentifiedModel, recording: Recording) -> Recording:
     """As much of the end of a recording as tells where it ends."""
     slowest = np.min(np.abs(np.linalg.eigvals(tracker(found, recording)[0].system)))
@@ -85,8 +98,7 @@ def spectra(
     if follow.is_linear:
         frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, POINTS)
         system, white = follow.driven
-        omega = 2.0 * np.pi * frequency[:, np.newaxis, np.newaxis]
-        moved = follow.sensing @ np.linalg.inv(1j * omega * np.eye(len(system)) - system)
+        moved = follow.channels.response(system, 2.0 * np.pi * frequency)
         power = np.einsum("fci,ij,fcj->fc", moved, white, moved.conj()).real
         return frequency, 2.0 * power + noise
     channels, powers = follow.channels, []

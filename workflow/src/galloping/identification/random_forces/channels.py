@@ -11,16 +11,21 @@ from galloping.identification.model import Unusable
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 
+GAP = 1.5  # median steps, beyond which one is a gap
+
 
 @dataclass(frozen=True)
 class Channels:
     """states: names of the n_states states. values, rates: indices of those that are measured, and
-    of those whose rate is; the n_channels are in this order.
+    of those whose rate is; the n_channels are in this order. averaged: whether a rate is the mean
+    since the last sample, its force included, as of an accelerometer; else it is the rate at the
+    sample, but for white forces.
     """
 
     states: tuple[str, ...]
     values: tuple[int, ...]
     rates: tuple[int, ...]
+    averaged: bool = False
 
     @classmethod
     def of(cls, recordings: list[Recording]) -> Channels:
@@ -38,13 +43,22 @@ class Channels:
         return velocity_pairs(self.states)
 
     @property
+    def kept(self) -> tuple[int, ...]:
+        """States of which a filter keeps what they were at the last sample."""
+        return self.rates if self.averaged else ()
+
+    @property
     def names(self) -> tuple[str, ...]:
         rates = (f"d{self.states[i]}" for i in self.rates)
         return (*(self.states[i] for i in self.values), *rates)
 
     def samples(self, recording: Recording) -> np.ndarray:
-        """(n, n_channels), NaN where missing; rates without their unknown offsets."""
+        """(n, n_channels), NaN where missing; rates without their unknown offsets, and means since
+        the last sample not where there is none, or a gap.
+        """
         columns = [recording.values[:, i] for i in self.values]
+        steps = np.diff(recording.time, prepend=-np.inf)
+        apart = self.averaged & (steps > GAP * np.median(steps))
         for i in self.rates:
             rate = np.full(len(recording.time), np.nan)
             if recording.rates is not None:
@@ -52,12 +66,25 @@ class Channels:
                 drifts = recording.unknown_offsets is not None and recording.unknown_offsets[i]
                 if drifts and np.isfinite(rate).any():
                     rate = without_drift(recording.time, rate)
-            columns.append(rate)
+            columns.append(np.where(apart, np.nan, rate))
         return np.array(columns).T
 
     def sensing(self, system: np.ndarray) -> np.ndarray:
-        """(n_channels, n_states) of the linear system (n_states, n_states)."""
+        """(n_channels, n_states) of the linear system (n_states, n_states), rates at the sample."""
         return np.vstack([np.eye(len(system))[list(self.values)], system[list(self.rates)]])
+
+    def response(self, system: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(n, n_channels, n_states) of the channels to forces on the states at `omega` (n,), rad/s.
+
+        system: (n_states, n_states), of the states first.
+        """
+        unit = np.eye(len(system))
+        at = 1j * omega[:, np.newaxis, np.newaxis]
+        sensed = np.broadcast_to(self.sensing(system), (len(omega), len(self.names), len(unit)))
+        if self.averaged:
+            rates = at * unit[list(self.rates)]
+            sensed = np.concatenate([sensed[:, : len(self.values)], rates], axis=1)
+        return sensed @ np.linalg.inv(at * unit - system)
 
     def displacement(self, i: int, rates: np.ndarray, seen: np.ndarray) -> np.ndarray:
         """(n_modes,) shapes of the coordinate `i`.

@@ -73,3 +73,15 @@ def discretised(
     own = inside * (inverse @ forces @ inverse.conj().T)
     covariance = vectors @ own @ vectors.conj().T
     return np.ascontiguousarray(transitions), np.ascontiguousarray(covariance.real)
+
+
+def with_means(
+    transitions: np.ndarray, disturbances: np.ndarray, lengths: np.ndarray, of: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same of the states and, behind them, of the mean rates of the states `of` over a step."""
+    unit, length = np.eye(transitions.shape[1]), lengths[:, np.newaxis, np.newaxis]
+    rates = (transitions[:, of] - unit[of]) / length
+    moved = np.concatenate([transitions, rates], axis=1)
+    wider = np.concatenate([moved, np.zeros((*moved.shape[:2], len(of)))], axis=2)
+    own = np.concatenate([np.broadcast_to(unit, transitions.shape), unit[of] / length], axis=1)
+    return wider, np.ascontiguousarray(own @ disturbances @ own.transpose(0, 2, 1))

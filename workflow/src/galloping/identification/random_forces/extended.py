@@ -100,7 +100,7 @@ def _moved(x, h, force, driven, exponents, coefficients, terms, stages, middle):
 @njit(cache=True, error_model="numpy")
 def extended_filter(
     samples, step_of, lengths, substeps, driven, exponents, coefficients, white, sensed, is_rate,
-    noise, x, p, candidates,
+    kept, noise, x, p, candidates,
 ):  # fmt: skip
     """Innovations and their variances, (n, n_channels) each, NaN where samples are missing or the
     filter fails; the means of the states (n, n_states) after each sample; and the slopes of the
@@ -111,7 +111,9 @@ def extended_filter(
     at the begin and half way of each. exponents: (n_terms, n_states + n_factors), coefficients:
     (n_states, n_terms) of the equations; white: (n_states, n_states) covariance of their forces in
     a second. sensed, is_rate: (n_channels,) the state of each channel, and whether its rate is
-    measured. candidates: (n_candidates, 2) equation and term.
+    measured. kept: indices of the states whose mean rates since the last sample are measured, by
+    the last channels; the last states are what they were then. candidates: (n_candidates, 2)
+    equation and term.
     """  # fmt: skip
     n, channels = samples.shape
     d, many, place = len(x), len(candidates), 0
@@ -129,6 +131,12 @@ def extended_filter(
         if step_of[k] >= 0:
             count = substeps[step_of[k]]
             h = lengths[step_of[k]] / count
+            for j in range(len(kept)):
+                last = d - len(kept) + j
+                here[last] = here[kept[j]]
+                told[last] = told[kept[j]]
+                p[last] = p[kept[j]]
+                p[:, last] = p[:, kept[j]]
             for _ in range(count):
                 now = driven[place : place + 3]
                 _moved(here, h, still, now, exponents, coefficients, terms, stages, middle)
@@ -172,10 +180,16 @@ def extended_filter(
         for c in range(channels):
             if np.isnan(samples[k, c]):
                 continue
-            own = sensed[c]
-            error = samples[k, c] - (stages[0, own] if is_rate[c] else before[own])
+            own, last = sensed[c], d - channels + c
+            at_sample = is_rate[c] and len(kept) == 0
+            error = samples[k, c] - (stages[0, own] if at_sample else before[own])
+            if is_rate[c] and not at_sample:
+                length = lengths[step_of[k]]
+                error = samples[k, c] - (before[own] - before[last]) / length
             for i in range(d):
-                row[i] = jacobian[own, i] if is_rate[c] else unit[own, i]
+                row[i] = jacobian[own, i] if at_sample else unit[own, i]
+                if is_rate[c] and not at_sample:
+                    row[i] = (row[i] - unit[last, i]) / length
                 error -= row[i] * (here[i] - before[i])
             spread = noise[c]
             for i in range(d):
@@ -188,7 +202,7 @@ def extended_filter(
                 seen[j] = 0.0
                 for i in range(d):
                     seen[j] += row[i] * told[i, j]
-                if is_rate[c] and candidates[j, 0] == own:
+                if at_sample and candidates[j, 0] == own:
                     seen[j] += terms[candidates[j, 1]]
                 slopes[k, c, j] = -seen[j]
             for i in range(d):

@@ -150,7 +150,7 @@ class Question:
         known, right = np.zeros((n, n)), np.zeros(n)
         for one in self.data:
             filtered, slopes = tracker.extended(one, candidates, terms)
-            told = np.isfinite(filtered.innovations)
+            told = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
             root = np.sqrt(filtered.variances[told])
             own = slopes[told] * self.unit / root[:, np.newaxis]
             known += own.T @ own

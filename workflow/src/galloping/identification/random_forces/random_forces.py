@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -132,7 +133,9 @@ def _with_scales(
 
 
 def _thinned(recordings: list[Recording]) -> list[Recording]:
-    """With no more samples than a trial needs."""
+    """With no more samples than a trial needs; all of rates, which may be means between them."""
+    if Channels.of(recordings).rates:
+        return recordings
     step, grids = on_grids(recordings)
     every = max(int(shortest(grids, step) / TRIED_PER_PERIOD / step), 1)
     return [each[::every] for each in recordings]
@@ -176,15 +179,17 @@ def fitted_to_some(
     whether forces may be; else a model with white ones that leaves plainly more than noise is none.
     Raises what NO_MODEL names where there is none.
     """
-    channels, recordings = Channels.of(recordings), _thinned(recordings)
-    question, starts = _begun(problem, recordings, channels, forced)
+    recordings = _thinned(recordings)
+    question, starts = _begun(problem, recordings, forced)
+    channels = question.channels
     white = next((each for each in starts if not each.slow), replace(starts[0], slow=(), rates=()))
     whole = fitted(question, white, question.always, correlated=True)
     if problem.inputs:  # what they bring is no slow force
         whole = _with_further_terms(question, whole)
     left = _left(question, whole, recordings)
-    if not left.white and may_be_slow and not set(channels.rates) & set(forced):
-        whole = _with_slow_forces(question, starts[0], whole)  # no sensor reads the force
+    reads_force = channels.averaged or not set(channels.rates) & set(forced)
+    if not left.white and may_be_slow and reads_force:
+        whole = _with_slow_forces(question, starts[0], whole)
     elif not (may_be_slow or left.nearly):
         raise Unusable(in_words(left, channels))
     whole = _with_further_terms(question, whole)
@@ -216,11 +221,14 @@ def fitted_to_all(
 def _begun(
     problem: Problem,
     recordings: list[Recording],
-    channels: Channels,
     forced: tuple[int, ...],
 ) -> tuple[Question, list[Model]]:
-    """The question in units of the motion, and starts, the likeliest first."""
+    """The question in units of the motion, and starts, the likeliest first.
+
+    Of rates that are measured at the sample or as means since the last one, what is likelier.
+    """
     passing("modes from correlations")
+    channels = Channels.of(recordings)
     pairs = channels.pairs
     if set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states):
         raise Unusable("random forces are told of coordinates X and their velocities dX only")
@@ -236,9 +244,12 @@ def _begun(
     middle[list(channels.values)] = mean[: len(channels.values)]
     middle[list(pairs.values())] = 0.0
     least = LEAST_NOISE * deviation
-    data = _data(recordings, channels)
     held = mean_inputs(problem.inputs, recordings)
-    question = Question(problem, channels, forced, size, unit, always, middle, least, data, held)
+    questions = [
+        Question(problem, kind, forced, size, unit, always, middle, least,
+                 _data(recordings, kind), held)
+        for kind in (channels, *([replace(channels, averaged=True)] if channels.rates else []))
+    ]  # fmt: skip
     frequencies, power = spectra(grids, step)
     alike = np.all(powers[:, np.newaxis] == powers, axis=2)
     expected, known = problem.of_candidates(problem.expected), problem.known + problem.expected
@@ -250,18 +261,19 @@ def _begun(
         free = np.where(always, problem.of_candidates(rows), 0.0)
         free = np.where(problem.of_candidates(problem.precision) > 0.0, expected, free)
         rate = SLOW * np.min(np.abs(np.linalg.eigvals(system)))
-        sensing = channels.sensing(system)
-        for slow in (None, rate):
-            white, driving, noise = strengths(system, forced, sensing, frequencies, power, slow)
+        for question, slow in product(questions, (None, rate)):
+            own = question.channels
+            white, driving, noise = strengths(system, forced, own, frequencies, power, slow)
             noise = np.maximum(np.sqrt(noise / step), 2.0 * least)
             slowly = tuple(np.sqrt(driving))
             model = Model(free, np.diag(np.sqrt(white)), noise, slowly, (rate,) * len(slowly))
             with suppress(np.linalg.LinAlgError):
-                found.append((question.filtered(model).log_likelihood, model))
-    found = [each for each in found if np.isfinite(each[0])]
+                found.append((question.filtered(model).log_likelihood, question, model))
+    found = sorted(filter(lambda each: np.isfinite(each[0]), found), key=lambda each: -each[0])
     if not found:
         raise Unusable("its correlations tell no oscillation of every coordinate")
-    return question, [model for _, model in sorted(found, key=lambda each: -each[0])]
+    best = found[0][1]
+    return best, [model for _, question, model in found if question is best]
 
 
 def _factors(problem: Problem, recordings: list[Recording]) -> tuple[np.ndarray, np.ndarray]:
@@ -462,6 +474,7 @@ def _identified(
             "innovations_line": left.peak,
             "innovations_line_allowed": left.peak_allowed,
             **{f"noise_{name}": float(value) for name, value in of_rates},
+            **({"rates_averaged": float(channels.averaged)} if channels.rates else {}),
         },
     )  # fmt: skip
     return by(["random forces"], found)

@@ -176,7 +176,7 @@ def shortest(grids: list[np.ndarray], step: float) -> float:
 def strengths(
     system: np.ndarray,
     forced: tuple[int, ...],
-    sensing: np.ndarray,
+    channels: Channels,
     omega: np.ndarray,
     power: np.ndarray,
     slow: float | None,
@@ -186,17 +186,16 @@ def strengths(
 
     omega: (n,) rad/s, power: (n, n_channels). slow: rate of slow forces, 1/s; None: there are none.
     """
-    n, channels = power.shape
-    inverse = np.linalg.inv(1j * omega[:, None, None] * np.eye(len(system)) - system)
-    moved = np.abs(sensing @ inverse)[:, :, list(forced)] ** 2
+    n, many = power.shape
+    moved = np.abs(channels.response(system, omega))[:, :, list(forced)] ** 2
     columns = list(moved.transpose(2, 0, 1))
     if slow is not None:
         columns += list((moved / (slow**2 + omega[:, None, None] ** 2)).transpose(2, 0, 1))
-    columns += [np.broadcast_to(unit, (n, channels)) for unit in np.eye(channels)]
+    columns += [np.broadcast_to(unit, (n, many)) for unit in np.eye(many)]
     design = (np.array(columns) / power).reshape(len(columns), -1).T
     scale = np.linalg.norm(design, axis=0)
     found, _ = nnls(design / scale, np.ones(len(design)))
     alone = np.linalg.norm(np.ones(len(design))) / scale
     found = np.maximum(found / scale, LEAST_SHARE * alone)
     f = len(forced)
-    return found[:f], found[f:-channels], found[-channels:]
+    return found[:f], found[f:-many], found[-many:]

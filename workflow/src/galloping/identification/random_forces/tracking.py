@@ -10,7 +10,7 @@ import numpy as np
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.discrete import Steps, discretised
+from galloping.identification.random_forces.discrete import Steps, discretised, with_means
 from galloping.identification.random_forces.extended import extended_filter, random_motion
 from galloping.identification.random_forces.kalman import kalman_filter
 from galloping.identification.work import spend
@@ -132,12 +132,8 @@ class Tracker:
 
     @cached_property
     def sensing(self) -> np.ndarray:
-        """(n_channels, m)."""
-        sensed = self.channels.sensing(self.system)
-        forces = np.zeros((len(sensed), len(self.forces.places)))
-        for k, i in enumerate(self.channels.rates, start=len(self.channels.values)):
-            forces[k] = self.forces.places == i
-        return np.ascontiguousarray(np.hstack([sensed, forces]))
+        """(n_channels, m), of rates at the sample."""
+        return np.ascontiguousarray(self.channels.sensing(self.driven[0]))
 
     @property
     def shift(self) -> np.ndarray:
@@ -198,13 +194,20 @@ class Tracker:
         `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`.
         """
         x, p, n = self.first_mean, self.first_covariance, len(self.size)
+        exponents, coefficients = self.equations(terms)
+        m, kept = len(x), np.array(self.channels.kept, int)
+        white, p = (np.pad(each, (0, len(kept))) for each in (self.driven[1], p))
+        x = np.append(x, np.zeros(len(kept)))
+        exponents = np.insert(exponents, np.full(len(kept), m), 0, axis=1)
+        coefficients = np.pad(coefficients, ((0, len(kept)), (0, 0)))
         innovations, variances, means, slopes = self._extended(
-            data, *self.equations(terms), self.driven[1], x, p, candidates
+            data, exponents, coefficients, white, x, p, candidates, kept
         )
         count = int(np.isfinite(data.samples).sum())
-        return Filtered(innovations, variances, means[:, :n], x, p, count), slopes
+        found = Filtered(innovations, variances, means[:, :n], x[:m], p[:m, :m], count)
+        return found, slopes
 
-    def _extended(self, data: Data, exponents, coefficients, white, x, p, candidates):
+    def _extended(self, data: Data, exponents, coefficients, white, x, p, candidates, kept):
         channels, steps = self.channels, data.steps
         sensed = np.array([*channels.values, *channels.rates])
         is_rate = np.arange(len(sensed)) >= len(channels.values)
@@ -213,7 +216,7 @@ class Tracker:
         return extended_filter(
             data.samples, steps.of, steps.lengths, counts,
             steps.driven(counts, self._tables.factors), exponents, coefficients, white, sensed,
-            is_rate, self.noise**2, x, p, candidates,
+            is_rate, kept, self.noise**2, x, p, candidates,
         )  # fmt: skip
 
     def motion(self, x: np.ndarray, steps: Steps, rng: np.random.Generator) -> np.ndarray:
@@ -229,22 +232,35 @@ class Tracker:
         if not self.is_linear:
             return self.extended(data, np.zeros((0, 2), np.int64))[0]
         transitions, disturbances = discretised(*self.driven, data.steps.lengths)
-        p, n = self.first_covariance, len(self.rest)
+        sensing, kept, m = self.sensing, list(self.channels.kept), len(self.driven[0])
+        if kept:
+            transitions, disturbances = with_means(
+                transitions, disturbances, data.steps.lengths, kept
+            )
+            sensing = np.eye(len(transitions[0]))[[*self.channels.values, *range(m, m + len(kept))]]
+        p, n = np.pad(self.first_covariance, (0, len(kept))), len(self.rest)
         x = np.zeros(len(p))
         spend(len(data.samples) * len(p))
         innovations, variances, means = kalman_filter(
-            data.samples - self.shift, data.steps.of, transitions, disturbances, self.sensing,
+            data.samples - self.shift, data.steps.of, transitions, disturbances, sensing,
             self.noise**2, x, p,
         )  # fmt: skip
         x[:n] += self.rest
         count = int(np.isfinite(data.samples).sum())
-        return Filtered(innovations, variances, means[:, :n] + self.rest, x, p, count)
+        return Filtered(innovations, variances, means[:, :n] + self.rest, x[:m], p[:m, :m], count)
 
     def first_state(self, data: Data, count: int) -> np.ndarray:
         """(n_states,) at the first sample, as `count` samples tell it.
 
-        By the filter of the states beside what they were at first, which does not change.
+        By the filter of the states beside what they were at first, which does not change, and of
+        rates at the sample, to which mean ones come near but for the forces in them.
         """
+        if self.channels.averaged:
+            force = np.diag(self.driven[1])[list(self.channels.rates)] / data.steps.lengths.min()
+            noise = np.append(np.zeros(len(self.channels.values)), np.sqrt(force))
+            at_sample = replace(self.channels, averaged=False)
+            other = replace(self, channels=at_sample, noise=np.hypot(self.noise, noise))
+            return other.first_state(data, count)
         exponents, coefficients = self.equations()
         m, n, steps = len(coefficients), len(self.size), data.steps
         states, factors = exponents[:, :m], exponents[:, m:]
@@ -255,7 +271,7 @@ class Tracker:
         self._extended(
             Data(data.samples[:count], steps), np.hstack([states, np.zeros_like(states), factors]),
             np.vstack([coefficients, np.zeros_like(coefficients)]), doubled, x, p,
-            np.zeros((0, 2), np.int64),
+            np.zeros((0, 2), np.int64), np.zeros(0, np.int64),
         )  # fmt: skip
         return x[m : m + n]
 
@@ -288,6 +304,8 @@ def tracker(found: IdentifiedModel, recording: Recording) -> tuple[Tracker, Data
     Raises ValueError where the model does not know the noise of a channel.
     """
     channels, states = Channels.of([recording]), found.model.states
+    averaged = bool(found.diagnostics.get("rates_averaged", False))
+    channels = replace(channels, averaged=averaged and bool(channels.rates))
     noise = [found.sigma[-1, i] for i in channels.values]
     noise += [found.diagnostics.get(f"noise_d{states[i]}", np.nan) for i in channels.rates]
     for name, value in zip(channels.names, noise, strict=True):
