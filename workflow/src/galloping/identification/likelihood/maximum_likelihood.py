@@ -57,7 +57,7 @@ from galloping.identification.likelihood.weak_gls import Start, begin, largest_t
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.random_forces import moved_at_random, random_forces
 from galloping.identification.random_forces.unmodelled import unmodelled
-from galloping.identification.work import is_spent, limited
+from galloping.identification.work import ENDED, is_spent, limited
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
@@ -201,7 +201,9 @@ def _followed(problem: Problem, recordings: list[Recording], begun: Start) -> Id
     largest, penalty = largest_terms(problem, begun.smoothed), begun.penalty
     joined = _joined(problem, begun, largest)
     if joined is None:
-        return DIVERGES
+        return ENDED if is_spent() else DIVERGES
+    if joined.objection == ENDED:  # not joined, for no cause that the data show
+        return ENDED
     if joined.objection:
         return "; ".join([*_causes_of_none(problem, joined.free, penalty), joined.objection])
     remaining, shown = _remaining(problem, begun, joined)
