@@ -183,9 +183,7 @@ if LINES:
     )
 if shown.has_ours(STUDY):
     FIGURES["figure09_methods"] = histories(
-        "09, our method: time histories by amount of data",
-        sampled_histories,
-        shown.our_pair(STUDY),
+        "09, our method: time histories by amount of data", sampled_histories, shown.our_pair(STUDY)
     )
 if LINES:
     predicted = shown.predicted_cells(STUDY, FIRST)

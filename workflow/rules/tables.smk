@@ -94,8 +94,7 @@ if LINES:
             **({"region": REGION} if Path(REGION).exists() else {}),
         ),
         "table3_as_printed": made(
-            "tables.table3:as_printed",
-            table3="<results>/tables/table3_coefficients.csv",
+            "tables.table3:as_printed", table3="<results>/tables/table3_coefficients.csv"
         ),
         "table2_spacers": made("tables.line_parameters:spacers", {"cases": STUDY.plain["cases"]}),
         "table3_coefficients": made(
@@ -147,8 +146,7 @@ if LINES:
             "tables.scores:peers",
             scores=SCORES,
             oracles=every(
-                "<results>/oracles/{cell}.csv",
-                cell=[each.id for each in shown.oracle_cells(STUDY)],
+                "<results>/oracles/{cell}.csv", cell=[each.id for each in shown.oracle_cells(STUDY)]
             ),
         ),
         "identifiability": made(

@@ -7,7 +7,7 @@ import numpy as np
 from galloping.cycles.family import LIBRARY, initial_state, line_family
 from galloping.cycles.limit_cycles import settle
 from galloping.cycles.prediction import SAMPLES, split
-from galloping.cycles.ranking import DAMPING, Design, derived, places, ranked
+from galloping.cycles.ranking import Design, damping_ratios, derived, places, ranked
 from galloping.cycles.rows import clearance_rows, measure_rows
 from galloping.intervals import generator
 from galloping.physics.galerkin import STATES
@@ -40,9 +40,8 @@ def assess_line(
     for model in read_families(identified).get(OURS, [])[:1]:  # of the first replicate
         if not len(model.covariance):
             continue
-        damping = {state: line["damping"][key] for state, key in DAMPING}
         with suppress(ValueError, np.linalg.LinAlgError):  # a model that tells no stiffness
-            told = split([model], [line["wind"]["speed"]], damping)
+            told = split([model], [line["wind"]["speed"]], damping_ratios(line))
             draws = told.sampled(generator(seed, "measures", case), SAMPLES)
             parts = told
     asked = [_measure(each) for each in chosen.values()] or usual(line)

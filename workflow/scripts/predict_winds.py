@@ -6,7 +6,7 @@ import numpy as np
 
 from galloping.cycles.family import LIBRARY, initial_state
 from galloping.cycles.prediction import Prediction, predict, split
-from galloping.cycles.ranking import DAMPING
+from galloping.cycles.ranking import damping_ratios
 from galloping.cycles.rows import prediction_rows, steady_truth
 from galloping.intervals import generator
 from galloping.physics.galerkin import STATES
@@ -17,14 +17,12 @@ from galloping.study.files import read_families
 
 
 def _predicted(identified, case, winds, rng) -> Prediction:
-    damping = {state: case["damping"][key] for state, key in DAMPING}
     speed, start = case["wind"]["speed"], np.array(initial_state(case))
     try:
         if identified.status == "refused":
             raise ValueError(identified.verdict)
-        parts = split([identified], [speed], damping)
-        terms = identified.model.terms
-        return predict(parts, speed, winds, start, rng, _simulator(terms))
+        parts = split([identified], [speed], damping_ratios(case))
+        return predict(parts, speed, winds, start, rng, _simulator(identified.model.terms))
     except (ValueError, np.linalg.LinAlgError) as error:
         nothing = np.full((len(winds), len(STATES)), np.nan)
         unresolved = np.ones(len(winds))

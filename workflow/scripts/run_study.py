@@ -29,13 +29,7 @@ from galloping.reproducibility.lock import (
     marked_environment,
     sweep,
 )
-from galloping.reproducibility.receipts import (
-    Receipt,
-    inspect,
-    receipt_path,
-    receipts,
-    remember,
-)
+from galloping.reproducibility.receipts import Receipt, inspect, receipt_path, receipts, remember
 from galloping.study.cells import Study
 
 WORKFLOW = Path(__file__).parents[1]

@@ -3,15 +3,7 @@
 from os.path import relpath
 from pathlib import Path
 
-from galloping.report.page import (
-    Item,
-    Page,
-    RecordingSection,
-    described,
-    made_by,
-    render,
-    versions,
-)
+from galloping.report.page import Item, Page, RecordingSection, described, made_by, render, versions
 from galloping.report.printed_numbers import headline as found
 from galloping.report.printed_numbers import inferred, section, verdicts
 from galloping.reproducibility.job import run

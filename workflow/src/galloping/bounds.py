@@ -192,10 +192,7 @@ def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
 
 
 def ranked_experiments(
-    model: PolynomialModel,
-    free: np.ndarray,
-    done: list[Experiment],
-    options: list[Experiment],
+    model: PolynomialModel, free: np.ndarray, done: list[Experiment], options: list[Experiment]
 ) -> list[tuple[int, Bound]]:
     """Which further recording would help most.
 

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 CORRECTIONS = 8
 CORRECTED = 1e-9  # length of the last correction, in steps
-SMALLEST_STEP = 1e-6
+FIRST_STEP, SMALLEST_STEP = 0.1, 1e-6  # of the longest
 LEAST_COSINE = 0.9  # of the turn of the tangent in one step
 CLOSED = 1e-3  # relative difference of period and size at which a branch has returned to its start
 
@@ -172,10 +172,10 @@ def point_at(problem: Problem, at: Linearised, border: np.ndarray) -> Point:
     return Point(at.solution, tangent, *problem.examine(at, tangent))
 
 
-def follow(problem: Problem, start: Point, span: Range, first_step: float = 0.1) -> Branch:
+def follow(problem: Problem, start: Point, span: Range) -> Branch:
     """The branch from `start` in the direction of its tangent."""
     points, bifurcations = [start], []
-    step, largest = first_step, 1.0
+    step = FIRST_STEP
 
     def ended(complete: bool, reason: str) -> Branch:
         return Branch(tuple(points), tuple(bifurcations), complete, reason)
@@ -207,7 +207,7 @@ def follow(problem: Problem, start: Point, span: Range, first_step: float = 0.1)
         points.append(point)
         if reason:
             return ended(True, reason)
-        step = min(1.5 * step, largest)
+        step = min(1.5 * step, 1.0)
     return ended(False, f"stopped after {len(points)} points")
 
 

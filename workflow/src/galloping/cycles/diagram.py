@@ -52,15 +52,14 @@ class Eigenvalues:
 
 @dataclass(frozen=True)
 class EquilibriumProblem(continuation.Problem):
-    """Equilibria of a vector field. resolution: longest step of the parameter; size: of a state."""
+    """Equilibria of a vector field. resolution: longest step of the parameter."""
 
     field: VectorField
     resolution: float
-    size: float
 
     @property
     def metric(self) -> np.ndarray:
-        return np.append(np.full(self.field.n_states, self.size), self.resolution) ** -2.0
+        return np.append(np.ones(self.field.n_states), self.resolution) ** -2.0
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         return vector
@@ -106,19 +105,14 @@ class EquilibriumProblem(continuation.Problem):
 
 
 def equilibrium_branch(
-    family: Family,
-    state: np.ndarray,
-    value: float,
-    span: continuation.Range,
-    size: float = 1.0,
-    upward=True,
+    family: Family, state: np.ndarray, value: float, span: continuation.Range, upward: bool = True
 ) -> continuation.Branch:
     """Equilibria from the one near `state` (n_states,) at `value`, along the parameter.
 
-    size: of a change of the states that matters. upward: whether the parameter grows at first.
-    Raises ValueError where there is no equilibrium near the state.
+    upward: whether the parameter grows at first. Raises ValueError where there is no equilibrium
+    near the state.
     """
-    problem = EquilibriumProblem(VectorField(family, value), span.longest, size)
+    problem = EquilibriumProblem(VectorField(family, value), span.longest)
     along = problem.along_parameter()
     try:
         at = continuation.corrected(problem, np.append(state, value), along)

@@ -5,6 +5,7 @@ One period is integrated with its derivatives by start and parameter; that by th
 whole period, is the monodromy matrix.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, pairwise
@@ -83,6 +84,7 @@ PHASES = 256  # at which orbits are compared, a power of two
 STEPS, MOST_STEPS = 32, 2**14  # of the integration of a period, powers of two
 ACCURACY = 1e-13  # truncation of a step's Taylor series, relative to the size of each state
 STEP = 0.5  # longest step, of the orbit's size and of its period
+DEPARTURE = 1e-2  # of an orbit: first step onto what branches off from it
 VANISHED = 1e-3  # of the largest orbit of the branch: an orbit as small is an equilibrium
 
 
@@ -315,13 +317,12 @@ def from_hopf(
 
 
 def from_branching(
-    family: Family, at: continuation.Bifurcation, span: continuation.Range, size: float = 1e-2
+    family: Family, at: continuation.Bifurcation, span: continuation.Range
 ) -> tuple[continuation.Branch, ...]:
     """The limit cycles that leave a branch at a period doubling or a branch point.
 
-    size: of their first departure, relative to the orbit. Two branches leave a branch point; those
-    that leave a period doubling are one, shifted in phase. Raises ValueError for a bifurcation of
-    another name, and where nothing branches off.
+    Two branches leave a branch point; those that leave a period doubling are one, shifted in phase.
+    Raises ValueError for a bifurcation of another name, and where nothing branches off.
     """
     orbit, tangent = at.point.solution, at.point.tangent
     if at.name not in (PERIOD_DOUBLING, BRANCH_POINT) or not at.located:
@@ -336,7 +337,7 @@ def from_branching(
     # where the equations have a second null vector, the one across the tangent
     *_, right = np.linalg.svd(linearised.bordered(problem.metric * tangent))
     direction = linearised.moved @ right[-1]
-    direction *= size / (STEP * problem.length(direction))
+    direction *= DEPARTURE / (STEP * problem.length(direction))
     branches = []
     for away in (direction,) if doubled else (direction, -direction):
         start = _first(problem, orbit.vector + away, problem.metric * away)
@@ -371,6 +372,14 @@ def settled(
     orbit = _last_turn(time, states, value)
     problem = CycleProblem.about(family, orbit, resolution)
     return _first(problem, orbit.vector, problem.along_parameter())
+
+
+def cycle_of(family: Family, value: float, motion: Settled) -> continuation.Point | None:
+    """The limit cycle that a motion has settled on; None where there is none near enough."""
+    if motion.kind == "cycle":
+        with suppress(ValueError):
+            return settled(family, value, motion.time, motion.states, resolution=1.0)
+    return None
 
 
 def _first(problem: CycleProblem, guess: np.ndarray, border: np.ndarray) -> continuation.Point:

@@ -1,12 +1,11 @@
 """What a measure does to galloping: critical wind, limit cycle at the design wind, clearance."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from galloping.cycles.limit_cycles import Settled, settle, settled
+from galloping.cycles.limit_cycles import Settled, cycle_of, settle
 from galloping.cycles.prediction import Split, near, split
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import of_draws
@@ -45,13 +44,17 @@ class Outcome:
     kind: str
 
 
+def damping_ratios(case: Mapping) -> dict[str, float]:
+    """Of the structure, by velocity state."""
+    return {state: case["damping"][name] for state, name in DAMPING}
+
+
 def derived(case: Mapping) -> Split:
     """Structure and wind of a case as derived, at no uncertainty."""
     line = model(coefficients(case))
-    damping = {state: case["damping"][name] for state, name in DAMPING}
     exact = IdentifiedModel(line, "unjudged", known=(0, 1))
     exact = replace(exact, covariance=np.eye(exact.support.sum()))
-    parts = split([exact], [case["wind"]["speed"]], damping)
+    parts = split([exact], [case["wind"]["speed"]], damping_ratios(case))
     return replace(parts, covariance=np.zeros_like(parts.covariance))
 
 
@@ -136,14 +139,10 @@ def evaluate(
     if motion.kind == "rest" or critical >= design.wind:
         still = clearance(np.zeros((1, 2)), np.zeros((1, 2)), design.distance)
         return Outcome(measure, critical_wind, (0.0,) * 3, (0.0,) * 3, (still,) * 3, "rest")
-    family, point = line.family(), None
-    if motion.kind == "cycle":
-        with suppress(ValueError):  # of none near enough the motion itself is shown
-            point = settled(family, design.wind, motion.time, motion.states, resolution=1.0)
-    if point is not None:
+    if (point := cycle_of(line.family(), design.wind, motion)) is not None:
         orbits = near(map(line.family, scaled), point.solution)
         centre, half = places(point.solution.states), point.solution.half_range()
-    elif np.all(np.isfinite(motion.states)):
+    elif np.all(np.isfinite(motion.states)):  # the motion itself
         orbits, half = [], motion.half_range
         centre = outline(motion)
     else:

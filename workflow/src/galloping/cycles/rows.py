@@ -1,4 +1,7 @@
-"""Sweep points as tidy rows: limit cycles, bifurcations, maps, predictions, clearance, measures."""
+"""Sweep points as tidy rows: limit cycles, bifurcations, maps, predictions, clearance, measures.
+
+Their columns are those of `report/columns.csv`.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -7,12 +10,7 @@ import numpy as np
 
 from galloping.cycles.continuation import Branch, Range
 from galloping.cycles.diagram import HOPF, Diagram, diagram
-from galloping.cycles.family import (
-    critical_wind,
-    initial_state,
-    line_family,
-    parameter,
-)
+from galloping.cycles.family import critical_wind, initial_state, line_family, parameter
 from galloping.cycles.limit_cycles import Orbit, Settled, settle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, Outcome, outline
@@ -54,11 +52,7 @@ def line_diagram(
 
 
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
-    """Every limit cycle of a diagram; label: of the case, name: of the parameter.
-
-    Columns case, parameter, unit, value, branch, point, stable, v_m, w_m, period_s,
-    largest_multiplier, trivial_defect.
-    """
+    """Every limit cycle of a diagram; label: of the case, name: of the parameter."""
     return [
         _place(label, name, along.family.unit, point.solution.value)
         | {"branch": cycles.name, "point": k, "stable": point.stability.stable}
@@ -82,11 +76,7 @@ def _place(label: str, name: str, unit: str, value: float) -> dict:
 
 
 def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> list[dict]:
-    """Bifurcations in the order of their branches, and how each branch ended.
-
-    Columns case, parameter, unit, value, branch, name, located, closed_form (of a Hopf bifurcation
-    along the wind speed: where gamma_1 = 0), v_m, w_m, period_s, note.
-    """
+    """Bifurcations in the order of their branches, and how each branch ended."""
     rows = []
 
     def row(branch: str, value: float, what: str, **further: object) -> None:
@@ -120,12 +110,7 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
 def simulation_rows(
     label: str, case: Mapping, name: str, values: Sequence[float], simulator: Simulator
 ) -> list[dict]:
-    """The long simulation of a case from its initial state at each value of a parameter.
-
-    Columns as in `limit_cycle_rows` where they apply, with branch `simulation`, and kind, v_low_m,
-    v_high_m, w_low_m, w_high_m: least and greatest half range over pieces of the window, which
-    differ where the motion does not repeat.
-    """
+    """The long simulation of a case from its initial state at each value of a parameter."""
     family, varied = line_family(case, name), parameter(name)
     motions = (
         settle(simulator, family.model(value), initial_state(varied.at(case, value)))
@@ -156,9 +141,7 @@ def map_rows(
 ) -> list[dict]:
     """What the motion settles to over two parameters, from the case's initial state.
 
-    across, up: name and values of each. Columns case, x_parameter, x_unit, x, y_parameter, y_unit,
-    y, frequency_ratio (vertical by horizontal), kind, v_m, w_m and the ranges of
-    `simulation_rows`.
+    across, up: name and values of each.
     """
     (x_name, x_values), (y_name, y_values) = across, up
     x_parameter, y_parameter = parameter(x_name), parameter(y_name)
@@ -186,9 +169,7 @@ def prediction_rows(
     """One model's prediction beside the truth: a row for each wind speed and direction.
 
     cell: case, protocol, method, replicate, which begin each row. true: (n_winds, 2) half ranges
-    (v, w). verdict: of the identification, which says whether the band can be trusted. Columns
-    then wind_m_s, direction, predicted_m, low_m, high_m, true_m, error_percent, inside,
-    unresolved, verdict, reason.
+    (v, w). verdict: of the identification, which says whether the band can be trusted.
     """
     rows = []
     for k, wind in enumerate(predicted.winds):
@@ -220,7 +201,6 @@ def clearance_rows(
 
     motions: what the line settles to, by wind speed in m/s. distance: (horizontal, vertical) in m
     of the phases at rest; limit: clearance in m to keep.
-    Columns case, what, wind_m_s, height_m, width_m, below_m, least_clearance_m, limit_m, kept.
     """
     rows = []
 
@@ -239,8 +219,7 @@ def clearance_rows(
 
 
 def measure_rows(label: str, outcomes: Sequence[Outcome], design: Design) -> list[dict]:
-    """Measures in their order. Columns case, rank, measure, critical_wind_m_s, v_m, w_m,
-    clearance_m, each with _low and _high, kind, limit_m, kept, design_wind_m_s, source, note."""
+    """Measures in their order."""
     rows = []
     for rank, outcome in enumerate(outcomes, start=1):
         numbers = {

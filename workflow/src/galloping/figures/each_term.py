@@ -11,15 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from galloping.figures import parts
-from galloping.figures.style import (
-    DOUBLE,
-    PAPER,
-    QUIET,
-    SERIES,
-    TRUE,
-    protocol_style,
-    spoken,
-)
+from galloping.figures.style import DOUBLE, PAPER, QUIET, SERIES, TRUE, protocol_style, spoken
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import IDENTIFIABLE
 from galloping.physics.galerkin import EQUATIONS, STATES, TERMS, Derived
@@ -46,9 +38,7 @@ def _greek(symbol: str) -> str:
 
 
 def draw_coefficients(
-    model: Derived,
-    identified: Mapping[str, Mapping[str, list[IdentifiedModel]]],
-    settings: Mapping,
+    model: Derived, identified: Mapping[str, Mapping[str, list[IdentifiedModel]]], settings: Mapping
 ) -> Figure:
     """Identified over true coefficient of each equation, and how often each term was found.
 

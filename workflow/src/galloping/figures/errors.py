@@ -11,16 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import parts
-from galloping.figures.style import (
-    DOUBLE,
-    MODEL,
-    PAPER,
-    QUIET,
-    SHADE,
-    SINGLE,
-    method_style,
-    spoken,
-)
+from galloping.figures.style import DOUBLE, MODEL, PAPER, QUIET, SHADE, SINGLE, method_style, spoken
 from galloping.paper.claims import CLAIMS, Claim
 from galloping.results import BOUND, NOISE, OURS, PAPER_METHOD, SUBSET
 from galloping.tables.scores import ORACLE, ORDERS, mean_error, of_kind, spread

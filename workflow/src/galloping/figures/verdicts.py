@@ -35,11 +35,7 @@ LIMITS = (3e-3, 300.0)  # percent
 DOUBTFUL = 30.0  # percent: beyond, a value is hardly known
 HEIGHT = 0.62  # of a row, shared by the methods
 TWO_MODES = "two modes"
-WORTH = {
-    "amplitude_m": "amplitude\n200-300 s, m",
-    "limit_cycle_m": "limit cycle, m",
-    "r2": "$R^2$",
-}
+WORTH = {"amplitude_m": "amplitude\n200-300 s, m", "limit_cycle_m": "limit cycle, m", "r2": "$R^2$"}
 LOOKS = {"vertical": {"color": MODEL, "marker": "o"}, "horizontal": {"color": PAPER, "marker": "s"}}
 STRETCHES = {"r2_0_100_s": "white", "r2_100_200_s": "#bbbbbb", "r2_200_300_s": ""}
 

@@ -59,15 +59,20 @@ class Products:
 
 
 @dataclass(frozen=True)
-class DerivativeNoise:
-    """Exact states with noisy derivatives.
-
-    terms: of the candidate library. unit: (n_states,), what a noise level is in units of.
-    """
+class _Noise:
+    """terms: of the candidate library. unit: (n_states,), what a noise level is in units of."""
 
     motion: Motion
     terms: tuple[Exponents, ...]
     unit: np.ndarray
+
+    @cached_property
+    def _lengths(self) -> np.ndarray:
+        return np.linalg.norm(design_matrix(self.motion.states, self.terms), axis=0)
+
+
+class DerivativeNoise(_Noise):
+    """Exact states with noisy derivatives."""
 
     def draw(self, level: float, points: int, rng: np.random.Generator, draws: int = 1) -> Products:
         """Recordings of the same `points` samples, all or at random, with noise at `level`."""
@@ -92,10 +97,6 @@ class DerivativeNoise:
         )
 
     @cached_property
-    def _lengths(self) -> np.ndarray:
-        return np.linalg.norm(design_matrix(self.motion.states, self.terms), axis=0)
-
-    @cached_property
     def _theta(self) -> np.ndarray:
         theta = design_matrix(self.motion.states, self.terms) / self._lengths
         return np.ascontiguousarray(theta)
@@ -109,22 +110,17 @@ class DerivativeNoise:
         return theta.T @ theta, theta.T @ self.motion.derivatives[rows]
 
 
-@dataclass(frozen=True)
-class VelocityNoise:
+class VelocityNoise(_Noise):
     """Noisy velocities beside exact displacements, derivatives by central differences of both.
 
     This is what the paper's sentence says word by word: noise is added to the velocities, and the
-    left side is the numerical derivative of the states. Fields as of `DerivativeNoise`.
+    left side is the numerical derivative of the states.
     """
-
-    motion: Motion
-    terms: tuple[Exponents, ...]
-    unit: np.ndarray
 
     def draw(self, level: float, points: int, rng: np.random.Generator, draws: int = 1) -> Products:
         """Recordings of `points` samples each, all or at random, with noise at `level`."""
         parts = [self._draw(level, points, rng) for _ in range(draws)]
-        lengths = np.linalg.norm(design_matrix(self.motion.states, self.terms), axis=0)
+        lengths = self._lengths
         grams, moments, squares = (np.stack(each) for each in zip(*parts, strict=True))
         grams, moments = grams / lengths / lengths[:, np.newaxis], moments / lengths
         explained = np.sum(

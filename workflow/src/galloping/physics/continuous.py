@@ -14,7 +14,15 @@ from numba import njit
 from numpy.polynomial.legendre import legvander
 from scipy.optimize import root
 
-from galloping.physics.galerkin import STATES, Line, Mode, ice_coefficients, positions, weights
+from galloping.physics.galerkin import (
+    STATES,
+    Line,
+    Mode,
+    ice_coefficients,
+    positions,
+    sine_mode,
+    weights,
+)
 from galloping.physics.gusts import wind_speed
 from galloping.results import Motion
 
@@ -70,16 +78,6 @@ class Span:
     @property
     def arrays(self) -> Arrays:
         return Arrays(*(getattr(self, name) for name in Arrays._fields))
-
-
-def sine_modes(line: Line, count: int) -> tuple[Mode, ...]:
-    """sin(k pi s / l), k = 1 .. count."""
-    s, spacers = positions(line.span), np.asarray(line.spacer_positions, dtype=float)
-    waves = np.pi * np.arange(1, count + 1) / line.span
-    return tuple(
-        Mode(np.sin(k * s), k * np.cos(k * s), -(k**2) * np.sin(k * s), np.sin(k * spacers))
-        for k in waves
-    )
 
 
 def span(
@@ -139,7 +137,8 @@ def span(
 
 def continuous_line(case: Mapping, modes: int = 9, **load) -> Span:
     """The line of a case on that many sine modes in each direction; `load` as in `span`."""
-    sines = sine_modes(Line.from_case(case), modes)
+    line = Line.from_case(case)
+    sines = [sine_mode(line, order) for order in range(1, modes + 1)]
     return span(case, sines, sines, **load)
 
 

@@ -106,9 +106,9 @@ def integrate(values: np.ndarray, span: float) -> float:
     return float(values @ _WEIGHTS) * span / 2
 
 
-def sine_mode(line: Line) -> Mode:
-    """sin(pi s / l)."""
-    k = pi / line.span
+def sine_mode(line: Line, order: int = 1) -> Mode:
+    """sin(order pi s / l)."""
+    k = pi * order / line.span
     s = positions(line.span)
     spacers = np.asarray(line.spacer_positions, dtype=float)
     return Mode(np.sin(k * s), k * np.cos(k * s), -(k**2) * np.sin(k * s), np.sin(k * spacers))

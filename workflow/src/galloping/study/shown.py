@@ -10,15 +10,7 @@ from galloping.configuration.settings import CaseSection, Settings, paper_cases
 from galloping.fields import show
 from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
 from galloping.measurement import ALL_STATES, DERIVATIVES, Protocol
-from galloping.results import (
-    JOINT,
-    NOISE,
-    OURS,
-    OURS_FAMILY,
-    PAPER_METHOD,
-    PAPER_PROTOCOL,
-    SUBSET,
-)
+from galloping.results import JOINT, NOISE, OURS, OURS_FAMILY, PAPER_METHOD, PAPER_PROTOCOL, SUBSET
 from galloping.study.cells import Case, Cell, Study
 
 Pair = tuple[Protocol, Method]

@@ -25,9 +25,7 @@ WITH, WITHOUT = "log_probability", "without_amplitudes"
 def readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Each reading of the paper at its most probable setting.
 
-    parts: rows of `trials.paper_search`. power_of_ten: logarithm of its
-    probability beside that of the most probable steady reading. least: the cell by which it loses
-    most. verdict: `probable`, `less probable` (UNLIKELY), `ruled out` (RULED_OUT), `no motion`.
+    parts: rows of `trials.paper_search`.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
     best = rows[rows["stage"] == "best"].sort_values("height", ascending=False, kind="stable")
@@ -81,9 +79,7 @@ def region_samples(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.D
 def region_table(samples: pd.DataFrame, readings: pd.DataFrame) -> pd.DataFrame:
     """One row for each unknown: what the printed numbers tell of it.
 
-    samples: of `region_samples`; readings: of `readings`. Numbers have
-    their most probable value, their 5 to 95 % interval and the range they were looked for in;
-    readings the one that is most probable, and how much less probable the next one is.
+    samples: of `region_samples`; readings: of `readings`.
     """
     drawn = samples[(samples["known"] == WITH) & (samples["kind"] == "setting")]
     best = readings.set_index("reading").loc[BASE.name]
@@ -117,8 +113,7 @@ def left_out(samples: pd.DataFrame) -> pd.DataFrame:
     """Each printed number beside what draws give in the region, inferred with and without the
     amplitudes' errors: without them these are predictions.
 
-    samples: of `region_samples`. quantile: where the printed number
-    stands among the draws.
+    samples: of `region_samples`.
     """
     drawn, table = samples[samples["kind"] == "draw"], []
     for claim in NUMBERS:
@@ -140,8 +135,7 @@ def exclusions(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Pair by pair, whether draws that have one of the printed numbers have the other.
 
     parts: rows of `trials.paper_search`, of which the draws of all readings count, each a study
-    of one draw. A draw has a number within a factor NEAR; `steady` is the
-    motion. by_chance: how many would have both were they independent of each other.
+    of one draw. A draw has a number within a factor NEAR; `steady` is the motion.
     """
     rows = pd.concat(parts.values(), ignore_index=True)
     drawn = rows[rows["stage"] == "draw"]

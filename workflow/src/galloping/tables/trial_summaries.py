@@ -1,5 +1,5 @@
 """Trials summed up: how often a verdict is right, what it costs, and what others published of the
-same.
+same. The columns are those of `report/columns.csv`.
 
 `exact_terms.csv`: how many of DRAWS draws of the noise of the Lorenz system gave exactly the right
 terms, by length in s and noise level, as kept in AHsu98/jsindy at da8393e,
@@ -61,12 +61,8 @@ EVERY_TERM = 9.0  # least t at the bound of lines whose terms a recording tells 
 def trust(fits: pd.DataFrame) -> pd.DataFrame:
     """One row for each group, case, protocol and level of the fits to lines.
 
-    fits: of `galloping.trials.attempts`. coverage_given_terms: of the true terms found, how many
-    lie in the 95 % intervals that trust the terms; coverage_unconditional: of all true terms, of
-    all fits that state them (`ok` and `not identifiable`), in those that do not; width_ratio:
-    median of the widths of the second over the first. cause_named: of fits to recordings with a
-    fault. Random lines of which every true term has a t above EVERY_TERM at the bound have a
-    further row.
+    fits: of `galloping.trials.attempts`. Random lines of which every true term has a t above
+    EVERY_TERM at the bound have a further row.
     """
     sure = fits[(fits["group"] == "random lines") & (fits["weakest_t"] > EVERY_TERM)]
     rows = pd.concat([fits, sure.assign(case=f"every t > {EVERY_TERM:g}")])
@@ -84,11 +80,7 @@ def systems(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def model_error(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """One row for each truth, sensors and method, of lines that are not their own model.
-
-    parts: fits of `galloping.trials.real_lines`. Errors are medians over the answered replicates,
-    and the worst of them; coverage_95_percent: of the intervals of the quantities that are judged.
-    """
+    """One row for each truth, sensors and method: fits of `galloping.trials.real_lines`."""
     return _summed(together(parts), ["truth", "sensors", "method"], _model_error)
 
 
@@ -108,12 +100,9 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
 
 
 def published_terms(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """One row for each system, length, noise level and method.
+    """One row for each system, length, noise level and method, beside the shares of METHODS.
 
-    parts: fits of `galloping.trials.published.exact_terms`. exact: share of fits with exactly the
-    right terms, with an interval of 95 % (E. B. Wilson 1927), and beside it the share that each of
-    `METHODS` had, NaN where none is known. ok_and_inexact: `ok` with any other
-    terms, even such as are below the stated limits. weakest_t: of the true terms, at the bound.
+    parts: fits of `galloping.trials.published.exact_terms`.
     """
     keys = ["system", "duration", "level", "method"]
     return _summed(together(parts), keys, _exact)
@@ -122,10 +111,7 @@ def published_terms(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 def published_intervals(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """One row for each quadratic coefficient, number of samples and method.
 
-    parts: fits of `galloping.trials.published.intervals`. found: share of models with the term,
-    with an interval as in `published_terms`; holds: of the intervals of 95 % with its true
-    coefficient; width: their median. The published numbers beside them are those of
-    this module, NaN where none is known; of naive tests the range over the lengths.
+    parts: fits of `galloping.trials.published.intervals`.
     """
     return _summed(together(parts), ["case", "samples", "method"], _intervals)
 
@@ -235,7 +221,7 @@ def _intervals(fits: pd.DataFrame) -> dict[str, object]:
 
 
 def _with_interval(successes: pd.Series) -> dict[str, float]:
-    """A share, and its interval of 95 %."""
+    """A share, and its interval of 95 % (E. B. Wilson 1927)."""
     found = binomtest(int(successes.sum()), len(successes)).proportion_ci(method="wilson")
     name = successes.name
     return {name: successes.mean(), f"{name}_low": found.low, f"{name}_high": found.high}

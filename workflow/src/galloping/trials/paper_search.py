@@ -75,12 +75,9 @@ def trial(
     case: name in `unknowns.BY_NAME`. replicates: searches. draws: of the noise at each setting.
     screened: settings at random, beside STARTS in the first search. evaluations: settings that the
     strategy tries. judged: draws of the best setting, which no search saw.
-    Columns variant, replicate, stage, the unknowns, change (of the steady amplitude), height (what
-    is climbed: log_probability, or how far a motion is from steady),
-    log_probability (NaN where the motion is excluded), without_amplitudes (the same but for the
-    amplitude errors), the logarithm of each cell, and a column for each claim. stage: `screened`,
-    `searched`; `draw`, a draw of a setting that was tried, with its value of each claim; `best`,
-    with the share of draws that are below each printed number, or that keep each bound.
+    stage: `screened`, `searched`; `draw`, a draw of a setting that was tried, with its value of
+    each claim; `best`, with the share of draws below each printed number, or that keep each bound.
+    height: what is climbed, log_probability or, where that is NaN, how far a motion is from steady.
     """
     variant = BY_NAME[case]
     draws, screened, evaluations, judged = (
