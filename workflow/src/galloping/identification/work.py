@@ -17,7 +17,7 @@ from galloping.recording import Recording
 
 MOST = 2e9  # of a search in recordings of up to ROWS samples, and in proportion of longer ones
 ROWS = 30_001
-SEGMENT = 8e3  # matching a segment takes as long
+SEGMENT = 1.2e4  # matching a segment takes as long
 ENDED = "the search for a model ended at its limit of work"
 
 
