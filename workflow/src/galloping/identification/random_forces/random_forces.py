@@ -46,7 +46,7 @@ from galloping.identification.random_forces.start import (
 from galloping.identification.random_forces.tracking import Data, sizes
 from galloping.identification.random_forces.wavering import wavers
 from galloping.identification.random_forces.whiteness import Whiteness, whiteness
-from galloping.identification.work import is_spent, limited
+from galloping.identification.work import MOST, is_spent, limited
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix, velocity_pairs
 from galloping.recording import Recording, at_times, mean_inputs
@@ -59,6 +59,7 @@ LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact sampl
 MOST_CHOICES = 4  # of nonlinear terms, each after a fit of the last
 FAINT = 1e-3  # of the forces, as good as none
 START_PERIODS = 20.0  # shortest periods, over which the first state is told
+TRIAL = 0.15 * MOST  # work of a trial beside inputs: what takes more was mostly another motion
 STEADY = 0.5  # mean of a factor of inputs, in its root mean square, from which it is mostly that
 
 
@@ -109,12 +110,14 @@ def moved_at_random(problem: Problem, start: Start) -> IdentifiedModel | None:
         if start.fit.misfit < MOST_MISFIT and not (may_be_slow and _is_slow(start)):
             return None
         forced, rescaled = problem.unknown, scaled(start.recordings, start.period)
-        question, whole, left = fitted_to_some(problem, rescaled, start.period, forced, may_be_slow)
-        if not _will_do(problem, left):
-            return None
-        found, left = fitted_to_all(question, whole, rescaled, start.period)
-        if not _will_do(problem, left):
-            return None
+        with limited(start.recordings, TRIAL if problem.inputs else MOST) as work:
+            some = fitted_to_some(problem, rescaled, start.period, forced, may_be_slow)
+            question, whole, left = some
+            if work.ended or not _will_do(problem, left):
+                return None
+            found, left = fitted_to_all(question, whole, rescaled, start.period)
+            if work.ended or not _will_do(problem, left):
+                return None
     except NO_MODEL:
         return None
     return _with_scales(found, start.recordings, rescaled)
