@@ -276,10 +276,7 @@ class _Layout:
 def _read_text(
     opened: Callable[[], BinaryIO], decimal: str | None, time: str | None, rows: int | None = None
 ) -> tuple[list[tuple[str, np.ndarray, str | None]], int, tuple[str, ...]]:
-    """Header, values and unit, or None, of each column; the first row; what was passed over.
-
-    opened: opens the file. decimal, time, rows: as of `read_table`.
-    """
+    """Header, values and unit, or None, of each column; the first row; what was passed over."""
     with opened() as file:
         head = file.read(HEAD)
         whole = not file.read(1)
@@ -303,7 +300,7 @@ def _lines(head: bytes, whole: bool, encoding: str) -> list[str]:
     return lines if whole else lines[:-1] or lines
 
 
-def _read(opened, lines, encoding, decimal, time, rows):  # as `read_text`
+def _read(opened, lines, encoding, decimal, time, rows):  # as `_read_text`
     layout = _layout(lines, decimal, time)
     try:
         with warnings.catch_warnings(), opened() as file:
