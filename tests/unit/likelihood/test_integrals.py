@@ -11,6 +11,7 @@ LINE = derive()
 MOTIONS = {
     "velocities": (120, 0.08, (0.6, 0.9), 0.005),
     "velocities for long": (300, 0.04, (0.1, 0.1), 0.02),
+    "velocities nearly exact": (90, 0.08, (0.6, 0.9), 0.002),
     "accelerations": (300, 0.04, (0.1, 0.1), 0.05),
 }
 
@@ -32,10 +33,13 @@ def recording(name, seed=8):
     return Recording(time, LINE.states, values, rates=rates, unknown_offsets=unknown)
 
 
-LONG = pytest.param("velocities for long", marks=pytest.mark.slow)
+SLOW = [
+    pytest.param(name, marks=pytest.mark.slow)
+    for name in ("velocities for long", "velocities nearly exact")
+]
 
 
-@pytest.mark.parametrize("name", ["velocities", LONG, "accelerations"])
+@pytest.mark.parametrize("name", ["velocities", *SLOW, "accelerations"])
 def test_the_line_is_found_without_its_displacements(name):
     identified = maximum_likelihood(recording(name), TERMS)
     assert identified.status == "ok", identified.reason

@@ -113,6 +113,9 @@ def moved_at_random(problem: Problem, start: Start) -> IdentifiedModel | None:
         with limited(start.recordings, TRIAL if problem.inputs else MOST) as work:
             some = fitted_to_some(problem, rescaled, start.period, forced, may_be_slow)
             question, whole, left = some
+            unseen = set(question.channels.pairs) - set(question.channels.values)
+            if unseen and not question.tracker(whole.model).is_linear:
+                return None  # beside such terms, forces imitate displacements that nothing measures
             if work.ended or not _will_do(problem, left):
                 return None
             found, left = fitted_to_all(question, whole, rescaled, start.period)
