@@ -88,7 +88,7 @@ def _quality_row(
     left.plot(*_envelope(time, values), color=MODEL, lw=0.5)
     for gap in gaps:
         left.axvspan(*gap, color=BAND, lw=0, label="gap")
-    left.set(ylabel=label.replace(", ", ",\n"), xlim=(time[0], time[-1]))
+    left.set(ylabel=label.replace(" ", "\n", 1), xlim=(time[0], time[-1]))
     known = np.isfinite(values)
     frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
     share = np.maximum(share, share.max() * 10.0**-DECADES)
