@@ -142,6 +142,8 @@ class Question:
     def regression(self, model: Model) -> tuple[np.ndarray, np.ndarray]:
         """Information (n_candidates, n_candidates) on changes of the coefficients, in their units,
         and half the fall of chi^2 with each, by the slopes of the innovations of a model.
+
+        Raises FloatingPointError where the slopes diverge.
         """
         terms = np.unique(self.problem.candidates[:, 1])
         candidates = self.problem.candidates.copy()
@@ -153,8 +155,11 @@ class Question:
             told = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
             root = np.sqrt(filtered.variances[told])
             own = slopes[told] * self.unit / root[:, np.newaxis]
-            known += own.T @ own
+            with np.errstate(over="ignore", invalid="ignore"):
+                known += own.T @ own
             right -= own.T @ (filtered.innovations[told] / root)
+        if not np.all(np.isfinite(known)):
+            raise FloatingPointError("the slopes of the innovations diverge")
         prior, pull = self.problem.with_prior(np.zeros((n, n)), np.zeros(n), model.coefficients)
         return known + prior * np.outer(self.unit, self.unit), right + pull * self.unit
 

@@ -348,20 +348,20 @@ def _with_further_terms(question: Question, fit: Fit) -> Fit:
     for _ in range(MOST_CHOICES):
         if is_spent():
             break
-        known, right = question.regression(fit.model)
-        about, support = fit.model.coefficients / question.unit, allowed.copy()
-        apart = problem.chosen_about(fit.model.coefficients) / question.unit
-        support[allowed] = select(
-            known[np.ix_(allowed, allowed)], right[allowed], [fit.support[allowed], every],
-            prices[allowed], apart[allowed],
-        )  # fmt: skip
-        large = np.any(support & (problem.degrees > 1))
-        support |= damped | (cubic & large)
-        if np.array_equal(support, fit.support):
-            break
-        scaled, _ = solve_support(known, right + known @ about, support)
-        start = replace(fit.model, coefficients=scaled * question.unit)
         try:
+            known, right = question.regression(fit.model)
+            about, support = fit.model.coefficients / question.unit, allowed.copy()
+            apart = problem.chosen_about(fit.model.coefficients) / question.unit
+            support[allowed] = select(
+                known[np.ix_(allowed, allowed)], right[allowed], [fit.support[allowed], every],
+                prices[allowed], apart[allowed],
+            )  # fmt: skip
+            large = np.any(support & (problem.degrees > 1))
+            support |= damped | (cubic & large)
+            if np.array_equal(support, fit.support):
+                break
+            scaled, _ = solve_support(known, right + known @ about, support)
+            start = replace(fit.model, coefficients=scaled * question.unit)
             fit = fitted(question, start, support, correlated=True)
         except (FloatingPointError, np.linalg.LinAlgError):
             break
