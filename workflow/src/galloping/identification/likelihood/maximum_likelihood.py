@@ -290,7 +290,9 @@ def _with_coloured_noise(
 
 
 def _causes_of_none(problem: Problem, free: FreeFit, penalty: float) -> list[str]:
-    """What may be why no model follows the whole recording."""
+    """What may be why no model follows the whole recording; nothing where no work is left."""
+    if is_spent():
+        return []
     shown = faults(problem, free.condensed, free.step.segments, free.step.fit, penalty)
     if free.is_close:
         named = [fault.cause for fault in shown[:1]]
