@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from galloping.identification.model import IdentifiedModel
 from galloping.recording import Recording
 
-MOST = 1.2e9  # of a search in recordings of up to ROWS samples, and in proportion of longer ones
+MOST = 2e9  # of a search in recordings of up to ROWS samples, and in proportion of longer ones
 ROWS = 30_001
 SEGMENT = 1.2e4  # matching a segment takes as long
 ENDED = "the search for a model ended at its limit of work"

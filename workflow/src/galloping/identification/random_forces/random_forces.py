@@ -59,7 +59,7 @@ LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact sampl
 MOST_CHOICES = 4  # of nonlinear terms, each after a fit of the last
 FAINT = 1e-3  # of the forces, as good as none
 START_PERIODS = 20.0  # shortest periods, over which the first state is told
-TRIAL = 0.25 * MOST  # work of a trial beside inputs: what takes more was mostly another motion
+TRIAL = 0.15 * MOST  # work of a trial beside inputs: what takes more was mostly another motion
 STEADY = 0.5  # mean of a factor of inputs, in its root mean square, from which it is mostly that
 
 
