@@ -1,4 +1,4 @@
-"""The default study's own results (run `make` first): the bars of the limit, claims.
+"""The default study's own results (run `make` first): exactness, the bars of the limit, claims.
 
 The bars are those of 20 replicates with the study's own seed, which no method was designed with.
 """
@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+SPARSE = ["stlsq", "paper", "frols", "ensemble", "weak"]
 LINE = "internal_resonance"
 
 
@@ -22,6 +23,26 @@ def efficiency(tables):
     return tables("efficiency").set_index(
         ["case", "recordings", "protocol", "level", "points", "method"]
     )
+
+
+@pytest.mark.parametrize("method", [*SPARSE, "maximum_likelihood"])
+def test_exact_without_noise(tables, method):
+    scores = tables("scores")
+    clean = scores[(scores["level"] == 0) & (scores["method"] == method)]
+    assert set(clean["case"]) == {"internal_resonance", "non_resonant"}
+    assert (clean["missing"] + clean["spurious"]).max() == 0
+    assert clean["e2"].max() < 1e-6
+
+
+def test_all_cells_and_replicates_are_there(tables):
+    scores = tables("scores")
+    sizes = scores.groupby(["case", "protocol", "cell", "method"]).size()
+    clean = sizes.index.get_level_values("cell") == "noise_0"
+    assert (sizes[clean] == 1).all() and (sizes[~clean] == 20).all()
+    for protocol in ("derivative", "state", "displacement"):
+        cells = set(scores[(scores["case"] == LINE) & (scores["protocol"] == protocol)]["cell"])
+        assert len(cells) == 6 + 4
+    assert {"joint_0.05"} < set(scores[scores["case"] == "non_resonant"]["cell"])
 
 
 # Cells of whole records whose weakest term has a t (true coefficient over its Cramer-Rao deviation)
@@ -83,6 +104,16 @@ def test_the_data_say_what_they_cannot_tell(tables):
     own &= (scores["cell"] == "noise_0.05") & (scores["method"] == "maximum_likelihood")
     said = scores.loc[own, "verdict"].str.startswith("not identifiable: ")
     assert said.mean() >= 0.8
+
+
+def test_claims_come_with_a_verdict_and_its_reason(tables):
+    claims = tables("claims")
+    assert set(claims["verdict"]) <= {"reproduced", "better", "worse", "met", "seldom met",
+                                      "not met", "undecided"}  # fmt: skip
+    assert claims["reason"].notna().all() and len(claims["claim"].unique()) >= 30
+    drawn = (claims["protocol"] == "derivative") & (claims["method"] == "paper")
+    noisy = drawn & (claims["case"] == LINE) & ~claims["claim"].str.contains("without noise")
+    assert set(claims.loc[noisy, "replicates"]) == {200}
 
 
 def test_the_paper_s_printed_numbers_come_out(tables):

@@ -17,6 +17,7 @@ from galloping.reproducibility.receipts import digest
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 
 RESULTS = "results/smoke"
+TABLE = f"{RESULTS}/tables/noise_r2.csv"
 COMMIT = ("-c", "user.name=Nobody", "-c", "user.email=nobody@example.org")
 # What the context of RO-Crate 1.1 says otherwise than that which the rocrate library comes with.
 CONTEXT = "https://w3id.org/ro/crate/1.1/context"
@@ -126,23 +127,28 @@ def test_the_crate_passes_the_required_checks_of_its_profile(unpacked, tmp_path)
     assert len(result.executed_checks) >= 57
 
 
-def test_what_is_not_clean_is_published_if_told_so_and_the_same_study_has_the_same_bytes(
-    clone, archive
-):
-    readme, again = clone / "README.md", clone / RESULTS / "publication" / archive.name
-    text = readme.read_text()
-    readme.write_text("edited\n")
-    status, said = smoke(clone, "publish")
-    assert status == 1 and said[0] == "dirty: README.md: not as in the commit"
-    assert again.read_bytes() == archive.read_bytes()
-    status, said = smoke(clone, "publish", "--allow", "dirty")
-    assert status == 0, said
-    crate = (again.parent / "ro-crate-metadata.json").read_text()
-    assert "Published although: README.md: not as in the commit" in crate
-    readme.write_text(text)
+def test_what_is_not_clean_and_complete_is_refused_unless_told_otherwise(clone, archive):
     os.utime(clone / RESULTS / "models" / "non_resonant.json")
-    smoke(clone, "publish")
-    assert again.read_bytes() == archive.read_bytes()
+    table, readme, aside = clone / TABLE, clone / "README.md", clone.parent / "aside.csv"
+    text = readme.read_text()
+    try:
+        table.rename(aside)
+        readme.write_text("edited\n")
+        status, said = smoke(clone, "publish")
+        assert status == 1
+        assert said[0] == "dirty: README.md: not as in the commit"
+        assert said[1] == f"incomplete: {TABLE}: not here"
+        again = clone / RESULTS / "publication" / archive.name
+        assert again.read_bytes() == archive.read_bytes()
+        status, said = smoke(clone, "publish", "--allow", "dirty,incomplete")
+        assert status == 0, said
+        crate = (again.parent / "ro-crate-metadata.json").read_text()
+        assert "Published although: README.md: not as in the commit" in crate
+    finally:
+        aside.rename(table)
+        readme.write_text(text)
+    status, said = smoke(clone, "publish")
+    assert again.read_bytes() == archive.read_bytes()  # same study, same bytes
 
 
 def test_an_archive_agrees_with_its_study_and_its_digest_is_asked_for(clone, archive):

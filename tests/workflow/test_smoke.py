@@ -23,3 +23,16 @@ def test_second_run_has_nothing_to_do(study):
     assert run.returncode == 0, run.stdout
     assert "Nothing to be done" in run.stdout
     assert study.files() == before
+
+
+def test_a_bad_configuration_ends_in_one_line_and_writes_nothing(fresh, tmp_path):
+    file = tmp_path / "edit.yaml"
+    file.write_text("measurement: {subsets: {points: [30002]}}\n")
+    before = fresh.files()
+    run = fresh.snakemake(config=(str(file),))
+    assert run.returncode != 0
+    assert fresh.files() == before
+    said = [text for text in run.stdout.splitlines() if not text.startswith(("Using ", "Config "))]
+    assert said == [
+        "measurement.subsets.points: 30002 is larger than the record (30001 samples)"
+    ], run.stdout

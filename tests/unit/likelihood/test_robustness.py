@@ -66,7 +66,7 @@ def test_one_percent_of_outliers_is_removed(size: float) -> None:
     assert 0.001 < found.diagnostics["removed_share"] < 0.012
 
 
-@pytest.mark.parametrize("share", [0.98, 0.7])
+@pytest.mark.parametrize("share", [0.98, 0.9, 0.7])
 def test_a_saturated_sensor(share: float) -> None:
     values = measured()
     limit = np.quantile(np.abs(X[:, 1]), share)
