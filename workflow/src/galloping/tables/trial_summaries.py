@@ -167,12 +167,18 @@ def _systems(fits: pd.DataFrame) -> dict[str, object]:
 def _model_error(fits: pd.DataFrame) -> dict[str, object]:
     answered = fits[fits["status"] != "refused"]
     errors = answered[[name for name in fits if name.endswith("_error_percent")]].abs()
+    over_bound = [
+        errors[f"damping_{direction}_error_percent"]
+        / answered[f"damping_{direction}_bound_percent"]
+        for direction in "vw"
+    ]
     return {
         "replicates": len(fits),
         "answered": len(answered),
         "terms": answered["terms"].median(),
         **errors.median(skipna=False).to_dict(),
         **errors.max(skipna=False).rename(lambda name: name.replace("error", "worst")).to_dict(),
+        "damping_over_bound": np.sqrt((pd.concat(over_bound) ** 2).mean()),
         "coverage_95_percent": 100.0 * answered["intervals_held"].mean(),
         "forecast_r2": answered["forecast_r2"].median(),
         "seconds_median": fits["seconds"].median(),
