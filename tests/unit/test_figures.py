@@ -180,17 +180,6 @@ def test_identifiability_of_any_size(table):
     drawn(lambda: draw_identifiability(table, settings))
 
 
-def scored(methods, error=5.0, levels=(0, 0.01, 0.05)):
-    return pd.DataFrame(
-        {"case": "line", "protocol": "state", "kind": "noise", "level": level,
-         "method": method, "mean_error_linear_percent": error * (k + 1) * level,
-         "mean_error_cubic_percent": error * level}
-        for k, method in enumerate(methods)
-        for level in levels
-        for replicate in range(2)
-    )  # fmt: skip
-
-
 MANY = [f"line {k} with quite a long name" for k in range(8)]
 LEVELS = (0, 0.01, 0.03, 0.05, 0.1, 0.15)
 
@@ -260,7 +249,8 @@ def test_eight_cases_keep_to_a_page_without_labels_upon_each_other(draw, table, 
 )
 def test_overview_with_the_methods_there_are(methods, error, levels):
     settings = {"case": "line", "protocol": "state", "label": "noise"}
-    drawn(lambda: draw_overview(scored(methods, error, levels).fillna(0.0), settings))
+    table = scores(levels, error=error, methods=methods).fillna(0.0)
+    drawn(lambda: draw_overview(table, settings))
 
 
 def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():

@@ -33,7 +33,7 @@ def line_bound(level: float) -> np.ndarray:
 def test_the_line_is_found_at_the_bound(level: float) -> None:
     std = line_bound(level)
     errors = []
-    for seed in range(4):
+    for seed in range(3):
         found = maximum_likelihood([noisy(LINE, X, TIME, level, seed)], LINE.terms)
         assert found.status == "ok", found.reason
         assert np.array_equal(found.support, SUPPORT)
@@ -42,29 +42,22 @@ def test_the_line_is_found_at_the_bound(level: float) -> None:
         assert found.sigma[0] == pytest.approx(level * X.std(axis=0), rel=0.03)
         assert found.initial_states[0] == pytest.approx(RELEASE, abs=level)
         errors.append(scaled_errors(LINE, found, std))
-    assert np.sqrt(np.mean(np.square(errors))) < 1.3  # 56 values, of unit variance at the bound
+    assert np.sqrt(np.mean(np.square(errors))) < 1.3  # 42 values, of unit variance at the bound
 
 
-@pytest.mark.parametrize("points", [10_000, 5_000])
-def test_a_random_subset_is_enough(points: int) -> None:
-    recording = noisy(LINE, X, TIME, 0.05, 2)
-    chosen = np.sort(np.random.default_rng(2).choice(len(TIME), points, replace=False))
-    subset = Recording(TIME[chosen], LINE.states, recording.values[chosen])
-    found = maximum_likelihood([subset], LINE.terms)
-    assert np.array_equal(found.support, SUPPORT)
-    std = line_bound(0.05) * np.sqrt(len(TIME) / points)
-    assert np.sqrt(np.mean(scaled_errors(LINE, found, std) ** 2)) < 1.8
-
-
-def test_few_points_leave_more_to_hide() -> None:
-    recording = noisy(LINE, X, TIME, 0.05, 3)
-    chosen = np.sort(np.random.default_rng(3).choice(len(TIME), 1_000, replace=False))
-    subset = Recording(TIME[chosen], LINE.states, recording.values[chosen])
-    few = maximum_likelihood([subset], LINE.terms)
-    many = maximum_likelihood([recording], LINE.terms)
-    both = np.isfinite(few.detection_limits) & np.isfinite(many.detection_limits)
-    ratio = np.median(few.detection_limits[both] / many.detection_limits[both])
-    assert 3.0 < ratio < 10.0  # about the square root of 30
+def test_a_random_subset_is_enough_and_few_points_leave_more_to_hide() -> None:
+    recording, limits = noisy(LINE, X, TIME, 0.05, 2), {}
+    for points in (10_000, 5_000, 1_000):
+        chosen = np.sort(np.random.default_rng(2).choice(len(TIME), points, replace=False))
+        subset = Recording(TIME[chosen], LINE.states, recording.values[chosen])
+        found = maximum_likelihood([subset], LINE.terms)
+        limits[points] = found.detection_limits
+        if points > 1_000:
+            assert np.array_equal(found.support, SUPPORT)
+            std = line_bound(0.05) * np.sqrt(len(TIME) / points)
+            assert np.sqrt(np.mean(scaled_errors(LINE, found, std) ** 2)) < 1.8
+    ratio = np.nanmedian(limits[1_000] / limits[10_000])
+    assert 2.0 < ratio < 6.0  # about the square root of 10
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -153,7 +146,7 @@ def test_other_systems_at_ten_percent_noise(name: str) -> None:
     experiment = Experiment(x[0], time, 0.1 * x.std(axis=0))
     bound = state_bound(true, np.argwhere(support), [experiment])
     squares = []
-    for seed in range(100, 110):
+    for seed in range(100, 105):
         found = maximum_likelihood([noisy(true, x, time, 0.1, seed)], true.terms)
         assert found.status != "refused", found.reason
         assert np.array_equal(found.support, support)

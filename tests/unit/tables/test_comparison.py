@@ -1,11 +1,25 @@
-"""Tables of two runs are compared by what their rows are about, within stated tolerances."""
+"""Tables of two runs are compared by what their rows are about, within stated tolerances; what the
+summary and the list of differences say of a run beside the reference."""
 
 import io
 
 import pandas as pd
 import pytest
 
-from galloping.tables.comparison import COLUMNS, compare_tables, describe
+from galloping.tables.comparison import (
+    AGREES,
+    COLUMNS,
+    DIFFERENCE_COLUMNS,
+    DIFFERS,
+    NO_REFERENCE,
+    REASONS,
+    SUMMARY_COLUMNS,
+    Origin,
+    compare_study,
+    compare_tables,
+    describe,
+    read_origin,
+)
 
 TABLE = """case,method,level,r2,value,verdict
 a,stlsq,0.05,0.9,0,ok
@@ -19,31 +33,33 @@ def table(text=TABLE, **options):
     return pd.read_csv(io.StringIO(text), **options)
 
 
-def changes(text, **options):
-    found = compare_tables(table(), table(text, **options))
+def changes(text):
+    found = compare_tables(table(), table(text))
     return [tuple(row) for row in found[["row", "column", "reference", "found"]].to_numpy()]
 
 
 def test_a_table_agrees_with_itself_in_any_order_and_form():
-    assert len(compare_tables(table(), table().sample(frac=1, random_state=1))) == 0
-    assert len(compare_tables(table(), table()[table().columns[::-1]])) == 0
-    assert len(compare_tables(table(), table(dtype=str, keep_default_na=False))) == 0
-    assert tuple(compare_tables(table(), table()).columns) == COLUMNS
+    twice = table(TABLE.replace("lasso", "stlsq"))
+    for one, other in (
+        (table(), table().sample(frac=1, random_state=1)),
+        (table(), table()[table().columns[::-1]]),
+        (table(), table(dtype=str, keep_default_na=False)),
+        (twice, twice),
+    ):
+        found = compare_tables(one, other)
+        assert len(found) == 0 and tuple(found.columns) == COLUMNS
 
 
 @pytest.mark.parametrize(
-    ("value", "agrees"), [("0.9008", True), ("0.9011", False), ("0.8992", True), ("0.8989", False)]
-)
-def test_numbers_agree_to_a_thousandth(value, agrees):
-    found = changes(TABLE.replace("0.9,", f"{value},"))
-    assert found == ([] if agrees else [("case=a, method=stlsq, level=0.05", "r2", "0.9", value)])
-
-
-def test_numbers_near_zero_agree_to_a_millionth():
-    zero = TABLE.replace("0.9,", "0,")
-    assert len(compare_tables(table(zero), table(zero.replace(",0,", ",-9e-7,", 1)))) == 0
-    found = compare_tables(table(zero), table(zero.replace(",0,", ",-2e-6,", 1)))
-    assert found["difference"].tolist() == [-2e-6] and found["tolerance"].tolist() == [1e-6]
+    ("reference", "found", "agrees"),
+    [
+        ("0.9", "0.9008", True), ("0.9", "0.9011", False), ("0.9", "0.8992", True),
+        ("0.9", "0.8989", False), ("0", "-9e-7", True), ("0", "-2e-6", False),
+    ],
+)  # fmt: skip
+def test_numbers_agree_to_a_thousandth_or_a_millionth(reference, found, agrees):
+    both = (table(TABLE.replace("0.9,", f"{value},")) for value in (reference, found))
+    assert compare_tables(*both)["column"].to_list() == ([] if agrees else ["r2"])
 
 
 @pytest.mark.parametrize(
@@ -78,16 +94,108 @@ def test_rows_and_columns_that_one_table_lacks_are_named():
     ]
 
 
-def test_rows_about_the_same_are_told_apart_by_their_order():
-    twice = TABLE.replace("lasso", "stlsq")
-    assert len(compare_tables(table(twice), table(twice))) == 0
-    found = compare_tables(table(twice), table(twice.replace("0.8,1", "0.7,1")))
-    assert found["row"].tolist() == ["case=a, method=stlsq, level=0.05, row 2"]
-
-
-def test_a_difference_in_words():
+def test_a_difference_in_words_and_rows_about_the_same_by_their_order():
     found = compare_tables(table(), table(TABLE.replace("0.9,", "1,").replace("refused", "ok")))
     assert [describe(row) for _, row in found.iterrows()] == [
         "case=a, method=stlsq, level=0.05, r2: reference 0.9, found 1.0 (allowed 0.0009)",
         "case=b, method=stlsq, level=0.05, verdict: reference refused, found ok",
     ]
+    twice = TABLE.replace("lasso", "stlsq")
+    found = compare_tables(table(twice), table(twice.replace("0.8,1", "0.7,1")))
+    assert found["row"].tolist() == ["case=a, method=stlsq, level=0.05, row 2"]
+
+
+# beside the reference
+
+SETTINGS = {"measurement": {"seed": 1, "levels": [0, 0.05]}, "thresholds": {}}
+
+
+def noise(*values):
+    return pd.DataFrame({"case": list("abcd")[: len(values)], "r2": values})
+
+
+def compare(found, settings=SETTINGS, processor="one"):
+    """(summary by table, differences) of tables beside a reference with the table `noise`."""
+    made, present = Origin(SETTINGS, "one"), Origin(settings, processor)
+    summary, differences = compare_study({"noise": noise(0.5, 0.9)}, made, found, present)
+    assert tuple(summary) == SUMMARY_COLUMNS and tuple(differences) == DIFFERENCE_COLUMNS
+    assert list(summary["table"]) == ["settings", "processor", *found]
+    rows = summary.to_dict("records")
+    return {row["table"]: row for row in rows}, differences.to_dict("records")
+
+
+@pytest.mark.parametrize(("found", "away", "at"), [(0.9, 0, ""), (0.90045, 0.5, "case=b, r2")])
+def test_numbers_within_tolerance_agree_and_the_largest_difference_is_told(found, away, at):
+    summary, differences = compare({"noise": noise(0.5, found), "new": noise(1)})
+    verdicts = {name: row["verdict"] for name, row in summary.items()}
+    assert differences == [] and verdicts.pop("new") == NO_REFERENCE
+    assert set(verdicts.values()) == {AGREES}
+    counted = summary["noise"]
+    assert (counted["rows_compared"], counted["values_compared"]) == (2, 2)
+    assert counted["values_beyond_tolerance"] == 0
+    assert counted["largest_difference_in_tolerances"] == pytest.approx(away)
+    assert not away or counted["largest_difference_at"] == at
+
+
+def test_what_is_beyond_tolerance_new_or_gone_is_listed():
+    summary, differences = compare({"noise": noise(0.6)})
+    assert [(d["row"], d["column"], d["verdict"]) for d in differences] == [
+        ("case=b", "(row)", "only in the reference"),
+        ("case=a", "r2", "beyond tolerance"),
+    ]
+    assert differences[1]["difference"] == pytest.approx(0.1)
+    row = summary["noise"]
+    assert row["verdict"] == DIFFERS
+    assert (row["rows_compared"], row["rows_only_in_reference"]) == (1, 1)
+    assert row["values_beyond_tolerance"] == 1
+    summary, differences = compare({"noise": noise(0.5, 0.9, 0.1)})
+    assert [d["verdict"] for d in differences] == ["only in this run"]
+    assert summary["noise"]["rows_only_in_this_run"] == 1
+
+
+@pytest.mark.parametrize(
+    ("settings", "key", "values", "verdict"),
+    [
+        ({"measurement": {"seed": 2}}, "measurement.seed", ("1", "2"), "not the same"),
+        ({"measurement": {"seed": 1.0001}}, "measurement.seed", ("1", "1.0001"), "not the same"),
+        ({"thresholds": {"a": 1}}, "thresholds.a", ("absent", "1"), "only in this run"),
+        ({"degree": 3}, "degree", ("absent", "3"), "only in this run"),
+    ],
+)
+def test_other_settings_are_named_and_excuse_other_numbers(settings, key, values, verdict):
+    edited = SETTINGS | settings
+    edited["measurement"] = SETTINGS["measurement"] | edited["measurement"]
+    summary, differences = compare({"noise": noise(0.5, 0.1)}, edited)
+    found = {d["row"]: d for d in differences if d["table"] == "settings"}
+    assert (found[key]["reference"], found[key]["found"]) == values
+    assert found[key]["verdict"] == verdict
+    assert summary["settings"]["verdict"] == DIFFERS
+    assert summary["noise"]["verdict"] == REASONS["settings"]
+    summary, _ = compare({"noise": noise(0.5, 0.9)}, edited)
+    assert summary["noise"]["verdict"] == AGREES
+
+
+def test_another_processor_is_named_and_may_be_the_reason():
+    summary, differences = compare({"noise": noise(0.5, 0.1)}, processor="two")
+    assert (differences[0]["table"], differences[0]["found"]) == ("processor", '"two"')
+    assert summary["processor"]["verdict"] == DIFFERS
+    assert summary["noise"]["verdict"] == REASONS["processor"]
+    summary, _ = compare({"noise": noise(0.5, 0.1)}, SETTINGS | {"degree": 3}, processor="two")
+    assert summary["noise"]["verdict"] == REASONS["settings"]
+
+
+def test_what_cannot_be_compared_does_not_stop_the_study():
+    summary, differences = compare_study({}, None, {"noise": noise(1)}, Origin(SETTINGS, "one"))
+    assert differences.empty and set(summary["verdict"]) == {NO_REFERENCE}
+    summary, _ = compare({"noise": pd.DataFrame({"r2": [0.5, 0.6]})})
+    assert summary["noise"]["verdict"] == (
+        "cannot be compared: no column says what a row is about: case, r2"
+    )
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"settings": {}}', "[1]"])
+def test_a_broken_reference_is_named(tmp_path, content):
+    file = tmp_path / "origin.json"
+    file.write_text(content)
+    with pytest.raises(ValueError, match=r"origin\.json: does not say how the reference was made"):
+        read_origin(str(file))
