@@ -5,8 +5,6 @@ interpolant. A model multiplies monomials of its states by factors, monomials of
 exponents may be negative.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -102,7 +100,7 @@ class Input(Immutable):
         return inside
 
     @cached_property
-    def _splines(self) -> list[CubicSpline]:
+    def _splines(self) -> "list[CubicSpline]":
         from scipy.interpolate import CubicSpline  # slow to import
 
         return [CubicSpline(*piece) for piece in self._pieces]
@@ -292,7 +290,7 @@ class Recording(Immutable):
         time: str | None = None,
         inputs: Sequence[str] = (),
         between: str = "cubic",
-    ) -> Recording:
+    ) -> "Recording":
         """A recording from a pandas DataFrame, or a mapping of columns.
 
         time: name of the column of times, s or dates; every column beside it and the `inputs` is a
@@ -331,13 +329,13 @@ class Recording(Immutable):
                 raise ValueError(f"recording: column {name!r}: {error}") from None
         return cls(times, states, values, inputs=own)
 
-    def __getitem__(self, rows: slice) -> Recording:
+    def __getitem__(self, rows: slice) -> "Recording":
         """The samples of a slice, such as `recording[:100]`, two or more."""
         own = ("values", "derivatives", "rates")
         cut = {name: array[rows] for name in own if (array := getattr(self, name)) is not None}
         return replace(self, time=self.time[rows], **cut)
 
-    def driven(self, names: Sequence[str], least: int = 2) -> list[Recording]:
+    def driven(self, names: Sequence[str], least: int = 2) -> "list[Recording]":
         """The recording with the named inputs alone, in that order, where all of them are there.
 
         One recording a stretch of samples without a gap in an input, of `least` samples or more;

@@ -222,13 +222,7 @@ Identification = create_model(
 
 
 class RecordingsSection(
-    keys(
-        "recordings",
-        files=FolderPath,
-        mapping=FolderPath,
-        known=str,
-        case=Name,
-    )
+    keys("recordings", files=FolderPath, mapping=FolderPath, known=str, case=Name)
 ):
     """Recordings of one system, in files of its instruments."""
 
@@ -242,13 +236,7 @@ class RecordingsSection(
 
 
 class TrialSection(
-    keys(
-        "trial",
-        kind=one_of(tuple(KINDS)),
-        cases=str,
-        methods=MethodName,
-        protocols=ProtocolName,
-    )
+    keys("trial", kind=one_of(tuple(KINDS)), cases=str, methods=MethodName, protocols=ProtocolName)
 ):
     """Fits to many recordings whose truth is known."""
 

@@ -285,9 +285,7 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     thin = max(int(period / WEIGHED / step), 1)
     sigma = np.where(np.isfinite(identified.sigma[-1]), identified.sigma[-1], np.inf)
     first = Experiment(
-        identified.initial_states[0],
-        np.arange(0.0, duration, thin * step),
-        sigma / np.sqrt(thin),
+        identified.initial_states[0], np.arange(0.0, duration, thin * step), sigma / np.sqrt(thin)
     )
     ranked = []
     for name, option in _options(first, identified, recording).items():

@@ -13,13 +13,7 @@ from galloping.field.forecast import Forecast, Sensed
 from galloping.field.mapping import ColumnMapping
 from galloping.field.quality import described, quality
 from galloping.field.read import Series, check_apart, read_series
-from galloping.field.recordings import (
-    LEAST,
-    by_excerpts,
-    input_notes,
-    parted,
-    recording,
-)
+from galloping.field.recordings import LEAST, by_excerpts, input_notes, parted, recording
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
 from galloping.field.units import NONE, coefficient_unit, state_unit
 from galloping.field.wording import summary_text
@@ -265,10 +259,7 @@ def check_inputs(series: Sequence[Series], terms: Sequence[Exponents], n_states:
 
 
 def write_outputs(
-    folder: Path,
-    field: Field,
-    of: Summary,
-    beside: tuple[str, Dynamics | None] | None = None,
+    folder: Path, field: Field, of: Summary, beside: tuple[str, Dynamics | None] | None = None
 ) -> None:
     """The tables, the model and `summary.md`. beside: as `summary_text` takes it."""
     identified, states = of.found, of.found.model.states

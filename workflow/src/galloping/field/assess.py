@@ -4,8 +4,6 @@ At a constant value of each input, or along a range of one. Intervals are those 
 the covariance of the coefficients.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -176,7 +174,7 @@ class _Slowed:
     start: np.ndarray
     fast: float
 
-    def at(self, values: Mapping[str, float]) -> _Slowed:
+    def at(self, values: Mapping[str, float]) -> "_Slowed":
         held = {name: value for name, value in values.items() if name in self.model.inputs}
         draws = tuple(each.at(held) for each in self.draws)
         return replace(self, model=self.model.at(held), draws=draws)

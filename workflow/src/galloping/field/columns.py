@@ -1,7 +1,5 @@
 """What the columns of a file measure, told from their names and units in plain words."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Collection, Iterable, Mapping
@@ -11,14 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from galloping.field.units import (
-    DIRECTION,
-    LENGTH_OF_ORDER,
-    behind,
-    meaning,
-    measures,
-    named,
-)
+from galloping.field.units import DIRECTION, LENGTH_OF_ORDER, behind, meaning, measures, named
 
 if TYPE_CHECKING:
     from galloping.field.file_table import FileTable
@@ -29,10 +20,11 @@ TIME_WORDS = {"t", "ts", "date", "datetime", "datum", "sec", "seconds"}
 DIRECTIONS = {
     "v": ({"vertic", "vertik", "senkrecht", "heave", "垂直", "竖向"}, {"vert", "v", "qv", "av"}),
     "w": (
-        {"horizont", "lateral", "transvers", "waagrecht", "waagerecht", "sway", "水平", "横向"},
+        {"horizont", "lateral", "transvers", "waagrecht", "waagerecht", "quer", "sway", "水平",
+         "横向"},
         {"horiz", "w", "h", "qw", "aw", "ah"},
     ),
-}
+}  # fmt: skip
 LETTERS = {"v", "w", "h"}  # a direction where the unit is a length, else perhaps a velocity
 KINDS = (  # of a displacement, a velocity and an acceleration
     ({"displac", "auslenk", "verschieb", "位移"}, {"disp", "weg", "position", "amplitude", "q"}),
@@ -94,11 +86,11 @@ def target(header: str, unit: str = "") -> str:
 class Proposal:
     """How a file may be read.
 
-    columns: of the file. time, channels: as in a mapping. doubts: by column, what is no more than a
-    guess, or is not said.
+    columns: of the file, with their units or ''. time, channels: as in a mapping. doubts: by
+    column, what is no more than a guess, or is not said.
     """
 
-    columns: list[str]
+    columns: dict[str, str]
     time: dict
     channels: list[dict]
     doubts: dict[str, str]
@@ -117,10 +109,11 @@ class Proposal:
                     f"`galloping inspect {file} --write-map map.yaml` writes"
                 )
         if not self.channels:
+            has = (f"{name!r}" + f" [{unit}]" * bool(unit) for name, unit in self.columns.items())
             raise ValueError(
                 f"{file}: no column is plainly a vertical or horizontal displacement or "
-                f"acceleration; it has {', '.join(map(repr, self.columns))}; say what is measured, "
-                "such as --measure 'q_v=COLUMN [mm]'"
+                f"acceleration; it has {', '.join(has)}; say what is measured, such as "
+                "--measure 'q_v=COLUMN [mm]'"
             )
         return self.channels
 
@@ -178,7 +171,7 @@ def states_of(targets: Iterable[str]) -> list[str]:
 
 
 def proposal(
-    table: FileTable,
+    table: "FileTable",
     units: Mapping[str, str],
     for_all: str | None,
     time: str | None,
@@ -233,8 +226,9 @@ def proposal(
         if not (table.unit(name) or said(name) or (name == clock and table.kind(name) != "number")):
             doubts[name] = "; ".join(filter(None, [doubts.get(name), NO_UNIT]))
     given = said(clock) if not table.unit(clock) else ""
+    columns = {name: table.unit(name) for name in table.columns}
     when = {"column": clock, **({"unit": given} if given else {})}
-    return Proposal(list(table.columns), when, channels, doubts)
+    return Proposal(columns, when, channels, doubts)
 
 
 def _by_axis(names: list[str]) -> list[str]:
@@ -247,7 +241,7 @@ def _order(unit: str) -> int | None:
     return next((k for k, si in enumerate(ORDERS) if not unit or measures(unit, si)), None)
 
 
-def clock_of(table: FileTable, said: str | None, doubts: dict[str, str]) -> str:
+def clock_of(table: "FileTable", said: str | None, doubts: dict[str, str]) -> str:
     """The column of times: where several may be, the one that tells most instants apart."""
     if said is not None:
         table.column(said)
@@ -270,7 +264,7 @@ def clock_of(table: FileTable, said: str | None, doubts: dict[str, str]) -> str:
     return max(found, key=lambda name: len(pd.unique(table.columns[name])))
 
 
-def _increases(table: FileTable, name: str) -> bool:
+def _increases(table: "FileTable", name: str) -> bool:
     values = table.columns[name]
     rises = values.dtype.kind in "fiu" and len(values) > 1 and np.all(np.diff(values) > 0)
     return bool(rises) and not _among(_words(name), *OTHERS)

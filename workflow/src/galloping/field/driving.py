@@ -16,11 +16,7 @@ VALUES, MOST_VALUES = 9, 200  # of a range, where no step is said; and at all
 
 
 def driving(
-    model: str,
-    names: Sequence[str],
-    at: Sequence[str],
-    path: str | None,
-    time: str | None = None,
+    model: str, names: Sequence[str], at: Sequence[str], path: str | None, time: str | None = None
 ) -> dict[str, Input | float]:
     """Inputs by name, held as `at` says, the others from a file, s from its first time.
 
@@ -44,10 +40,7 @@ def driving(
 
 
 def read_inputs(
-    path: str,
-    names: Sequence[str],
-    time: str | None = None,
-    columns: Sequence[InputColumn] = (),
+    path: str, names: Sequence[str], time: str | None = None, columns: Sequence[InputColumn] = ()
 ) -> Series:
     """The inputs of a file that may hold nothing else. Raises FileError."""
     clock = time or clock_of(read_table(path, None, None, ROWS), None, {})

@@ -30,7 +30,8 @@ BINARY = {  # first bytes of what is no text table, whatever its name
     b"<": "a web page or XML",
 }
 MARKS = (";", "\t", ",", None)  # between columns, None white space; a comma may be a decimal one
-ENCODINGS = ("utf-8-sig", "cp1252")  # the first that fits; UTF-16 says so itself
+CHINESE = re.compile(rb"[\x81-\xfe]{4}")  # two characters of GB 18030; no Western words are such
+ENCODINGS = {"cp1252": "Windows-1252", "gb18030": "GB 18030"}  # besides those of Unicode
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 DECIMAL_POINT = re.compile(DECIMAL_COMMA.pattern.replace(",", r"\."))
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")  # or a decimal comma: nothing tells
@@ -286,12 +287,13 @@ def _read_text(
     wide = head.startswith((b"\xff\xfe", b"\xfe\xff"))
     if b"\0" in head and not wide:
         raise FileError("not a text table in UTF-8 (it holds zero bytes)")
-    for encoding in ("utf-16",) if wide else ENCODINGS:
+    other = "gb18030" if CHINESE.search(head) else "cp1252"
+    for encoding in ("utf-16",) if wide else ("utf-8-sig", other):  # the first that fits
         try:
             return _read(opened, _lines(head, whole, encoding), encoding, decimal, time, rows)
         except UnicodeDecodeError as error:
             byte = error.object[error.start]
-    raise FileError(f"byte {byte:#x} is no text in UTF-8 or Windows-1252; save the file as UTF-8")
+    raise FileError(f"byte {byte:#x} is no text in UTF-8 or {ENCODINGS[other]}; save it as UTF-8")
 
 
 def _lines(head: bytes, whole: bool, encoding: str) -> list[str]:
@@ -316,8 +318,8 @@ def _read(opened, lines, encoding, decimal, time, rows):  # as `_read_text`
     except pd.errors.EmptyDataError as error:
         raise FileError("no rows of data") from error
     notes = list(layout.notes)
-    if encoding == "cp1252":
-        notes.append("no text in UTF-8; read as Windows-1252")
+    if encoding in ENCODINGS:
+        notes.append(f"no text in UTF-8; read as {ENCODINGS[encoding]}")
     content = []
     for k, (header, unit) in enumerate(zip(layout.header, layout.units, strict=True)):
         if header:

@@ -1,7 +1,5 @@
 """What sensors see of a motion, and where a recorded motion goes from here, with intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -11,11 +9,7 @@ from numpy.typing import NDArray
 from galloping.arrays import Immutable
 from galloping.field.recordings import known_ahead
 from galloping.field.units import NONE
-from galloping.identification.likelihood.integrals import (
-    undisplaced,
-    with_integrals,
-    without_drift,
-)
+from galloping.identification.likelihood.integrals import undisplaced, with_integrals, without_drift
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import ahead as in_random_forces
@@ -44,7 +38,7 @@ class Sensed:
     rates: tuple[int, ...]
 
     @classmethod
-    def by(cls, recording: Recording) -> Sensed:
+    def by(cls, recording: Recording) -> "Sensed":
         alone = {k for pair in undisplaced(recording).items() for k in pair}
         measured = [] if recording.rates is None else np.isfinite(recording.rates).any(axis=0)
         return cls(recording.states, tuple(k for k in np.flatnonzero(measured) if k in alone))
@@ -217,7 +211,7 @@ class Forecast(Immutable):
         first, last = self.time[0], self.time[-1]
         return f"Forecast of {', '.join(self.names)} from {first:.6g} to {last:.6g} s"
 
-    def widened(self, factors: NDArray[np.float64]) -> Forecast:
+    def widened(self, factors: NDArray[np.float64]) -> "Forecast":
         """The forecast with its band made wider about the median, by (n_sensed,) factors."""
         low, high = (self.median + factors * (end - self.median) for end in (self.low, self.high))
         return replace(self, low=low, high=high)

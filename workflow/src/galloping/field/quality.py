@@ -1,7 +1,5 @@
 """What a recording is worth before anything is identified: sampling, gaps, noise, spectrum."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -27,7 +25,7 @@ RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
 FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that much
 
 
-def quality(series: Series, mapping: ColumnMapping) -> dict:
+def quality(series: "Series", mapping: "ColumnMapping") -> dict:
     """Plain values: `sampling`, one entry of `channels` for each column, `problems`, `notes`.
 
     A problem names its column, the row in the file where it begins, and what it is. Frequencies in
@@ -189,7 +187,7 @@ def _clipped(values: np.ndarray) -> int | None:
     return int(np.argmax(run)) if run.any() else None
 
 
-def described(series: Series, columns: Sequence[InputColumn]) -> dict[str, dict]:
+def described(series: "Series", columns: "Sequence[InputColumn]") -> dict[str, dict]:
     """What inputs are like, by column, as plain values."""
     found = {}
     for column in columns:

@@ -5,6 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import combinations, pairwise
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 import pandas as pd
@@ -26,7 +27,8 @@ DAYS = (
     "%d/%m/%y",
 )  # fmt: skip
 HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
-HOURS += [hours.replace(".%f", other) for hours in HOURS for other in ("", ":%f", ",%f")]
+HOURS += [hours.replace(".%f", ":%f") for hours in HOURS]
+WHOLE = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # seconds, which may stand among fractions of them
 FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
 HELD = 2  # rows, that a logger repeats a slower sample for at least
 SAME = 1e-9  # less than full correlation, of two channels that are one
@@ -65,10 +67,13 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     """
     passing(Path(path).name)
     table = read_table(path, mapping.decimal, mapping.time.column)
-    time, start, origin = _seconds(table, mapping)
+    for one in (mapping.time, *mapping.channels, *mapping.inputs):
+        _column(table, one.column, mapping)
+    instants = _instants(table, mapping)
+    _check_units(table, mapping, instants is None)
+    time, start, origin = _seconds(table, mapping, instants)
     notes, columns, units = list(table.notes), [], {}
     for one in (*mapping.channels, *mapping.inputs):
-        _column(table, one.column, mapping)
         column, codes = _without_codes(table.numbers(one.column))
         notes += [
             f"column {one.column!r}: {count} samples of {code:g}, a code for missing ones, were "
@@ -201,19 +206,29 @@ def check_apart(series: Sequence[Series]) -> None:
         known |= {block.tobytes(): one for block in blocks[::ALIKE]}
 
 
-def _seconds(table: FileTable, mapping: ColumnMapping) -> tuple[np.ndarray, str, float]:
+def _instants(
+    table: FileTable, mapping: ColumnMapping
+) -> pd.DatetimeIndex | pd.TimedeltaIndex | None:
+    """Times that say by themselves what they are; None where they are numbers, of some unit."""
+    column = table.column(mapping.time.column)
+    if column.dtype.kind in "mM":
+        return pd.Index(column)
+    if column.dtype.kind in "OUT" and mapping.time.unit is None:
+        return _stamps(table, mapping.time.column)
+    return None
+
+
+def _seconds(
+    table: FileTable, mapping: ColumnMapping, instants: pd.Index | None
+) -> tuple[np.ndarray, str, float]:
     """Times in s since the first, when that was, if the file says it, and on which second."""
     name = mapping.time.column
-    column = _column(table, name, mapping)
-    stamps = pd.DatetimeIndex(column) if column.dtype.kind == "M" else None
-    if column.dtype.kind in "OUT" and mapping.time.unit is None:
-        stamps = _stamps(table, name)
-    if stamps is not None:
-        first = stamps.min()
-        seconds = np.asarray((stamps - first).total_seconds(), float)
+    if isinstance(instants, pd.DatetimeIndex):
+        first = instants.min()
+        seconds = np.asarray((instants - first).total_seconds(), float)
         return seconds, first.isoformat(), first.timestamp()
-    if column.dtype.kind == "m":
-        values = pd.TimedeltaIndex(column).total_seconds().to_numpy(float)
+    if instants is not None:
+        values = instants.total_seconds().to_numpy(float)
     else:
         values = table.numbers(name) * _to_si(table, name, mapping.time.unit, "s")
     if not np.isfinite(values).any():
@@ -226,8 +241,9 @@ def _stamps(table: FileTable, name: str) -> pd.DatetimeIndex | None:
 
     Raises FileError where a day cannot be told from a month, and for what is no time.
     """
-    text = pd.Series(table.column(name)).astype("string").str.strip()
-    if pd.to_numeric(text, errors="coerce").notna().sum() > text.notna().sum() / 2:
+    text = pd.Series(table.column(name)).astype("string").str.strip().str.replace(",", ".")
+    text = text.str.replace(WHOLE, r"\1.0", regex=True)
+    if pd.to_numeric(text, errors="coerce").notna().sum() >= text.notna().sum() / 2:
         return None
     first = text.dropna()[:1]
     found = [pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")]
@@ -282,6 +298,22 @@ def _without_codes(values: np.ndarray) -> tuple[np.ndarray, dict[float, int]]:
     return np.where(np.isin(values, known[used]), np.nan, values), codes
 
 
+def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> None:
+    """Refuse columns without a unit, all of them in one line. of_time: whether times need one."""
+    wanted = [(mapping.time, "s")] if of_time else []
+    wanted += [(one, state_unit(one.measures)) for one in mapping.channels]
+    wanted += [(one, "m/s") for one in mapping.inputs]
+    bare = {one.column: si for one, si in wanted if not (one.unit or table.unit(one.column))}
+    if bare:
+        names, several = ", ".join(map(repr, bare)), len(bare) > 1
+        options = " ".join(f"--unit {quote(f'{name}={si}')}" for name, si in bare.items())
+        raise FileError(
+            f"{table.path}: column{'s' * several} {names} {'have' if several else 'has'} no unit; "
+            f"add {options}, or whatever they are in (unit: in a mapping), or write it behind the "
+            "column's name, in []"
+        )
+
+
 def _to_si(
     table: FileTable, column: str, said: str | None, wanted: str, convert: Callable = factor
 ):
@@ -291,11 +323,6 @@ def _to_si(
     another name than that of a unit, such as `counts`, what is said stands.
     """
     at, own = table.at(column), table.unit(column).split(" since ")[0]
-    if not (said or own):
-        raise FileError(
-            f"{at} has no unit; add --unit {column}={wanted}, or whatever it is in (unit: in a "
-            "mapping), or write it behind the column's name, in []"
-        )
     try:
         found = convert(said or own, wanted)
     except UnitError as error:

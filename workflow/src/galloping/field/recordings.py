@@ -1,7 +1,5 @@
 """From the channels of files to recordings of states: delays, modes, gaps, inputs, excerpts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -23,7 +21,7 @@ if TYPE_CHECKING:
 LEAST = 3  # of the motion, that a part of a recording holds at least
 
 
-def recording(series: Series, mapping: ColumnMapping) -> Recording:
+def recording(series: "Series", mapping: "ColumnMapping") -> Recording:
     """The recording that identification sees.
 
     Sensors of one quantity at m places along the span are projected on its first m sine modes, of
@@ -99,7 +97,7 @@ def known_inputs(recording: Recording) -> np.ndarray:
     return known
 
 
-def _weights(channels: list[Channel], span: float | None) -> np.ndarray:
+def _weights(channels: "list[Channel]", span: float | None) -> np.ndarray:
     """(m,) what the sensors of one quantity are weighed with for its first mode."""
     if all(channel.position is None for channel in channels):
         return np.full(len(channels), 1.0 / len(channels))
@@ -132,7 +130,7 @@ def _together(time: np.ndarray, columns: list[np.ndarray]) -> list[np.ndarray]:
     return together
 
 
-def _aligned(series: Series, mapping: ColumnMapping) -> tuple[np.ndarray, list[np.ndarray]]:
+def _aligned(series: "Series", mapping: "ColumnMapping") -> tuple[np.ndarray, list[np.ndarray]]:
     """The channels at their own times, on the union of these times."""
     tick = 1e-6 * np.median(np.diff(series.time))  # times that differ by rounding are the same
     moved = [tick * np.round((series.time - c.delay) / tick) for c in mapping.channels]
@@ -282,7 +280,5 @@ def _continued(name: str, past: Input, ahead: Input | float, end: float, until: 
     else:
         values = np.full(len(time), float(ahead))
     return replace(
-        past,
-        time=np.append(past.time[kept], time),
-        values=np.append(past.values[kept], values),
+        past, time=np.append(past.time[kept], time), values=np.append(past.values[kept], values)
     )

@@ -1,7 +1,5 @@
 """What an identified model says of its system: what `summary.md` holds, with its intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -87,7 +85,7 @@ class Summary(Immutable):
     def __repr__(self) -> str:
         return f"Summary of {self.found!r}"
 
-    def draw_fit(self) -> Figure:
+    def draw_fit(self) -> "Figure":
         """The model's motion beside the samples; the spectra where the model has random forces.
 
         Needs matplotlib, as `draw_forecast` does.
@@ -98,7 +96,7 @@ class Summary(Immutable):
             return draw_spectra(self.found, self.recordings[-1])
         return draw_fit(self.recordings[-1], self.motions)
 
-    def draw_forecast(self) -> Figure:
+    def draw_forecast(self) -> "Figure":
         """Both forecasts with their bands, beside the samples."""
         from galloping.field.drawing import draw_forecast
 
@@ -278,10 +276,7 @@ def _after(recording: Recording, length: float) -> NDArray[np.float64]:
 
 
 def hold_out(
-    recordings: Sequence[Recording],
-    period: float,
-    identify: Identify,
-    rng: np.random.Generator,
+    recordings: Sequence[Recording], period: float, identify: Identify, rng: np.random.Generator
 ) -> HeldOut:
     """Identify without the last part of the last recording, and forecast it.
 

@@ -7,7 +7,7 @@ from functools import cache
 from types import MappingProxyType
 
 AMOUNT = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)?\s*(.*)", re.DOTALL)
-WITH_UNIT = re.compile(r"(?P<bare>.*\S)\s*(\[(?P<unit>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
+WITH_UNIT = re.compile(r"(?P<bare>.*\S)\s*(\[(?P<unit>[^\[\]]*)\]|[(（](?P<round>[^()（）]*)[)）])")
 NONE = MappingProxyType({})
 BEHIND = re.compile(r"(?P<bare>.*[^\s,/])\s*[,/]\s*(?P<unit>[^\s,]+)")  # `v, mm` and `v / mm`
 # Of those a file may say without brackets: other words behind a comma are part of a name.

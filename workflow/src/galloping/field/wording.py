@@ -4,8 +4,6 @@
 parts of a verdict's reason, what each means and what would help, those that weigh more first.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -64,9 +62,7 @@ MOST_PROBLEMS = 5  # of samples, that are told before the technical part
 
 
 def summary_text(
-    of: Summary,
-    reports: Sequence[dict] = (),
-    beside: tuple[str, Dynamics | None] | None = None,
+    of: "Summary", reports: Sequence[dict] = (), beside: tuple[str, Dynamics | None] | None = None
 ) -> str:
     """summary.md: what was found, how far to believe it, what would help most; technical part.
 
@@ -298,7 +294,7 @@ def _plain_reasons(reason: str) -> list[tuple[str, str]]:
     return found[:-1] if len(found) > 1 and found[-1] == known[-1][1:] else found
 
 
-def _helps(of: Summary, reports: Sequence[dict]) -> list[str]:
+def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     """What would help, that which helps most first."""
     said = [problem["what"] for report in reports for problem in report["problems"]]
     helps = [help_ for part, help_ in PROBLEMS if any(part in what for what in said)]
@@ -404,7 +400,7 @@ def _of_advice(of: Advice) -> dict:
     return {"now": f"{share * of.error:.2g} %", "then": then}
 
 
-def assessment_text(of: Assessment, units: Mapping[str, str]) -> str:
+def assessment_text(of: "Assessment", units: Mapping[str, str]) -> str:
     """A line for each thing that there is. units: of inputs, by name."""
     lines, unit = [], units.get(of.along, "")
     for condition in of.conditions:
@@ -423,7 +419,7 @@ def assessment_text(of: Assessment, units: Mapping[str, str]) -> str:
     return "\n".join([*lines, *of.notes])
 
 
-def _condition_lines(of: Condition) -> list[str]:
+def _condition_lines(of: "Condition") -> list[str]:
     lines = []
     for number, rest in enumerate(of.equilibria, start=1):
         places = ", ".join(f"{k} = {_said(v, plain_unit(k))}" for k, v in rest.place.items())
@@ -441,7 +437,7 @@ def _condition_lines(of: Condition) -> list[str]:
     return [*none, *lines, *ends]
 
 
-def _mode_line(mode: Mode) -> str:
+def _mode_line(mode: "Mode") -> str:
     damping = mode.damping
     if mode.frequency.value == 0.0:
         if damping.value > 0:

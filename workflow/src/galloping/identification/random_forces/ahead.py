@@ -1,7 +1,5 @@
 """Where a motion in random forces goes from here, and whether it is that of a model."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

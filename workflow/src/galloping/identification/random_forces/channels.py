@@ -1,7 +1,5 @@
 """What of a system its recordings measure, as rows of the states."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +26,7 @@ class Channels:
     averaged: bool = False
 
     @classmethod
-    def of(cls, recordings: list[Recording]) -> Channels:
+    def of(cls, recordings: list[Recording]) -> "Channels":
         """Of recordings of one system."""
 
         def measured(name: str) -> tuple[int, ...]:

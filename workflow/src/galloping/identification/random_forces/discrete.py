@@ -4,8 +4,6 @@ dx = A x dt + dW, of covariance G dt, has x(t + h) = exp(A h) x(t) + w, with the
 the integral of exp(A s) G exp(A s)' from 0 to h; both by the eigenvectors of A.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -29,7 +27,7 @@ class Steps:
     inputs: tuple[Input, ...] = ()
 
     @classmethod
-    def between(cls, time: np.ndarray, inputs: Sequence[Input] = ()) -> Steps:
+    def between(cls, time: np.ndarray, inputs: Sequence[Input] = ()) -> "Steps":
         """Of times (n,) s, increasing."""
         tick = np.median(np.diff(time)) / TICKS
         counts = np.diff(np.round((time - time[0]) / tick).astype(np.int64))

@@ -6,8 +6,6 @@ Runge and W. Kutta) and their covariance the slopes of the equations in the midd
 the steps, good where the motion is nearly linear over what a sample leaves uncertain.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

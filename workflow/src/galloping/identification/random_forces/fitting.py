@@ -5,8 +5,6 @@ sampling. Their derivatives are differences; the information is that of F. C. Sc
 (IEEE Trans. Inf. Theory 11, 1965).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

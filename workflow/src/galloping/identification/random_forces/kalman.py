@@ -6,8 +6,6 @@ sampling stays the same and no sample is missing, gains that have settled are us
 2012.)
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -10,8 +10,6 @@ Wilson (J. Am. Stat. Assoc. 22, 1927) for this variance. Measured on 6,000 motio
 beyond a/T, as of noise or beside nonlinear damping, is added as it is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from galloping.intervals import NORMAL_95

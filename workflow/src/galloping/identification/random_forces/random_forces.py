@@ -5,8 +5,6 @@ linear, the likelihood of the samples is exact; which terms f has is chosen as e
 every forced coordinate its own stiffness and damping stay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -27,13 +25,7 @@ from galloping.identification.likelihood.verdict import by, refused, with_inputs
 from galloping.identification.likelihood.weak_gls import MOST_MISFIT, Start, prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.fitting import (
-    Fit,
-    Model,
-    Question,
-    fitted,
-    information,
-)
+from galloping.identification.random_forces.fitting import Fit, Model, Question, fitted, information
 from galloping.identification.random_forces.start import (
     MOST_DAMPING,
     on_grid,
@@ -225,9 +217,7 @@ def fitted_to_all(
 
 
 def _begun(
-    problem: Problem,
-    recordings: list[Recording],
-    forced: tuple[int, ...],
+    problem: Problem, recordings: list[Recording], forced: tuple[int, ...]
 ) -> tuple[Question, list[Model]]:
     """The question in units of the motion, and starts, the likeliest first.
 

@@ -5,8 +5,6 @@ finds its modes (P. Van Overschee and B. De Moor, 1996; B. Peeters and G. De Roe
 as shapes of the displacements they are the stiffness and damping of the named equations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A model in white forces that follows its recordings by the filter."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -32,7 +30,7 @@ class Data:
     steps: Steps
 
     @classmethod
-    def of(cls, recording: Recording, channels: Channels) -> Data:
+    def of(cls, recording: Recording, channels: Channels) -> "Data":
         steps = Steps.between(recording.time, tuple(recording.inputs.values()))
         return cls(channels.samples(recording), steps)
 
@@ -69,7 +67,7 @@ class Forces:
         return np.flatnonzero(np.diag(self.slow))
 
     @classmethod
-    def of(cls, found: IdentifiedModel) -> Forces:
+    def of(cls, found: IdentifiedModel) -> "Forces":
         """Those of an identified model."""
         rates = [found.diagnostics.get(f"slow_rate_{s}", 1.0) for s in found.model.states]
         return cls(found.forces, found.slow_forces, np.array(rates))

@@ -1,7 +1,5 @@
 """Modes that a recording shows and its states leave no room for."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from galloping.identification.random_forces.channels import Channels

@@ -1,7 +1,5 @@
 """Whether the size of a motion goes up and down, as random forces make it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

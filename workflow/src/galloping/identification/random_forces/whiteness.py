@@ -1,7 +1,5 @@
 """Whether what a fit in random forces leaves is white noise, and if not, at which frequencies."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
