@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from lines import moved
 
-from galloping.intervals import generator
 from galloping.measurement import BY_NAME, Noise, Protocol, measure
 from galloping.recording import Recording
+from galloping.streams import generator
 from galloping.study.files import read_recordings, write_recordings
 
 NAME = ("internal_resonance", "state", "noise_0.05")

@@ -9,10 +9,10 @@ import pytest
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import generator
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import library
 from galloping.report.printed_numbers import verdicts
+from galloping.streams import generator
 from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
 from galloping.trials import published, recorded_lines
 from galloping.trials.attempts import claims

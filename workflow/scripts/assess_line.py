@@ -9,13 +9,13 @@ from galloping.cycles.limit_cycles import settle
 from galloping.cycles.prediction import SAMPLES, split
 from galloping.cycles.ranking import Design, damping_ratios, derived, places, ranked
 from galloping.cycles.rows import clearance_rows, measure_rows
-from galloping.intervals import generator
 from galloping.physics.galerkin import STATES
 from galloping.physics.measures import measure, usual
 from galloping.reproducibility.job import run
 from galloping.results import OURS
 from galloping.simulation import Simulator
 from galloping.storage import write_rows
+from galloping.streams import generator
 from galloping.study.files import read_families, write_orbits
 
 

@@ -34,7 +34,7 @@ from galloping.identification.sparse.stlsq import normalised
 from galloping.measurement import measure
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
-from galloping.simulation import Simulator, time_grid
+from galloping.simulation import Simulator, equations, time_grid
 from galloping.storage import write_rows
 from galloping.study.cells import Study
 from galloping.study.files import read_model, read_trajectories
@@ -195,24 +195,13 @@ def sensitivity(results: Path) -> list[dict]:
     )  # fmt: skip
     ours()
 
-    variables = hy.make_vars(*line.states)
-    values = line.coefficients.astype(object)
-    for k, (equation, term) in enumerate(free):
-        values[equation, term] = hy.par[k]
-    monomials = [
-        hy.prod(
-            [hy.expression(1.0), *(variables[k] for k, e in enumerate(exponents) for _ in range(e))]
-        )
-        for exponents in line.terms
-    ]
-    rates = [hy.sum([c * m for c, m in zip(each, monomials, strict=True)]) for each in values]
-    parameters = [hy.par[k] for k in range(len(free))]
-    equations = hy.var_ode_sys(
-        list(zip(variables, rates, strict=True)), [*variables, *parameters], order=1
-    )
+    support = line.support
+    support[tuple(free.T)] = True
+    places, rates = np.argwhere(support).tolist(), equations(line.states, line.terms, support)
+    by = [*(v for v, _ in rates), *(hy.par[places.index(place)] for place in free.tolist())]
     integrator = hy.taylor_adaptive(
-        equations, list(start), pars=list(line.coefficients[tuple(free.T)]), tol=1e-9,
-        compact_mode=True,
+        hy.var_ode_sys(rates, by, order=1), list(start), pars=list(line.coefficients[support]),
+        tol=1e-9, compact_mode=True,
     )  # fmt: skip
     begin = integrator.state.copy()
 

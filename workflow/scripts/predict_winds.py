@@ -8,11 +8,11 @@ from galloping.cycles.family import LIBRARY, initial_state
 from galloping.cycles.prediction import Prediction, predict, split
 from galloping.cycles.ranking import damping_ratios
 from galloping.cycles.rows import prediction_rows, steady_truth
-from galloping.intervals import generator
 from galloping.physics.galerkin import STATES
 from galloping.reproducibility.job import run
 from galloping.simulation import Simulator
 from galloping.storage import write_rows
+from galloping.streams import generator
 from galloping.study.files import read_families
 
 

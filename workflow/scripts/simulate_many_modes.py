@@ -1,9 +1,9 @@
 """Trajectories of one line of many modes as the sensors along its span see it, by release."""
 
-from galloping.intervals import generator
 from galloping.physics.continuous import observed
 from galloping.reproducibility.job import run
 from galloping.simulation import time_grid
+from galloping.streams import generator
 from galloping.study.files import write_trajectories
 
 

@@ -18,12 +18,12 @@ from galloping.field.recordings import PERIODS, STRETCHES, excerpts
 from galloping.field.summary import hold_out, longest_period
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.smoothing import shortest_period
-from galloping.intervals import generator
 from galloping.measurement import Motion, measure
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.simulation import Simulator
+from galloping.streams import generator
 from galloping.trials.real_lines import LAYOUTS, TRUTHS, combined, line_of, motion
 from galloping.trials.recorded_lines import draw
 

@@ -13,11 +13,11 @@ from scipy.signal import lfilter
 
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import generator
 from galloping.physics.galerkin import STATES
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.simulation import Simulator, time_grid
+from galloping.streams import generator
 from galloping.trials.attempts import claims, measured
 from galloping.trials.published import PERIODS, SYSTEMS
 from galloping.trials.recorded_lines import TERMS, lines

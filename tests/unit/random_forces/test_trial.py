@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from galloping.intervals import generator
+from galloping.streams import generator
 from galloping.trials.ambient import DAMPING, FREQUENCIES, RandomMotion, decays
 
 

@@ -11,7 +11,7 @@ import heyoka as hy
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import IDENTIFIABLE, generator
+from galloping.intervals import IDENTIFIABLE
 from galloping.measurement import Motion, Noise, measure, noises_of
 from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import Exponents, PolynomialModel, beside, design_matrix, term_name
@@ -24,10 +24,8 @@ from galloping.simulation import (
     equations,
     most_steps,
 )
+from galloping.streams import generator
 from galloping.taylor import first_step, solution
-
-# --- how a motion depends on coefficients and on where it starts ---
-
 
 MAX_STEPS = 2**16
 Places = tuple[tuple[int, int], ...]

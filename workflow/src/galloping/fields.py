@@ -88,14 +88,12 @@ def one_of(names: tuple[str, ...]) -> Any:
     return Literal[names]
 
 
-def listing(item: Any) -> Any:
-    """The type of a list; YAML has no tuples, so here, and only here, a list is let in as one."""
-    return Annotated[tuple[item, ...], Field(strict=False)]
+def listing(*items: Any) -> Any:
+    """The type of a list, of `...` behind an item for any number of it.
 
-
-def several(item: Any, count: int) -> Any:
-    """The type of a list of `count`."""
-    return Annotated[tuple[(item,) * count], Field(strict=False)]
+    YAML has no tuples, so here, and only here, a list is let in as one.
+    """
+    return Annotated[tuple[items], Field(strict=False)]
 
 
 def distinct(item: Any) -> Any:
@@ -111,10 +109,9 @@ def selection(item: Any) -> Any:
     return Annotated[tuple[item, ...], some, AfterValidator(_some), AfterValidator(_distinct)]
 
 
-def setting(default: Any, description: str, unit: str = "", rule: str = "") -> Any:
-    """A key of the study. rule: what is checked beyond type and range, in words."""
-    extra = {"unit": unit} | ({"rule": rule} if rule else {})
-    return Field(default, description=description, json_schema_extra=extra)
+def setting(default: Any, description: str, unit: str = "") -> Any:
+    """A key of the study."""
+    return Field(default, description=description, json_schema_extra={"unit": unit})
 
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]

@@ -1,6 +1,5 @@
-"""Random numbers by name; what intervals hold, and how they come from draws."""
+"""What intervals hold, and how they come from draws."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
@@ -14,13 +13,6 @@ QUANTILES_95 = (0.025, 0.975)
 NORMAL_95 = 1.959963984540054  # half width in standard deviations
 # |coefficient| over its bound from which a selection with penalty 2 ln N can be trusted.
 IDENTIFIABLE = 7.6
-
-
-def generator(seed: int, *names: str | int) -> np.random.Generator:
-    """Generator of the study seed and a name such as ("noise", case, protocol, cell, replicate)."""
-    digest = hashlib.sha256("/".join(map(str, names)).encode()).digest()
-    words = np.frombuffer(digest, dtype="<u4")
-    return np.random.default_rng(np.random.SeedSequence([seed, *map(int, words)]))
 
 
 def interval(values: Sequence[float]) -> tuple[float, float, float]:

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.intervals import generator
 from galloping.recording import Recording
 from galloping.results import Motion
+from galloping.streams import generator
 
 # What recordings hold: exact states with their derivatives, all states, not all of them, or
 # derivatives beside states that are not exact, if there are any.
@@ -101,9 +101,6 @@ PROTOCOLS = (
     Protocol("acceleration", _accelerations, "noisy accelerations alone", by_default=False),
 )
 BY_NAME = {protocol.name: protocol for protocol in PROTOCOLS}
-
-
-# --- recordings ---
 
 
 def measure(

@@ -16,9 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable, floats, increasing, seconds
 
-# --- inputs ---
-
-
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import finite, increasing, one_thread
 from galloping.arrays import initial_state as checked_state
-from galloping.bounds import Experiment, state_bound
+from galloping.bounds import Experiment, on_library, state_bound
 from galloping.configuration.load import ConfigurationError, load, plain
 from galloping.measurement import BY_NAME, Motion
 from galloping.measurement import measure as recordings_of
@@ -128,10 +128,7 @@ def cramer_rao_bound(
     pairs = np.argwhere(model.support)
     free = pairs[~np.isin(pairs[:, 0], list(velocity_pairs(model.states)))]
     experiment = Experiment(start, increasing("time", time), **noise, inputs=inputs or {})
-    bound = state_bound(model, free, [experiment])
-    std = np.full(model.coefficients.shape, np.nan)
-    std[tuple(free.T)] = bound.std
-    return std
+    return on_library(model, state_bound(model, free, [experiment]))
 
 
 def _check_model(model: object) -> None:

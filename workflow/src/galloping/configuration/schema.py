@@ -118,15 +118,8 @@ END = "<!-- end of keys -->"
 HEADER = ("Key", "Default", "Unit", "Allowed", "Provenance", "Meaning")
 
 
-def key_table() -> str:
-    """Every key of a study as a Markdown table."""
-    lines = [_row(HEADER), _row(["---"] * len(HEADER))]
-    lines += [_row(_cells(path, node)) for path, node in leaves()]
-    return "\n".join(lines)
-
-
 def with_key_table(text: str) -> str:
-    """A Markdown text with the table between the two markers brought up to date.
+    """A Markdown text with the table of every key between the two markers brought up to date.
 
     Raises ValueError where a marker is missing.
     """
@@ -134,13 +127,9 @@ def with_key_table(text: str) -> str:
     _, end, after = below.partition(END)
     if not (begin and end):
         raise ValueError(f"needs the two lines\n{BEGIN}\n{END}")
-    return f"{before}{BEGIN}\n\n{key_table()}\n\n{END}{after}"
-
-
-def json_schema() -> str:
-    """The JSON schema of a study, for editors; it is stricter than `load` on `1e-3` as text."""
-    dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-    return json.dumps(dialect | schema(), indent=2) + "\n"
+    rows = [HEADER, ["---"] * len(HEADER), *(_cells(path, node) for path, node in leaves())]
+    table = "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
+    return f"{before}{BEGIN}\n\n{table}\n\n{END}{after}"
 
 
 def _cells(path: str, node: dict) -> list[str]:
@@ -159,14 +148,14 @@ def _cells(path: str, node: dict) -> list[str]:
     ]
 
 
-def _row(cells: list[str] | tuple[str, ...]) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
 def generated(path: Path) -> str:
-    """What a file has to hold: `.md` with the key table, `.json` the JSON schema."""
+    """What a file has to hold: `.md` with the key table, `.json` the JSON schema.
+
+    The schema, for editors, is stricter than `load` on `1e-3` as text.
+    """
     if path.suffix == ".json":
-        return json_schema()
+        dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+        return json.dumps(dialect | schema(), indent=2) + "\n"
     return with_key_table(path.read_text(encoding="utf-8"))
 
 

@@ -9,7 +9,7 @@ from scipy.optimize import OptimizeResult, root
 
 from galloping.arrays import Immutable
 from galloping.cycles.family import Family
-from galloping.cycles.limit_cycles import Orbit, settle, settled
+from galloping.cycles.limit_cycles import Orbit, cycle_of, settle
 from galloping.cycles.prediction import near
 from galloping.field.forecast import simulator_of
 from galloping.identification.model import IdentifiedModel
@@ -120,11 +120,11 @@ def dynamics(
     motion = settle(simulator, model, start, duration=DURATION, window=WINDOW)
     if motion.kind != "cycle":
         return Dynamics(rest, frequencies, damping, motion.kind, None, {})
-    try:
-        orbit = settled(Family(lambda _: model), 0.0, motion.time, motion.states, 1.0).solution
-    except ValueError:  # of the solver: the motion itself does repeat
+    point = cycle_of(Family(lambda _: model), 0.0, motion)
+    if point is None:  # for the solver: the motion itself does repeat
         half = {model.states[i]: _value(motion.half_range[i], np.array([np.nan])) for i in pairs}
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
+    orbit = point.solution
     orbits = [_orbit(each, orbit, simulator) for each in models]
     ranges = np.array([each.half_range() for each in orbits if each is not None])
     periods = np.array([each.period for each in orbits if each is not None])
@@ -194,14 +194,9 @@ def _orbit(model: PolynomialModel, orbit: Orbit, simulator: Simulator) -> Orbit 
     family = Family(lambda _: model)
     if close := near([family], orbit):
         return close[0]
-    start = orbit.states[0]
-    motion = settle(simulator, model, start, duration=FROM_NEARBY, window=WINDOW)
-    if motion.kind != "cycle":
-        return None
-    try:
-        return settled(family, 0.0, motion.time, motion.states, 1.0).solution
-    except ValueError:
-        return None
+    motion = settle(simulator, model, orbit.states[0], duration=FROM_NEARBY, window=WINDOW)
+    point = cycle_of(family, 0.0, motion)
+    return point and point.solution
 
 
 def _value(value: float, samples: np.ndarray) -> Value:

@@ -132,7 +132,7 @@ def read_table(
         if suffix in TEXT:
             table = _table(path, *_read_text(partial(path.open, "rb"), decimal, time, rows))
         elif suffix == SHEET:
-            text, notes = _sheet(path)
+            text, notes = _sheet(path, decimal)
             content, first, more = _read_text(lambda: io.BytesIO(text), ".", time, rows)
             table = _table(path, content, first, (*notes, *more))
         else:
@@ -142,6 +142,8 @@ def read_table(
         table.units.update(_described_units(path, table.units))
     except FileError as error:
         raise FileError(f"{path}: {error}") from error
+    except PermissionError:
+        raise
     except Exception as error:  # libraries raise many kinds where a file is damaged
         kind = "text table" if suffix in TEXT else f"{suffix[1:]} file"
         raise FileError(f"{path}: cannot be read: damaged, cut off, or no {kind}") from error
@@ -181,8 +183,14 @@ def _table(path: Path, content: list, first_row: int, notes: tuple[str, ...] = (
     return FileTable(path, columns, units, first_row, notes, frozenset(unclear))
 
 
-def _sheet(path: Path) -> tuple[bytes, tuple[str, ...]]:
-    """The longest sheet of an Excel file as CSV, and what was passed over."""
+def _sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]]:
+    """The longest sheet of an Excel file as CSV, and what was passed over. decimal: of texts."""
+
+    def written(cell: object) -> object:
+        if decimal == "," and isinstance(cell, str) and DECIMAL_COMMA.fullmatch(cell):
+            return cell.replace(",", ".")
+        return cell.isoformat() if hasattr(cell, "isoformat") else cell
+
     try:
         sheets = pd.read_excel(path, sheet_name=None, header=None, dtype=object)
     except ImportError:
@@ -190,7 +198,7 @@ def _sheet(path: Path) -> tuple[bytes, tuple[str, ...]]:
             "Excel files need openpyxl: pip install openpyxl, or save it as CSV"
         ) from None
     name = max(sheets, key=lambda title: len(sheets[title]))
-    frame = sheets[name].map(lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell)
+    frame = sheets[name].map(written)
     notes = (f"of {len(sheets)} sheets the longest, {name!r}, was read",)
     return frame.to_csv(index=False, header=False).encode(), notes if len(sheets) > 1 else ()
 

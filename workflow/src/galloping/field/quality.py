@@ -131,10 +131,7 @@ def _channel(
     thirds = np.array_split(y, 3)
     described = {
         "missing_percent": float(100 * (1 - known.mean())),
-        "mean": float(y.mean()),
-        "standard_deviation": motion,
-        "lowest": float(y.min()),
-        "highest": float(y.max()),
+        **_extent(y),
         "noise": sigma,
         "outliers": int(outliers.sum()),
         "dominant_frequencies_hz": [float(frequency[k]) for k in peaks],
@@ -157,6 +154,15 @@ def _channel(
     if np.ptp(means) > max(motion, 10 * sigma):
         problems.append((row[0], "the mean drifts by more than the motion"))
     return described, problems
+
+
+def _extent(values: np.ndarray) -> dict[str, float]:
+    return {
+        "mean": float(values.mean()),
+        "standard_deviation": float(np.std(values)),
+        "lowest": float(values.min()),
+        "highest": float(values.max()),
+    }
 
 
 def _unlikely(described: dict, unit: str) -> list[str]:
@@ -196,10 +202,7 @@ def described(series: "Series", columns: "Sequence[InputColumn]") -> dict[str, d
         found[column.column] = {
             "name": column.name,
             "unit": series.units[column.name],
-            "mean": float(known.mean()),
-            "standard_deviation": float(known.std()),
-            "lowest": float(known.min()),
-            "highest": float(known.max()),
+            **_extent(known),
             "step_s": float(np.median(np.diff(one.time))),
             "between": column.between,
             "error": column.error,

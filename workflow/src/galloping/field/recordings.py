@@ -69,7 +69,8 @@ def parted(recording: Recording, period: float) -> list[Recording]:
     measured = np.isfinite(recording.values).any(axis=1)
     if recording.rates is not None:
         measured |= np.isfinite(recording.rates).any(axis=1)
-    driven = known_inputs(recording)
+    known = (one.covered(recording.time) for one in recording.inputs.values())
+    driven = np.all([np.ones(len(measured), bool), *known], axis=0)
     rows = np.flatnonzero(measured & driven)
     apart = np.diff(recording.time[rows]) > period
     apart |= np.diff(np.cumsum(~driven)[rows]) > 0
@@ -79,22 +80,14 @@ def parted(recording: Recording, period: float) -> list[Recording]:
         for part in parts
         if len(part) >= FEWEST and np.ptp(recording.time[part]) >= LEAST * period
     ]
-    if driven.all():
-        return [recording] if len(parts) == 1 or not long else [recording[own] for own in long]
+    if driven.all() and (len(parts) == 1 or not long):
+        return [recording]
     if not long:
         raise ValueError(
             f"inputs: {', '.join(recording.inputs)}: nowhere are all known for {LEAST} periods "
             f"of {period:.3g} s in which the motion is measured"
         )
     return [recording[own] for own in long]
-
-
-def known_inputs(recording: Recording) -> np.ndarray:
-    """(n,) whether all inputs are known at the samples."""
-    known = np.ones(len(recording.time), bool)
-    for one in recording.inputs.values():
-        known &= one.covered(recording.time)
-    return known
 
 
 def _weights(channels: "list[Channel]", span: float | None) -> np.ndarray:

@@ -110,7 +110,8 @@ def _template():
     environment.filters |= {
         "bullets": lambda lines: "\n".join(f"- {line}" for line in lines),
         "cells": lambda of, unit, factor=1.0: " | ".join(_cells(of, unit, factor)),
-        "keeps": _keeps,
+        # whether a motion of any size goes on as it is
+        "keeps": lambda known: all(abs(v.value) < ROUNDING for v in known.damping.values()),
         "listed": _and,
         "name": _name,
         "sentence": lambda text: text[:1].upper() + text[1:],
@@ -209,11 +210,6 @@ def _strengths(found: IdentifiedModel, of: Dynamics | None) -> str:
             said.append(f"{states[i]} {np.sqrt(2.0 * density):.3g} m/s² per √Hz")
     lasting = ", ".join(f"{1.0 / forces.rates[i]:.2g} s" for i in forces.places)
     return ", ".join(said) + (f", slow ones that last {lasting} included" if lasting else "")
-
-
-def _keeps(known: Dynamics) -> bool:
-    """Whether a motion of any size goes on as it is."""
-    return all(abs(value.value) < ROUNDING for value in known.damping.values())
 
 
 def _doubling(frequency: Value, damping: Value) -> str:
@@ -356,19 +352,14 @@ def report_lines(report: dict) -> list[str]:
             f"{lowest} to {highest}, noise {noise}, {channel['missing_percent']:.1f} % missing, "
             f"mostly at {frequencies or 'no'} Hz"
         )
-    lines += [f"  {line}" for line in _input_lines(report.get("inputs", {}))]
-    lines += [f"  {note}" for note in report["notes"]]
-    return lines + [f"  {p['column']}, row {p['row']}: {p['what']}" for p in report["problems"]]
-
-
-def _input_lines(inputs: Mapping[str, dict]) -> list[str]:
-    """Of `quality.described`."""
-    return [
-        f"{column} is an input, {of['name']}: mean {of['mean']:.4g} {of['unit']}, deviation "
+    lines += [
+        f"  {column} is an input, {of['name']}: mean {of['mean']:.4g} {of['unit']}, deviation "
         f"{of['standard_deviation']:.3g}, from {of['lowest']:.4g} to {of['highest']:.4g}, every "
         f"{of['step_s']:.3g} s, {BETWEEN[of['between']]}"
-        for column, of in inputs.items()
+        for column, of in report.get("inputs", {}).items()
     ]
+    lines += [f"  {note}" for note in report["notes"]]
+    return lines + [f"  {p['column']}, row {p['row']}: {p['what']}" for p in report["problems"]]
 
 
 def _untold(identified: IdentifiedModel) -> dict:

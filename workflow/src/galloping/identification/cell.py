@@ -7,9 +7,9 @@ from functools import cache, partial
 from pkgutil import resolve_name
 
 from galloping.identification.model import NO_MODEL, IdentifiedModel
-from galloping.intervals import generator
 from galloping.polynomial import Exponents
 from galloping.recording import Recording
+from galloping.streams import generator
 
 
 def identify(

@@ -19,12 +19,12 @@ from galloping.identification.options import IDENTIFIED, KNOWN
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Regression
-from galloping.intervals import generator
 from galloping.measurement import Motion, channel_scale
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import Exponents, design_matrix, extended, library
 from galloping.results import NOISE, SUBSET
 from galloping.simulation import Simulator, time_grid
+from galloping.streams import generator
 
 # --- noise ---
 

@@ -9,9 +9,9 @@ import pandas as pd
 from galloping.cycles.prediction import limit_cycle_ahead
 from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import generator
 from galloping.measurement import Motion
 from galloping.physics.galerkin import Derived
+from galloping.streams import generator
 
 COLUMNS = (
     "case", "protocol", "level", "method", "state", "recorded_m", "true_m", "predicted_m",

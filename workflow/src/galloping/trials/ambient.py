@@ -13,10 +13,10 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 from galloping.identification.cell import identify
 from galloping.identification.random_forces.modes import decay_interval
-from galloping.intervals import generator
 from galloping.physics.galerkin import STATES
 from galloping.polynomial import library
 from galloping.recording import Recording
+from galloping.streams import generator
 from galloping.trials.real_lines import COLUMNS, DEGREE, NOISE
 
 FREQUENCIES, DAMPING = (0.4, 1.0), (0.003, 0.02)  # Hz; ratio to critical

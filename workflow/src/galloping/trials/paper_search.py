@@ -25,13 +25,13 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
-from galloping.intervals import generator
 from galloping.measurement import Motion
 from galloping.paper import unknowns
 from galloping.paper.draws import Amounts, line_motion
 from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
 from galloping.paper.unknowns import BY_NAME, HIGH, LOW, NAMES, Variant
 from galloping.physics.galerkin import coefficients
+from galloping.streams import generator
 
 AMOUNTS = Amounts()
 STEADY = 0.02  # relative change of amplitude between the halves of the steady window

@@ -22,10 +22,11 @@ import yaml
 from galloping.bounds import Experiment, on_library, state_bound
 from galloping.configuration.kinds import GAMMAS, LONGEST
 from galloping.identification.cell import identify
-from galloping.intervals import NORMAL_95, generator
+from galloping.intervals import NORMAL_95
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.simulation import Simulator
+from galloping.streams import generator
 from galloping.trials.attempts import Attempt, fits, measured
 
 DEGREE = 3

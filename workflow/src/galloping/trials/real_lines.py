@@ -16,12 +16,13 @@ from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import NORMAL_95, drawn, generator
+from galloping.intervals import NORMAL_95, drawn
 from galloping.physics import continuous, galerkin
 from galloping.physics.galerkin import STATES, Line
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Input, Recording
 from galloping.simulation import Simulator
+from galloping.streams import generator
 from galloping.terms import parse
 
 CASE = "internal_resonance"

@@ -24,12 +24,12 @@ from scipy.interpolate import CubicSpline
 from galloping.configuration.load import load, plain
 from galloping.cycles.limit_cycles import settle
 from galloping.identification.likelihood import instrument
-from galloping.intervals import generator
 from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.physics.gusts import wind_speed
 from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.recording import Recording
 from galloping.simulation import Simulator, time_grid
+from galloping.streams import generator
 from galloping.trials.attempts import Attempt, at_the_bound, fits, measured, trial_of
 
 DEFAULT, RANDOM, LONG_AND_STEADY = "default line", "random lines", "long and steady"  # groups

@@ -24,9 +24,9 @@ SIGNS = {">": "gt", ">=": "ge", "<": "lt", "<=": "le"}
 FACTS = ("symbol", "provenance", "note", "rule", "why")
 LISTS = {
     "": lambda item: item,
-    "any": fields.listing,
-    "2": lambda item: fields.several(item, 2),
-    "3": lambda item: fields.several(item, 3),
+    "any": lambda item: fields.listing(item, ...),
+    "2": lambda item: fields.listing(item, item),
+    "3": lambda item: fields.listing(item, item, item),
     "distinct": fields.distinct,
     "some": fields.selection,
 }

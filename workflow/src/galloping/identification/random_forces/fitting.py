@@ -116,10 +116,8 @@ class Question:
     def without(self, model: Model, support: np.ndarray) -> Model:
         """The model less what is not in the support, as it acts in the middle of the motion."""
         present = model.coefficients != 0.0
-        centred = self.centring(present) @ (model.coefficients / self.unit)[present]
-        scaled = np.zeros(len(present))
-        scaled[present] = centred
-        kept = np.zeros(len(present))
+        scaled, kept = np.zeros((2, len(present)))
+        scaled[present] = self.centring(present) @ (model.coefficients / self.unit)[present]
         own = np.linalg.solve(self.centring(support), scaled[support])
         kept[support] = own * self.unit[support]
         return replace(model, coefficients=kept)
@@ -242,11 +240,8 @@ class _Parameters:
         return np.concatenate([scaled, np.log(diagonal), mixed, slow, np.log(noise)])
 
     def model(self, vector: np.ndarray) -> Model:
-        k, f, m = (
-            int(self.support.sum()),
-            len(self.question.forced),
-            len(self.question.channels.names),
-        )
+        k, f = int(self.support.sum()), len(self.question.forced)
+        m = len(self.question.channels.names)
         coefficients = np.zeros(len(self.support))
         scaled = np.linalg.solve(self.centring, vector[:k])
         coefficients[self.support] = scaled * self.question.unit[self.support]

@@ -16,10 +16,7 @@ from galloping.recording import Recording
 
 SPANS = (3.0, 8.0, 15.0)  # shortest periods, of the correlations that modes are told from
 PER_PERIOD, MOST_LAGS = 8, 120  # lags a shortest period, and in all: more say nothing more
-FURTHER = (
-    0,
-    4,
-)  # states beside those of the modes: of what is slow, or of modes that are not asked
+FURTHER = 0, 4  # states beside those of the modes: of what is slow, or of modes that are not asked
 LEAST_DAMPING, MOST_DAMPING = 1e-3, 0.3  # ratio: a motion that lasts is stable, and one of a line
 MOST_ALIKE = 1e8  # condition of the modes' shapes
 FEWEST = 3  # lags that modes are told from, beyond twice their number
@@ -50,19 +47,16 @@ def on_grids(recordings: list[Recording]) -> tuple[float, list[np.ndarray]]:
 
 def correlations(grids: list[np.ndarray], lags: int) -> np.ndarray:
     """(lags + 1, n_channels, n_channels) mean of y(t + lag) y(t)' of the samples that there are."""
-    total, count = 0.0, 0.0
-    for grid in grids:
-        known = np.isfinite(grid)
-        size = 2 ** int(np.ceil(np.log2(len(grid) + lags + 1)))
-        value = np.fft.rfft(np.where(known, grid, 0.0), size, axis=0)
-        there = np.fft.rfft(known.astype(float), size, axis=0)
-        for of, adds in ((value, "value"), (there, "count")):
-            product = np.fft.irfft(of[:, :, None] * of[:, None].conj(), size, axis=0)[: lags + 1]
-            if adds == "value":
-                total = total + product
-            else:
-                count = count + product
+    total = sum(_lagged(np.nan_to_num(grid), lags) for grid in grids)
+    count = sum(_lagged(np.isfinite(grid).astype(float), lags) for grid in grids)
     return total / np.maximum(count, 1.0)
+
+
+def _lagged(samples: np.ndarray, lags: int) -> np.ndarray:
+    """(lags + 1, n_channels, n_channels) sum of y(t + lag) y(t)'."""
+    size = 2 ** int(np.ceil(np.log2(len(samples) + lags + 1)))
+    of = np.fft.rfft(samples, size, axis=0)
+    return np.fft.irfft(of[:, :, None] * of[:, None].conj(), size, axis=0)[: lags + 1]
 
 
 def modes(

@@ -64,8 +64,7 @@ def whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiten
     """
     channels = grids[0].shape[1]
     lags = int(np.clip(PERIODS / modes.min() / step, 4, MOST_LAGS))
-    total = np.zeros((lags, channels, channels))
-    counts = np.zeros((lags, channels, channels))
+    total, counts = np.zeros((2, lags, channels, channels))
     for grid in grids:
         known = np.isfinite(grid).astype(float)
         filled = np.nan_to_num(grid)
@@ -77,16 +76,8 @@ def whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiten
     correlation = total / np.maximum(counts, 1.0) / scale
     freedom = np.count_nonzero(counts)
     statistic = float(np.sum(correlation**2 * counts)) / max(freedom, 1)
-    told = (
-        float(
-            np.sum(
-                np.maximum(correlation**2 - 1.0 / np.maximum(counts, 1.0), 0.0)[
-                    correlation**2 * counts > chdtri(1, RATE)
-                ]
-            )
-        )
-        / channels
-    )
+    beyond = np.maximum(correlation**2 - 1.0 / np.maximum(counts, 1.0), 0.0)  # chance
+    told = float(np.sum(beyond[correlation**2 * counts > chdtri(1, RATE)])) / channels
     peak, frequency, channel = _peak(grids, step)
     bins = max(sum(len(grid) // 2 // BINS for grid in grids) * channels, 1)
     around = 2 * BINS * AROUND
