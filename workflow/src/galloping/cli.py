@@ -348,7 +348,8 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
         except ValueError:
             start = np.empty(0)
         if len(start) != len(states) or not np.all(np.isfinite(start)):
-            raise ValueError(f"--initial: {initial!r}; must be a number for each of {states}")
+            wanted = f"must be a number for each of {', '.join(states)}"
+            raise ValueError(f"--initial: {initial!r}; {wanted}")
     elif np.isfinite(loaded.initial_states).all() and len(loaded.initial_states):
         start = loaded.initial_states[0]
     else:

@@ -25,6 +25,7 @@ MAX_STEPS_PER_SECOND, MAX_STEPS_PER_SAMPLE = 100, 2
 EQUAL_STEPS = 4
 # Higher levels run no faster and compile for half as long again.
 COMPILATION = {"compact_mode": True, "opt_level": 1}
+hy.set_logger_level_error()  # the status of a motion says what its warnings say
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -27,6 +27,10 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
     try:
         yield partial
         partial.replace(path)
+    except OSError as error:
+        if str(error.filename) == str(partial):  # which nobody asked for
+            error.filename = str(path)
+        raise
     finally:
         partial.unlink(missing_ok=True)
 

@@ -277,6 +277,8 @@ def _column(table: FileTable, name: str, mapping: ColumnMapping) -> np.ndarray:
     except FileError as error:
         if name == mapping.time.column:
             hint = "--time names the column of the times (time: in a mapping)"
+        elif name in (one.column for one in mapping.inputs):
+            hint = "an input has a column of its name, or of that in --input NAME=COLUMN"
         else:
             hint = "--measure STATE=COLUMN says which column measures what (channels: in a mapping)"
         raise FileError(f"{error}; {hint}") from None

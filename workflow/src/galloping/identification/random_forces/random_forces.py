@@ -67,8 +67,8 @@ def random_forces(
 ) -> IdentifiedModel:
     """Identify a model that random forces move, from one or several recordings of a system.
 
-    All but `forced`: as of `maximum_likelihood`. forced: names of the
-    coordinates or of the states in whose equations a force acts; by default all that are sought.
+    All but `forced`: as of `maximum_likelihood`. forced: names of the coordinates or of the states
+    in whose equations a force acts; by default all that are sought.
     The status is `ok`, `approximate` where what is left is no white noise, or `refused`; the
     covariance of the forces is in `forces`. Raises ValueError for other input.
     """
@@ -83,7 +83,7 @@ def random_forces(
         with limited(recordings) as work:
             cleaned, _, period = prepared(recordings)
             rescaled = scaled(cleaned, period)
-            question, whole, _ = fitted_to_some(problem, rescaled, period, places)
+            question, whole, _ = fitted_to_some(problem, rescaled, places)
             found, _ = fitted_to_all(question, whole, rescaled, period)
         found = work.told(_with_scales(found, cleaned, rescaled))
         return with_inputs(found, given, recordings)
@@ -103,8 +103,7 @@ def moved_at_random(problem: Problem, start: Start) -> IdentifiedModel | None:
             return None
         forced, rescaled = problem.unknown, scaled(start.recordings, start.period)
         with limited(start.recordings, TRIAL if problem.inputs else MOST) as work:
-            some = fitted_to_some(problem, rescaled, start.period, forced, may_be_slow)
-            question, whole, left = some
+            question, whole, left = fitted_to_some(problem, rescaled, forced, may_be_slow)
             unseen = set(question.channels.pairs) - set(question.channels.values)
             if unseen and not question.tracker(whole.model).is_linear:
                 return None  # beside such terms, forces imitate displacements that nothing measures
@@ -166,15 +165,14 @@ def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]
 def fitted_to_some(
     problem: Problem,
     recordings: list[Recording],
-    period: float,
     forced: tuple[int, ...],
     may_be_slow: bool = True,
 ) -> tuple[Question, Fit, Whiteness]:
     """The question, the fit of all terms that may stay, to no more samples than it needs, and what
     it leaves.
 
-    recordings: without outliers, `period` s being the shortest of their motion. may_be_slow:
-    whether forces may be; else a model with white ones that leaves plainly more than noise is none.
+    recordings: without outliers. may_be_slow: whether forces may be; else a model with white ones
+    that leaves plainly more than noise is none.
     Raises what NO_MODEL names where there is none.
     """
     recordings = _thinned(recordings)
