@@ -19,11 +19,6 @@ from galloping.streams import generator
 from galloping.study.files import read_families, write_orbits
 
 
-def _measure(configured):
-    given = {key: value for key, value in configured.items() if value is not None}
-    return measure(given.pop("kind"), **given)
-
-
 def assess_line(
     case, identified, clearance, measures, orbits, line, winds, design_wind, phase_distance, limit,
     chosen, seed,
@@ -44,7 +39,8 @@ def assess_line(
             told = split([model], [line["wind"]["speed"]], damping_ratios(line))
             draws = told.sampled(generator(seed, "measures", case), SAMPLES)
             parts = told
-    asked = [_measure(each) for each in chosen.values()] or usual(line)
+    given = ({k: v for k, v in each.items() if v is not None} for each in chosen.values())
+    asked = [measure(**each) for each in given] or usual(line)
     design = Design(design_wind, start, distance, limit)
     outcomes = ranked(parts, line, asked, design, simulator, draws)
     write_rows(measures, measure_rows(case, outcomes, design))

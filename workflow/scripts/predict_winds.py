@@ -1,6 +1,6 @@
 """Limit cycles at other wind speeds, predicted from identified models, beside the truth."""
 
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from galloping.storage import write_rows
 from galloping.streams import generator
 from galloping.study.files import read_families
 
+simulator = cache(partial(Simulator, STATES))  # of the terms of a library
+
 
 def _predicted(identified, case, winds, rng) -> Prediction:
     speed, start = case["wind"]["speed"], np.array(initial_state(case))
@@ -22,16 +24,11 @@ def _predicted(identified, case, winds, rng) -> Prediction:
         if identified.status == "refused":
             raise ValueError(identified.verdict)
         parts = split([identified], [speed], damping_ratios(case))
-        return predict(parts, speed, winds, start, rng, _simulator(identified.model.terms))
+        return predict(parts, speed, winds, start, rng, simulator(identified.model.terms))
     except (ValueError, np.linalg.LinAlgError) as error:
         nothing = np.full((len(winds), len(STATES)), np.nan)
         unresolved = np.ones(len(winds))
         return Prediction(np.array(winds), nothing, nothing, nothing, unresolved, str(error))
-
-
-@cache
-def _simulator(terms) -> Simulator:
-    return Simulator(STATES, terms)
 
 
 def predict_winds(case, protocol, identified, prediction, line, winds, methods, seed):

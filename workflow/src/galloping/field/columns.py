@@ -38,6 +38,7 @@ OTHERS = (  # what is recorded beside the motion
 )  # fmt: skip
 UP, ACROSS = ({letter, f"d{letter}", f"a{letter}", f"acc{letter}"} for letter in "zy")
 ROWS = 2000  # of a text file, that its columns are told from
+APART = 0.01  # of their length, by which the times of two clocks may differ
 NO_UNIT = "the file says no unit"
 STATE = re.compile(r"(d{0,2})q_?([vw])", re.IGNORECASE)
 ORDERS = tuple(LENGTH_OF_ORDER.values())
@@ -242,7 +243,10 @@ def _order(unit: str) -> int | None:
 
 
 def clock_of(table: "FileTable", said: str | None, doubts: dict[str, str]) -> str:
-    """The column of times: where several may be, the one that tells most instants apart."""
+    """The column of times: where several may be, the one that tells most instants apart.
+
+    Raises ValueError where there is none, and where two are clocks that run apart.
+    """
     if said is not None:
         table.column(said)
         return named(said)[0]
@@ -261,7 +265,16 @@ def clock_of(table: "FileTable", said: str | None, doubts: dict[str, str]) -> st
             f"{table.path}: no column of times; it has {', '.join(map(repr, table.columns))}; name "
             "it with --time, or add one"
         )
-    return max(found, key=lambda name: len(pd.unique(table.columns[name])))
+    clock = max(found, key=lambda name: len(pd.unique(table.columns[name])))
+    alike = (name for name in found if table.unit(name) == table.unit(clock))
+    spans = {name: float(np.ptp(table.columns[name])) for name in alike if _increases(table, name)}
+    for name, span in spans.items():
+        if abs(span - spans.get(clock, span)) > APART * span:
+            raise ValueError(
+                f"{table.path}: the times {clock!r} and {name!r} run apart, over "
+                f"{spans[clock]:.6g} and {span:.6g}: bring all samples to one clock, or say --time"
+            )
+    return clock
 
 
 def _increases(table: "FileTable", name: str) -> bool:

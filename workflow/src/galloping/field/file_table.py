@@ -192,7 +192,8 @@ def _sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]]:
         return cell.isoformat() if hasattr(cell, "isoformat") else cell
 
     try:
-        sheets = pd.read_excel(path, sheet_name=None, header=None, dtype=object)
+        with warnings.catch_warnings(action="ignore"):  # of openpyxl, on styles and the like
+            sheets = pd.read_excel(path, sheet_name=None, header=None, dtype=object)
     except ImportError:
         raise FileError(
             "Excel files need openpyxl: pip install openpyxl, or save it as CSV"

@@ -174,10 +174,6 @@ class _Frame:
         self.weights = _bump(half, stride * self.step)[0]
         self.slopes = _bump(half * stride, self.step)[1]
 
-    @property
-    def can_be_held_out(self) -> bool:
-        return all(map(len, self.centres))
-
     @cached_property
     def _raw(self) -> list[np.ndarray]:
         return [-_integrals(self.values, self.slopes, self.rows[c]) for c in self.centres]
@@ -205,8 +201,8 @@ def _tried(recordings, terms, applied: Callable) -> list[Setting]:
         return []
     period = min(map(_period, recordings))
     frames = [_Frame(recording, period, terms) for recording in recordings]
-    if not all(frame.can_be_held_out for frame in frames):
-        return []
+    if not all(len(centres) for frame in frames for centres in frame.centres):
+        return []  # a stretch is too short to be held out
     return [_joined(parts) for parts in zip(*map(applied, frames), strict=True)]
 
 
