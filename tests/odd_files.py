@@ -206,6 +206,14 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
     "classic.nc": (lambda path: netcdf(path, t=TIME, v=V, w=W), PLAIN),
     "plain.mat": (lambda path: savemat(path, {"t": TIME, "v": V, "w": W}), PLAIN),
     "units.h5": (lambda path: hdf5(path, units=("s", "mm", "m"), t=TIME, v=1e3 * V, w=W), BY_NAME),
+    "matlab_dates.csv": (
+        lines("time,vertical [m],horizontal [m]",
+              columns=([f"{s:%d-%b-%Y %H:%M:%S.%f}" for s in STAMPS], V, W)), ()),
+    "times_of_a_day.parquet": (
+        lambda path: parquet(path, time=[s.time() for s in STAMPS], **{"q_v [m]": V, "q_w [m]": W}),
+        ()),
+    "no_unit_at_all.h5": (
+        lambda path: hdf5(path, units=(np.array([]),) * 3, t=TIME, v=V, w=W), PLAIN),
     "zones.csv": (lines(columns=([f"{s}+01:00" for s in STAMPS], V, W)), (*BY_NAME, "--unit", "m")),
     "metres.csv": (lines("t [s],v [m],w [m]"), (*BY_NAME, "--unit", "v=metre")),
     "counts.csv": (lines("t [s],v [counts],w [m]", columns=(TIME, 1e3 * V, W)),
@@ -233,6 +241,9 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "two_clocks.csv": (lines("cam time [s],v [m],acc time [s],a_w [m/s^2]",
                              columns=(TIME, V, 1.25 * TIME, W)), (),
         ("the times 'cam time' and 'acc time' run apart, over 39.96 and 49.95",)),
+    "no_dates.parquet": (
+        lambda path: parquet(path, **{"time": pd.to_datetime([None] * 1000), "q_v [m]": V}), (),
+        ("column 'time' is empty",)),
     "other_time.csv": (lines("when,v,w"), (*BY_NAME, "--unit", "m"), ("say --time 'when'",)),
     "no_time.csv": (lines("v [m],w [m]", columns=(V, W)), (), ("no column of times", "--time")),
     "channels.csv": (lines("t [s],ch1 [m],ch2 [m]"), (),
@@ -330,6 +341,8 @@ QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("'acc_v' is read as the vertical acceleration ddq_v", "-9.81 m/s^2 to 9.81 m/s^2")),
     "not_used.csv": (lines("t [s],vertical [m],w [m],Temp [°C]", columns=(TIME, V, W, W)), (),
         ("columns that are not used: Temp",)),
+    "complex.mat": (lambda path: savemat(path, {"t": TIME, "v": V, "w": W, "z": 1j * V}), PLAIN,
+        ("no columns of numbers or text, left out: z (1 x 1000)",)),
     "clipped.csv": (lines(columns=(TIME, np.clip(V, -0.3, 2), W)), PLAIN, ("clipped at -0.3",)),
 }  # fmt: skip
 

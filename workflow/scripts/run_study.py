@@ -35,7 +35,6 @@ from galloping.study.cells import Study
 WORKFLOW = Path(__file__).parents[1]
 STEPS = re.compile(r"^(\d+) of (\d+) steps", re.MULTILINE)  # as Snakemake says after each job
 
-
 SAID = Path("logs", "snakemake.txt")  # below the results: Snakemake's own words, off a terminal
 EVERY = 60.0  # s, between two lines on how far a run is
 LAST_WORDS = 20  # lines of Snakemake's that are shown where no job says what went wrong

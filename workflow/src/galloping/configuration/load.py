@@ -24,7 +24,6 @@ FAULTS = {
     "model_type": "is not a section",
 }
 
-
 MOST_LINES = 20
 MOST_LEVELS, MOST_VALUES = 20, 100_000
 ENDLESS = f"lists or sections are nested without end; must be at most {MOST_LEVELS} levels deep"

@@ -129,7 +129,6 @@ OWN_FOLDERS = ("config", "tests", "workflow", "results/reference")
 WINDOW_SAMPLES = 10  # fewer show no amplitude
 MAX_INTERVALS = 10_000_000  # a slip in a power of ten should not fill the memory
 
-
 # What a sweep can vary: `galloping.cycles.family.PARAMETERS`.
 SWEPT = (
     "wind_speed", "tension", "damping_ratio", "damping_vertical", "damping_horizontal", "span",

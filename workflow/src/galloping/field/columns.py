@@ -203,7 +203,7 @@ def proposal(
     channels = [
         channel(name, measured)
         for name in others
-        if (measured := target(name, table.unit(name) or said(name)))
+        if (measured := target(name, units.get(name) or table.unit(name) or said(name)))
     ]
     for each in channels:
         same = [c["column"] for c in channels if c["measures"] == each["measures"]]

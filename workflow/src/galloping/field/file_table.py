@@ -136,7 +136,8 @@ def read_table(
             content, first, more = _read_text(lambda: io.BytesIO(text), ".", time, rows)
             table = _table(path, content, first, (*notes, *more))
         else:
-            table = _table(path, _read_arrays(path, suffix), 1)
+            content, notes = _read_arrays(path, suffix)
+            table = _table(path, content, 1, notes)
         if max(map(len, table.columns.values())) == 0:
             raise FileError("no rows of data")
         table.units.update(_described_units(path, table.units))
@@ -204,8 +205,8 @@ def _sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]]:
     return frame.to_csv(index=False, header=False).encode(), notes if len(sheets) > 1 else ()
 
 
-def _read_arrays(path: Path, suffix: str) -> list[tuple]:
-    """Name, values and unit, or None, of the vectors in a file of arrays."""
+def _read_arrays(path: Path, suffix: str) -> tuple[list[tuple], tuple[str, ...]]:
+    """Name, values and unit, or None, of the vectors in a file of arrays; what was passed over."""
     import h5py
 
     # so are new files of NetCDF and MATLAB
@@ -214,6 +215,8 @@ def _read_arrays(path: Path, suffix: str) -> list[tuple]:
     for name, array, unit in read(path):
         vector = sum(n != 1 for n in array.shape) <= 1 and array.dtype.kind in "fiubMmUO"
         values = np.ravel(array[()]) if vector else array
+        if values.dtype.kind == "O" and hasattr(next(iter(values), None), "isoformat"):
+            values = np.array([str(time) for time in values], object)  # of a day
         if vector and all(isinstance(x, str | Number | None) for x in values[:1].tolist()):
             content.append((name, values, unit))
         else:
@@ -223,7 +226,8 @@ def _read_arrays(path: Path, suffix: str) -> list[tuple]:
             "no column; each must be a vector of its own, and the file holds "
             f"{', '.join(others) or 'nothing'}"
         )
-    return content
+    notes = (f"no columns of numbers or text, left out: {', '.join(others)}",) if others else ()
+    return content, notes
 
 
 def _parquet(path: Path) -> Iterator[tuple]:
@@ -244,7 +248,8 @@ def _hdf5(path: Path) -> Iterator[tuple]:
         file.visititems(lambda name, item: found.append((name, item)))
         for name, item in found:
             if isinstance(item, h5py.Dataset):
-                unit = np.ravel(item.attrs.get("units", item.attrs.get("unit", "")))[0]
+                told = np.ravel(item.attrs.get("units", item.attrs.get("unit", "")))
+                unit = next(iter(told), "")
                 unit = unit.decode() if isinstance(unit, bytes) else str(unit)
                 text = h5py.check_string_dtype(item.dtype) and item.ndim == 1
                 yield name, item.asstr()[()] if text else item, unit

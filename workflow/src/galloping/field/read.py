@@ -24,7 +24,7 @@ CODES = (  # that loggers write for a missing sample, of either sign
 )  # fmt: skip
 DAYS = (
     "%d.%m.%Y", "%d.%m.%y", "%Y/%m/%d", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%m/%d/%y",
-    "%d/%m/%y",
+    "%d/%m/%y", "%d-%b-%Y",
 )  # fmt: skip
 HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
 HOURS += [hours.replace(".%f", ":%f") for hours in HOURS]
@@ -223,12 +223,14 @@ def _seconds(
 ) -> tuple[np.ndarray, str, float]:
     """Times in s since the first, when that was, if the file says it, and on which second."""
     name = mapping.time.column
-    if isinstance(instants, pd.DatetimeIndex):
+    if isinstance(instants, pd.DatetimeIndex) and instants.notna().any():
         first = instants.min()
         seconds = np.asarray((instants - first).total_seconds(), float)
         return seconds, first.isoformat(), first.timestamp()
-    if instants is not None:
+    if isinstance(instants, pd.TimedeltaIndex):
         values = instants.total_seconds().to_numpy(float)
+    elif instants is not None:
+        values = np.full(len(instants), np.nan)
     else:
         values = table.numbers(name) * _to_si(table, name, mapping.time.unit, "s")
     if not np.isfinite(values).any():
