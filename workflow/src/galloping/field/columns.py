@@ -266,7 +266,7 @@ def clock_of(table: "FileTable", said: str | None, doubts: dict[str, str]) -> st
             "it with --time, or add one"
         )
     clock = max(found, key=lambda name: len(pd.unique(table.columns[name])))
-    alike = (name for name in found if table.unit(name) == table.unit(clock))
+    alike = (name for name in found if table.unit(name) == table.unit(clock) != "")
     spans = {name: float(np.ptp(table.columns[name])) for name in alike if _increases(table, name)}
     for name, span in spans.items():
         if abs(span - spans.get(clock, span)) > APART * span:
