@@ -37,7 +37,7 @@ def test_a_long_recording_starts_from_where_its_motion_grows(order: int) -> None
     values = np.vstack([one.values for one in (settled, growing)[::order]])
     start = begin(problem, [Recording(0.5 * np.arange(len(values)), true.states, values)])
     alone, misled = (begin(problem, [one]).fit.free for one in (growing, settled))
-    assert np.allclose(rough_fit(problem, start).free, alone, atol=0.02)
+    assert np.allclose(rough_fit(start).free, alone, atol=0.02)
     assert not np.allclose(misled, alone, atol=0.2)
 
 

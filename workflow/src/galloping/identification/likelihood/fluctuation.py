@@ -15,31 +15,20 @@ from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.weak_constraint import (
     STRETCH_PERIODS,
     Linear,
-    Record,
+    Stretches,
     StretchFit,
     integrable,
     joint,
     jump_covariance,
-    moved,
-    white_misfit,
 )
 from galloping.passes import passing
 
-# Coefficients that fluctuate. Parts of a stretch in which they are constant: a tenth of the
-# correlation. Measured: with ten parts the slow mode seems to fluctuate as well.
-FLUCTUATION_PARTS = 24
-MOST_DIVIDED = 200  # stretches of a record, each part of which needs 50 kB and more
-# Periods of correlation. Measured: dampings and amplitudes in gusts are as good with the true
-# spectrum of the wind as with 2 to 7 periods.
-FLUCTUATION_PERIODS = 4.0
-FIRST_FLUCTUATION, LEAST_FLUCTUATION = 2e-3, 1e-6  # of a coefficient, relative to 2 pi a period
-CONTINUOUS = 1e-4  # jump between parts of a stretch, relative to each state
-FLUCTUATING_PASSES, VARIANCE_PASSES = 4, 5  # of the fit, and of the variances in each
-# Share of the logarithm of misfit over noise, of the whole library, summed over the channels.
-# Measured: fluctuations explain 0.56 or more of it where gusts are all that the library lacks, 0.32
-# to 0.50 on a line with more modes in the same gusts, of which the terms that are then chosen
-# imitate the modes, and 0.06 or less without gusts.
-EXPLAINED = 0.53
+# Parts of a stretch in which coefficients are constant: a tenth of the correlation. Measured: with
+# ten parts the slow mode seems to fluctuate as well.
+PARTS = 24
+# Correlation of a fluctuation with itself one part later: it falls over four periods. Measured:
+# dampings and amplitudes in gusts are as good with the true spectrum of the wind as with 2 to 7.
+MEMORY = np.exp(-STRETCH_PERIODS / (PARTS * 4.0))
 
 
 def chosen(
@@ -62,44 +51,50 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     """The fit with means of coefficients that fluctuate, the terms chosen with them, and the
     covariance of the means (n_support, n_support).
 
-    fit: of the whole library. None unless fluctuations explain EXPLAINED of what it leaves beyond
-    the noise: where it lacks something else, such as modes that a sensor sees besides, they would
-    take part of that for themselves. None, too, where segments are too short or too many to be
-    divided, or no term is left. Raises FloatingPointError or LinAlgError where the iteration
-    diverges.
+    fit: of the whole library. None unless fluctuations explain most of what it leaves beyond the
+    noise: where it lacks something else, such as modes that a sensor sees besides, they would take
+    part of that for themselves. None, too, where segments are too short or too many to be divided,
+    or no term is left. Raises FloatingPointError or LinAlgError where the iteration diverges.
     penalty: worth of a term in units of chi^2, were the model exact.
     """
-    record, rates = fit.record, _rate_terms(fit.record.problem)
-    misfit = white_misfit(record, fit.linear.residual)
+    record, problem = fit.record, fit.record.problem
+    equation, term = problem.candidates.T
+    exponents = np.array(problem.terms)[term]
+    of_rate = exponents[:, np.unique(equation)].sum(axis=1) == 1
+    rates = np.flatnonzero((np.abs(exponents).sum(axis=1) == 1) & of_rate)
+    misfit = record.white_misfit(fit.linear.residual)
     excess = _excess(record, misfit)
     windows = np.diff(record.segments.first)
-    divisible = windows.min() >= FLUCTUATION_PARTS and len(windows) <= MOST_DIVIDED
+    divisible = windows.min() >= PARTS and len(windows) <= 200  # a part needs 50 kB and more
     if not (len(rates) and excess > 0.0 and divisible):
         return None
     parts, jumping = _parts(record)
     size = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
-    unit = _units(record, size, rates)
-    variance, least = (FIRST_FLUCTUATION * unit) ** 2, (LEAST_FLUCTUATION * unit) ** 2
+    period = WINDOWS_PER_PERIOD * record.condensed.step
+    # of each coefficient that fluctuates: the rate of the motion, by the sizes of the states
+    unit = 2.0 * np.pi / period * size[equation[rates]] / size[exponents[rates].argmax(axis=1)]
+    variance, least, passes = (2e-3 * unit) ** 2, (1e-6 * unit) ** 2, 4
     fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit)
-    for passed in range(FLUCTUATING_PASSES):
+    for passed in range(passes):
         passing("try coefficients that fluctuate")
-        misfit = white_misfit(parts, fine.linear.residual)
-        if passed and not excess - _excess(record, misfit) >= EXPLAINED * excess:
+        misfit = parts.white_misfit(fine.linear.residual)
+        # fluctuations explain 0.56 or more of what is left where gusts are all that the library
+        # lacks, 0.32 to 0.50 on a line with more modes in the same gusts, of which the terms that
+        # are then chosen imitate the modes, and 0.06 or less without gusts
+        if passed and not excess - _excess(record, misfit) >= 0.53 * excess:
             return None
         wider = _with_fluctuations(fine.linear, rates)
-        starts = np.pad(fine.starts, ((0, 0), (0, len(rates))))
         support, jump = fine.support, fine.jump
-        for settling in reversed(range(VARIANCE_PASSES)):
+        for settling in reversed(range(5)):
             precision = _precision(parts, jumping, jump, size, variance)
-            solved = joint(parts, _stationary(parts, wider, variance), starts, precision)
-            solved = solved.with_prior(record.problem, fine.free)
+            solved = joint(parts, _stationary(parts, wider, variance), precision)
             right = solved.right + solved.information @ fine.free
-            if not settling and 0 < passed < FLUCTUATING_PASSES - 1:
-                support = chosen(record.problem, solved.information, right, support, penalty)
+            if not settling and 0 < passed < passes - 1:
+                support = chosen(problem, solved.information, right, support, penalty)
             free, covariance = solve_support(solved.information, right, support)
             change = free - fine.free
-            jump = jump_covariance(parts, wider, starts, solved, change, jumping)
-            step = moved(solved, change)
+            jump = jump_covariance(parts, wider, solved, change, jumping)
+            step = solved.moved(change)
             own = np.diagonal(solved.variance, axis1=1, axis2=2) + step**2
             variance = np.maximum(own[:, len(size) :].mean(axis=0), least)
         free, starts = fine.free + change, fine.starts + step[:, : len(size)]
@@ -109,46 +104,23 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     return replace(fit, free=fine.free, support=fine.support), covariance
 
 
-def _excess(record: Record, misfit: np.ndarray) -> float:
+def _excess(record: Stretches, misfit: np.ndarray) -> float:
     """Logarithm of a white misfit over noise, of the channels whose samples tell theirs, summed."""
     condensed = record.condensed
     noise = np.maximum(condensed.noise_variance, record.floor**2)
     return float(np.sum(np.log(misfit[:, 0, :, 0] / noise)[condensed.tells_noise]))
 
 
-def _rate_terms(problem: Problem) -> np.ndarray:
-    """Indices of the candidates that are linear in a state whose own equation is unknown."""
-    terms = np.array(problem.terms)[problem.candidates[:, 1]]
-    unknown = terms[:, np.unique(problem.candidates[:, 0])]
-    linear = np.abs(terms).sum(axis=1) == 1
-    return np.flatnonzero(linear & (unknown.sum(axis=1) == 1))
-
-
-def _parts(record: Record) -> tuple[Record, np.ndarray]:
+def _parts(record: Stretches) -> tuple[Stretches, np.ndarray]:
     """The record in parts of its segments, and those after which it may jump: the last ones of a
     segment that another one follows.
     """
     segments = record.segments
-    first = np.linspace(
-        segments.first[:-1], segments.first[1:], FLUCTUATION_PARTS, endpoint=False, axis=1
-    )
+    first = np.linspace(segments.first[:-1], segments.first[1:], PARTS, endpoint=False, axis=1)
     first = np.append(first.round().astype(np.int64), segments.first[-1])
-    owner = np.repeat(segments.recording, FLUCTUATION_PARTS)
-    jumping = FLUCTUATION_PARTS * (record.followed + 1) - 1
+    owner = np.repeat(segments.recording, PARTS)
+    jumping = PARTS * (record.followed + 1) - 1
     return replace(record, segments=replace(segments, first=first, recording=owner)), jumping
-
-
-def _units(record: Record, size: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """Of each fluctuating coefficient: the rate of the motion, by the sizes of the states."""
-    candidates = record.problem.candidates[rates]
-    of = np.argmax(np.array(record.problem.terms)[candidates[:, 1]], axis=1)
-    period = WINDOWS_PER_PERIOD * record.condensed.step
-    return 2.0 * np.pi / period * size[candidates[:, 0]] / size[of]
-
-
-def _memory() -> float:
-    """Correlation of a fluctuation with itself one part later."""
-    return np.exp(-STRETCH_PERIODS / (FLUCTUATION_PARTS * FLUCTUATION_PERIODS))
 
 
 def _with_fluctuations(linear: Linear, rates: np.ndarray) -> Linear:
@@ -162,8 +134,10 @@ def _with_fluctuations(linear: Linear, rates: np.ndarray) -> Linear:
     by_state = np.zeros((len(linear.ends), n_states + extra, n_states + extra))
     by_state[:, :n_states, :n_states] = linear.by_state
     by_state[:, :n_states, n_states:] = linear.by_coefficients[:, :, rates]
-    by_state[:, n_states:, n_states:] = _memory() * np.eye(extra)
+    by_state[:, n_states:, n_states:] = MEMORY * np.eye(extra)
     return Linear(
+        linear.free,
+        np.pad(linear.starts, ((0, 0), (0, extra))),
         linear.information[:, twice][:, :, twice],
         linear.right[:, twice],
         linear.residual,
@@ -173,23 +147,22 @@ def _with_fluctuations(linear: Linear, rates: np.ndarray) -> Linear:
     )
 
 
-def _stationary(record: Record, linear: Linear, variance: np.ndarray) -> Linear:
+def _stationary(record: Stretches, linear: Linear, variance: np.ndarray) -> Linear:
     """The same with fluctuations of that variance where each recording begins."""
     information = linear.information.copy()
-    begins = np.unique(record.segments.recording, return_index=True)[1]
     own = slice(information.shape[1] - len(variance), None)
-    information[begins, own, own] += np.diag(1.0 / variance)
+    information[record.begins, own, own] += np.diag(1.0 / variance)
     return replace(linear, information=information)
 
 
 def _precision(
-    record: Record, jumping: np.ndarray, jump: np.ndarray, size: np.ndarray, variance: np.ndarray
+    record: Stretches, jumping: np.ndarray, jump: np.ndarray, size: np.ndarray, variance: np.ndarray
 ) -> np.ndarray:
     """Of state and fluctuations from each segment to the next: states jump after `jumping` only."""
     n_states, extra = len(size), len(variance)
     precision = np.zeros((len(record.size), n_states + extra, n_states + extra))
-    states = record.precision(np.diag((CONTINUOUS * size) ** 2))
+    states = record.precision(np.diag((1e-4 * size) ** 2))  # as good as continuous
     states[jumping] = record.precision(jump)[jumping]
     precision[:, :n_states, :n_states] = states
-    precision[:, n_states:, n_states:] = np.diag(1.0 / ((1.0 - _memory() ** 2) * variance))
+    precision[:, n_states:, n_states:] = np.diag(1.0 / ((1.0 - MEMORY**2) * variance))
     return precision

@@ -4,6 +4,8 @@ Each is a line in the spectrum of what the model leaves, above the frequencies o
 errors of the model itself are small: a sinusoid that grows or decays exponentially.
 """
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -11,13 +13,6 @@ from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.residual_tests import NEIGHBOURS, RESIDUAL_RATE, ROUNDING
 from galloping.identification.model import FurtherMode
 from galloping.polynomial import velocity_pairs
-
-# Further modes, besides the model. Of a channel's main frequency, below one and a half times of
-# which errors of the model are; of one over the window, above which its mean tells little.
-FURTHER_FROM, FURTHER_TO = 1.5, 0.4
-MOST_FURTHER = 4  # of a channel
-FURTHER_SHARE = 0.1  # of what is left of a channel that a mode takes away, to be worth a word
-MOST_GROWTH = 20.0  # of its logarithm over a record: with more it is the end of it alone
 
 
 def further_modes(
@@ -32,7 +27,7 @@ def further_modes(
     own = [int(i) for i in condensed.observed[~condensed.is_rate]]
     rates = {v for i, v in velocity_pairs(states).items() if i in own}
     weights = condensed.samplings[:, :, 0, 0]
-    for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
+    for r, (a, b) in enumerate(pairwise(condensed.first)):
         for o, i in enumerate(condensed.observed):
             left, data = residual[a:b, o, 0], condensed.targets[a:b, o, 0]
             sampled = np.flatnonzero((weights[a:b, o] > 0.0) & np.isfinite(left))
@@ -42,10 +37,10 @@ def further_modes(
                 continue
             means = left[sampled] / weights[a:b, o][sampled]
             main = 1 + np.argmax(np.abs(np.fft.rfft(data)[1:]))
-            lowest = FURTHER_FROM * main / (b - a) / condensed.step
+            lowest = 1.5 * main / (b - a) / condensed.step  # below, errors of the model are
             time = condensed.step * (sampled + 0.5)
-            for mode in _oscillations(time, means, condensed.step, lowest):
-                found.append(FurtherMode(r, states[i], *mode))
+            modes = _oscillations(time, means, condensed.step, lowest)
+            found += [FurtherMode(r, states[i], *mode) for mode in modes]
     return tuple(found)
 
 
@@ -61,19 +56,19 @@ def in_words(modes: tuple[FurtherMode, ...]) -> str:
 def _oscillations(
     time: np.ndarray, values: np.ndarray, window: float, lowest: float
 ) -> list[tuple[float, float, float, float]]:
-    """Frequency, growth, cosine and sine of each, the strongest first, as in `FurtherMode`.
+    """Frequency, growth, cosine and sine of four at most, the strongest first, as in `FurtherMode`.
 
     values: (n,) means over windows, s, about the times (n,), of which some may be missing. lowest:
     frequency, Hz.
     """
     found = []
     duration = time[-1] - time[0] + window
-    for _ in range(MOST_FURTHER):
+    for _ in range(4):
         regular = np.zeros(round(duration / window))
         regular[((time - time[0]) / window).round().astype(int)] = values
         power = np.abs(np.fft.rfft(regular)[1:]) ** 2
         frequency = np.arange(1, len(power) + 1) / duration
-        band = (frequency > lowest) & (frequency < FURTHER_TO / window)
+        band = (frequency > lowest) & (frequency < 0.4 / window)  # above, a mean tells little
         if not band.any():
             break
         # bins of noise are exponentially distributed, with a median of ln 2 of their mean
@@ -83,8 +78,8 @@ def _oscillations(
             break
         *mode, fitted = _fitted(time, values, 2.0 * np.pi * frequency[place])
         rest = values - fitted
-        if rest @ rest > (1.0 - FURTHER_SHARE) * (values @ values):
-            break
+        if rest @ rest > 0.9 * (values @ values):
+            break  # a mode that takes a tenth of what is left is worth a word
         omega, growth, cosine, sine = mode
         inside = np.sinc(omega * window / (2.0 * np.pi))  # of it is left in the mean over a window
         found.append((omega, growth, cosine / inside, sine / inside))
@@ -110,8 +105,10 @@ def _fitted(
     def left(place: np.ndarray) -> np.ndarray:
         return values - basis(place) @ solved(place)
 
-    within = ([-MOST_GROWTH, -2.0 * np.pi], [MOST_GROWTH, 2.0 * np.pi])
-    tried = [least_squares(left, [growth, 0.0], bounds=within) for growth in (0.0, 3.0, -3.0)]
+    most = np.array([20.0, 2.0 * np.pi])  # with more growth it is the end of a record alone
+    tried = [
+        least_squares(left, [growth, 0.0], bounds=(-most, most)) for growth in (0.0, 3.0, -3.0)
+    ]
     best = min(tried, key=lambda each: each.cost).x
     cosine, sine = solved(best) * np.exp(-best[0] / 2.0)
     rate = best[0] / duration

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from galloping.identification.likelihood.prior import Prior
-from galloping.identification.likelihood.problem import Coefficient
+from galloping.identification.likelihood.problem import Coefficient, Problem, posed
 from galloping.identification.model import Unusable
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
@@ -45,19 +45,21 @@ def checked_recordings(recordings: object) -> list[Recording]:
     return list(recordings)
 
 
-def check_question(
-    states: tuple[str, ...],
+def asked(
+    recordings: list[Recording],
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None,
     known_states: tuple[str, ...],
     prior: Prior | None = None,
-    inputs: tuple[str, ...] = (),
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
-) -> None:
-    """Raise ValueError where the library or what is known is not about `states` and `inputs`, or
-    the prior is none.
+) -> Problem:
+    """The problem, `posed` of recordings.
+
+    Raises ValueError where the library or what is known is not about their states and inputs, or
+    the prior is none, and what `posed` raises.
     """
+    states, inputs = recordings[0].states, tuple(recordings[0].inputs)
     n = len(states)
     hint = f"must be tuples of {n} exponents, such as polynomial_library({n}, degree)"
     if inputs:
@@ -87,6 +89,7 @@ def check_question(
         raise ValueError(f"allowed: has shape {np.shape(allowed)}; must have ({n}, {len(terms)})")
     if known_states and known is None:
         raise ValueError(f"known_states: {', '.join(known_states)}; needs `known`, their equations")
+    return posed(states, terms, known, known_states, prior, inputs, coefficients, allowed)
 
 
 def driven(recordings: list[Recording], inputs: tuple[str, ...]) -> list[Recording]:

@@ -14,13 +14,12 @@ from galloping.identification.likelihood.smoothing import ABOVE_NOISE, LEAST_SAM
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 
-# Channels that measure a rate. A bias and a slow drift are a cubic over the recording.
-DRIFT_DEGREE = 3
+DRIFT_DEGREE = 3  # bias and slow drift of a channel of rates: a cubic over the recording
 
-# Displacements by integration. Below a share of the slowest frequency that matters they are taken
-# out, steeply: white noise of accelerations grows as the square of the period in them.
-SLOWEST_SHARE = 0.01
-CORNER, CORNER_STEEPNESS = 0.6, 12
+
+def sampled_rates(recording: Recording) -> np.ndarray:
+    """(n, n_states) of a recording, NaN where it has none."""
+    return np.full(recording.values.shape, np.nan) if recording.rates is None else recording.rates
 
 
 def undisplaced(recording: Recording) -> dict[int, int]:
@@ -36,8 +35,7 @@ def with_integrals(recording: Recording) -> Recording:
     missing = undisplaced(recording)
     if not missing:
         return recording
-    values = recording.values.copy()
-    rates = np.full_like(values, np.nan) if recording.rates is None else recording.rates
+    values, rates = recording.values.copy(), sampled_rates(recording)
     for x, v in missing.items():
         sources = ((values[:, v], 1), (rates[:, x], 1), (rates[:, v], 2))
         told = [(one, times) for one, times in sources if np.isfinite(one).sum() >= LEAST_SAMPLES]
@@ -60,8 +58,9 @@ def without_drift(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _integral(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
     """The integral over time, `times` times, without what is slower than the motion.
 
-    Of the motion's power, as far as it stands out of the noise, SLOWEST_SHARE is slower.
-    values: (n,), NaN where missing; so is the integral.
+    Of the motion's power, as far as it stands out of the noise, a hundredth is slower. Below six
+    tenths of that frequency all is taken out, steeply: white noise of accelerations grows as the
+    square of the period in displacements. values: (n,), NaN where missing; so is the integral.
     """
     known = np.isfinite(values)
     grid = np.linspace(time[0], time[-1], int(known.sum()))
@@ -69,8 +68,8 @@ def _integral(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
     omega = 2.0 * np.pi * np.fft.rfftfreq(len(grid), grid[1] - grid[0])[1:]
     power = np.abs(np.fft.rfft(signal * np.hanning(len(signal)))[1:]) ** 2
     power = np.cumsum(np.where(power > ABOVE_NOISE * np.median(power), power, 0.0))
-    slowest = omega[np.searchsorted(power, SLOWEST_SHARE * power[-1])]
-    passed = 1.0 / (1.0 + (CORNER * slowest / omega) ** CORNER_STEEPNESS)
+    slowest = omega[np.searchsorted(power, 0.01 * power[-1])]
+    passed = 1.0 / (1.0 + (0.6 * slowest / omega) ** 12)
     spectrum = np.append(0.0, passed * np.fft.rfft(signal)[1:] / (1j * omega) ** times)
     integral = np.interp(time, grid, np.fft.irfft(spectrum, len(grid)))
     return np.where(known, integral, np.nan)

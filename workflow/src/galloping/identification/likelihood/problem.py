@@ -1,13 +1,14 @@
 """What is asked of an identification: the library, what is known, the free coefficients."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
+from typing import Self
 
 import numpy as np
 
-from galloping.identification.likelihood.prior import Prior
+from galloping.identification.likelihood.prior import Prior, costs
 from galloping.polynomial import (
     Exponents,
     PolynomialModel,
@@ -16,16 +17,7 @@ from galloping.polynomial import (
     velocity_pairs,
 )
 from galloping.recording import Recording, windowed
-from galloping.taylor import Tables, tables
-
-# Degree of the polynomial that an input is over a window. Measured on two modes in gusts sampled 20
-# times a window: with degrees 2 to 5 the model is the same to a hundredth of its errors, and from 4
-# on the series of so jagged an input needs windows of a quarter and less.
-INPUT_DEGREE = 3
-
-# Deviations of a prior by which a coefficient is moved away from zero while terms are chosen, so
-# that it is never left out.
-APART = 1e4
+from galloping.taylor import System, Tables, system, tables
 
 
 @dataclass(frozen=True)
@@ -113,6 +105,20 @@ class Problem:
     def known_equations(self) -> tuple[int, ...]:
         return tuple(i for i in range(len(self.states)) if i not in self.unknown)
 
+    def by_term(
+        self, change: Callable[[np.ndarray], np.ndarray], terms: Sequence[Exponents]
+    ) -> Self:
+        """The problem of other terms. change: of (n_states, n_terms) to what is of those."""
+        values = {name: change(getattr(self, name)) for name in ("known", "open", "expected")}
+        return replace(self, terms=tuple(terms), precision=change(self.precision), **values)
+
+    def named(self, candidates: Sequence[int]) -> str:
+        """Some candidates in words, '' of none."""
+        return " with ".join(
+            f"{term_name(self.terms[j], self.names)} in d({self.states[i]})/dt"
+            for i, j in self.candidates[candidates]
+        )
+
     def linear(self, state: int) -> int:
         """Index of the term that is this state alone."""
         return self.terms.index(tuple(int(k == state) for k in range(len(self.names))))
@@ -131,17 +137,16 @@ class Problem:
 
     def driven(self, recordings: Sequence[Recording], first: np.ndarray, step: float) -> np.ndarray:
         """Factors of the recordings' inputs over windows of `step` s, of which each has as many as
-        `first` (n_recordings + 1,) says; as `inputs.windowed`, one recording after the other.
+        `first` (n_recordings + 1,) says; as `recording.windowed`, one recording after the other.
         """
-        return np.concatenate(
-            [
-                windowed(
-                    [recording.inputs[name] for name in self.inputs],
-                    self.tables.factors, recording.time[0], step, count, INPUT_DEGREE,
-                )
-                for recording, count in zip(recordings, np.diff(first), strict=True)
-            ]
-        )  # fmt: skip
+        # Cubics in time. Measured on two modes in gusts sampled 20 times a window: with degrees 2
+        # to 5 the model is the same to a hundredth of its errors, and from 4 on the series of so
+        # jagged an input needs windows of a quarter and less.
+        degree, factors, powers = 3, self.tables.factors, []
+        for one, count in zip(recordings, np.diff(first), strict=True):
+            inputs = [one.inputs[name] for name in self.inputs]
+            powers.append(windowed(inputs, factors, one.time[0], step, count, degree))
+        return np.concatenate(powers)
 
     def with_prior(
         self, information: np.ndarray, right: np.ndarray, about: np.ndarray | float = 0.0
@@ -160,11 +165,12 @@ class Problem:
     def chosen_about(self, about: np.ndarray | float = 0.0) -> np.ndarray:
         """`about` as of `selection.whiten`, by which coefficients with a prior are always chosen.
 
-        Choosing terms compares each coefficient with zero: theirs are moved far away from it.
+        Choosing terms compares each coefficient with zero: theirs are moved far away from it, by
+        1e4 deviations of their prior.
         """
         precision = self.of_candidates(self.precision)
         apart = np.zeros(len(precision))
-        np.divide(APART, np.sqrt(precision), out=apart, where=precision > 0.0)
+        np.divide(1e4, np.sqrt(precision), out=apart, where=precision > 0.0)
         return about + apart
 
     def of_model(self, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
@@ -194,6 +200,16 @@ class Problem:
         full = self.known.copy()
         full[self.candidates[:, 0], self.candidates[:, 1]] = free
         return full
+
+    def costs(self, penalty: float) -> np.ndarray:
+        """(n_candidates,) as of `prior.costs`."""
+        return costs(self.prior, self.complexity, penalty)
+
+    def compiled(self, free: np.ndarray, pairs: np.ndarray) -> System:
+        """The model with the candidates' coefficients `free`, with derivatives by those of the
+        pairs (n, 2), equation and term.
+        """
+        return system(self.tables, self.coefficients(free), pairs)
 
     def model(self, free: np.ndarray) -> PolynomialModel:
         """The model with the candidates' coefficients `free`."""

@@ -11,45 +11,26 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import legvander
 
-from galloping.identification.likelihood.integrals import DRIFT_DEGREE, undisplaced
-from galloping.identification.likelihood.smoothing import Smooth
+from galloping.identification.likelihood.integrals import DRIFT_DEGREE, sampled_rates, undisplaced
+from galloping.identification.likelihood.smoothing import Smooth, distance_to
 from galloping.identification.likelihood.weak_gls import Start
 from galloping.identification.model import Unusable
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 
-INTEGRAL_MARGIN = 3.0  # periods at the ends of stretches, where it errs (measured: 1 is too few)
-FEWEST_INTEGRALS = 20  # that tell a scale to a few percent
-RATE_OUTLIER = 8.0  # robust deviations about the slope of a curve, which is rougher than the curve
-RATE_MARGIN = 1.0  # periods at the ends of stretches of samples, where that slope is rough
+
+def channels(recording: Recording) -> np.ndarray:
+    """(n, 2 n_states) samples of each state and of each one's rate, NaN where there are none."""
+    return np.hstack([recording.values, sampled_rates(recording)])
 
 
-def channels(recordings: list[Recording]) -> tuple[np.ndarray, np.ndarray]:
-    """(n_observed,) state of each channel that some recording has, and whether it is its rate."""
-    values = np.any([np.isfinite(one.values).any(axis=0) for one in recordings], axis=0)
-    rates = np.any([np.isfinite(_rates(one)).any(axis=0) for one in recordings], axis=0)
-    states = np.concatenate([np.flatnonzero(values), np.flatnonzero(rates)])
-    return states, np.arange(len(states)) >= values.sum()
-
-
-def channel_values(recording: Recording, states: np.ndarray, is_rate: np.ndarray) -> np.ndarray:
-    """(n, n_observed) samples of the `channels`."""
-    return np.where(is_rate, _rates(recording)[:, states], recording.values[:, states])
-
-
-def channel_noise(
-    recording: Recording, smoothed: Smooth, states: np.ndarray, is_rate: np.ndarray
-) -> np.ndarray:
-    """(n_observed,) first estimate of the noise of a sample, NaN where not measured."""
-    about = _rates(recording) - _slopes(recording, smoothed)
-    return np.where(is_rate, _deviation(about)[states], smoothed.noise[states])
-
-
-def known_noise(recording: Recording, states: np.ndarray, is_rate: np.ndarray) -> np.ndarray:
-    """(n_observed,) noise of a sample where it is known beforehand, else NaN."""
-    if recording.known_noise is None:
-        return np.full(len(states), np.nan)
-    return recording.known_noise[is_rate.astype(int), states]
+def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, np.ndarray]:
+    """(2 n_states,) first estimate of the noise of a sample of the `channels`, and what is known of
+    it beforehand, NaN where nothing is.
+    """
+    about = _deviation(sampled_rates(recording) - _slopes(recording, smoothed))
+    told, known = np.append(smoothed.noise, about), recording.known_noise
+    return told, np.full(len(told), np.nan) if known is None else known.ravel()
 
 
 def with_rates(start: Start, recordings: list[Recording]) -> Start:
@@ -80,10 +61,6 @@ def scales_told(recordings: list[Recording], scaled: list[Recording]) -> dict[st
     return {name: float(np.mean(values)) for name, values in told.items()}
 
 
-def _rates(recording: Recording) -> np.ndarray:
-    return np.full(recording.values.shape, np.nan) if recording.rates is None else recording.rates
-
-
 def _slopes(recording: Recording, smoothed: Smooth) -> np.ndarray:
     slopes = np.gradient(smoothed.states, smoothed.time, axis=0)
     return np.column_stack([np.interp(recording.time, smoothed.time, one) for one in slopes.T])
@@ -99,16 +76,6 @@ def _deviation(values: np.ndarray) -> np.ndarray:
     return deviation
 
 
-def _inside(recording: Recording, smoothed: Smooth, margin: float) -> np.ndarray:
-    """(n,) whether no gap and no end of the curve is nearer than `margin` s."""
-    bad = np.flatnonzero(~smoothed.valid)
-    ends = np.concatenate([smoothed.time[[0, -1]], smoothed.time[bad]])
-    ends.sort()
-    place = np.clip(np.searchsorted(ends, recording.time), 1, len(ends) - 1)
-    distance = np.minimum(recording.time - ends[place - 1], ends[place] - recording.time)
-    return distance > margin
-
-
 def _without_offsets(
     recording: Recording, given: Recording, smoothed: Smooth, period: float
 ) -> Recording:
@@ -116,14 +83,15 @@ def _without_offsets(
         return recording
     rates = given.rates.copy()
     difference = rates - _slopes(recording, smoothed)
-    curves = _inside(recording, smoothed, RATE_MARGIN * period)
-    integrals = _inside(recording, smoothed, INTEGRAL_MARGIN * period)
-    of_integrals = {k for pair in undisplaced(given).items() for k in pair}
+    ends = np.sort(np.append(smoothed.time[[0, -1]], smoothed.time[~smoothed.valid]))
+    apart = distance_to(ends, recording.time)
+    integrated = {k for pair in undisplaced(given).items() for k in pair}
     span = recording.time[-1] - recording.time[0]
     slow = legvander(2.0 * (recording.time - recording.time[0]) / span - 1.0, DRIFT_DEGREE)
     unknown = given.unknown_offsets
     for k in np.flatnonzero(np.isfinite(rates).any(axis=0)):
-        inside = integrals if k in of_integrals else curves
+        # at the ends of stretches slopes are rough for a period, integrals err for more
+        inside = apart > (3.0 if k in integrated else 1.0) * period
         if unknown is not None and unknown[k]:
             good = inside & np.isfinite(difference[:, k])
             if good.sum() <= 10 * (DRIFT_DEGREE + 1):
@@ -132,7 +100,8 @@ def _without_offsets(
             rates[:, k] -= fitted
             difference[:, k] -= fitted
         good = inside & np.isfinite(difference[:, k])
-        limit = RATE_OUTLIER * _deviation(difference[good, k : k + 1])[0]
+        # slopes are rougher than the curve: eight of their robust deviations
+        limit = 8.0 * _deviation(difference[good, k : k + 1])[0]
         rates[inside & (np.abs(difference[:, k]) > limit), k] = np.nan
     return replace(recording, rates=rates)
 
@@ -140,14 +109,13 @@ def _without_offsets(
 def _scaled(recording: Recording, period: float) -> Recording:
     if recording.unknown_scales is None or not recording.unknown_scales.any():
         return recording
-    values, pairs = recording.values.copy(), velocity_pairs(recording.states)
+    pairs, rates = velocity_pairs(recording.states), sampled_rates(recording)
+    values = recording.values.copy()
     noise = None if recording.known_noise is None else recording.known_noise.copy()
     for k in np.flatnonzero(recording.unknown_scales):
         velocity, order = (pairs[int(k)], 2) if int(k) in pairs else (int(k), 1)
-        own, other = _weak(
-            recording.time, values[:, k], _rates(recording)[:, velocity], order, period
-        )
-        if len(own) < FEWEST_INTEGRALS:
+        own, other = _weak(recording.time, values[:, k], rates[:, velocity], order, period)
+        if len(own) < 20:  # as many tell a scale to a few percent
             raise Unusable(
                 f"the scale of {recording.states[k]} cannot be told: no channel of known scale "
                 f"measures d{recording.states[velocity]}"
@@ -180,10 +148,6 @@ def _weak(
         t = time[inside]
         if len(t) > 8 and np.max(np.diff(t, prepend=centre - length)) < 2.5 * step:
             u = (t - centre) / length
-            pairs.append(
-                [
-                    np.trapezoid(shape(u) * values[inside], t),
-                    np.trapezoid(test(u) * rates[inside], t),
-                ]
-            )
+            both = shape(u) * values[inside], test(u) * rates[inside]
+            pairs.append([np.trapezoid(one, t) for one in both])
     return tuple(np.array(pairs).reshape(-1, 2).T)

@@ -1,6 +1,7 @@
 """Whether a fit may be trusted: what its residuals show."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import ndtri
@@ -81,12 +82,11 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     period: the shortest of the motion, s. Channels whose residuals are below 1e-5 of the samples
     show rounding and truncation, and are left out of the spectra.
     """
-    chi2, chi2_allowed = _misfit(condensed, residual, parameters)
     limit = 1.5 * condensed.step / period
     low, high, bins = [], [], np.zeros(2)
     line, frequency, channel = 0.0, 0.0, 0
     band_power = np.full(condensed.rows.shape, np.nan)
-    for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
+    for r, (a, b) in enumerate(pairwise(condensed.first)):
         for o in range(residual.shape[1]):
             series = residual[a:b, o, 0]
             sampled = np.count_nonzero(series)
@@ -106,10 +106,12 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     if low:
         band = float(sum(low) / bins[0] / (sum(high) / bins[1]))
         band_allowed = _allowed(np.sqrt(np.sum(1.0 / bins)))
-    line_allowed = _expected_peak(int(condensed.first[-1]))
+    # a bin over the mean of m others is F-distributed with (2, 2 m) degrees; of the highest
+    m = 2 * NEIGHBOURS - 4
+    line_allowed = m * ((RESIDUAL_RATE / (2.0 * int(condensed.first[-1]))) ** (-1.0 / m) - 1.0)
     return Residue(
-        chi2, chi2_allowed, bool(condensed.is_known.any()), band, band_allowed, band_power, line,
-        line_allowed, frequency, channel,
+        *_misfit(condensed, residual, parameters), bool(condensed.is_known.any()), band,
+        band_allowed, band_power, line, line_allowed, frequency, channel,
     )  # fmt: skip
 
 
@@ -146,12 +148,3 @@ def _line(power: np.ndarray) -> tuple[float, int]:
     weight = np.convolve(np.ones(len(power)), around, mode="same")
     ratio = power / (np.convolve(power, around, mode="same") / weight)
     return float(ratio.max()), 1 + int(np.argmax(ratio))
-
-
-def _expected_peak(windows: int) -> float:
-    """Ratio exceeded with probability RESIDUAL_RATE by the highest of that many bins of noise.
-
-    A bin over the mean of m = 2 NEIGHBOURS - 4 others is F-distributed with (2, 2 m) degrees.
-    """
-    m = 2 * NEIGHBOURS - 4
-    return m * ((RESIDUAL_RATE / (2.0 * windows)) ** (-1.0 / m) - 1.0)

@@ -7,18 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.likelihood.smoothing import GRID_PER_PERIOD, Smooth, smooth
+from galloping.identification.likelihood.smoothing import (
+    GRID_PER_PERIOD,
+    Smooth,
+    distance_to,
+    smooth,
+)
 from galloping.identification.model import Unusable
 from galloping.recording import Recording
-
-# What is no measurement. Gaussian noise exceeds 5.5 deviations once in 30 million samples.
-OUTLIER = 5.5
-CURVE_ACCURACY = 1e-3  # of a curve that outliers still pull, relative to its largest value
-MOST_OUTLIERS = 0.1  # share of a channel: with more it is not outliers that are wrong
-LOCAL_NOISE = 4.0  # periods in which the noise of a channel has a deviation of its own
-# Equal extremes of a channel from which it is saturated: a digital one repeats its largest value
-# a few times by chance.
-LEAST_SATURATED, SATURATED_SHARE = 5, 5e-4
 
 
 def without_faults(recording: Recording, period: float) -> Recording:
@@ -33,7 +29,7 @@ def without_faults(recording: Recording, period: float) -> Recording:
         good = np.isfinite(channel)
         if not good.any():
             continue
-        least = max(LEAST_SATURATED, SATURATED_SHARE * good.sum())
+        least = max(5, 5e-4 * good.sum())  # a digital channel repeats some by chance
         extremes = (np.nanmin(channel), np.nanmax(channel))
         if extremes[0] == extremes[1]:
             channel[:] = np.nan
@@ -41,12 +37,7 @@ def without_faults(recording: Recording, period: float) -> Recording:
         for extreme in extremes:
             at = np.flatnonzero(channel == extreme)
             if len(at) >= least:
-                near = np.searchsorted(recording.time[at], recording.time)
-                before = recording.time[at][np.maximum(near - 1, 0)]
-                after = recording.time[at][np.minimum(near, len(at) - 1)]
-                distance = np.minimum(
-                    np.abs(recording.time - before), np.abs(recording.time - after)
-                )
+                distance = distance_to(recording.time[at], recording.time)
                 channel[distance <= period / GRID_PER_PERIOD] = np.nan
     return replace(recording, values=values)
 
@@ -54,32 +45,32 @@ def without_faults(recording: Recording, period: float) -> Recording:
 def smooth_without_outliers(recording: Recording, period: float) -> tuple[Recording, Smooth]:
     """The recording without the samples far from a smooth curve, and that curve.
 
-    Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million
-    samples, and well above the accuracy of the curve itself; the curve is fitted again until none
-    is left. The deviation is that of the channel and also that of the nearby samples, as noise
-    may grow and shrink with the signal. Raises ValueError where more than a tenth of
-    the samples of a channel would go.
+    Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million samples,
+    and well above the accuracy of the curve itself; the curve is fitted again until none is left.
+    The deviation is that of the channel and also that of the samples within some four periods, as
+    noise may grow and shrink with the signal. Raises ValueError where more than a tenth of the
+    samples of a channel would go.
     """
     before = np.isfinite(recording.values).sum(axis=0)
     smoothed = smooth(recording, period)
-    floor = CURVE_ACCURACY * np.abs(smoothed.states).max(axis=0)
+    floor = 1e-3 * np.abs(smoothed.states).max(axis=0)  # while outliers still pull the curve
     while True:
         far = np.zeros(recording.values.shape, bool)
         for k, gap in enumerate(np.abs(smoothed.residual.T)):
             good = np.isfinite(gap)
             if not good.any():
                 continue
-            limit = OUTLIER * np.maximum(1.4826 * np.median(gap[good]), floor[k])
+            limit = 5.5 * np.maximum(1.4826 * np.median(gap[good]), floor[k])
             far[good, k] = gap[good] > limit
             if far[:, k].any():
-                near = _local_median(recording.time[good], gap[good], LOCAL_NOISE * period)
-                far[good, k] &= gap[good] > OUTLIER * 1.4826 * near
+                near = _local_median(recording.time[good], gap[good], 4.0 * period)
+                far[good, k] &= gap[good] > 5.5 * 1.4826 * near
         if not far.any():
             return recording, smoothed
         recording = replace(recording, values=np.where(far, np.nan, recording.values))
         left = np.isfinite(recording.values).sum(axis=0)
         for name, was, now in zip(recording.states, before, left, strict=True):
-            if now < (1.0 - MOST_OUTLIERS) * was:
+            if now < 0.9 * was:
                 raise Unusable(f"more than a tenth of the samples of {name} are outliers")
         smoothed = smooth(recording, period)
 

@@ -16,7 +16,6 @@ import numpy as np
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.work import SEGMENT, spend
-from galloping.taylor import system
 
 HUGE = 1e30  # of a state or a derivative, from which a solution counts as diverged
 BATCH = 8  # segments integrated together: what they need is held at once, in the cache
@@ -38,6 +37,52 @@ class Segments:
     first: np.ndarray
     recording: np.ndarray
     chains: np.ndarray
+
+
+@dataclass(frozen=True)
+class Record:
+    """What is fitted. states: (n_windows, n_states) smoothed, where the windows begin. floor:
+    (n_recordings, n_observed) least noise of the projections.
+    """
+
+    problem: Problem
+    condensed: Condensed
+    segments: Segments
+    states: np.ndarray
+    floor: np.ndarray
+
+    @property
+    def starts(self) -> np.ndarray:
+        """(n_segments, n_states) smoothed states at the beginning of each segment."""
+        return self.states[self.segments.first[:-1]]
+
+    @property
+    def begins(self) -> np.ndarray:
+        """(n_recordings,) index of the first segment of each."""
+        return np.unique(self.segments.recording, return_index=True)[1]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where an iteration stands.
+
+    free: (n_candidates,) coefficients; support: the same, boolean. starts: (n_segments,
+    n_states). sigma: (n_recordings, n_observed) noise of the projections, not below the floor.
+    reference: the same as first estimated. chi2: by that, of the fit before this one.
+    """
+
+    record: Record
+    free: np.ndarray
+    support: np.ndarray
+    starts: np.ndarray
+    sigma: np.ndarray
+    reference: np.ndarray
+    chi2: float = np.inf
+
+    @property
+    def misfit(self) -> float:
+        """chi^2 per row."""
+        return self.chi2 / float(np.sum(self.record.condensed.rows))
 
 
 @dataclass(frozen=True)
@@ -97,25 +142,19 @@ def cut(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
 
 
 def linearise(
-    problem: Problem,
-    condensed: Condensed,
-    sigma: np.ndarray,
-    segments: Segments,
-    free: np.ndarray,
-    starts: np.ndarray,
-    pairs: np.ndarray | None = None,
-    columns: np.ndarray | None = None,
+    fit: Fit, pairs: np.ndarray | None = None, columns: np.ndarray | None = None
 ) -> Linearised:
     """Misfit of the condensed samples about the candidates' coefficients and segment states.
 
-    sigma: (n_recordings, n_observed), the noise. free: (n_candidates,). starts: (n_segments,
-    n_states). pairs: (n_pairs, 2) coefficients (equation, term) to linearise by, the candidates
+    pairs: (n_pairs, 2) coefficients (equation, term) to linearise by, the candidates
     where not given. columns: (n_windows, n_observed, n_rows, n_columns), derivatives of the
     predicted projections by parameters of the instrument, which count as coefficients after the
     others. Raises FloatingPointError where the solution diverges within a segment.
     """
+    record, sigma, free, starts = fit.record, fit.sigma, fit.free, fit.starts
+    problem, condensed, segments = record.problem, record.condensed, record.segments
     pairs = problem.candidates if pairs is None else pairs
-    compiled = system(problem.tables, problem.coefficients(free), pairs)
+    compiled = problem.compiled(free, pairs)
     n_states = starts.shape[1]
     direct = 0 if columns is None else columns.shape[3]
     n = len(pairs) + direct
@@ -258,22 +297,16 @@ def _first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     return solved, turned[~known]
 
 
-def residuals(
-    problem: Problem,
-    condensed: Condensed,
-    segments: Segments,
-    free: np.ndarray,
-    starts: np.ndarray,
-) -> tuple[np.ndarray, float]:
+def residuals(record: Record, free: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, float]:
     """Projections of the samples less those of the solution, and the integrator's relative error.
 
     The residuals are (n_windows, n_observed, n_rows). Raises FloatingPointError where the
     solution diverges within a segment.
     """
-    compiled = system(problem.tables, problem.coefficients(free), problem.candidates[:0])
-    predicted, _, ends, _, truncation = condensed.solution(
-        compiled, segments.first, starts, sensitive=False
+    compiled = record.problem.compiled(free, record.problem.candidates[:0])
+    predicted, _, ends, _, truncation = record.condensed.solution(
+        compiled, record.segments.first, starts, sensitive=False
     )
     if not np.all(np.abs(ends) < HUGE):
         raise FloatingPointError("the model diverges over the recording")
-    return condensed.targets - predicted, truncation
+    return record.condensed.targets - predicted, truncation

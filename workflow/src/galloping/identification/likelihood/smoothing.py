@@ -224,10 +224,14 @@ def _fit(
 def _near(recording: Recording, curve: list[int], grid: np.ndarray, distance: float) -> np.ndarray:
     """(n_grid,) whether a sample of the curve's channels lies within `distance` s."""
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
-    after = np.searchsorted(sampled, grid)
-    to_next = sampled[np.minimum(after, len(sampled) - 1)] - grid
-    to_last = grid - sampled[np.maximum(after - 1, 0)]
-    return np.minimum(np.abs(to_next), np.abs(to_last)) <= distance
+    return distance_to(sampled, grid) <= distance
+
+
+def distance_to(nearest: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """(n,) from each time to the nearest of others (m,), increasing."""
+    after = np.searchsorted(nearest, time)
+    to_next = nearest[np.minimum(after, len(nearest) - 1)] - time
+    return np.minimum(np.abs(to_next), np.abs(time - nearest[np.maximum(after - 1, 0)]))
 
 
 def _away(recording: Recording, curve: list[int], grid: np.ndarray, period: float) -> np.ndarray:

@@ -17,14 +17,6 @@ from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.weak_gls import Start, WeakFit, rough_fit, weak_fit
 from galloping.identification.model import BY_TERM, IdentifiedModel
 
-# Shares of the time scale that the spectrum shows; each for where the one before gave no model.
-# Measured on systems of `trials.published`: a cubic oscillator that slows down as it decays
-# needs a half or a quarter, one that relaxes a half; of two that a quarter did not answer, neither
-# did an eighth or a sixteenth.
-TIME_SCALES = (1.0, 1 / 2, 1 / 4)
-# How far the middle of a motion may lie from rest, in deviations of the displacement. Measured on
-# accelerations of the study's line, whose is 0.15: starts 0.0 to 0.1 off lead to the model always.
-OFF_REST = 0.2
 # How many times as much terms cost in a start of few terms, which moves no faster than the samples
 # tell. Measured: of twenty recordings of the displacements of a line, three samples a second,
 # starts of 25 to 70 terms left fourteen without a model; from 4 to 10 terms all are followed.
@@ -39,20 +31,19 @@ class Terms(NamedTuple):
     dear: float
 
 
-def starts_of_terms(problem: Problem, begun: Start, costs: np.ndarray) -> list[Terms]:
-    """The starts, in order. costs: (n_candidates,) of the terms, in units of chi^2."""
-    rough = rough_fit(problem, begun)
-    about = problem.chosen_about()
-    support = select(rough.information, rough.right, [rough.support], DEAR * costs, about)
+def starts_of_terms(begun: Start) -> list[Terms]:
+    """The starts, in order."""
+    rough, about = rough_fit(begun), begun.problem.chosen_about()
+    support = select(rough.information, rough.right, [rough.support], DEAR * begun.costs, about)
     free, _ = solve_support(rough.information, rough.right, support)
     few = replace(rough, free=free, support=support)
     name = "weak form" if rough is begun.fit else "weak form of a telling stretch"
     return [Terms(name, rough, 1.0), Terms("few terms", few, DEAR)]
 
 
-def rests_at_zero(problem: Problem, begun: Start) -> bool:
+def rests_at_zero(begun: Start) -> bool:
     """Whether each unknown equation is of the velocity of a displacement that is not measured."""
-    return set(problem.unknown) <= {velocity for _, velocity in _pairs(begun)}
+    return set(begun.problem.unknown) <= {velocity for _, velocity in _pairs(begun)}
 
 
 def _pairs(begun: Start) -> set[tuple[int, int]]:
@@ -62,25 +53,25 @@ def _pairs(begun: Start) -> set[tuple[int, int]]:
 
 def without_constants(problem: Problem) -> Problem:
     moving = np.any(problem.terms, axis=1)
-    terms = tuple(term for term in problem.terms if any(term))
-    parts = ("known", "open", "expected", "precision")
-    own = {name: getattr(problem, name)[:, moving] for name in parts}
-    return replace(problem, terms=terms, **own)
+    terms = [term for term in problem.terms if any(term)]
+    return problem.by_term(lambda values: values[:, moving], terms)
 
 
-def positions_of_rest(problem: Problem, begun: Start) -> list[Start]:
+def positions_of_rest(begun: Start) -> list[Start]:
     """The start as it is, and with its curves moved along each displacement that is not measured.
 
-    Raises what `weak_fit` raises.
+    The middle of a motion may lie a fifth of the displacement's deviation from rest. Measured on
+    accelerations of the study's line, whose is 0.15: starts 0.0 to 0.1 off lead to the model
+    always. Raises what `weak_fit` raises.
     """
-    units = OFF_REST * np.eye(len(problem.states))[sorted(state for state, _ in _pairs(begun))]
+    units = 0.2 * np.eye(len(begun.problem.states))[sorted(state for state, _ in _pairs(begun))]
     moved = []
     for offset in (0.0 * units[0], *units, *-units):
         curves = [
             replace(one, states=one.states + offset * one.states.std(axis=0))
             for one in begun.smoothed
         ]
-        fit = weak_fit(problem, curves, begun.penalty)
+        fit = weak_fit(begun.problem, curves, begun.penalty)
         moved.append(replace(begun, smoothed=curves, fit=fit))
     return moved
 

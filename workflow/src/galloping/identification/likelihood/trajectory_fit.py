@@ -15,18 +15,13 @@ from galloping.identification.likelihood.condense import (
     Condensed,
     condense,
 )
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.rate_channels import (
-    channel_noise,
-    channel_values,
-    channels,
-    known_noise,
-)
+from galloping.identification.likelihood.rate_channels import channel_noise, channels
 from galloping.identification.likelihood.residual_tests import ROUNDING
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import (
     MOST_HALVINGS,
-    Segments,
+    Fit,
+    Record,
     chained,
     cut,
     eliminate,
@@ -55,34 +50,12 @@ DIVERGES = "no model found that follows the data: the iteration diverges"
 
 
 @dataclass(frozen=True)
-class Fit:
-    """Where the iteration stands.
-
-    free: (n_candidates,) coefficients; support: the same, boolean. starts: (n_segments,
-    n_states). sigma: (n_recordings, n_observed) noise of the projections, not below `floor`.
-    reference: the same as first estimated. chi2: by that, of the fit before this one.
-    """
-
-    free: np.ndarray
-    support: np.ndarray
-    starts: np.ndarray
-    sigma: np.ndarray
-    floor: np.ndarray
-    reference: np.ndarray
-    chi2: float = np.inf
-
-    def is_close(self, condensed: Condensed) -> bool:
-        """Whether it is good enough to choose terms by."""
-        return self.chi2 < CLOSE * float(np.sum(condensed.rows))
-
-
-@dataclass(frozen=True)
 class Step:
-    """A Gauss-Newton step from one `Fit`, `before`, to the next.
+    """A Gauss-Newton step from one `Fit`, `before`, to the next, in the chains that were matched.
 
     information: of the regression on all candidates; right: half the fall of chi^2 with each, at
     the new fit. decrement: squared length of the step, in units of its covariance. gap: largest
-    mismatch of segments before the step. segments: in the chains that were matched.
+    mismatch of segments before the step.
     """
 
     before: Fit
@@ -91,28 +64,16 @@ class Step:
     right: np.ndarray
     decrement: float
     gap: float
-    segments: Segments
-
-
-@dataclass(frozen=True)
-class FreeFit:
-    """The last step of a fit in which each segment has a first state of its own."""
-
-    condensed: Condensed
-    step: Step
-
-    @property
-    def is_close(self) -> bool:
-        return self.step.fit.is_close(self.condensed)
 
     def path(self, period: float) -> Iterator[str]:
         """Of which windows and segments, in words. period: the shortest of the motion, s."""
-        if (finer := round(period / WINDOWS_PER_PERIOD / self.condensed.step)) > 1:
+        record = self.fit.record
+        if (finer := round(period / WINDOWS_PER_PERIOD / record.condensed.step)) > 1:
             yield f"windows 1/{finer}"
-        periods = np.median(np.diff(self.step.segments.first)) * self.condensed.step / period
+        periods = np.median(np.diff(record.segments.first)) * record.condensed.step / period
         halvings = round(np.log2(PERIODS_PER_SEGMENT / periods))
         yield f"{PERIODS_PER_SEGMENT / 2**halvings:g} periods"
-        if not self.is_close:
+        if not self.fit.misfit < CLOSE:
             yield "not close"
 
 
@@ -120,20 +81,22 @@ class FreeFit:
 class JoinedFit:
     """Where an iteration over joined segments ended.
 
-    step: the last, with a quadratic model of chi^2. path: in words. settled: whether it converged
-    with the same terms. objection: why it does not follow the data, '' where it does.
+    free: the last step in free segments. step: the last, with a quadratic model of chi^2. path: in
+    words. settled: whether it converged with the same terms. objection: why it does not follow the
+    data, '' where it does.
     """
 
-    free: FreeFit
+    free: Step
     step: Step
     path: tuple[str, ...]
     settled: bool
     objection: str
 
 
-def free_fit(problem: Problem, begun: Start, start: WeakFit) -> FreeFit | None:
-    """The fit in the longest segments in which it is close, or else in those to which halving
-    halved the misfit; None where all diverge.
+def free_fit(begun: Start, start: WeakFit) -> Step | None:
+    """The last step of a fit in which each segment has a first state of its own: in the longest
+    with which it is close, or else those to which halving halved the misfit; None where all
+    diverge.
 
     From a rough start, that of a sensitive system above all, long segments lead astray; ones that
     are shorter than they need be hide what the recording may have wrong.
@@ -143,72 +106,62 @@ def free_fit(problem: Problem, begun: Start, start: WeakFit) -> FreeFit | None:
         if is_spent():
             break
         try:
-            condensed, segments, fit = prepare(problem, begun, start, periods)
-            periods = np.median(np.diff(segments.first)) * condensed.step / begun.period
-            before = fit
+            before = fit = prepare(begun, start, periods)
+            windows = np.median(np.diff(fit.record.segments.first))
+            periods = windows * fit.record.condensed.step / begun.period
             for _ in range(MOST_FREE_PASSES):
-                step = guarded_step(problem, condensed, segments, before, fit, 1, None)
+                step = guarded_step(before, fit, 1, None)
                 before, fit = step.before, step.fit
-                if fit.is_close(condensed):
-                    return FreeFit(condensed, step)
+                if fit.misfit < CLOSE:
+                    return step
         except FloatingPointError:
             continue
         finally:
             periods /= 2.0
-        improving = best is None or (improving and fit.chi2 <= best.step.fit.chi2 / 2.0)
-        best = FreeFit(condensed, step) if improving else best
+        improving = best is None or (improving and fit.chi2 <= best.fit.chi2 / 2.0)
+        best = step if improving else best
     return best
 
 
-def prepare(
-    problem: Problem, begun: Start, start: WeakFit, periods: float
-) -> tuple[Condensed, Segments, Fit]:
-    """Condensed samples, segments of so many periods and first states to integrate them from.
+def prepare(begun: Start, start: WeakFit, periods: float) -> Fit:
+    """The start, with condensed samples, in segments of so many periods, with their first states.
 
     Windows are halved until the Taylor series is accurate over one, segments until the start
     does not diverge within one. Raises FloatingPointError where neither is enough.
     """
     recordings, smoothed, period = begun.recordings, begun.smoothed, begun.period
-    observed, is_rate = channels(recordings)
-    noise = np.array(
-        [
-            channel_noise(recording, one, observed, is_rate)
-            for recording, one in zip(recordings, smoothed, strict=True)
-        ]
-    )
+    problem, n = begun.problem, len(begun.problem.states)
+    sampled = [channels(recording) for recording in recordings]
+    own = np.flatnonzero(np.any([np.isfinite(one).any(axis=0) for one in sampled], axis=0))
+    observed, is_rate = own % n, own >= n
+    told = [channel_noise(*one) for one in zip(recordings, smoothed, strict=True)]
+    noise, known = np.take(np.stack(told, axis=1), own, axis=2)
+    times, sampled = [one.time for one in recordings], [one[:, own] for one in sampled]
     size = np.array([np.std(one.states[:, observed], axis=0) for one in smoothed])
-    known = np.array([known_noise(recording, observed, is_rate) for recording in recordings])
     floor = np.fmax(ROUNDING * np.where(size > 0.0, size, 1.0), known)
     noise = np.where(np.isfinite(noise), np.maximum(noise, floor), 1.0)
     windows = WINDOWS_PER_PERIOD
     length = max(round(windows * periods), 2)
     for _ in range(MOST_HALVINGS):
-        condensed = condense(
-            [recording.time for recording in recordings],
-            [channel_values(recording, observed, is_rate) for recording in recordings],
-            observed,
-            period / windows,
-            is_rate,
-            known,
-        )
+        condensed = condense(times, sampled, observed, period / windows, is_rate, known)
         if problem.inputs:
             inputs = problem.driven(recordings, condensed.first, condensed.step)
             condensed = replace(condensed, inputs=inputs)
-        states, valid = window_states(condensed, recordings, smoothed)
+        states, valid = _window_states(condensed, recordings, smoothed)
         segments = cut(condensed, length, valid)
-        starts = states[segments.first[:-1]]
+        record = Record(problem, condensed, segments, states, floor)
         try:
-            truncation = residuals(problem, condensed, segments, start.free, starts)[1]
+            truncation = residuals(record, start.free, record.starts)[1]
         except FloatingPointError:
             length = max(length // 2, 2)
             continue
         if truncation < TRUNCATION:
-            return condensed, segments, Fit(start.free, start.support, starts, noise, floor, noise)
+            return Fit(record, start.free, start.support, record.starts, noise, noise)
         windows, length = 2 * windows, 2 * length
     raise FloatingPointError("the start diverges, or its time scale is too short")
 
 
-def window_states(
+def _window_states(
     condensed: Condensed, recordings: list[Recording], smoothed: list[Smooth]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Smoothed states where the windows start, (n_windows, n_states), and whether data are near."""
@@ -221,9 +174,7 @@ def window_states(
     return np.concatenate(states), np.concatenate(valid)
 
 
-def join(
-    problem: Problem, free: FreeFit, costs: np.ndarray, dear: float, unseen: bool
-) -> JoinedFit:
+def join(free: Step, costs: np.ndarray, dear: float, unseen: bool) -> JoinedFit:
     """Gauss-Newton with segments joined in chains; terms chosen at every pass but the last ones.
 
     Chains grow from pass to pass until the terms stay the same: about a rough fit, that of too
@@ -235,18 +186,16 @@ def join(
     unseen: whether mixtures of terms go unseen; then what does not settle while terms are chosen
     never will, and the last of the models that follow the data alike is one of them.
     """
-    condensed, step = free.condensed, free.step
-    segments, count = step.segments, len(step.segments.chains)
-    best = _chosen(problem, step.fit, step.information, step.right, dear * costs)
+    step, count = free, len(free.fit.starts)
+    best = _chosen(step.fit, step.information, step.right, dear * costs)
     chain = count if np.array_equal(best, step.fit.support) else CHAIN
     whole, settled = False, False
     try:
         for passed in range(CHOOSING_PASSES if unseen else MOST_PASSES):
             price = max(dear / 2 ** (passed // 2), 1.0)
-            step = guarded_step(
-                problem, condensed, segments, step.before, step.fit, None if whole else chain,
-                price * costs if passed < CHOOSING_PASSES else None,
-            )  # fmt: skip
+            longest = None if whole else chain  # chains that come and go would never settle
+            cost = price * costs if passed < CHOOSING_PASSES else None
+            step = guarded_step(step.before, step.fit, longest, cost)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if price == 1.0 and not step.fit.support.any():
                 raise FloatingPointError("no term stands out of the noise")
@@ -256,14 +205,12 @@ def join(
             if settled:
                 break
             whole = unchanged and was_whole
-            if whole:
-                segments = step.segments  # chains that come and go would never settle
-            else:
+            if not whole:
                 chain = count if unchanged else chain * CHAIN
     except FloatingPointError as error:
         return JoinedFit(free, step, ("left",), False, str(error))
-    misfit = step.fit.chi2 / float(np.sum(condensed.rows))
-    follows = settled or (unseen and was_whole and step.fit.is_close(condensed))
+    misfit = step.fit.misfit
+    follows = settled or (unseen and was_whole and misfit < CLOSE)
     what = "follows the data" if misfit > CLOSE else "is preferred by the data"
     objection = "" if follows else f"no model found that {what}: chi2/n {misfit:.3g}"
     return JoinedFit(free, step, ("settled" if settled else "unsettled",), settled, objection)
@@ -277,15 +224,7 @@ def unseen_mixtures(information: np.ndarray, largest: np.ndarray) -> int:
     return int(np.sum(np.linalg.eigvalsh(information * largest * largest[:, None]) < 1.0))
 
 
-def guarded_step(
-    problem: Problem,
-    condensed: Condensed,
-    segments: Segments,
-    previous: Fit,
-    fit: Fit,
-    longest: float | None,
-    cost: np.ndarray | None,
-) -> Step:
+def guarded_step(previous: Fit, fit: Fit, longest: float | None, cost: np.ndarray | None) -> Step:
     """A step from `fit`, or, where that diverges or raises the misfit, from nearer to `previous`.
 
     The other arguments as in `_gauss_newton`. Raises FloatingPointError where halving the way
@@ -296,38 +235,32 @@ def guarded_step(
         if is_spent():
             raise FloatingPointError(ENDED)
         try:
-            step = _gauss_newton(problem, condensed, segments, fit, longest, cost)
-            if step.fit.is_close(condensed) or step.fit.chi2 < 1.5 * fit.chi2:
+            step = _gauss_newton(fit, longest, cost)
+            if step.fit.misfit < CLOSE or step.fit.chi2 < 1.5 * fit.chi2:
                 return step
         except FloatingPointError:
             pass
         free, starts = (previous.free + fit.free) / 2.0, (previous.starts + fit.starts) / 2.0
         support = previous.support | fit.support
-        fit = replace(previous, free=free, support=support, starts=starts)
+        fit = replace(previous, record=fit.record, free=free, support=support, starts=starts)
     raise FloatingPointError(DIVERGES)
 
 
-def _gauss_newton(
-    problem: Problem,
-    condensed: Condensed,
-    segments: Segments,
-    fit: Fit,
-    longest: float | None,
-    cost: np.ndarray | None,
-) -> Step:
+def _gauss_newton(fit: Fit, longest: float | None, cost: np.ndarray | None) -> Step:
     """Linearise, choose the terms (unless `cost`, of each, is None), move, re-estimate the noise.
 
     The noise is that of the projections, which hold the information: where the noise is not
     white it differs from the noise between samples. longest: as in `chained`, None to keep the
     chains that there are.
     """
-    linear = linearise(problem, condensed, fit.sigma, segments, fit.free, fit.starts)
+    record, linear = fit.record, linearise(fit)
+    condensed, segments = record.condensed, record.segments
     if longest is not None:
         segments = chained(linear, segments, longest)
     quadratic = eliminate(linear, segments, fit.starts)
     information, right, support = quadratic.information, quadratic.right, fit.support
     if cost is not None:
-        support = _chosen(problem, fit, information, right, cost)
+        support = _chosen(fit, information, right, cost)
     # solved for the change: on a long chain, rounding of the coefficients outweighs their noise
     free = np.where(support, fit.free, 0.0)
     rest = right + information @ (fit.free - free)
@@ -336,21 +269,19 @@ def _gauss_newton(
     starts = fit.starts + quadratic.states[:, :, :-1] @ change + quadratic.states[:, :, -1]
     squares = linear.squares * fit.sigma**2
     chains = segments.chains[-1] + 1
-    share = (support.sum() + chains * len(problem.states)) / max(np.count_nonzero(squares), 1)
+    share = (support.sum() + chains * len(record.problem.states)) / max(
+        np.count_nonzero(squares), 1
+    )
     sigma = np.sqrt(squares / np.maximum(condensed.rows - share, 0.2 * condensed.rows + 1.0))
-    moved = replace(
-        fit, free=free, support=support, starts=starts, sigma=np.maximum(sigma, fit.floor),
-        chi2=float(np.sum(squares / fit.reference**2)),
+    moved = Fit(
+        replace(record, segments=segments), free, support, starts, np.maximum(sigma, record.floor),
+        fit.reference, float(np.sum(squares / fit.reference**2)),
     )  # fmt: skip
-    return Step(
-        fit, moved, information, right - information @ change,
-        float(change @ information @ change), quadratic.gap, segments,
-    )  # fmt: skip
+    decrement = float(change @ information @ change)
+    return Step(fit, moved, information, right - information @ change, decrement, quadratic.gap)
 
 
-def _chosen(
-    problem: Problem, fit: Fit, information: np.ndarray, right: np.ndarray, cost: np.ndarray
-) -> np.ndarray:
+def _chosen(fit: Fit, information: np.ndarray, right: np.ndarray, cost: np.ndarray) -> np.ndarray:
     """The best support found, from all candidates and from the terms of the fit."""
-    tried = [np.ones(len(fit.support), bool), fit.support]
-    return select(information, right, tried, cost, problem.chosen_about(fit.free))
+    tried, about = [np.ones(len(fit.support), bool), fit.support], fit.record.problem.chosen_about
+    return select(information, right, tried, cost, about(fit.free))

@@ -24,24 +24,12 @@ from galloping.identification.likelihood.selection import (
 )
 from galloping.identification.model import RANGE, IdentifiedModel
 from galloping.intervals import QUANTILES_90
-from galloping.polynomial import term_name
 from galloping.recording import Recording
 
 # Weight that the plausible supports without one of the terms found may have together: at most one
 # in fifty of all models that are `ok` holds a false term. Measured on 982 fits to random lines
 # (seed 314159): 11 of 692 hold a false term; with 0.3 it would be 17 of 711.
 MOST_RIVAL_WEIGHT = 0.2
-# Limit of a term as simple as the simplest of its equation, as a share of that equation, from which
-# a model without the term is not `ok`. Measured (seed 777001), the prior always heard: of Lorenz in
-# the settings of `trials.published` 140 of 178 models would be `ok` without it, of which 29 lack a
-# term or have a false one; with 0.4, 107 and 2, with 0.25, 89 and none. Of a cubic oscillator with
-# 40 % noise 5 of 6, all wrong; with 0.4 one, with 0.25 none. Of ten published systems 94 of 97
-# sound ones stay, of random lines all 38.
-SIZEABLE = 0.25
-# Rate at which noise alone raises a doubt about a model that lacks no term, over all terms that
-# could be added and over all pairs of them.
-FALSE_DOUBT_RATE = 0.001  # with 0.005, 55 of 1,000 models were doubted for it alone, 5 wrong
-
 FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noise
 
 
@@ -88,7 +76,9 @@ def judged(
         hidden = hidden_term(problem, support, limits, regression.largest)
         questions = open_questions(problem, whitened, believed)
         reason = "; ".join(filter(None, [doubt, questions, hidden]))
-        told = told_by_prior(problem, plausible)
+        share, rival = _rival(problem, plausible)
+        if problem.prior and share > MOST_RIVAL_WEIGHT:
+            told = f"the data alone cannot tell {rival}; the prior prefers the simpler terms"
         errors = unconditional_errors(plausible, errors)
     conditional = np.full(len(support), np.nan)
     conditional[support] = np.sqrt(np.diag(covariance))
@@ -109,9 +99,8 @@ def agree(found: list[IdentifiedModel]) -> bool:
     """Whether the last of models from several starts and one before have the same terms and follow
     the data.
     """
-    *before, last = [one for one in found if one.status in FOLLOW] or [None]
-    last_follows = last is not None and last is found[-1]
-    return last_follows and any(np.array_equal(one.support, last.support) for one in before)
+    before = [one for one in found[:-1] if one.status in FOLLOW and found[-1].status in FOLLOW]
+    return any(np.array_equal(one.support, found[-1].support) for one in before)
 
 
 def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
@@ -184,22 +173,19 @@ def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -
     """One line on why the terms found are not settled, '' where they are.
 
     They are not where the plausible supports without one of them weigh more than MOST_RIVAL_WEIGHT
-    together, or where an absent term, or a pair, improves the fit more than
-    noise does but for a rate of FALSE_DOUBT_RATE, yet less than selection asks.
+    together, or where an absent term, or a pair, improves the fit more than noise does, yet less
+    than selection asks.
     """
-    names = _names(problem)
-    reasons = []
-    share, rival = _rival(plausible)
-    if share > MOST_RIVAL_WEIGHT:
-        reasons.append(
-            f"the data cannot tell {_difference(names, plausible, rival)}; supports without a "
-            f"term found weigh {share:.2g}"
-        )
+    share, told = _rival(problem, plausible)
+    reasons = [f"the data cannot tell {told}; supports without a term found weigh {share:.2g}"]
+    reasons = reasons if share > MOST_RIVAL_WEIGHT else []
     here = tableau(whitened, plausible.supports[0])
     alone = np.arange(len(here.out))[None]
     for places, falls in ((alone, here.additions()), (here.two, here.pairs())):
-        if len(falls) and falls.max() > chdtri(len(places), FALSE_DOUBT_RATE / len(falls)):
-            added = " with ".join(names[here.out[k]] for k in places[:, np.argmax(falls)])
+        # noise alone raises a doubt once in a thousand over all terms that could be added, and over
+        # all pairs; with 0.005, 55 of 1,000 models were doubted for it alone, 5 wrong
+        if len(falls) and falls.max() > chdtri(len(places), 0.001 / len(falls)):
+            added = problem.named(here.out[places[:, np.argmax(falls)]])
             reasons.append(
                 f"{added} is plausible, below the limit of selection (chi2 {-falls.max():+.1f})"
             )
@@ -220,42 +206,24 @@ def hidden_term(
     asked = ~support & (degrees <= np.maximum(simplest, 1))
     share = np.where(asked, limits / np.maximum(largest, np.finfo(float).tiny), 0.0)
     k = int(np.argmax(share))
-    if share[k] < SIZEABLE:
+    # measured (seed 777001), the prior always heard: of Lorenz as in `trials.published` 140 of 178
+    # models would be `ok` without this, of which 29 lack a term or have a false one; with 0.4, 107
+    # and 2, with 0.25, 89 and none. Of a cubic oscillator with 40 % noise 5 of 6, all wrong; with
+    # 0.4 one, with 0.25 none. Of ten published systems 94 of 97 sound ones stay, of random lines 38
+    if share[k] < 0.25:
         return ""
     much = "all" if share[k] >= 1.0 else f"{100.0 * share[k]:.0f} %"
-    return f"{_names(problem)[k]} may be missing: the data would not show {much} of its equation"
+    return f"{problem.named([k])} may be missing: the data would not show {much} of its equation"
 
 
-def told_by_prior(problem: Problem, plausible: Plausible) -> str:
-    """One line on what the data do not tell without the prior, '' where they tell all.
-
-    plausible: weighed by the data alone.
+def _rival(problem: Problem, plausible: Plausible) -> tuple[float, str]:
+    """What the supports without one of the terms found weigh together, and in words in what the
+    heaviest of them differs.
     """
-    share, rival = _rival(plausible)
-    if problem.prior is None or share <= MOST_RIVAL_WEIGHT:
-        return ""
-    return (
-        f"the data alone cannot tell {_difference(_names(problem), plausible, rival)}; the prior "
-        "prefers the simpler terms"
-    )
-
-
-def _names(problem: Problem) -> list[str]:
-    return [
-        f"{term_name(problem.terms[j], problem.names)} in d({problem.states[i]})/dt"
-        for i, j in problem.candidates
-    ]
-
-
-def _rival(plausible: Plausible) -> tuple[float, int]:
-    """What the supports without one of the terms found weigh together, and the heaviest of them."""
-    whole = plausible.supports[:, plausible.supports[0]].all(axis=1)
-    lacking = np.where(whole, 0.0, plausible.weight)
-    return float(lacking.sum()), int(np.argmax(lacking))
-
-
-def _difference(names: list[str], plausible: Plausible, rival: int) -> str:
-    support, other = plausible.supports[0], plausible.supports[rival]
-    gone = " with ".join(names[k] for k in np.flatnonzero(support & ~other))
-    instead = " with ".join(names[k] for k in np.flatnonzero(other & ~support)) or "nothing"
-    return f"{gone} from {instead} (chi2 {plausible.chi2[rival] - plausible.chi2[0]:+.1f})"
+    support = plausible.supports[0]
+    lacking = np.where(plausible.supports[:, support].all(axis=1), 0.0, plausible.weight)
+    rival = int(np.argmax(lacking))
+    other, rise = plausible.supports[rival], plausible.chi2[rival] - plausible.chi2[0]
+    gone = problem.named(np.flatnonzero(support & ~other))
+    instead = problem.named(np.flatnonzero(other & ~support)) or "nothing"
+    return float(lacking.sum()), f"{gone} from {instead} (chi2 {rise:+.1f})"

@@ -8,46 +8,32 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.interpolate import BSpline
 from scipy.linalg import lapack
 
-from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.shooting import HUGE, MOST_HALVINGS, Segments
-from galloping.taylor import system
+from galloping.identification.likelihood.shooting import HUGE, MOST_HALVINGS, Record
 
 # Periods of a stretch. Measured: with 3 to 6 a model's error hides in the jumps, and amplitudes are
 # up to three times as far off; with 20 or more gusts do not, and dampings are.
 STRETCH_PERIODS = 10
-QUIET = 0.03  # size of a motion, relative to the whole record's, below which jumps stay as large
-COVARIANCE_RIDGE = 1e-9  # of a misfit's variance, so that its covariance can be factored
 STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
 
 
-@dataclass(frozen=True)
-class Record:
-    """What is fitted. segments: of some periods each; their chains are not looked at. states:
-    (n_windows, n_states) smoothed, from which the iteration and the forecasts start. floor:
-    (n_recordings, n_observed) least noise of the projections.
-    """
-
-    problem: Problem
-    condensed: Condensed
-    segments: Segments
-    states: np.ndarray
-    floor: np.ndarray
+class Stretches(Record):
+    """A record in segments of some periods each, whose chains are not looked at."""
 
     @cached_property
     def size(self) -> np.ndarray:
-        """(n_segments,) root mean square of the motion in each, relative to the whole record."""
+        """(n_segments,) root mean square of the motion in each, relative to the whole record, and
+        a few percent: jumps are no smaller where it rests.
+        """
         mean = np.mean(self.states**2, axis=0) + np.finfo(float).tiny
         squares = np.mean(self.states**2 / mean, axis=1)
         first = self.segments.first
-        return np.sqrt(np.add.reduceat(squares, first[:-1]) / np.diff(first) + QUIET**2)
+        return np.sqrt(np.add.reduceat(squares, first[:-1]) / np.diff(first) + 0.03**2)
 
     @cached_property
     def present(self) -> np.ndarray:
@@ -59,11 +45,6 @@ class Record:
         """Windows of the longest segment."""
         return int(np.diff(self.segments.first).max())
 
-    @property
-    def starts(self) -> np.ndarray:
-        """(n_segments, n_states) smoothed states at the beginning of each segment."""
-        return self.states[self.segments.first[:-1]]
-
     @cached_property
     def followed(self) -> np.ndarray:
         """Indices of the segments that another one of the same recording follows."""
@@ -73,16 +54,65 @@ class Record:
         """Of a jump after each segment; jump: its covariance at full motion."""
         return np.linalg.inv(jump) / self.size[:, None, None] ** 2
 
+    def predictions(
+        self, free: np.ndarray, starts: np.ndarray, segments: slice = slice(None)
+    ) -> np.ndarray:
+        """(n_windows, n_observed, n_rows) projections of the solution over consecutive segments,
+        not finite where it diverges. starts: (n, n_states) of these.
+        """
+        first = self.segments.first
+        begin, end, _ = segments.indices(len(first) - 1)
+        compiled = self.problem.compiled(free, self.problem.candidates[:0])
+        with np.errstate(all="ignore"):
+            predicted = self.condensed.solution(compiled, first[begin : end + 1], starts, False)[0]
+        return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
+
+    def of_variance(self, variance: np.ndarray) -> np.ndarray:
+        """(n_recordings, 1, n_observed, n_rows) white misfit of a variance (n_recordings,
+        n_observed).
+        """
+        return np.repeat(variance[:, None, :, None], self.condensed.targets.shape[2], axis=3)
+
+    def white_misfit(self, residual: np.ndarray) -> np.ndarray:
+        """Mean squares of a residual, at least the floor, as `of_variance`."""
+        squares = self.condensed.squares(residual) / np.maximum(self.condensed.rows, 1)
+        return self.of_variance(np.maximum(squares, self.floor**2))
+
+    def coloured_misfit(self, residual: np.ndarray) -> np.ndarray:
+        """(n_recordings, n_lags, n_observed, n_rows) autocovariance of a residual, and the floor.
+
+        It falls to zero over the longest segment, as a Parzen window, by which its spectrum is
+        smooth. What a model lacks recurs with the motion: were it taken for white noise, it would
+        count as many times as there are windows.
+        """
+        first, n_lags = self.condensed.first, self.longest
+        lags = np.arange(n_lags) / (n_lags + 0.5)
+        # Parzen's window, up to its height and width; `scipy.signal`, which has it, imports slowly
+        parzen = BSpline.basis_element([-2, -1, 0, 1, 2])
+        taper = (parzen(2 * lags) / parzen(0.0))[:, None, None]
+        misfit = np.empty((len(first) - 1, n_lags, *residual.shape[1:]))
+        for r, (a, b) in enumerate(pairwise(first)):
+            length = next_fast_len(b - a + n_lags, real=True)
+            power = np.abs(rfft(residual[a:b], length, axis=0)) ** 2
+            count = np.maximum(self.present[a:b].sum(axis=0), 1)
+            misfit[r] = taper * irfft(power, length, axis=0)[:n_lags] / count
+        # so that its covariance can be factored
+        misfit[:, 0] = (1.0 + 1e-9) * misfit[:, 0] + self.floor[:, :, None] ** 2
+        return misfit
+
 
 @dataclass(frozen=True)
 class Linear:
     """Normal equations of every segment in m unknowns, n coefficients and the segment's state.
 
-    information: (n_segments, m, m); right: (n_segments, m). residual: (n_windows, n_observed,
-    n_rows). ends: (n_segments, n_states), and their derivatives: by_coefficients (n_segments,
-    n_states, n), by_state (n_segments, n_states, n_states).
+    free, starts: (n,), (n_segments, n_states), about which they are. information: (n_segments, m,
+    m); right: (n_segments, m). residual: (n_windows, n_observed, n_rows). ends: (n_segments,
+    n_states), and their derivatives: by_coefficients (n_segments, n_states, n), by_state
+    (n_segments, n_states, n_states).
     """
 
+    free: np.ndarray
+    starts: np.ndarray
     information: np.ndarray
     right: np.ndarray
     residual: np.ndarray
@@ -93,7 +123,7 @@ class Linear:
 
 @dataclass(frozen=True)
 class Joint:
-    """Normal equations of the coefficients, the segments' states eliminated.
+    """Normal equations of the coefficients, with their priors, the segments' states eliminated.
 
     response: (n_segments, n_states, n + 1), of the states to a change of the coefficients, and
     constant. variance, covariance: (n_segments, n_states, n_states), of each state, and of each
@@ -106,86 +136,9 @@ class Joint:
     variance: np.ndarray
     covariance: np.ndarray
 
-    def with_prior(self, problem: Problem, free: np.ndarray) -> Self:
-        """With the priors of single coefficients; free: (n,) those about which it is linearised."""
-        information, right = problem.with_prior(self.information, self.right, free)
-        return replace(self, information=information, right=right)
-
-
-def predictions(
-    record: Record, free: np.ndarray, starts: np.ndarray, segments: slice = slice(None)
-) -> np.ndarray:
-    """(n_windows, n_observed, n_rows) projections of the solution over consecutive segments, not
-    finite where it diverges. starts: (n, n_states) of these.
-    """
-    problem, condensed, first = record.problem, record.condensed, record.segments.first
-    begin, end, _ = segments.indices(len(first) - 1)
-    compiled = system(problem.tables, problem.coefficients(free), problem.candidates[:0])
-    with np.errstate(all="ignore"):
-        predicted = condensed.solution(compiled, first[begin : end + 1], starts, False)[0]
-    return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
-
-
-def whitening(record: Record, misfit: np.ndarray) -> Callable[[np.ndarray, slice, int], np.ndarray]:
-    """What makes projections of a segment independent and of variance one.
-
-    misfit: as of `StretchFit`. It takes the rows (n_windows, n_observed, n_rows, m) of a segment,
-    the segment's windows and its recording, and gives rows that are zero where those are absent.
-    """
-    if misfit.shape[1] == 1:  # white
-        weight = 1.0 / np.sqrt(misfit[:, 0, :, :, None])
-        return lambda rows, own, recording: rows * weight[recording]
-    apart = np.abs(np.subtract.outer(np.arange(record.longest), np.arange(record.longest)))
-    covariance = np.moveaxis(misfit, 1, -1)[..., apart]
-    factors = np.linalg.cholesky(covariance)
-
-    def whitened(rows: np.ndarray, own: slice, recording: int) -> np.ndarray:
-        found, n = np.zeros(rows.shape), len(rows)
-        for o, k in np.ndindex(rows.shape[1:3]):
-            at = np.flatnonzero(record.present[own, o, k])
-            if not len(at):  # LAPACK prints a message where there are none
-                continue
-            factor = factors[recording, o, k, :n, :n]
-            if len(at) < n:
-                factor = np.linalg.cholesky(covariance[recording, o, k][np.ix_(at, at)])
-            # `scipy.linalg.solve_triangular` takes three times as long for so few rows
-            found[at, o, k] = lapack.dtrtrs(factor.T, rows[at, o, k], lower=0, trans=1)[0]
-        return found
-
-    return whitened
-
-
-def white_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
-    """(n_recordings, 1, n_observed, n_rows) mean squares of a residual, at least the floor."""
-    squares = record.condensed.squares(residual) / np.maximum(record.condensed.rows, 1)
-    return of_variance(record, np.maximum(squares, record.floor**2))
-
-
-def of_variance(record: Record, variance: np.ndarray) -> np.ndarray:
-    """The misfit that is white, of a variance (n_recordings, n_observed)."""
-    return np.repeat(variance[:, None, :, None], record.condensed.targets.shape[2], axis=3)
-
-
-def coloured_misfit(record: Record, residual: np.ndarray) -> np.ndarray:
-    """(n_recordings, n_lags, n_observed, n_rows) autocovariance of a residual, and the floor.
-
-    It falls to zero over the longest segment, as a Parzen window, by which its spectrum is smooth.
-    What a model lacks recurs with the motion: were it taken for white noise, it would count as
-    many times as there are windows.
-    """
-    first, n_lags = record.condensed.first, record.longest
-    lags = np.arange(n_lags) / (n_lags + 0.5)
-    # Parzen's window, up to its height and width: `scipy.signal`, which has it, is slow to import
-    parzen = BSpline.basis_element([-2, -1, 0, 1, 2])
-    taper = (parzen(2 * lags) / parzen(0.0))[:, None, None]
-    misfit = np.empty((len(first) - 1, n_lags, *residual.shape[1:]))
-    for r, (a, b) in enumerate(pairwise(first)):
-        length = next_fast_len(b - a + n_lags, real=True)
-        power = np.abs(rfft(residual[a:b], length, axis=0)) ** 2
-        count = np.maximum(record.present[a:b].sum(axis=0), 1)
-        misfit[r] = taper * irfft(power, length, axis=0)[:n_lags] / count
-    misfit[:, 0] = (1.0 + COVARIANCE_RIDGE) * misfit[:, 0] + record.floor[:, :, None] ** 2
-    return misfit
+    def moved(self, change: np.ndarray) -> np.ndarray:
+        """(n_segments, n_states) change of the states with one of the coefficients (n,)."""
+        return self.response[:, :, :-1] @ change + self.response[:, :, -1]
 
 
 @dataclass(frozen=True)
@@ -195,7 +148,7 @@ class StretchFit:
     zero beyond the last. jump: (n_states, n_states) covariance at full motion.
     """
 
-    record: Record
+    record: Stretches
     free: np.ndarray
     support: np.ndarray
     starts: np.ndarray
@@ -207,11 +160,11 @@ class StretchFit:
         """Misfit of every segment about the fit. Raises FloatingPointError where that diverges."""
         record = self.record
         problem, condensed, segments = record.problem, record.condensed, record.segments
-        compiled = system(problem.tables, problem.coefficients(self.free), problem.candidates)
+        compiled = problem.compiled(self.free, problem.candidates)
         count, n = len(self.starts), len(self.free)
         m = n + self.starts.shape[1]
         information, right = np.empty((count, m, m)), np.empty((count, m))
-        residual, whitened = np.empty(condensed.targets.shape), whitening(record, self.misfit)
+        residual, whitened = np.empty(condensed.targets.shape), self._whitening()
         ends, slopes = np.empty(self.starts.shape), np.empty((*self.starts.shape, m))
         for g in range(count):  # one by one: the rows of a long recording do not fit in memory
             own = slice(segments.first[g], segments.first[g + 1])
@@ -225,7 +178,38 @@ class StretchFit:
             both = whitened(both, own, segments.recording[g]).reshape(-1, m + 1)
             products = both.T @ both
             information[g], right[g] = products[:m, :m], products[:m, m]
-        return Linear(information, right, residual, ends, slopes[:, :, :n], slopes[:, :, n:])
+        return Linear(
+            self.free, self.starts, information, right, residual, ends, slopes[:, :, :n],
+            slopes[:, :, n:],
+        )  # fmt: skip
+
+    def _whitening(self) -> Callable[[np.ndarray, slice, int], np.ndarray]:
+        """What makes projections of a segment independent and of variance one.
+
+        It takes the rows (n_windows, n_observed, n_rows, m) of a segment, the segment's windows and
+        its recording, and gives rows that are zero where those are absent.
+        """
+        if self.misfit.shape[1] == 1:  # white
+            weight = 1.0 / np.sqrt(self.misfit[:, 0, :, :, None])
+            return lambda rows, own, recording: rows * weight[recording]
+        lags = np.arange(self.record.longest)
+        covariance = np.moveaxis(self.misfit, 1, -1)[..., np.abs(np.subtract.outer(lags, lags))]
+        factors = np.linalg.cholesky(covariance)
+
+        def whitened(rows: np.ndarray, own: slice, recording: int) -> np.ndarray:
+            found, n = np.zeros(rows.shape), len(rows)
+            for o, k in np.ndindex(rows.shape[1:3]):
+                at = np.flatnonzero(self.record.present[own, o, k])
+                if not len(at):  # LAPACK prints a message where there are none
+                    continue
+                factor = factors[recording, o, k, :n, :n]
+                if len(at) < n:
+                    factor = np.linalg.cholesky(covariance[recording, o, k][np.ix_(at, at)])
+                # `scipy.linalg.solve_triangular` takes three times as long for so few rows
+                found[at, o, k] = lapack.dtrtrs(factor.T, rows[at, o, k], lower=0, trans=1)[0]
+            return found
+
+        return whitened
 
 
 def integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
@@ -245,18 +229,14 @@ def integrable(fit: StretchFit, following: StretchFit) -> StretchFit:
 
 
 def joint(
-    record: Record,
-    linear: Linear,
-    starts: np.ndarray,
-    precision: np.ndarray,
-    left_out: np.ndarray | None = None,
+    record: Stretches, linear: Linear, precision: np.ndarray, left_out: np.ndarray | None = None
 ) -> Joint:
     """Eliminate the states of segments, each of which follows the one before up to a jump.
 
-    starts: (n_segments, n_states). precision: (n_segments, n_states, n_states) of the jump from
-    each to the next. left_out: (n_segments,) whose data, and whose jumps to and from them, do not
-    count.
+    precision: (n_segments, n_states, n_states) of the jump from each to the next. left_out:
+    (n_segments,) whose data, and whose jumps to and from them, do not count.
     """
+    starts = linear.starts
     count, n_states = starts.shape
     n = linear.right.shape[1] - n_states
     used = np.ones(count) if left_out is None else (~left_out).astype(float)
@@ -301,29 +281,21 @@ def joint(
     information = information - flat[:, :n].T @ back[:, :n]
     right = right - flat[:, :n].T @ back[:, n]
     response = np.concatenate([-solved[:, :, :n], solved[:, :, n:]], axis=2)
-    return Joint((information + information.T) / 2.0, right, response, variance, covariance)
-
-
-def moved(solved: Joint, change: np.ndarray) -> np.ndarray:
-    """(n_segments, n_states) change of the states with one of the coefficients (n,)."""
-    return solved.response[:, :, :-1] @ change + solved.response[:, :, -1]
+    information = (information + information.T) / 2.0
+    both = record.problem.with_prior(information, right, linear.free)
+    return Joint(*both, response, variance, covariance)
 
 
 def jump_covariance(
-    record: Record,
-    linear: Linear,
-    starts: np.ndarray,
-    solved: Joint,
-    change: np.ndarray,
-    at: np.ndarray,
+    record: Stretches, linear: Linear, solved: Joint, change: np.ndarray, at: np.ndarray
 ) -> np.ndarray:
     """(n_states, n_states) expected covariance of the states' jumps at full motion, given the data.
 
-    starts, change: of segments and coefficients, as of `joint` and `moved`. at: (n,) segments after
-    which the state jumps. What a segment begins with may have more entries than the states.
+    change: of coefficients. at: (n,) segments after which the state jumps. What a segment begins
+    with may have more entries than the states.
     """
     n_states, by_state = record.states.shape[1], linear.by_state[at]
-    step = moved(solved, change)
+    starts, step = linear.starts, solved.moved(change)
     ends = linear.ends[at] + linear.by_coefficients[at] @ change
     ends += np.einsum("gij,gj->gi", by_state, step[at])
     gap = starts[at + 1] + step[at + 1] - ends

@@ -13,10 +13,7 @@ from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.smoothing import GRID_PER_PERIOD, Smooth
 from galloping.polynomial import design_matrix
 
-# The weak form. Test functions (1 - u^2)^5 with a radius of half a period, in steps of the grid:
-# they keep 0.68 of a sine of that period and 0.18 of half of it; a third of the radius apart.
-TEST_STRIDE, TEST_SHARPNESS = GRID_PER_PERIOD // 6, 5
-BATCH_OF_TESTS = 4096  # whose errors are linearised at once: what they need is 3 kB each
+TEST_STRIDE = GRID_PER_PERIOD // 6  # of the grid between test functions, a third of their radius
 
 
 def whitened_weak_form(
@@ -29,7 +26,7 @@ def whitened_weak_form(
     n_terms), the linearisation of the errors; without them the rows are only scaled. Returns the
     design (n_rows, n_candidates) and the right-hand side (n_rows,).
     """
-    phi, slope = _bump(smooth.time[1] - smooth.time[0])
+    phi, slope = _bump(smooth)
     n_states = len(problem.states)
     usable = np.all(sliding_window_view(smooth.valid, len(phi))[::TEST_STRIDE], axis=1)
     keep = [i for i in range(n_states) if smooth.derived[i] < 0 or i in problem.unknown]
@@ -46,17 +43,24 @@ def whitened_weak_form(
         rows /= np.sqrt(np.mean(moments[:, keep] ** 2, axis=0)) + np.finfo(float).tiny
         white = rows.reshape(len(rows), -1).T.copy()
     else:
-        bands = _covariance(problem, smooth, coefficients, phi, slope, usable, keep)
-        white = _whiten(bands, rows.reshape(len(rows), -1).T)
+        bands = _covariance(problem, smooth, coefficients, usable, keep)
+        factor, info = lapack.dpbtrf(bands, lower=1)
+        if info:
+            raise np.linalg.LinAlgError("the covariance of the weak form is not positive definite")
+        flat = rows.reshape(len(rows), -1).T
+        white, _ = lapack.dtbtrs(factor, flat, uplo="L", overwrite_b=1)
     return white[:, :-1], white[:, -1]
 
 
-def _bump(spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Test function and its derivative at the grid points inside the support, times `spacing`."""
-    radius = GRID_PER_PERIOD // 2
+def _bump(smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
+    """Test function and its derivative at the grid points inside the support, times their spacing.
+
+    (1 - u^2)^5, of a radius of half a period, keeps 0.68 of a sine of that period and 0.18 of half.
+    """
+    spacing, radius = smooth.time[1] - smooth.time[0], GRID_PER_PERIOD // 2
     tau = np.arange(1 - radius, radius) / radius
-    phi = (1.0 - tau**2) ** TEST_SHARPNESS
-    slope = -2.0 * TEST_SHARPNESS * tau * (1.0 - tau**2) ** (TEST_SHARPNESS - 1)
+    phi = (1.0 - tau**2) ** 5
+    slope = -10.0 * tau * (1.0 - tau**2) ** 4
     return phi * spacing, slope / (radius * spacing) * spacing
 
 
@@ -67,34 +71,29 @@ def _tested(series: np.ndarray, phi: np.ndarray) -> np.ndarray:
 
 
 def _covariance(
-    problem: Problem,
-    smooth: Smooth,
-    coefficients: np.ndarray,
-    phi: np.ndarray,
-    slope: np.ndarray,
-    usable: np.ndarray,
-    keep: list[int],
+    problem: Problem, smooth: Smooth, coefficients: np.ndarray, usable: np.ndarray, keep: list[int]
 ) -> np.ndarray:
     """Covariance of the rows by test and by kept equation, as lower bands (width, n_rows).
 
     usable: (n_tests,); the rows of the other tests, all zero, get a variance of one.
     """
-    n_tests, n_rows = len(usable), len(keep)
-    reach = (len(phi) - 1) // TEST_STRIDE
+    n_tests, n_rows, width = len(usable), len(keep), len(_bump(smooth)[0])
+    reach = (width - 1) // TEST_STRIDE
     bands = np.zeros((n_rows * (reach + 1), n_tests * n_rows))
     a, b = np.meshgrid(np.arange(n_rows), np.arange(n_rows), indexing="ij")
-    for begin in range(0, n_tests, BATCH_OF_TESTS):
-        end = min(begin + BATCH_OF_TESTS, n_tests)
+    batch = 4096  # whose errors are linearised at once: what they need is 3 kB each
+    for begin in range(0, n_tests, batch):
+        end = min(begin + batch, n_tests)
         last = min(end + reach, n_tests)
-        points = slice(begin * TEST_STRIDE, (last - 1) * TEST_STRIDE + len(phi))
-        influence = _noise_influence(problem, smooth, points, coefficients, phi, slope)[:, keep]
+        points = slice(begin * TEST_STRIDE, (last - 1) * TEST_STRIDE + width)
+        influence = _noise_influence(problem, smooth, points, coefficients)[:, keep]
         influence[~usable[begin:last]] = 0.0
         for lag in range(min(reach, n_tests - 1) + 1):
             shift, count = lag * TEST_STRIDE, min(end, n_tests - lag) - begin
             if count <= 0:
                 break
             early = influence[:count, :, :, shift:].reshape(count, n_rows, -1)
-            late = influence[lag : lag + count, :, :, : len(phi) - shift]
+            late = influence[lag : lag + count, :, :, : width - shift]
             block = late.reshape(count, n_rows, -1) @ early.transpose(0, 2, 1)
             below = lag * n_rows + a - b
             column = np.arange(begin, begin + count)[:, None, None] * n_rows + b
@@ -105,18 +104,13 @@ def _covariance(
 
 
 def _noise_influence(
-    problem: Problem,
-    smooth: Smooth,
-    points: slice,
-    coefficients: np.ndarray,
-    phi: np.ndarray,
-    slope: np.ndarray,
+    problem: Problem, smooth: Smooth, points: slice, coefficients: np.ndarray
 ) -> np.ndarray:
     """(n_tests, n_states, n_states, n_points): derivative of each row by unit noise samples.
 
     points: those of the grid that the tests reach.
     """
-    n_states, table = smooth.states.shape[1], problem.tables
+    n_states, table, (phi, slope) = smooth.states.shape[1], problem.tables, _bump(smooth)
     signals = problem.signals(smooth.states[points], smooth.inputs[points])
     theta = design_matrix(signals, table.monomials)
     jacobian = np.empty((len(theta), n_states, n_states))
@@ -139,12 +133,3 @@ def _noise_influence(
             influence[:, :, state] = 0.0
     sigma = np.where(smooth.derived >= 0, 0.0, smooth.sigma)
     return influence * sigma[:, None]
-
-
-def _whiten(bands: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """`rows` times the inverse Cholesky factor of their banded covariance, in their place."""
-    factor, info = lapack.dpbtrf(bands, lower=1)
-    if info:
-        raise np.linalg.LinAlgError("the covariance of the weak form is not positive definite")
-    white, info = lapack.dtbtrs(factor, rows, uplo="L", overwrite_b=1)
-    return white

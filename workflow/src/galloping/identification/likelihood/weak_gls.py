@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from galloping.arrays import one_thread
-from galloping.identification.likelihood.inputs import check_question, checked_recordings, driven
+from galloping.identification.likelihood.inputs import asked, checked_recordings, driven
 from galloping.identification.likelihood.integrals import with_integrals
-from galloping.identification.likelihood.problem import Problem, largest, posed
+from galloping.identification.likelihood.problem import Problem, largest
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.smoothing import Smooth, shortest_period
@@ -20,11 +20,6 @@ from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
 
-WEAK_ITERATIONS = 3  # of the weights: the coefficients then move by less than their errors
-# Periods of the stretch of a long recording that a start is fitted to. Measured: of the default
-# line's 70 candidates, 14 of them true, the weak form keeps 25 over the first 1,000 periods, and 63
-# over 40,000, with which the model diverges.
-START_PERIODS = 1000
 MOST_MISFIT = 3.0  # chi^2 per row: linearised errors explain no more
 
 
@@ -54,14 +49,12 @@ def prepared(
     period = share * shortest_period(whole)
     pairs = [smooth_without_outliers(without_faults(one, period), period) for one in whole]
     cleaned, curves = zip(*pairs, strict=True)
-    cleaned = [_measured(*each) for each in zip(cleaned, recordings, strict=True)]
+    measured = [np.isfinite(given.values).any(axis=0) for given in recordings]
+    cleaned = [  # without values of channels that were not given
+        replace(one, values=np.where(own, one.values, np.nan))
+        for one, own in zip(cleaned, measured, strict=True)
+    ]
     return cleaned, list(curves), period
-
-
-def _measured(recording: Recording, given: Recording) -> Recording:
-    """The recording without values of channels that the given one does not have."""
-    missing = ~np.isfinite(given.values).any(axis=0)
-    return replace(recording, values=np.where(missing, np.nan, recording.values))
 
 
 def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
@@ -73,7 +66,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     n = len(problem.candidates)
     support = np.ones(n, bool)
     coefficients = None
-    for _ in range(WEAK_ITERATIONS + 1):
+    for _ in range(1 + 3):  # after three weighings coefficients move by less than their errors
         passing("start from the weak form")
         systems = [whitened_weak_form(problem, one, coefficients) for one in smoothed]
         information = sum(a.T @ a for a, _ in systems)
@@ -94,36 +87,47 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
 
 @dataclass(frozen=True)
 class Start:
-    """Where the methods begin: `prepared` recordings, worth of a term, and the weak fit."""
+    """Where the methods begin: `prepared` recordings, worth of a term, and the weak fit.
 
+    samples: of the recordings as they were given.
+    """
+
+    problem: Problem
     recordings: list[Recording]
     smoothed: list[Smooth]
     period: float
     penalty: float
     fit: WeakFit
+    samples: int
+
+    @property
+    def costs(self) -> np.ndarray:
+        """(n_candidates,) of the terms, in units of chi^2."""
+        return self.problem.costs(self.penalty)
+
+    @property
+    def largest(self) -> np.ndarray:
+        """(n_candidates,) as in `problem.largest`, of the smooth curves."""
+        rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in self.smoothed]
+        values = [one.values[one.valid] for one in self.smoothed]
+        return largest(self.problem, np.concatenate(values), np.concatenate(rates))
 
 
 def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
     """The start from recordings. share: as in `prepared`. Raises what it and `weak_fit` raise."""
-    recordings, smoothed, period = prepared(recordings, share)
-    penalty = 2.0 * np.log(sum(recording.samples for recording in recordings))
-    fit = weak_fit(problem, smoothed, penalty)
-    return Start(recordings, smoothed, period, penalty, fit)
+    cleaned, smoothed, period = prepared(recordings, share)
+    penalty = 2.0 * np.log(sum(recording.samples for recording in cleaned))
+    fit, samples = weak_fit(problem, smoothed, penalty), sum(one.samples for one in recordings)
+    return Start(problem, cleaned, smoothed, period, penalty, fit, samples)
 
 
-def largest_terms(problem: Problem, smoothed: list[Smooth]) -> np.ndarray:
-    """(n_candidates,) as in `problem.largest`, of smooth curves."""
-    rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in smoothed]
-    values = [one.values[one.valid] for one in smoothed]
-    return largest(problem, np.concatenate(values), np.concatenate(rates))
-
-
-def rough_fit(problem: Problem, start: Start) -> WeakFit:
+def rough_fit(start: Start) -> WeakFit:
     """The weak fit of the start, that of long recordings to the stretch of each that tells most.
 
     The longer a motion has settled, the more the errors of the weak form, small but the same in
     every period, outweigh what the rest of a recording says about motions beside that one.
     """
+    problem = start.problem
     stretches = [_telling(problem, one, start.period) for one in start.smoothed]
     if all(own is one for own, one in zip(stretches, start.smoothed, strict=True)):
         return start.fit
@@ -131,12 +135,14 @@ def rough_fit(problem: Problem, start: Start) -> WeakFit:
 
 
 def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
-    """The stretch of some START_PERIODS in which the moments of the library are most diverse: their
+    """The stretch of some 1,000 periods in which the moments of the library are most diverse: their
     determinant is the largest (D-optimality, J. Kiefer and J. Wolfowitz, 1960).
 
-    The curve itself where it is shorter than two of them.
+    The curve itself where it is shorter than two of them. Measured: of the default line's 70
+    candidates, 14 of them true, the weak form keeps 25 over the first 1,000 periods, and 63 over
+    40,000, with which the model diverges.
     """
-    count = int((smooth.time[-1] - smooth.time[0]) / (START_PERIODS * period))
+    count = int((smooth.time[-1] - smooth.time[0]) / (1000 * period))
     if count < 2:
         return smooth
     edges = np.linspace(0, len(smooth.time), count + 1).astype(int)
@@ -168,28 +174,23 @@ def weak_gls(
     one. The status is as in `IdentifiedModel`. Raises ValueError for other input.
     """
     recordings = checked_recordings(recordings)
-    states, inputs = recordings[0].states, tuple(recordings[0].inputs)
-    check_question(states, terms, known, known_states, inputs=inputs)
-    problem = posed(states, terms, known, known_states, inputs=inputs)
-    given = recordings
+    problem = asked(recordings, terms, known, known_states)
     try:
-        recordings = driven(recordings, problem.inputs)
-        found = _fitted(problem, start or begin(problem, recordings))
-        return with_inputs(found, given, recordings)
+        used = driven(recordings, problem.inputs)
+        start = start or begin(problem, used)
+        fit, more = start.fit, max(start.fit.misfit, 1.0)
+        if fit.misfit >= MOST_MISFIT:
+            why = f"model inadequate or noise correlated: misfit {fit.misfit:.2f}"
+            return refused(problem, why)
+        found = judged(
+            problem,
+            Regression(
+                fit.information / more, fit.right / more, fit.support, start.penalty, start.largest
+            ),
+            initial_states=np.array([one.states[0] for one in start.smoothed]),
+            sigma=np.array([one.noise for one in start.smoothed]),
+            chi2=fit.misfit,
+        )
+        return with_inputs(found, recordings, used)
     except NO_MODEL as error:
         return refused(problem, str(error))
-
-
-def _fitted(problem: Problem, start: Start) -> IdentifiedModel:
-    smoothed, fit = start.smoothed, start.fit
-    if fit.misfit >= MOST_MISFIT:
-        return refused(problem, f"model inadequate or noise correlated: misfit {fit.misfit:.2f}")
-    information, right = (each / max(fit.misfit, 1.0) for each in (fit.information, fit.right))
-    size = largest_terms(problem, smoothed)
-    return judged(
-        problem,
-        Regression(information, right, fit.support, start.penalty, size),
-        initial_states=np.array([one.states[0] for one in smoothed]),
-        sigma=np.array([one.noise for one in smoothed]),
-        chi2=fit.misfit,
-    )

@@ -15,10 +15,9 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from galloping.arrays import one_thread
-from galloping.identification.likelihood.inputs import check_question, checked_recordings, driven
+from galloping.identification.likelihood.inputs import asked, checked_recordings, driven
 from galloping.identification.likelihood.plausible import detection_limits
-from galloping.identification.likelihood.prior import costs
-from galloping.identification.likelihood.problem import Coefficient, Problem, posed
+from galloping.identification.likelihood.problem import Coefficient, Problem
 from galloping.identification.likelihood.rate_channels import scaled, scales_told
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.verdict import by, refused, with_inputs
@@ -73,10 +72,7 @@ def random_forces(
     covariance of the forces is in `forces`. Raises ValueError for other input.
     """
     given = checked_recordings(recordings)
-    states = given[0].states
-    inputs = tuple(given[0].inputs)
-    check_question(states, terms, known, known_states, None, inputs, coefficients, allowed)
-    problem = posed(states, terms, known, known_states, None, inputs, coefficients, allowed)
+    problem = asked(given, terms, known, known_states, None, coefficients, allowed)
     places = forced_equations(problem, forced)
     try:
         recordings = driven(given, problem.inputs)
@@ -331,7 +327,7 @@ def _with_further_terms(question: Question, fit: Fit) -> Fit:
     damped = (damping == 1) & (problem.degrees == 1)
     cubic = (np.maximum(damping, stiffness) == 3) & (problem.degrees == 3)
     allowed = fit.support | ~always
-    prices = np.where(always, 0.0, costs(problem.prior, problem.complexity, question.penalty))
+    prices = np.where(always, 0.0, problem.costs(question.penalty))
     every = np.ones(allowed.sum(), bool)
     for _ in range(MOST_CHOICES):
         if is_spent():
