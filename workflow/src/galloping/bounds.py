@@ -6,6 +6,7 @@ From recordings of a line, models drawn at it too, and which further recording w
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import product
 
 import heyoka as hy
 import numpy as np
@@ -72,23 +73,6 @@ def sensitivities(
     return states[:, :n], states[:, n:].reshape(len(time), n, -1)
 
 
-def rate_sensitivities(
-    model: PolynomialModel,
-    free: np.ndarray,
-    states: np.ndarray,
-    moved: np.ndarray,
-    inputs: np.ndarray | None = None,
-) -> np.ndarray:
-    """Those of the states' derivatives, shaped alike, from what `sensitivities` returns.
-
-    inputs: (n, n_inputs) of a model with inputs.
-    """
-    rates = model.jacobian(states, inputs) @ moved
-    theta = design_matrix(beside(states, inputs), model.terms)
-    rates[:, free[:, 0], np.arange(len(free))] += theta[:, free[:, 1]]
-    return rates
-
-
 def _places(pairs: np.ndarray) -> Places:
     return tuple(map(tuple, pairs.tolist()))
 
@@ -149,11 +133,7 @@ def state_bound(model: PolynomialModel, free: np.ndarray, experiments: list[Expe
     state of each is unknown. The information is the sum over samples of S^T S / sigma^2.
     Raises ValueError where the model's solution diverges.
     """
-    free = np.asarray(free).reshape(-1, 2)
-    total = np.zeros((len(free), len(free)))
-    for experiment in experiments:
-        total += information(model, free, experiment)
-    return bound_of(model, free, total)
+    return bound_of(model, free, sum(information(model, free, one) for one in experiments))
 
 
 def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment) -> np.ndarray:
@@ -174,41 +154,21 @@ def weighted_sensitivities(
     solution diverges.
     """
     time, inputs = experiment.time, experiment.inputs
-    states, s = sensitivities(model, free, experiment.initial_state, time, inputs)
-    weighted = s / experiment.sigma[:, None]
+    states, moved = sensitivities(model, free, experiment.initial_state, time, inputs)
+    weighted = moved / experiment.sigma[:, None]
     if experiment.rate_sigma is None:
         return weighted
     driving = at_times([inputs[name] for name in model.inputs], time)
-    rates = rate_sensitivities(model, free, states, s, driving) / experiment.rate_sigma[:, None]
-    return np.concatenate([weighted, rates], axis=1)
+    rates = model.jacobian(states, driving) @ moved
+    theta = design_matrix(beside(states, driving), model.terms)
+    rates[:, free[:, 0], np.arange(len(free))] += theta[:, free[:, 1]]
+    return np.concatenate([weighted, rates / experiment.rate_sigma[:, None]], axis=1)
 
 
 def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
     """(n_free, n_free), of the samples of `weighted_sensitivities`, or of some of them."""
     rows = weighted.reshape(-1, weighted.shape[2])
     return eliminated(rows.T @ rows, n_free)
-
-
-def ranked_experiments(
-    model: PolynomialModel, free: np.ndarray, done: list[Experiment], options: list[Experiment]
-) -> list[tuple[int, Bound]]:
-    """Which further recording would help most.
-
-    free: (n_free, 2) pairs (equation, term), of present and, where their absence is in doubt, of
-    absent terms. done: the recordings there are. options: further ones, of which one is made.
-    Returns the index of each option with the bound after it, the one with the largest weakest t
-    of the present terms first; options on which the model diverges are left out.
-    """
-    free = np.asarray(free).reshape(-1, 2)
-    before = sum((information(model, free, one) for one in done), np.zeros((len(free), len(free))))
-    present = model.coefficients[free[:, 0], free[:, 1]] != 0
-    ranked = []
-    for k, option in enumerate(options):
-        try:
-            ranked.append((k, bound_of(model, free, before + information(model, free, option))))
-        except ValueError:
-            continue
-    return sorted(ranked, key=lambda entry: -entry[1].t[present].min())
 
 
 def derivative_bound(
@@ -219,7 +179,6 @@ def derivative_bound(
     x: (n, n_states) the sampled states, with the inputs beside them if there are any. sigma:
     (n_states,) noise of each state derivative.
     """
-    free = np.asarray(free).reshape(-1, 2)
     theta = design_matrix(x, model.terms)
     gram = theta.T @ theta
     total = np.zeros((len(free), len(free)))
@@ -324,12 +283,9 @@ def at_the_bound(
     lacking: names of the terms that the candidate library lacks. Where there are any, or the data
     leave a coefficient undetermined, there is no such method, and no model.
     """
-    if lacking:
-        reason = f"bound: the library lacks {', '.join(lacking)}"
-        return IdentifiedModel.refused(model.states, model.terms, reason)
-    if not np.all(np.isfinite(found.covariance)):
-        reason = "bound: a term is undetermined"
-        return IdentifiedModel.refused(model.states, model.terms, reason)
+    if lacking or not np.all(np.isfinite(found.covariance)):
+        why = f"the library lacks {', '.join(lacking)}" if lacking else "a term is undetermined"
+        return IdentifiedModel.refused(model.states, model.terms, f"bound: {why}")
     values, vectors = np.linalg.eigh(found.covariance)
     draw = vectors @ (np.sqrt(np.maximum(values, 0)) * rng.standard_normal(len(values)))
     coefficients = model.coefficients.copy()
@@ -418,31 +374,31 @@ def ranked_releases(
     """
     if first.status != "ok" or level == 0:
         return []
-    simulator = Simulator(line.states, line.terms)
-    names, options = [], []
-    for state in ("q_v", "q_w"):
-        for height in heights:
-            start = first.states[0].copy()
-            start[line.states.index(state)] = height
-            motion = simulator(line, start, first.time)
-            if motion.status == "ok":
-                names.append(f"{state}(0) = {height:g} m")
-                options.append(_noisy(first.time, motion.states, level))
-    done = [_noisy(first.time, first.states, level)]
-    rows = []
-    for k, bound in ranked_experiments(line, free_terms(line, tuple(EQUATIONS)), done, options):
+    simulator, free = Simulator(line.states, line.terms), free_terms(line, tuple(EQUATIONS))
+    before, rows = information(line, free, _noisy(first.time, first.states, level)), []
+    for state, height in product(("q_v", "q_w"), heights):
+        start = first.states[0].copy()
+        start[line.states.index(state)] = height
+        motion = simulator(line, start, first.time)
+        if motion.status != "ok":
+            continue
+        try:
+            added = information(line, free, _noisy(first.time, motion.states, level))
+        except ValueError:  # the line diverges
+            continue
+        bound = bound_of(line, free, before + added)
         weakest = int(np.argmin(bound.t))
         equation, term = bound.free[weakest]
         rows.append(
             {
-                "release": names[k],
+                "release": f"{state}(0) = {height:g} m",
                 "level": level,
                 "weakest_t": float(bound.t[weakest]),
                 "weakest_term": f"{EQUATIONS[equation]} {term_name(line.terms[term], line.states)}",
                 "identifiable": bool(bound.t[weakest] > IDENTIFIABLE),
             }
         )
-    return rows
+    return sorted(rows, key=lambda row: -row["weakest_t"])
 
 
 def _noisy(time: np.ndarray, states: np.ndarray, level: float) -> Experiment:

@@ -109,7 +109,11 @@ def _changing(
     identified: IdentifiedModel, recording: Recording, period: float, identify: Identify
 ) -> str:
     """What sets the thirds of one recording apart, which a gusty wind may do as well."""
-    parts = parts_of(recording, period) if identified.status == "approximate" else []
+    time = recording.time
+    if identified.status != "approximate" or np.ptp(time) < THIRDS * LEAST_PERIODS * period:
+        return ""
+    edges = np.searchsorted(time, np.linspace(time[0], time[-1], THIRDS + 1))
+    parts = [recording[a:b] for a, b in pairwise(edges)]
     if not (found := difference(identified, parts, identify)):
         return ""
     spans = ", ".join(f"{part.time[0]:.0f} to {part.time[-1]:.0f} s" for part in parts)
@@ -199,15 +203,6 @@ def _repeats(time: np.ndarray, states: np.ndarray, period: float) -> bool:
             differ, bounds=(times * best - width, times * best + width), method="bounded"
         ).x
     return differ(best) < SAME
-
-
-def parts_of(recording: Recording, period: float) -> list[Recording]:
-    """A recording in thirds of its time, empty where they hold too few periods, s, to tell."""
-    time = recording.time
-    if np.ptp(time) < THIRDS * LEAST_PERIODS * period:
-        return []
-    edges = np.searchsorted(time, np.linspace(time[0], time[-1], THIRDS + 1))
-    return [recording[slice(a, b)] for a, b in pairwise(edges)]
 
 
 def difference(together: IdentifiedModel, parts: Sequence[Recording], identify: Identify) -> str:

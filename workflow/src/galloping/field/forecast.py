@@ -240,7 +240,8 @@ def forecast(
     if identified.status == "refused":
         raise ValueError(f"there is no model to forecast with: {identified.reason}")
     sensed = Sensed.by(recording)
-    if any(np.isinf(identified.diagnostics.get(f"{WIDER}{name}", 1.0)) for name in sensed.names):
+    factors = np.array([identified.diagnostics.get(f"{WIDER}{name}", 1.0) for name in sensed.names])
+    if np.isinf(factors).any():
         raise ValueError(f"the model gives no forecast: {USELESS}")
     sigma = sensed.noise(identified)
     recording = known_ahead(identified.model, recording, time, inputs)
@@ -274,8 +275,7 @@ def forecast(
     held = np.mean((seen[bounded] >= low) & (seen[bounded] <= high), axis=1)
     chance = np.quantile(held, BY_CHANCE, axis=0)
     ahead = Forecast(sensed.names, time, _quantiles(motions, (0.5,))[0], low, high, chance)
-    factors = [identified.diagnostics.get(f"{WIDER}{name}", 1.0) for name in sensed.names]
-    return ahead.widened(np.array(factors)) if max(factors) > 1.0 else ahead
+    return ahead.widened(factors) if factors.max() > 1.0 else ahead
 
 
 @dataclass(frozen=True, eq=False)
