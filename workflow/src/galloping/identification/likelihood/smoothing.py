@@ -28,12 +28,6 @@ SAMPLES_PER_KNOT = 3  # so that the noise can be told from the curve
 ABOVE_NOISE = 20.0  # times the median of a spectrum: what counts as signal
 LEAST_SAMPLES = 8  # of a channel: fewer carry no curve and no noise
 GRID_PER_PERIOD = 24  # eight points to the third harmonic
-SPECTRUM_SAMPLES = 2**15  # whose spectrum is taken at once: longer ones have more to resolve
-GAP = 0.4  # periods from the nearest sample beyond which a curve is not believed: half a swing
-EDGE = 0.5  # periods beside a gap in which a curve ends badly
-SPLINE_ACCURACY = 3e-4  # of a curve with the fewest knots, relative to its size: see above
-# Weight of the squared highest derivative against the samples': closes gaps, moves no curve.
-ROUGHNESS = 5e-4
 
 
 @cache
@@ -103,9 +97,9 @@ def shortest_period(recordings: list[Recording]) -> float:
 
 
 def _stretches(recordings: list[Recording]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Times and values of pieces of the recordings, of at most SPECTRUM_SAMPLES samples."""
+    """Times and values of pieces whose spectrum is taken at once: longer ones have more to tell."""
     for recording in recordings:
-        pieces = -(-len(recording.time) // SPECTRUM_SAMPLES)
+        pieces = -(-len(recording.time) // 2**15)
         yield from zip(
             np.array_split(recording.time, pieces),
             np.array_split(recording.values, pieces),
@@ -136,7 +130,7 @@ def smooth(recording: Recording, period: float) -> Smooth:
             recording, curve, pieces, time, period
         )
         states[:, curve] = fitted
-        valid &= _near(recording, curve, time, GAP * period)
+        valid &= _near(recording, curve, time, period)
         valid &= _away(recording, curve, time, period)
         noise[curve] = deviation
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
@@ -160,7 +154,7 @@ def _curves(
     for i, velocity in pairs.items():
         few = counts[velocity] < plenty
         if counts[i] and counts[velocity]:
-            near = [_near(recording, [k], grid, GAP * period) for k in (i, velocity)]
+            near = [_near(recording, [k], grid, period) for k in (i, velocity)]
             few = few or np.any(near[0] != near[1])
         if counts[i] and few:
             curves.append([i, velocity])
@@ -196,7 +190,8 @@ def _fit(
         right = np.zeros(pieces + SPLINE_DEGREE)
         _accumulate(place, values, 1.0 / noise**2, spacing, basis, bands, right)
         stiffness = count / noise**2 / spacing ** (2 * np.arange(len(curve)))
-        _add_roughness(bands, ROUGHNESS * float(np.sum(stiffness)) / pieces)
+        # closes gaps, moves no curve
+        _add_roughness(bands, 5e-4 * float(np.sum(stiffness)) / pieces)
         coefficients = solveh_banded(bands, right, lower=True)
         deviation = np.full(len(curve), np.nan)
         residual = np.full(values.shape, np.nan)
@@ -216,15 +211,15 @@ def _fit(
     )
     frequency = 2.0 * np.pi / period
     duration = recording.time[-1] - start
-    counted = np.maximum(noise, SPLINE_ACCURACY * scale)
+    counted = np.maximum(noise, 3e-4 * scale)  # the accuracy with the fewest knots
     weight = np.sum(count / duration / counted**2 * frequency ** (2 * np.arange(len(curve))))
     return fitted, residual, deviation, 1.0 / np.sqrt(weight)
 
 
-def _near(recording: Recording, curve: list[int], grid: np.ndarray, distance: float) -> np.ndarray:
-    """(n_grid,) whether a sample of the curve's channels lies within `distance` s."""
+def _near(recording: Recording, curve: list[int], grid: np.ndarray, period: float) -> np.ndarray:
+    """(n_grid,) whether a sample of the curve's channels is near: within nearly half a swing."""
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
-    return distance_to(sampled, grid) <= distance
+    return distance_to(sampled, grid) <= 0.4 * period
 
 
 def distance_to(nearest: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -235,11 +230,11 @@ def distance_to(nearest: np.ndarray, time: np.ndarray) -> np.ndarray:
 
 
 def _away(recording: Recording, curve: list[int], grid: np.ndarray, period: float) -> np.ndarray:
-    """(n_grid,) whether a gap longer than a period is EDGE periods away: a curve ends badly."""
+    """(n_grid,) whether a gap longer than a period is half of one away: a curve ends badly."""
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
     away = np.ones(len(grid), bool)
     for last in np.flatnonzero(np.diff(sampled) > period):
-        before, after = sampled[last] - EDGE * period, sampled[last + 1] + EDGE * period
+        before, after = sampled[last] - 0.5 * period, sampled[last + 1] + 0.5 * period
         away &= (grid < before) | (grid > after)
     return away
 
