@@ -42,6 +42,11 @@ _UNLIMITED = Work(float("inf"))
 _work: ContextVar[Work] = ContextVar("work")
 
 
+def allowed(rows: int, most: float = MOST) -> float:
+    """The work of a search in so many samples."""
+    return most * max(1.0, rows / ROWS)
+
+
 @contextmanager
 def limited(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Work]:
     """The block has the work of a search in these recordings, or what is left of that around it.
@@ -50,7 +55,7 @@ def limited(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Wor
     """
     around = _work.get(_UNLIMITED)
     rows = sum(len(recording.time) for recording in recordings)
-    given = min(most * max(1.0, rows / ROWS), around.left)
+    given = min(allowed(rows, most), around.left)
     work = Work(given)
     token = _work.set(work)
     try:

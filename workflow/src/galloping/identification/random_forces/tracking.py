@@ -11,7 +11,7 @@ from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.discrete import Steps, discretised, with_means
 from galloping.identification.random_forces.extended import extended_filter, random_motion
 from galloping.identification.random_forces.kalman import kalman_filter
-from galloping.identification.work import spend
+from galloping.identification.work import allowed, spend
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording, mean_inputs
 from galloping.taylor import Tables, tables
@@ -189,7 +189,8 @@ class Tracker:
         self, data: Data, candidates: np.ndarray, terms: Sequence[int] = ()
     ) -> tuple[Filtered, np.ndarray]:
         """The filter of a nonlinear system, and slopes of its innovations with coefficients, as of
-        `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`.
+        `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`. Raises
+        numpy.linalg.LinAlgError where one pass takes more than all the work of a search.
         """
         x, p, n = self.first_mean, self.first_covariance, len(self.size)
         exponents, coefficients = self.equations(terms)
@@ -210,7 +211,10 @@ class Tracker:
         sensed = np.array([*channels.values, *channels.rates])
         is_rate = np.arange(len(sensed)) >= len(channels.values)
         counts = self.substeps(steps.lengths)
-        spend(counts[steps.of].sum() * exponents.size)
+        amount = counts[steps.of].sum() * exponents.size
+        if amount > allowed(len(data.samples)):  # in one pass; it would be counted when it is over
+            raise np.linalg.LinAlgError("a motion much quicker than its samples cannot be followed")
+        spend(amount)
         return extended_filter(
             data.samples, steps.of, steps.lengths, counts,
             steps.driven(counts, self._tables.factors), exponents, coefficients, white, sensed,
@@ -226,7 +230,7 @@ class Tracker:
         return random_motion(x, *own)[:, : len(self.size)]
 
     def over(self, data: Data) -> Filtered:
-        """Raises numpy.linalg.LinAlgError where the model cannot be discretised."""
+        """Raises numpy.linalg.LinAlgError where the model cannot be discretised or followed."""
         if not self.is_linear:
             return self.extended(data, np.zeros((0, 2), np.int64))[0]
         transitions, disturbances = discretised(*self.driven, data.steps.lengths)
