@@ -52,17 +52,17 @@ repair: $(VENV)/made
 	@$(SCRIPT)/run_study.py --repair $(WHERE) $(OPTIONS)
 
 verify: $(VENV)/made
-	@$(SCRIPT)/results.py $(if $(ARCHIVE),verify_archive '$(ARCHIVE)' $(DIGEST),verify) $(OPTIONS)
+	@$(SCRIPT)/keep_results.py $(if $(ARCHIVE),verify_archive '$(ARCHIVE)' $(DIGEST),verify) $(OPTIONS)
 
 publish: $(VENV)/made
-	@$(SCRIPT)/results.py publish --allow '$(ALLOW)' $(OPTIONS)
+	@$(SCRIPT)/keep_results.py publish --allow '$(ALLOW)' $(OPTIONS)
 
 restore: $(VENV)/made
 	@[ -n '$(ARCHIVE)' ] || { echo "Say what to restore: make restore ARCHIVE=file"; exit 1; }
-	@$(SCRIPT)/results.py restore '$(ARCHIVE)' $(if $(filter yes,$(REPLACE)),--replace) $(DIGEST) $(OPTIONS)
+	@$(SCRIPT)/keep_results.py restore '$(ARCHIVE)' $(if $(filter yes,$(REPLACE)),--replace) $(DIGEST) $(OPTIONS)
 
 prune: $(VENV)/made
-	@$(SCRIPT)/results.py prune $(if $(filter yes,$(DELETE)),--delete) $(OPTIONS)
+	@$(SCRIPT)/keep_results.py prune $(if $(filter yes,$(DELETE)),--delete) $(OPTIONS)
 
 test: study browser
 	$(BIN)/python -m pytest -n 2 --dist loadgroup $(if $(CI)$(filter yes,$(SLOW)),-m 'not faults and not slurm')
@@ -90,7 +90,7 @@ bench: study
 	  $(BIN)/python workflow/scripts/bench.py results results/benchmarks.csv $(OLDER)
 
 reference: study
-	@$(SCRIPT)/results.py take_reference $(OPTIONS)
+	@$(SCRIPT)/keep_results.py take_reference $(OPTIONS)
 ifndef CONFIG
 	cp results/figures/overview.png results/figures/prediction.png results/reference
 	@$(MAKE) --no-print-directory reference CONFIG=config/smoke.yaml

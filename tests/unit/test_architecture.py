@@ -54,6 +54,12 @@ def test_a_room_imports_none_below_it():
     assert not wrong
 
 
+def test_modules_have_names_of_their_own():
+    paths = SOURCE.parents[1].rglob("*.py")
+    names = sorted(path.stem for path in paths if path.stem != "__init__")
+    assert names == sorted(set(names))
+
+
 HEAVY = {"numpy", "scipy", "heyoka", "numba", "pandas", "matplotlib", "pysindy", "snakemake"}
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from galloping.reproducibility.plan import Plan, PlannedJob, outlook, spoken
+from galloping.reproducibility.plan import Plan, PlannedJob, duration_in_words, outlook
 from galloping.reproducibility.receipts import Receipt, digest, receipt_path, receipts
 
 RESULTS = "results/mine"
@@ -78,4 +78,5 @@ def test_the_first_run_has_nothing_to_tell_times_by(tmp_path, monkeypatch):
 
 
 def test_durations_are_spoken():
-    assert [spoken(seconds) for seconds in (4.2, 89, 600, 9000)] == ["4 s", "89 s", "10 min", "2 h"]
+    said = map(duration_in_words, (4.2, 89, 600, 9000))
+    assert list(said) == ["4 s", "89 s", "10 min", "2 h"]

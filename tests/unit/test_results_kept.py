@@ -197,7 +197,7 @@ def test_files_are_set_aside_over_no_other():
     left = Path(RESULTS, "models/.partial-123-b.json")
     left.parent.mkdir()
     left.touch()
-    assert len(list(lock.sweep(RESULTS))) == 1 and not left.exists()
+    assert len(list(lock.clear_unfinished(RESULTS))) == 1 and not left.exists()
 
 
 def test_only_what_is_made_as_planned_is_adopted(adopted):

@@ -44,7 +44,12 @@ def test_another_reference_runs_the_comparison_alone_and_shows(edited, hold_to_r
 
 
 def take_reference(study):
-    command = ("workflow/scripts/results.py", "take_reference", "--configfile", "config/smoke.yaml")
+    command = (
+        "workflow/scripts/keep_results.py",
+        "take_reference",
+        "--configfile",
+        "config/smoke.yaml",
+    )
     return studies.run(study.folder, *command)
 
 

@@ -71,6 +71,13 @@ def histories(label, labels, pair):
     )
 
 
+def by_ours(figure, label, labels):
+    """The same by our method, where the study has it."""
+    if not shown.has_ours(STUDY):
+        return {}
+    return {f"{figure}_methods": histories(label, labels, shown.our_pair(STUDY))}
+
+
 FIGURES = {}
 if DEPARTURES:
     FIGURES["printed"] = drawn(
@@ -107,6 +114,8 @@ if LINES:
     coefficients_at = f"<results>/identified/{FIRST}/{by_paper[0].name}"
     levels, points = STUDY.settings.measurement.levels, STUDY.settings.measurement.subsets.points
     sensors = shown.sensor_protocol(STUDY)
+    predicted = shown.predicted_cells(STUDY, FIRST)
+    predicting = [shown.predicting_methods(each) for each in predicted.values()][:1] or [[""]]
     FIGURES |= {
         "figure01": drawn(
             "01 line and coordinates",
@@ -172,23 +181,11 @@ if LINES:
             table=SCORES,
         ),
         "figure08": histories("08 time histories under noise", noisy_histories, by_paper),
-    }
-if shown.has_ours(STUDY):
-    FIGURES["figure08_methods"] = histories(
-        "08, our method: time histories under noise", noisy_histories, shown.our_pair(STUDY)
-    )
-if LINES:
-    FIGURES["figure09"] = histories(
-        "09 time histories by amount of data", sampled_histories, by_paper
-    )
-if shown.has_ours(STUDY):
-    FIGURES["figure09_methods"] = histories(
-        "09, our method: time histories by amount of data", sampled_histories, shown.our_pair(STUDY)
-    )
-if LINES:
-    predicted = shown.predicted_cells(STUDY, FIRST)
-    predicting = [shown.predicting_methods(each) for each in predicted.values()][:1] or [[""]]
-    FIGURES |= {
+        **by_ours("figure08", "08, our method: time histories under noise", noisy_histories),
+        "figure09": histories("09 time histories by amount of data", sampled_histories, by_paper),
+        **by_ours(
+            "figure09", "09, our method: time histories by amount of data", sampled_histories
+        ),
         "figure10": drawn(
             "10 R2 and amplitude by amount of data",
             "errors:draw_draws",

@@ -22,12 +22,12 @@ from galloping.reproducibility.lock import (
     Killed,
     Obstacle,
     check_disk,
+    clear_unfinished,
     end_orphans,
     killed,
     locked,
     make_command,
     marked_environment,
-    sweep,
 )
 from galloping.reproducibility.receipts import Receipt, inspect, receipt_path, receipts, remember
 from galloping.study.cells import Study
@@ -59,7 +59,7 @@ def main(*arguments: str) -> int:
             for line in announced(settings, files, before, known):
                 print(line, flush=True)
             status, interrupted = snakemake(results, *targets, *options)
-            for line in sweep(results):
+            for line in clear_unfinished(results):
                 print(line, file=sys.stderr)
             remember(results, inspect(results, after := receipts(results)))
             if interrupted and status:
@@ -97,10 +97,7 @@ def announced(
     read = [path for path in WORKFLOW.rglob("*") if path.is_file() and path.suffix != ".pyc"]
     read += map(Path, ["config/config.yaml", *configfiles, sysconfig.get_path("purelib")])
     if any(path.stat().st_mtime > made for path in read):
-        from galloping.reproducibility.plan import (
-            outlook,  # Snakemake: seldom needed
-            planning,
-        )
+        from galloping.reproducibility.plan import outlook, planning  # Snakemake: seldom needed
 
         cores = int(options.cores) if str(options.cores).isdecimal() else os.cpu_count()
         yield from outlook(
@@ -112,9 +109,9 @@ def announced(
 
 def tell(results: str, made: int, seconds: float) -> None:
     """What was made, where the report is, and how many of the paper's claims hold."""
-    from galloping.reproducibility.plan import spoken
+    from galloping.reproducibility.plan import duration_in_words
 
-    files = f"{made} files made in {spoken(seconds)}"
+    files = f"{made} files made in {duration_in_words(seconds)}"
     print(f"{files}: {results}" if made else "Nothing to do: all results are as configured.")
     report, table = Path(results, "report.html"), Path(results, "tables", "paper.csv")
     if table.exists():
@@ -171,7 +168,7 @@ def mend(results: str, configfiles: list[str]) -> list[str]:
     if ended := end_orphans(results):
         print(f"ended {ended} jobs that a killed run had left running")
     unlock(configfiles)
-    for line in sweep(results):
+    for line in clear_unfinished(results):
         print(line)
     known = receipts(results)
     findings, plan = inspect(results, known, thorough=True), planning(configfiles)

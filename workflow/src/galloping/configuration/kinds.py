@@ -1,6 +1,6 @@
 """The kinds of trials that a study can name, without importing any of them.
 
-A kind is a function and an entry here; what it feeds is a table of `galloping.tables.registry`.
+A kind is a function and an entry here; what it feeds is a table of `workflow/rules/tables.smk`.
 """
 
 import csv

@@ -94,10 +94,6 @@ def _span(case: Mapping, value: float) -> dict:
     }
 
 
-def _damping(case: Mapping, value: float) -> dict:
-    return {**case, "damping": {"vertical": value, "horizontal": value}}
-
-
 def _ice(direction: str, power: int) -> Callable[[Mapping, float], dict]:
     def at(case: Mapping, value: float) -> dict:
         both = dict(zip(("vertical", "horizontal"), ice_coefficients(case["ice"]), strict=True))
@@ -112,7 +108,11 @@ def _ice(direction: str, power: int) -> Callable[[Mapping, float], dict]:
 PARAMETERS = {
     "wind_speed": Parameter("wind speed", "m/s", entry("wind", "speed")),
     "tension": Parameter("tension of a sub-conductor", "N", entry("line", "tension")),
-    "damping_ratio": Parameter("structural damping ratio", "1", _damping),
+    "damping_ratio": Parameter(
+        "structural damping ratio",
+        "1",
+        lambda case, value: {**case, "damping": {"vertical": value, "horizontal": value}},
+    ),
     "damping_vertical": Parameter("vertical damping ratio", "1", entry("damping", "vertical")),
     "damping_horizontal": Parameter(
         "horizontal damping ratio", "1", entry("damping", "horizontal")

@@ -9,7 +9,7 @@ at two wind speeds.
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,7 +89,12 @@ def split(
     no velocity.
     """
     first = identified[0].model
-    own = _own_velocities(first.states, first.terms)
+    velocities = sorted(velocity_pairs(first.states).values())
+    own = [  # (equation, term) of each coordinate's velocity in its own equation of motion
+        (i, first.terms.index(linear))
+        for i in velocities
+        if (linear := tuple(int(k == i) for k in range(len(first.states)))) in first.terms
+    ]
     unknown = sorted(set(damping or {}) - {first.states[i] for i, _ in own})
     if unknown:
         raise ValueError(f"damping: {unknown[0]} is not the velocity of a coordinate of the model")
@@ -106,7 +111,6 @@ def split(
         i = first.states.index(state)
         stiffness = _stiffness(identified, i)
         fixed[i, own[[row for row, _ in own].index(i)][1]] = -2 * ratio * np.sqrt(stiffness)
-    velocities = velocity_pairs(first.states).values()
     entries, powers = [], []
     for i, j in np.argwhere(support).tolist():
         # only equations of motion hold loads; d(q)/dt = dq does not depend on the wind
@@ -117,16 +121,6 @@ def split(
             entries.append((i, j))
             powers.append(0)
     return _least_squares(identified, winds, fixed, np.array(entries), np.array(powers, float))
-
-
-def _own_velocities(states: tuple[str, ...], terms: tuple[Exponents, ...]) -> list[tuple[int, int]]:
-    """(equation, term) of each coordinate's velocity in its own equation of motion."""
-    pairs = []
-    for i in sorted(velocity_pairs(states).values()):
-        linear = tuple(int(k == i) for k in range(len(states)))
-        if linear in terms:
-            pairs.append((i, terms.index(linear)))
-    return pairs
 
 
 def _stiffness(identified: Sequence[Identified], equation: int) -> float:
@@ -196,19 +190,18 @@ def predict(
     start: (n_states,) from which the model is simulated there until it has settled.
     """
     winds = np.asarray(winds, float)
-    shape = (len(winds), len(parts.states))
-    amplitude, low, high = (np.full(shape, np.nan) for _ in range(3))
-    unresolved = np.ones(len(winds))
+    amplitude, low, high = np.full((3, len(winds), len(parts.states)), np.nan)
+    found = Prediction(winds, amplitude, low, high, np.ones(len(winds)))
     motion = settle(simulator, parts.model(recorded), start, duration=2000, window=200)
     if motion.kind != "cycle":
         reason = f"at {recorded:g} m/s the identified model does not settle: {motion.kind}"
-        return Prediction(winds, amplitude, low, high, unresolved, reason)
+        return replace(found, reason=reason)
     family = parts.family()
     span = Range(min(*winds, recorded) - 0.5, max(*winds, recorded) + 0.5, longest=1.0)
     try:
         branches = from_motion(family, recorded, motion.time, motion.states, span)
     except ValueError as failure:
-        return Prediction(winds, amplitude, low, high, unresolved, str(failure))
+        return replace(found, reason=str(failure))
     draws = parts.sampled(rng, samples)
     missing = []
     for k, wind in enumerate(winds):
@@ -224,11 +217,11 @@ def predict(
         amplitude[k] = stable[0].half_range()
         orbits = near(map(parts.family, draws), stable[0])
         ranges = [orbit.half_range() for orbit in orbits]
-        unresolved[k] = 1 - len(ranges) / max(1, len(draws))
+        found.unresolved[k] = 1 - len(ranges) / max(1, len(draws))
         if len(ranges) > len(draws) / 2:
             low[k], high[k] = of_draws(ranges)
     reason = f"no stable limit cycle at {', '.join(missing)} m/s" if missing else ""
-    return Prediction(winds, amplitude, low, high, unresolved, reason)
+    return replace(found, reason=reason)
 
 
 def near(families: Iterable[Family], orbit: Orbit) -> list[Orbit]:
@@ -243,24 +236,15 @@ def near(families: Iterable[Family], orbit: Orbit) -> list[Orbit]:
     return found
 
 
-@dataclass(frozen=True)
-class LimitCycle:
-    """amplitude, low, high: (n_states,) half range and its 95 % interval, NaN without a covariance
-    and where most of the models drawn with it have no limit cycle near by.
-    """
-
-    amplitude: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-
-
 def limit_cycle_ahead(
     identified: IdentifiedModel, start: np.ndarray, rng: np.random.Generator
-) -> LimitCycle:
-    """The limit cycle to which an identified model leads from `start` (n_states,).
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The limit cycle to which an identified model leads from `start` (n_states,): (n_states,) its
+    half range, and low and high ends of the 95 % interval of that.
 
-    The interval is that of models drawn with the covariance of the coefficients. Raises ValueError
-    where there is no model, and where it does not lead to a limit cycle.
+    The interval is that of models drawn with the covariance of the coefficients, NaN without one
+    and where most of these models have no limit cycle near by. Raises ValueError where there is no
+    model, and where it does not lead to a limit cycle.
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to simulate: {identified.reason}")
@@ -283,4 +267,4 @@ def limit_cycle_ahead(
         ranges = [orbit.half_range() for orbit in near(families, point.solution)]
         if len(ranges) > SAMPLES / 2:
             low, high = of_draws(ranges)
-    return LimitCycle(point.solution.half_range(), low, high)
+    return point.solution.half_range(), low, high

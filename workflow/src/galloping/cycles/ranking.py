@@ -109,10 +109,8 @@ def critical_winds(parts: Split, values: np.ndarray) -> np.ndarray:
     """
     term = parts.terms.index(_linear("dq_v"))
     own = (parts.entries == (STATES.index("dq_v"), term)).all(axis=1)
-    structure = parts.fixed[STATES.index("dq_v"), term] + values[:, own & (parts.powers == 0)].sum(
-        axis=1
-    )
-    wind = values[:, own & (parts.powers == 1)].sum(axis=1)
+    structure, wind = (values[:, own & (parts.powers == power)].sum(axis=1) for power in (0, 1))
+    structure = parts.fixed[STATES.index("dq_v"), term] + structure
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(wind > 0, -structure / wind, np.inf)
 
@@ -147,8 +145,11 @@ def evaluate(
         centre = outline(motion)
     else:
         return Outcome(measure, critical_wind, nothing, nothing, nothing, motion.kind)
-    apart = np.array([_apart(places(orbit.states), design) for orbit in orbits])
-    distance = _interval(_apart(centre, design), apart)
+    least, *others = (
+        clearance(each, each, design.distance)
+        for each in (centre, *(places(orbit.states) for orbit in orbits))
+    )
+    distance = _interval(least, np.array(others))
     halves = np.array([orbit.half_range() for orbit in orbits]).reshape(-1, len(STATES))
     v, w = (_interval(float(half[k]), halves[:, k]) for k in range(2))
     return Outcome(measure, critical_wind, v, w, distance, motion.kind)
@@ -164,10 +165,6 @@ def outline(motion: Settled) -> np.ndarray:
 def places(states: np.ndarray) -> np.ndarray:
     """(n, 2) places (w, v) at mid-span, of states (n, n_states)."""
     return states[:, [STATES.index("q_w"), STATES.index("q_v")]]
-
-
-def _apart(outline: np.ndarray, design: Design) -> float:
-    return clearance(outline, outline, design.distance)
 
 
 def _interval(value: float, samples: np.ndarray) -> tuple[float, float, float]:

@@ -64,12 +64,6 @@ def reduction_table(settings: Mapping) -> pd.DataFrame:
     return reduction(case, {name: line_motion(case, v, **gusts) for name, v in VARIANTS.items()})
 
 
-def two_mode_motion(case: Mapping) -> SpanMotion:
-    """The paper's model in steady wind, up to its limit cycle."""
-    phi, psi = galerkin.modes(case, Line.from_case(case))
-    return _motion(continuous.span(case, [phi], [psi]), np.array(initial_state(case)))
-
-
 def line_motion(
     case: Mapping, variant: Variant, *, length_scale: float, spectrum: str, seed: int
 ) -> SpanMotion:
@@ -110,27 +104,22 @@ def reduction(case: Mapping, motions: Mapping[str, SpanMotion]) -> pd.DataFrame:
     falls out of step. antisymmetric_m, the amplitude of the limit cycle at a quarter of the span
     in antisymmetric modes, is what the two-mode model cannot see.
     """
-    motions = {"two modes": two_mode_motion(case), **motions}
-    described = {name: _described(motion) for name, motion in motions.items()}
-    model, other = motions["two modes"], described["two modes"]
-    rows = []
-    for name, motion in motions.items():
-        own = described[name]
-        for k, direction in enumerate(DIRECTIONS):
-            row: dict[str, object] = {"line": name, "direction": direction}
-            for quantity in ("amplitude_m", "frequency_hz", "limit_cycle_m"):
-                row[quantity] = own[quantity][k]
-                ratio = other[quantity] / own[quantity]
-                common = np.all((ratio >= 1 / COMMON) & (ratio <= COMMON))
-                error = 100.0 * (ratio[k] - 1.0) if common else np.nan
-                row[f"{quantity.rsplit('_', 1)[0]}_error_percent"] = error
-            for begin, end in WINDOWS:
-                part = _between(motion.time, (begin, end))
-                fit = r_squared(motion.mid_span[part], model.mid_span[part])
-                row[f"r2_{begin}_{end}_s"] = fit[k]
-            row["antisymmetric_m"] = own["antisymmetric_m"][k]
-            rows.append(row)
-    return pd.DataFrame(rows)
+    phi, psi = galerkin.modes(case, Line.from_case(case))
+    model = _motion(continuous.span(case, [phi], [psi]), np.array(initial_state(case)))
+    of_model, tables = _described(model), []
+    for name, motion in {"two modes": model, **motions}.items():
+        own, row = _described(motion), {"line": name, "direction": DIRECTIONS}
+        for quantity in ("amplitude_m", "frequency_hz", "limit_cycle_m"):
+            ratio = of_model[quantity] / own[quantity]
+            common = np.all((ratio >= 1 / COMMON) & (ratio <= COMMON))
+            row[quantity] = own[quantity]
+            error = f"{quantity.rsplit('_', 1)[0]}_error_percent"
+            row[error] = 100.0 * (ratio - 1.0) if common else np.nan
+        for begin, end in WINDOWS:
+            part = _between(motion.time, (begin, end))
+            row[f"r2_{begin}_{end}_s"] = r_squared(motion.mid_span[part], model.mid_span[part])
+        tables.append(pd.DataFrame({**row, "antisymmetric_m": own["antisymmetric_m"]}))
+    return pd.concat(tables, ignore_index=True)
 
 
 def _between(time: np.ndarray, window: tuple[int, int]) -> np.ndarray:

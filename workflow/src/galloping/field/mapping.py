@@ -71,8 +71,8 @@ class Channel(_Section):
 class InputColumn(_Section):
     """One column of what was measured beside the motion and drives it, such as the wind.
 
-    name: in the library, by default that of the column. between, error: as of `inputs.Input`; error
-    may be text such as `2 %`. delay: s by which the column lags behind the time.
+    name: in the library, by default that of the column. between, error: as of `recording.Input`;
+    error may be text such as `2 %`. delay: s by which the column lags behind the time.
     """
 
     column: str

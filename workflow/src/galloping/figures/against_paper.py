@@ -5,7 +5,7 @@ tell of these.
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from itertools import product
 from textwrap import fill
 
 import numpy as np
@@ -16,35 +16,29 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import NullFormatter
 
-from galloping.figures import parts
-from galloping.figures.style import (
-    BAND,
-    DOUBLE,
-    MODEL,
-    PAPER,
-    QUIET,
-    method_style,
-    scientific,
-    spoken,
-)
+from galloping.figures import parts, style
 from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, Claim
-from galloping.paper.unknowns import BASE, UNKNOWNS, Unknown
+from galloping.paper.unknowns import BASE, UNKNOWNS
 from galloping.results import PAPER_METHOD
 
 BY_NAME = {claim.name: claim for claim in CLAIMS}
-ROW, HEAD = 0.23, 1.25  # inches: height of a claim, room for the heads and the legend
+ROW, HEAD = 0.23, 2.9  # inches: height of a claim, room for heads, titles, axes and the legend
 VERDICT_LOOKS = {  # marker and colour
     "better": ("^", "#2fa86a"), "reproduced": ("o", "#2fa86a"), "met": ("s", "#2fa86a"),
     "seldom met": ("D", "#e69f00"), "worse": ("v", "#111111"), "not met": ("x", "#111111"),
-    "undecided": ("P", QUIET), "not run": ("_", "#9a9a9a"),
+    "undecided": ("P", style.QUIET), "not run": ("_", "#9a9a9a"),
 }  # fmt: skip
-DOTS, CELLS = (0.352, 0.165), (0.53, 0.47)  # of the figure's width: left, width
+TITLES = {  # of claims that share an axis, or, each with a unit of its own, none
+    "none": "Structure and order of the errors",
+    "error": "Errors (the paper's value, %)",
+    "r2": "$R^2$ (at least the paper's value)",
+}
 BOUNDS = {AT_LEAST: "≥ ", AT_MOST: "≤ "}
-OURS = method_style(PAPER_METHOD).color  # of draws of the paper's method
+OURS = style.method_style(PAPER_METHOD).color  # of draws of the paper's method
 BINS = 30
 ACROSS = 4
 LEAST = -12.0  # power of ten: readings that are less probable end there
-NOT_RUN, NOT_HELD, HELD = "#ffffff", "#d9d9d9", MODEL
+NOT_RUN, NOT_HELD, HELD = "#ffffff", "#d9d9d9", style.MODEL
 
 
 def _percent_axis(axes: Axes, low: float, high: float, label: str) -> tuple[float, float]:
@@ -63,119 +57,97 @@ def _is_r2(claim: Claim) -> bool:
 # --- every method ---
 
 
-@dataclass(frozen=True)
-class Group:
-    """Claims that share one axis; `axis` is error, r2 or none. rows: (claim, case)."""
-
-    title: str
-    axis: str
-    rows: list[tuple[str, str]]
-
-    @property
-    def gap(self) -> float:
-        """Below it, in inches: its axis, and the title of the next one."""
-        return 0.36 if self.axis == "none" else 0.66
-
-
 def draw_claims(table: pd.DataFrame, settings: Mapping) -> Figure:
     """Dots with intervals where claims share a unit, and values with verdicts for all of them.
 
     table: claims.csv. settings: combinations, the (protocol, method) pairs to show.
     """
     pairs = [tuple(pair) for pair in settings["combinations"]]
-    shown = table.set_index(["protocol", "method"])
-    shown = shown[shown.index.isin(pairs)].reset_index()
-    groups = _groups(shown)
+    found = table.set_index(["claim", "case", "protocol", "method"]).to_dict("index")
+    found = {key: row for key, row in found.items() if key[2:] in pairs}
+    groups: dict[str, list] = {axis: [] for axis in TITLES}
+    for name, case in dict.fromkeys(key[:2] for key in found):
+        claim = BY_NAME[name]
+        axis = "error" if claim.is_number else "r2" if _is_r2(claim) else "none"
+        groups[axis].append((name, case))
+    groups = {axis: rows for axis, rows in groups.items() if rows}
     if not groups:
         return parts.nothing_at_all("no claim was tested by these protocols and methods")
-    found = shown.set_index(["claim", "case", "protocol", "method"]).to_dict("index")
-    height = HEAD + sum(ROW * len(group.rows) + group.gap for group in groups) - 0.15
-    figure = Figure(figsize=(DOUBLE, height))
-    top = height - HEAD
-    for group in groups:
-        tall = ROW * len(group.rows)
-        box = (top - tall) / height, tall / height
-        dots = figure.add_axes((DOTS[0], box[0], DOTS[1], box[1]))
-        cells = figure.add_axes((CELLS[0], box[0], CELLS[1], box[1]), sharey=dots)
-        first = group.rows[0][1]
-        names = [name if case == first else f"{name}, {spoken(case)}" for name, case in group.rows]
+    heights = list(map(len, groups.values()))
+    figure = Figure(figsize=(style.DOUBLE, HEAD + ROW * sum(heights)), layout="constrained")
+    grid = figure.subplots(len(groups), 2, squeeze=False, sharey="row", width_ratios=(0.35, 1),
+                           height_ratios=heights)  # fmt: skip
+    for (axis, rows), (dots, cells) in zip(groups.items(), grid, strict=True):
+        names = [
+            name if case == rows[0][1] else f"{name}, {style.spoken(case)}" for name, case in rows
+        ]
         parts.rows(dots, list(map(parts.typeset, names)), lines=False)
-        dots.tick_params(axis="y", pad=4)
-        for axes in (dots, cells):
-            for k in range(0, len(group.rows), 2):
-                axes.axhspan(k - 0.5, k + 0.5, color="#f2f2f2", lw=0, zorder=-2)
-        if group.axis == "none":
-            _quantities(dots, group)
-        else:
-            _dots(dots, found, group, pairs)
-        _cells(cells, found, group, pairs)
-        figure.text(0.01, (top + 0.06) / height, group.title, weight="bold", va="bottom")
-        top -= tall + group.gap
-    _heads(figure, pairs, height)
+        dots.set_title(TITLES[axis], loc="right", weight="bold")
+        cells.set_xlim(0, len(pairs) + 1)
+        cells.axis("off")
+        for k, panel in product(range(0, len(rows), 2), (dots, cells)):
+            panel.axhspan(k - 0.5, k + 0.5, color="#f2f2f2", lw=0, zorder=-2)
+        _claims(dots, cells, axis, {row: [found.get((*row, *pair)) for pair in pairs]
+                                    for row in rows}, pairs)  # fmt: skip
+    keys = [parts.key("paper", marker="|", color=style.PAPER, ms=8, mew=1.5)]
+    grid[0, 1].text(0.5, -0.7, "paper", ha="center", color=style.PAPER, fontsize="x-small")
+    for j, (protocol, method) in enumerate(pairs, start=1):
+        own = style.method_style(method)
+        words = "\n".join([protocol, *own.label.split(" ")])
+        grid[0, 1].text(j, -0.7, words, va="bottom", fontsize="x-small")
+        keys.append(parts.key(f"{own.label}, {protocol}", marker=own.marker, mec=own.color, ms=3.5,
+                              mfc=own.color if protocol == pairs[0][0] else "white"))  # fmt: skip
+    for verdict, (marker, color) in VERDICT_LOOKS.items():
+        keys.append(parts.key(verdict, marker=marker, color=color, ms=4.5, mew=1.2))
+    parts.legend(figure, *keys, columns=3, handletextpad=0.3)
     return figure
 
 
-def _groups(table: pd.DataFrame) -> list[Group]:
-    rows: dict[str, list] = {"none": [], "error": [], "r2": []}
-    for name, case in dict.fromkeys(zip(table["claim"], table["case"], strict=True)):
-        claim = BY_NAME[name]
-        rows["error" if claim.is_number else "r2" if _is_r2(claim) else "none"].append((name, case))
-    titles = {"none": "Structure and order of the errors", "error": "Errors (the paper's value, %)",
-              "r2": "$R^2$ (at least the paper's value)"}  # fmt: skip
-    return [Group(titles[axis], axis, of) for axis, of in rows.items() if of]
+def _claims(
+    dots: Axes, cells: Axes, axis: str, rows: Mapping, pairs: Sequence[tuple[str, str]]
+) -> None:
+    """The paper's value, and of each pair the dot, the value and the verdict's symbol.
 
-
-def _dots(axes: Axes, found: Mapping, group: Group, pairs: Sequence[tuple[str, str]]) -> None:
-    if group.axis == "error":
-        limits, place = _percent_axis(axes, 1e-2, 1e2, "relative error, %"), float
-    else:
+    rows: by (claim, case) what was found by each pair, or None. axis: of TITLES.
+    """
+    limits, place = (1e-2, 1e2), float
+    if axis == "error":
+        _percent_axis(dots, *limits, "relative error, %")
+    elif axis == "r2":
         limits, place = tuple(map(parts.r2_place, parts.R2_LIMITS)), parts.r2_place
-        parts.prepare_r2(axes, "$R^2$", vertical=False, ticks=(0, 0.9, 0.99, 0.999))
-        axes.tick_params(axis="x", labelsize="x-small")
-    for k, row in enumerate(group.rows):
-        for j, pair in enumerate(pairs):
-            one = found.get((*row, *pair))
-            if one is None:
-                continue
-            axes.plot(place(one["paper_value"]), k, "|", color=PAPER, ms=9, mew=1.5, zorder=5)
-            if one["replicates"]:
-                values = [place(one[name]) for name in ("study_value", "low", "high")]
-                style = method_style(pair[1])
-                parts.dot(axes, k + 0.8 * ((j + 0.5) / len(pairs) - 0.5), values, limits,
-                          style.color, style.marker, 2.8, filled=pair[0] == pairs[0][0],
-                          bar={"lw": 0.6})  # fmt: skip
-
-
-def _quantities(axes: Axes, group: Group) -> None:
-    """What is compared, in words, where every claim has a unit of its own."""
-    axes.set_xticks([])
-    axes.spines[["left", "bottom"]].set_visible(False)
-    for k, (name, _) in enumerate(group.rows):
-        text = parts.typeset(fill(BY_NAME[name].quantity, 26))
-        axes.text(0.5, k, text, transform=axes.get_yaxis_transform(), ha="center", va="center",
-                  fontsize="x-small", linespacing=1.0)  # fmt: skip
-
-
-def _cells(axes: Axes, found: Mapping, group: Group, pairs: Sequence[tuple[str, str]]) -> None:
-    """The paper's value, and ours with the verdict's symbol for each combination."""
-    axes.set(xlim=(0, len(pairs) + 1), xticks=[])
-    axes.tick_params(left=False, labelleft=False)
-    axes.spines[:].set_visible(False)
-    digits = 4 if group.axis == "r2" else 3  # 0.9899 must not read 0.99 beside a bound
-    for k, row in enumerate(group.rows):
-        claim = BY_NAME[row[0]]
+        parts.prepare_r2(dots, "$R^2$", vertical=False, ticks=(0, 0.9, 0.99, 0.999))
+        dots.tick_params(axis="x", labelsize="x-small")
+    else:
+        dots.set_xticks([])
+        dots.spines[["left", "bottom"]].set_visible(False)
+    digits = 4 if axis == "r2" else 3  # 0.9899 must not read 0.99 beside a bound
+    for k, ((name, _), found) in enumerate(rows.items()):
+        claim = BY_NAME[name]
         text = BOUNDS.get(claim.kind, "") + _number(claim.paper_value, 4)
-        axes.text(0.5, k, text, ha="center", va="center", color=PAPER, fontsize="x-small")
-        for j, pair in enumerate(pairs, start=1):
-            one = found.get((*row, *pair))
+        cells.text(0.5, k, text, ha="center", va="center", color=style.PAPER, fontsize="x-small")
+        if axis == "none":  # what is compared, in words
+            text = parts.typeset(fill(claim.quantity, 28))
+            dots.text(0.5, k, text, transform=dots.get_yaxis_transform(), ha="center", va="center",
+                      fontsize="x-small", linespacing=1.0)  # fmt: skip
+        else:
+            dots.plot(place(claim.paper_value), k, "|", color=style.PAPER, ms=9, mew=1.5, zorder=5)
+        for j, ((protocol, method), one) in enumerate(zip(pairs, found, strict=True)):
             if one is None:
                 continue
             marker, color = VERDICT_LOOKS[one["verdict"]]
-            axes.plot(j + 0.08, k, marker=marker, color=color, ms=4, mew=1.2)
+            cells.plot(j + 1.08, k, marker=marker, color=color, ms=4, mew=1.2)
             if one["replicates"]:
                 value, share = _number(one["study_value"], digits), f"{100 * one['met_by']:.0f} %"
-                axes.text(j + 0.2, k - 0.17, value, va="center", fontsize="x-small")
-                axes.text(j + 0.2, k + 0.27, share, va="center", fontsize="xx-small", color=QUIET)
+                cells.text(j + 1.2, k - 0.17, value, va="center", fontsize="x-small")
+                cells.text(
+                    j + 1.2, k + 0.27, share, va="center", fontsize="xx-small", color=style.QUIET
+                )
+            if one["replicates"] and axis != "none":
+                values = [place(one[name]) for name in ("study_value", "low", "high")]
+                own = style.method_style(method)
+                parts.dot(dots, k + 0.8 * ((j + 0.5) / len(pairs) - 0.5), values, limits,
+                          own.color, own.marker, 2.8, filled=protocol == pairs[0][0],
+                          bar={"lw": 0.6})  # fmt: skip
 
 
 def _number(value: float, digits: int) -> str:
@@ -183,26 +155,8 @@ def _number(value: float, digits: int) -> str:
     if np.isinf(value):
         return "∞" if value > 0 else "−∞"
     if value and abs(value) < 1e-3:
-        return scientific(value)
+        return style.scientific(value)
     return f"{value:.{digits}g}".replace("-", "−")
-
-
-def _heads(figure: Figure, pairs: Sequence[tuple[str, str]], height: float) -> None:
-    """Column heads above the cells, and the legend of the dots and verdicts."""
-    left, step = CELLS[0], CELLS[1] / (len(pairs) + 1)
-    y = (height - HEAD + 0.06) / height
-    figure.text(left + step / 2, y, "paper", ha="center", color=PAPER, fontsize="small")
-    keys = [parts.key("paper", marker="|", color=PAPER, ms=8, mew=1.5)]
-    for j, (protocol, method) in enumerate(pairs, start=1):
-        style = method_style(method)
-        words = "\n".join([protocol, *style.label.split(" ")])
-        figure.text(left + j * step, y + 0.4 / height, words, va="top", fontsize="x-small")
-        face = style.color if protocol == pairs[0][0] else "white"
-        label = f"{style.label}, {protocol}"
-        keys.append(parts.key(label, marker=style.marker, mfc=face, mec=style.color, ms=3.5))
-    for verdict, (marker, color) in VERDICT_LOOKS.items():
-        keys.append(parts.key(verdict, marker=marker, color=color, ms=4.5, mew=1.2))
-    figure.legend(handles=keys, loc="upper left", ncols=3, columnspacing=1.2, handletextpad=0.3)
 
 
 # --- the paper's own method ---
@@ -220,7 +174,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     if numbers.empty and bounds.empty:
         return parts.nothing_at_all("the paper's claims are not judged in this study")
     height = 0.9 + 0.22 * max(len(numbers), len(bounds))
-    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
+    figure = Figure(figsize=(style.DOUBLE, height), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.1, 1))
     parts.letter(left, 0, "errors that the paper prints")
     limits = _percent_axis(left, 1e-2, 1e3, "error, %")
@@ -229,7 +183,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
         parts.dot(left, k, (row.median, row.low, row.high), limits, OURS, "o", 4, bar=bar)
         if row.high > limits[1]:
             left.plot(limits[1], k, ">", color=OURS, ms=4, clip_on=False)
-        left.plot(row.printed, k, "*", color=PAPER, ms=8, mew=0, zorder=5)
+        left.plot(row.printed, k, "*", color=style.PAPER, ms=8, mew=0, zorder=5)
     parts.rows(left, [_short(name) for name in numbers["claim"]], lines=False)
     parts.letter(right, 1, "draws that keep a bound")
     shares = 100 * bounds["share_of_draws"].to_numpy(float)
@@ -243,7 +197,7 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
         right, [_short(name.replace("R2", f"R2 ≥ {bound:g}", 1)) for name, bound in names],
         lines=False,
     )  # fmt: skip
-    star = parts.key("printed in the paper", marker="*", color=PAPER, ms=8, mew=0)
+    star = parts.key("printed in the paper", marker="*", color=style.PAPER, ms=8, mew=0)
     ours = "draws of the paper's method: median, 5 to 95 %"
     dot = parts.key(ours, color=OURS, marker="o", ms=4, ls="-")
     parts.legend(figure, star, dot)
@@ -270,7 +224,7 @@ def draw_reproduction(table: pd.DataFrame, settings: Mapping) -> Figure:
     names = [name for name in settings["labels"] if name in set(table["parameter"])]
     claims = list(dict.fromkeys(table["claim"]))
     widths = [table[table["parameter"] == name]["value"].nunique() for name in names]
-    figure = Figure(figsize=(DOUBLE, 1.3 + 0.17 * len(claims)), layout="constrained")
+    figure = Figure(figsize=(style.DOUBLE, 1.3 + 0.17 * len(claims)), layout="constrained")
     panes = figure.subplots(1, len(names), sharey=True, squeeze=False, width_ratios=widths)[0]
     parts.rows(panes[0], list(map(parts.typeset, claims)), lines=False)
     panes[0].set_ylim(len(claims) - 0.5, -1.5)
@@ -294,7 +248,7 @@ def draw_reproduction(table: pd.DataFrame, settings: Mapping) -> Figure:
             axes.text(k, -0.7, str(met.get(value, 0)), ha="center", va="bottom", size="small")
             if value in own:
                 frame = (k - 0.5, -0.5), 1, len(claims)
-                axes.add_patch(Rectangle(*frame, fill=False, ec=PAPER, lw=1.2, zorder=4))
+                axes.add_patch(Rectangle(*frame, fill=False, ec=style.PAPER, lw=1.2, zorder=4))
     squares = Patch(fc=HELD, label="holds"), Patch(fc=NOT_HELD, label="does not hold")
     title = "framed: the study's value; above: how many claims hold"
     parts.legend(figure, *squares, columns=2, loc="outside lower center", title=title)
@@ -312,57 +266,41 @@ def draw_region(samples: pd.DataFrame, readings: pd.DataFrame) -> Figure:
     rows = -(-len(UNKNOWNS) // ACROSS)
     bars = 0.17 * len(readings)
     heights = [*([1.35] * rows), bars + 0.4]
-    figure = Figure(figsize=(DOUBLE, sum(heights) + 0.5), layout="constrained")
+    figure = Figure(figsize=(style.DOUBLE, sum(heights) + 0.5), layout="constrained")
     upper, lower = figure.subfigures(2, 1, height_ratios=[sum(heights[:-1]) + 0.5, heights[-1]])
     drawn = samples[samples["kind"] == "setting"]
     best = readings.set_index("reading").loc[BASE.name]
+    looks = {
+        "log_probability": {"color": style.MODEL, "histtype": "stepfilled", "label": "all numbers"},
+        "without_amplitudes": {"edgecolor": style.BAND, "histtype": "step", "lw": 1.6,
+                               "label": "without the errors of the amplitude"},
+    }  # fmt: skip
     for k, unknown in enumerate(UNKNOWNS):
         axes = upper.add_subplot(rows, ACROSS, k + 1)
         parts.letter(axes, k, unknown.label)
-        _histograms(axes, unknown, drawn, best[unknown.name])
+        bins = np.geomspace(unknown.low, unknown.high, BINS + 1)
+        for known, look in looks.items():
+            axes.hist(drawn.loc[drawn["known"] == known, unknown.name], bins=bins, **look)
+        axes.axvline(best[unknown.name], color=style.PAPER, lw=1.0, label="most probable setting")
+        axes.set_xscale("log")
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        unit = unknown.unit if unknown.unit != "1" else "ratio" if unknown.path else "SI units"
+        axes.set(xlim=(unknown.low, unknown.high), yticks=[], xlabel=unit)
     upper.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     axes = lower.subplots()
     parts.letter(axes, len(UNKNOWNS), "readings of the paper, beside the first")
-    _bars(axes, readings)
+    powers = readings["power_of_ten"].to_numpy(float)
+    ends = np.maximum(np.nan_to_num(powers, nan=LEAST, posinf=LEAST), LEAST)
+    axes.barh(np.arange(len(readings)), ends - LEAST, left=LEAST, height=0.65, color=style.MODEL)
+    for k, (end, power, verdict) in enumerate(zip(ends, powers, readings["verdict"], strict=True)):
+        text = f"{power:.1f}, {verdict}" if np.isfinite(power) else verdict
+        axes.text(end + 0.15, k, text, va="center", size="small")
+    parts.rows(axes, list(map(_symbols, readings["reading"])), lines=False)
+    axes.set(xlim=(LEAST, max(2.0, np.nanmax(powers) + 2.0)),
+             xlabel="power of ten by which a reading is more probable than the first")  # fmt: skip
     return figure
-
-
-def _histograms(axes: Axes, unknown: Unknown, drawn: pd.DataFrame, best: float) -> None:
-    edges = np.geomspace(unknown.low, unknown.high, BINS + 1)
-    looks = {
-        "log_probability": {"color": MODEL, "histtype": "stepfilled", "label": "all numbers"},
-        "without_amplitudes": {
-            "edgecolor": BAND, "histtype": "step", "lw": 1.6,
-            "label": "without the errors of the amplitude",
-        },
-    }  # fmt: skip
-    for known, look in looks.items():
-        axes.hist(drawn.loc[drawn["known"] == known, unknown.name], bins=edges, **look)
-    axes.axvline(best, color=PAPER, lw=1.0, label="most probable setting")
-    axes.set_xscale("log")
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlim(unknown.low, unknown.high)
-    axes.set_yticks([])
-    axes.set_xlabel("SI units" if unknown.unit == "1" and not unknown.path else
-                    "ratio" if unknown.unit == "1" else unknown.unit)  # fmt: skip
 
 
 def _symbols(reading: str) -> str:
     """The name of a reading with its coefficients as symbols: `beta2 minus 0.1` as beta_2 -0.1."""
     return re.sub(r"\b(beta|eta)(\d)", r"$\\\1_\2$", reading.replace("minus ", "\N{MINUS SIGN}"))
-
-
-def _bars(axes: Axes, readings: pd.DataFrame) -> None:
-    places = np.arange(len(readings))
-    powers = readings["power_of_ten"].to_numpy(float)
-    shown = np.clip(np.where(np.isfinite(powers), powers, LEAST), LEAST, None)
-    axes.barh(places, shown - LEAST, left=LEAST, height=0.65, color=MODEL)
-    for place, power, verdict in zip(places, powers, readings["verdict"], strict=True):
-        number = f"{power:.1f}, " if np.isfinite(power) else ""
-        axes.text(max(power, LEAST) + 0.15 if np.isfinite(power) else LEAST + 0.15, place,
-                  f"{number}{verdict}", va="center", size="small")  # fmt: skip
-    axes.set_yticks(places, [_symbols(reading) for reading in readings["reading"]])
-    axes.tick_params(axis="y", length=0)
-    axes.set_ylim(len(readings) - 0.4, -0.6)
-    axes.set_xlim(LEAST, max(2.0, np.nanmax(powers) + 2.0))
-    axes.set_xlabel("power of ten by which a reading is more probable than the first")

@@ -1,6 +1,6 @@
 """Figure 5 and beyond: each coefficient, as identified and as far as the recordings can tell it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 from textwrap import fill
 
@@ -78,7 +78,12 @@ def draw_coefficients(
             spurious.append(f"{of_equation.loc[~is_true, 'found'].sum():.2g}")
         margin = 0.04 * (limits[1] - limits[0])
         upper.set_ylim(limits[0] - margin, limits[1] + 4 * margin)  # room for a line of text
-        _absent(upper, equation, true)
+        named = {symbol for (of, _), symbol in SYMBOLS.items() if of == equation}
+        if absent := ", ".join(
+            _greek(s) for s in SYMBOLS.values() if s in named - {*true["symbol"]}
+        ):
+            upper.text(0.02, 0.98, f"zero in this line: {absent}", va="top",
+                       transform=upper.transAxes, fontsize="small")  # fmt: skip
         lower.text(0.5, 0.97, f"false terms per draw: {', '.join(spurious)}", ha="center", va="top",
                    transform=lower.transAxes, fontsize="small")  # fmt: skip
         own = true[true["equation"] == equation]
@@ -92,18 +97,6 @@ def draw_coefficients(
         grid[0, 0].plot([], [], ls="", color=color, marker=marker, label=label)
     parts.legend(figure, columns=2, title=parts.origin(settings))
     return figure
-
-
-def _absent(axes: Axes, equation: str, true: pd.DataFrame) -> None:
-    """Names the coefficients of the paper that are zero in this line."""
-    absent = [
-        _greek(symbol)
-        for (of, _), symbol in SYMBOLS.items()
-        if of == equation and symbol not in set(true["symbol"])
-    ]
-    if absent:
-        axes.text(0.02, 0.98, f"zero in this line: {', '.join(absent)}", va="top",
-                  transform=axes.transAxes, fontsize="small")  # fmt: skip
 
 
 def _ratio(table: pd.DataFrame) -> np.ndarray:
@@ -149,11 +142,15 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
     across = -(-len(cases) // len(rows))
     figure, grid = parts.wrapped_grid(len(cases), across, height, sharex=True, sharey=True)
     reach = (max(whole["t"].min(), IDENTIFIABLE / LEAST), whole["t"].max())
+    monomials = [term.replace("dq_", r"\dot{q}_").replace(" ", r"\,") for _, term in terms]
+    names = [
+        f"${one}$   {_greek(SYMBOLS[term])}" for one, term in zip(monomials, terms, strict=True)
+    ]
     grid[0].set_xscale("log")
     grid[0].set_xlim(min(reach[0], IDENTIFIABLE / 2) / 1.5, 1.5 * max(reach[1], 2 * IDENTIFIABLE))
     for k, (case, axes) in enumerate(zip(cases, grid, strict=True)):
         parts.letter(axes, k, fill(spoken(case), TITLE_WIDTH))
-        parts.rows(axes, [_named(*term) for term in terms])
+        parts.rows(axes, names)
         for above, (one, other) in enumerate(pairwise(terms)):
             if one[0] != other[0]:  # of another equation
                 axes.axhline(above + 0.5, color=QUIET, lw=0.6, zorder=0.6)
@@ -165,15 +162,24 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
             dodge = 0.26 * (j - (len(settings["protocols"]) - 1) / 2)
             chosen = of_case[of_case["protocol"] == protocol]
             _told(axes, chosen, terms, settings["level"], protocol, dodge)
-    parts.legend(figure, *_keys(whole[whole["case"].isin(cases)], settings), columns=3)
+    shown = whole[whole["case"].isin(cases)]
+    levels = np.unique(shown["level"])
+    nearest = levels[np.argmin(np.abs(levels - settings["level"]))]
+    keys = [
+        parts.key(f"{protocol}, noise {nearest:g}", **protocol_style(protocol))
+        for protocol in settings["protocols"]
+    ]
+    if (shown["recordings"] > 1).any():
+        together = "open: all recordings of the line together"
+        keys.append(parts.key(together, marker="o", mfc="white", mec="k", mew=0.8))
+    if len(levels) > 1:
+        reach = f"noise {levels[0]:g} to {levels[-1]:g}"
+        keys.append(parts.key(reach, color=QUIET, lw=0.8, ls="-"))
+    text = f"not identifiable ($t$ ≤ {IDENTIFIABLE:g})"
+    keys.append(Patch(facecolor=UNTOLD, edgecolor=PAPER, lw=0.6, label=text))
+    parts.legend(figure, *keys, columns=3)
     parts.note_left_out(figure, settings["cases"][len(cases) :], "identifiability.csv")
     return figure
-
-
-def _named(equation: str, term: str) -> str:
-    """The monomial and the paper's symbol: dq_v^2, kappa_6."""
-    monomial = term.replace("dq_", r"\dot{q}_").replace(" ", r"\,")
-    return f"${monomial}$   {_greek(SYMBOLS[equation, term])}"
 
 
 def _told(
@@ -190,20 +196,3 @@ def _told(
         face = color if recordings == 1 else "white"
         axes.plot(nearest, y, marker=marker, mfc=face, mec=color, mew=0.8, ms=3.6,
                   zorder=4, clip_on=False)  # fmt: skip
-
-
-def _keys(table: pd.DataFrame, settings: Mapping) -> Sequence[object]:
-    levels = np.unique(table["level"])
-    nearest = levels[np.argmin(np.abs(levels - settings["level"]))]
-    keys = [
-        parts.key(f"{protocol}, noise {nearest:g}", **protocol_style(protocol))
-        for protocol in settings["protocols"]
-    ]
-    if (table["recordings"] > 1).any():
-        together = "open: all recordings of the line together"
-        keys.append(parts.key(together, marker="o", mfc="white", mec="k", mew=0.8))
-    if len(levels) > 1:
-        reach = f"noise {levels[0]:g} to {levels[-1]:g}"
-        keys.append(parts.key(reach, color=QUIET, lw=0.8, ls="-"))
-    text = f"not identifiable ($t$ ≤ {IDENTIFIABLE:g})"
-    return [*keys, Patch(facecolor=UNTOLD, edgecolor=PAPER, lw=0.6, label=text)]

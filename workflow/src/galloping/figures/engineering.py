@@ -105,35 +105,27 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
     )
     for row, (case, grid) in enumerate(grids.items()):
         of_case = table[table["case"] == case].sort_values("rank")
+        labels = of_case["measure"] + np.where(of_case["note"].fillna("") != "", " *", "")
         for column, (axes, name) in enumerate(zip(grid[0], MEASURED, strict=True)):
             parts.letter(axes, row * len(MEASURED) + column, MEASURED[name])
-            _measures(axes, of_case, name)
+            values = of_case[[name, f"{name}_low", f"{name}_high"]].to_numpy(float)
+            reach = np.nanmax([*values[np.isfinite(values[:, 0])].ravel(), 0.0])
+            parts.rows(axes, labels)
+            for place, value in enumerate(values):
+                is_known = np.isfinite(value[0])
+                axes.text(  # an interval may be too narrow to be seen
+                    0.03, place - 0.17, _told(*value), transform=axes.get_yaxis_transform(),
+                    size="x-small", color=MODEL if is_known else PAPER, zorder=4,
+                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},  # upon the limit
+                )  # fmt: skip
+                if is_known:
+                    limits = (-np.inf, np.inf)
+                    parts.dot(axes, place, value, limits, MODEL, "o", 3.5, bar={"lw": 1.6})
+            axes.set(xlim=(-0.04 * reach, 1.08 * max(reach, 1e-3)), ylim=(len(values) - 0.4, -0.7))
+        limit = float(of_case["limit_m"].iloc[0])
+        axes.axvline(limit, color=PAPER, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
     parts.legend(figure)
     return figure
-
-
-def _measures(axes: Axes, table: pd.DataFrame, name: str) -> None:
-    """Dots, with the number and its interval written above each, too narrow to be seen."""
-    values = table[[name, f"{name}_low", f"{name}_high"]].to_numpy(float)
-    reach = np.nanmax([*values[np.isfinite(values[:, 0])].ravel(), 0.0])
-    notes = table["note"].fillna("").astype(bool)
-    labels = [f"{text} *" if note else text for text, note in zip(table["measure"], notes,
-                                                                  strict=True)]  # fmt: skip
-    parts.rows(axes, labels)
-    for place, row in enumerate(values):
-        is_known = np.isfinite(row[0])
-        axes.text(
-            0.03, place - 0.17, _told(*row), transform=axes.get_yaxis_transform(), size="x-small",
-            color=MODEL if is_known else PAPER, zorder=4,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},  # upon the limit
-        )  # fmt: skip
-        if is_known:
-            limits = (-np.inf, np.inf)
-            parts.dot(axes, place, row, limits, MODEL, "o", 3.5, bar={"lw": 1.6})
-    if name == "clearance_m":
-        limit = float(table["limit_m"].iloc[0])
-        axes.axvline(limit, color=PAPER, lw=0.9, ls=(0, (4, 2)), label="clearance to keep")
-    axes.set(xlim=(-0.04 * reach, 1.08 * max(reach, 1e-3)), ylim=(len(table) - 0.4, -0.7))
 
 
 def _told(value: float, low: float, high: float) -> str:

@@ -23,6 +23,8 @@ EFFICIENCY_APART = 0.09  # decades
 STEP = 1.75  # factor along the axis, from the last level to joint recordings
 PYSINDY = (PAPER_METHOD, "stlsq", "lasso", "frols", "ensemble", "weak")
 ORACLES = "oracle"  # how the best settings of pysindy are drawn
+STAR = {"marker": "*", "ms": 8, "mew": 0, "zorder": 6, "label": "paper: printed"}
+BAR = {"marker": "_", "ms": 16, "mew": 1.4, "zorder": 2, "label": "paper: at least"}
 
 
 @dataclass(frozen=True)
@@ -96,14 +98,6 @@ def printed(column: str, case: str) -> list[Claim]:
     return [c for c in CLAIMS if c.column == column and c.case in (case, "") and not c.minus]
 
 
-def _mark(axes: Axes, x: float, y: float, claim: Claim) -> None:
-    """A star at a printed value, a bar at a printed bound, at a place of the axes."""
-    look = {"marker": "*", "ms": 8, "mew": 0, "zorder": 6, "label": "paper: printed"}
-    if not claim.is_number:
-        look = {"marker": "_", "ms": 16, "mew": 1.4, "zorder": 2, "label": "paper: at least"}
-    axes.plot(x, y, ls="", color=PAPER, **look)
-
-
 # --- the paper's method ---
 
 
@@ -158,8 +152,8 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
             quantity.prepare(axes, limits, "" if k else quantity.label)
             _draws(axes, panels[name], places, quantity, limits)
             for claim in marks[name]:
-                at = places.position(getattr(claim, x))
-                _mark(axes, at, quantity.place(claim.paper_value), claim)
+                at, value = places.position(getattr(claim, x)), quantity.place(claim.paper_value)
+                axes.plot(at, value, ls="", color=PAPER, **(STAR if claim.is_number else BAR))
     parts.legend(figure, title=parts.origin(settings))
     return figure
 
@@ -248,7 +242,25 @@ def draw_efficiency(table: pd.DataFrame, settings: Mapping) -> Figure:
         decade = 10 ** np.ceil(np.log10(finite.max())) if len(finite) else 10.0
         limits = LOWEST, min(HIGHEST, max(10.0, decade))
         places = _places(axes, of_case, settings["labels"][protocol])
-        _efficiencies(axes, chosen, places, settings["methods"], limits)
+        axes.set(yscale="log", ylim=(limits[0], limits[1] * 1.6))
+        axes.axhline(1, **parts.line_look(BOUND), zorder=2)
+        methods = [m for m in parts.in_order(chosen, "method", settings["methods"]) if m != BOUND]
+        shift, lost = parts.shifts(methods, EFFICIENCY_APART), []
+        for method in methods:
+            line = chosen[chosen["method"] == method].sort_values(["recordings", "level"])
+            cells = zip(line["recordings"], line["level"], strict=True)
+            x = np.array([places[cell] for cell in cells]) * 10 ** shift[method]
+            values = line["efficiency"].to_numpy()  # undefined, and not drawn, where the bound is
+            beyond = np.isposinf(values)
+            for at, row in zip(x[beyond], line[beyond].itertuples(), strict=True):
+                text, upon = f"{row.failures} of {row.replicates}", lost.count(row.level)
+                axes.annotate(
+                    text, (at, limits[1]), (6, -7 * upon), textcoords="offset points", va="center",
+                    size="x-small", color=method_style(method).color,
+                )  # fmt: skip
+                lost.append(row.level)
+            alone = line["recordings"] == 1
+            parts.series(axes, x, np.array([values] * 3), method, limits, joined=alone)
         axes.set_ylabel("rms error / bound" if protocol == settings["protocols"][0] else "")
     keys = parts.method_keys(parts.in_order(table, "method", settings["methods"]))
     parts.legend(figure, *keys, columns=4)
@@ -277,35 +289,6 @@ def _places(axes: Axes, table: pd.DataFrame, label: str) -> dict[tuple[int, floa
     return places
 
 
-def _efficiencies(
-    axes: Axes,
-    table: pd.DataFrame,
-    places: Mapping[tuple[int, float], float],
-    order: list[str],
-    limits: tuple[float, float],
-) -> None:
-    axes.set_yscale("log")
-    axes.set_ylim(limits[0], limits[1] * 1.6)
-    axes.axhline(1, **parts.line_look(BOUND), zorder=2)
-    methods = [name for name in parts.in_order(table, "method", order) if name != BOUND]
-    shift, lost = parts.shifts(methods, EFFICIENCY_APART), []
-    for method in methods:
-        line = table[table["method"] == method].sort_values(["recordings", "level"])
-        cells = zip(line["recordings"], line["level"], strict=True)
-        x = np.array([places[cell] for cell in cells]) * 10 ** shift[method]
-        values = line["efficiency"].to_numpy()  # undefined, and not drawn, where the bound is
-        for at, row in zip(x[np.isposinf(values)], line[np.isposinf(values)].itertuples(),
-                           strict=True):  # fmt: skip
-            text, upon = f"{row.failures} of {row.replicates}", lost.count(row.level)
-            axes.annotate(
-                text, (at, limits[1]), (6, -7 * upon), textcoords="offset points", va="center",
-                size="x-small", color=method_style(method).color,
-            )  # fmt: skip
-            lost.append(row.level)
-        alone = line["recordings"] == 1
-        parts.series(axes, x, np.array([values] * 3), method, limits, joined=alone)
-
-
 # --- the study in one picture ---
 
 
@@ -330,13 +313,21 @@ def draw_overview(
     stars = [(claim.paper_value, order, places.position(claim.level))
              for order in ORDERS for claim in printed(f"mean_error_{order}_percent", case)
              if claim.points is None and claim.level in places.values]  # fmt: skip
-    names = _shown(errors)
+    said = {PAPER_METHOD: "", best_of_pysindy(errors): "best of pysindy: ",
+            ORACLES: "pysindy as the truth would set it: ", OURS: "ours: ", BOUND: ""}  # fmt: skip
+    present = set(errors["method"])
+    names = {k: text + method_style(k).label for k, text in said.items() if k in present}
     values = errors[errors["method"].isin(names)][["median", "low", "high"]].to_numpy(float).ravel()
     values = np.array([*values[np.isfinite(values) & (values > 0)], *(star[0] for star in stars)])
     # at most ten times what a lost model costs
     limits = (values.min() / 2, min(values.max() * 2, 1e3)) if values.size else DECADES
     parts.prepare_log(axes, limits, "mean error of the coefficients, %")
-    _beyond(axes, errors, places, limits)
+    bound = errors[errors["method"] == BOUND]
+    if len(bound) > 1:
+        x = [places.position(level) for level in bound["level"]]
+        axes.fill_between(x, limits[0], bound["median"], color=SHADE, lw=0, zorder=0)
+        axes.text(x[-1] / 1.05, limits[0] * 1.15, "more than the data hold", ha="right",
+                  fontsize="small", color=QUIET)  # fmt: skip
     shift = parts.shifts(list(names), 0.03)
     for method in names:
         line = errors[errors["method"] == method]
@@ -387,29 +378,3 @@ def _errors(
     least = others.groupby("level")["mean_error_percent"].min()
     columns = dict.fromkeys(("median", "low", "high"), least)
     return pd.concat([errors, pd.DataFrame(columns).reset_index().assign(method=ORACLES)])
-
-
-def _shown(table: pd.DataFrame) -> dict[str, str]:
-    """Names for the legend of the methods to draw, those of them that the study has."""
-    best = best_of_pysindy(table)
-    names = {PAPER_METHOD: "", best: "best of pysindy",
-             ORACLES: "pysindy as the truth would set it", OURS: "ours", BOUND: ""}  # fmt: skip
-    present = set(table["method"])
-    return {
-        method: f"{name}: {method_style(method).label}".removeprefix(": ")
-        for method, name in names.items()
-        if method in present
-    }
-
-
-def _beyond(axes: Axes, table: pd.DataFrame, places: parts.LogAxis, limits: tuple) -> None:
-    """Shades what lies below the bound."""
-    bound = table[table["method"] == BOUND]
-    if len(bound) < 2:
-        return
-    x = [places.position(level) for level in bound["level"]]
-    axes.fill_between(x, limits[0], bound["median"], color=SHADE, lw=0, zorder=0)
-    axes.text(
-        x[-1] / 1.05, limits[0] * 1.15, "more than the data hold", ha="right", fontsize="small",
-        color=QUIET,
-    )  # fmt: skip

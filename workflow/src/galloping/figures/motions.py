@@ -12,27 +12,15 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from galloping.cycles.rows import SIMULATION
-from galloping.figures import parts
-from galloping.figures.style import (
-    BAND,
-    DIRECTIONS,
-    DOUBLE,
-    MODEL,
-    PAPER,
-    SHADE,
-    STATE_LABELS,
-    TRUE,
-    method_style,
-    protocol_style,
-    scientific,
-    spoken,
-)
+from galloping.figures import parts, style
 from galloping.measurement import Motion
 from galloping.physics.galerkin import Line, frequencies, modes
 from galloping.results import Reconstruction
 
 LAST = 30.0  # s at the end of the record, where single periods can be seen
 HEADROOM = 1.5  # of the true motion: what goes beyond is cut
+TRUE_LINE = {"color": style.TRUE, "lw": 2.0, "ls": "-"}
+MODEL_LINE = {"color": style.MODEL, "lw": 0.8, "ls": "--"}
 
 
 def draw_recovery(
@@ -46,41 +34,39 @@ def draw_recovery(
     of the cell at the lowest level. settings: cases, protocol, method and level.
     """
     cases, height = parts.fitting(settings["cases"], 0.6, 2.9)
-    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
+    figure = Figure(figsize=(style.DOUBLE, height), layout="constrained")
     grid = figure.subplots(2 * len(cases), 3, squeeze=False, width_ratios=(2, 2, 1.25))
-    by = (
-        f"reconstructed by {method_style(settings['method']).label} "
-        f"(protocol {settings['protocol']}, noise level {settings['level']:g})"
-    )
     for k, row in enumerate(grid):
-        case, (j, state) = cases[k // 2], (k % 2, list(STATE_LABELS)[k % 2])
+        case, (j, state) = cases[k // 2], (k % 2, list(style.STATE_LABELS)[k % 2])
         true, motion = trajectories[case][0], reconstructions[case][settings["method"]]
-        name, last = STATE_LABELS[state], (max(true.time[0], true.time[-1] - LAST), true.time[-1])
+        name, last = (
+            style.STATE_LABELS[state],
+            (max(true.time[0], true.time[-1] - LAST), true.time[-1]),
+        )
         titles = (
-            f"{spoken(case)}, {DIRECTIONS[state]}:\n{_distance(true, motion, j)}",
+            f"{style.spoken(case)}, {style.DIRECTIONS[state]}:\n{_distance(true, motion, j)}",
             f"the last {LAST:g} s",
             "their phase portrait",
         )
         for column, (axes, title) in enumerate(zip(row, titles, strict=True)):
             parts.letter(axes, 3 * k + column, title)
-        for axes, span, thin in zip(row, ((true.time[0], last[1]), last, last), (0.5, 1, 1),
-                                    strict=True):  # fmt: skip
-            for time, states, look in (
-                (true.time, true.states, {"color": TRUE, "lw": 2.0 if thin == 1 else 1.2}),
-                (motion.time, motion.representative,
-                 {"color": MODEL, "lw": 0.8 * thin, "ls": "--" if thin == 1 else "-"}),
-            ):  # fmt: skip
-                inside = (time >= span[0]) & (time <= span[1])
-                x, y = time[inside], states[inside, j]
-                if axes is row[2]:
-                    x, y = y, states[inside, j + 2]
-                axes.plot(x, y, **look)
-            if axes is not row[2]:
-                axes.set(xlim=span, xlabel="time, s" if j else "")
+        for time, states, look, whole in (
+            (true.time, true.states, TRUE_LINE, {"lw": 1.2}),
+            (motion.time, motion.representative, MODEL_LINE, {"lw": 0.4, "ls": "-"}),
+        ):
+            late = (time >= last[0]) & (time <= last[1])
+            row[0].plot(time, states[:, j], **look | whole)
+            row[1].plot(time[late], states[late, j], **look)
+            row[2].plot(states[late, j], states[late, j + 2], **look)
+        for axes, span in zip(row, ((true.time[0], last[1]), last), strict=False):
+            axes.set(xlim=span, xlabel="time, s" if j else "")
         row[0].set_ylabel(f"{name}, m")
         row[2].set(xlabel=f"{name}, m", ylabel=rf"$\dot{{q}}_{state[-1]}$, m/s")
-    true = parts.key("true", color=TRUE, lw=2.0, ls="-")
-    keys = true, parts.key(by, color=MODEL, lw=0.8, ls="--")
+    by = (
+        f"reconstructed by {style.method_style(settings['method']).label} "
+        f"(protocol {settings['protocol']}, noise level {settings['level']:g})"
+    )
+    keys = parts.key("true", **TRUE_LINE), parts.key(by, **MODEL_LINE)
     parts.legend(figure, *keys, columns=2)
     left = settings["cases"][len(cases) :]
     parts.note_left_out(figure, left, "scores.csv, and trajectories/ in the results")
@@ -93,7 +79,7 @@ def _distance(true: Motion, motion: Reconstruction, column: int) -> str:
     largest = np.max(np.abs(motion.representative[:, column] - expected))
     if not np.isfinite(largest):
         return "motion ended early"
-    return f"at most {scientific(largest)} m apart"
+    return f"at most {style.scientific(largest)} m apart"
 
 
 def draw_histories(
@@ -111,14 +97,14 @@ def draw_histories(
         return parts.nothing_at_all(f"nothing to show: the line itself {true.status}")
     if not cells:
         return parts.nothing_at_all("nothing to show: this study has no such recordings")
-    figure = Figure(figsize=(DOUBLE, 0.8 + 1.9 * len(cells)), layout="constrained")
+    figure = Figure(figsize=(style.DOUBLE, 0.8 + 1.9 * len(cells)), layout="constrained")
     grid = figure.subplots(2 * len(cells), 1, sharex=True)
     for k, (cell, label) in enumerate(cells.items()):
         motion = reconstructions[cell][settings["method"]]
         parts.letter(grid[2 * k], k, label)
-        for j, state in enumerate(STATE_LABELS):
+        for j, name in enumerate(style.STATE_LABELS.values()):
             _history(grid[2 * k + j], true, motion, j, settings["window"])
-            grid[2 * k + j].set_ylabel(f"{STATE_LABELS[state]}, m")
+            grid[2 * k + j].set_ylabel(f"{name}, m")
     grid[-1].set_xlabel("time, s")
     figure.align_ylabels(grid)
     parts.legend(figure, columns=3, title=parts.origin(settings))
@@ -128,15 +114,14 @@ def draw_histories(
 def _history(
     axes: Axes, true: Motion, motion: Reconstruction, column: int, window: Sequence[float]
 ) -> None:
-    inside = (true.time >= window[0]) & (true.time <= window[1])
-    states = true.states[inside, column]
-    shown = (motion.time >= window[0]) & (motion.time <= window[1])
-    time, middle = motion.time[shown], motion.representative[shown, column]
-    low, high = motion.low[shown, column], motion.high[shown, column]
+    inside, shown = ((each.time >= window[0]) & (each.time <= window[1]) for each in (true, motion))
+    time, states = motion.time[shown], true.states[inside, column]
+    middle, low, high = (
+        of[shown, column] for of in (motion.representative, motion.low, motion.high)
+    )
     parts.band(axes, time, low, high, "5th to 95th percentile of all draws")
-    axes.plot(true.time[inside], states, color=TRUE, lw=1.8, label="true")
-    label = "reconstructed, the draw with the median $R^2$"
-    axes.plot(time, middle, color=MODEL, lw=0.8, ls="--", label=label)
+    axes.plot(true.time[inside], states, color=style.TRUE, lw=1.8, label="true")
+    axes.plot(time, middle, **MODEL_LINE, label="reconstructed, the draw with the median $R^2$")
     centre, half = (states.max() + states.min()) / 2, np.ptp(states) / 2
     axes.set(xlim=window, ylim=(centre - HEADROOM * half, centre + HEADROOM * half))
     note = ""
@@ -168,7 +153,7 @@ MARKS = {
 
 
 def _title(axes: Axes, index: int, state: str, more: str = "") -> None:
-    parts.letter(axes, index, f"{DIRECTIONS[state]}, {STATE_LABELS[state]}{more}")
+    parts.letter(axes, index, f"{style.DIRECTIONS[state]}, {style.STATE_LABELS[state]}{more}")
 
 
 # --- along one parameter ---
@@ -210,7 +195,7 @@ def _beyond_small_angles(panels: Sequence[Axes], case: Mapping) -> None:
     for axes, frequency in zip(panels, frequencies(line, *modes(case, line)), strict=False):
         wind = np.array(axes.get_xlim())
         small = np.minimum(SMALL * wind / frequency, high)  # frequency: rad/s
-        axes.fill_between(wind, small, high, color=SHADE, lw=0, zorder=0,
+        axes.fill_between(wind, small, high, color=style.SHADE, lw=0, zorder=0,
                           label="beyond small angles")  # fmt: skip
         axes.set_ylim(low, high)
 
@@ -225,19 +210,19 @@ def _branches(axes: Axes, cycles: pd.DataFrame, bifurcations: pd.DataFrame, dire
             reached = kept | np.append(False, kept[:-1])  # up to the first point beyond a change
             if kept.any():
                 y_kept = np.where(reached, y, np.nan)
-                axes.plot(x, y_kept, color=MODEL, ls=look, lw=1.2, zorder=2, label=label)
+                axes.plot(x, y_kept, color=style.MODEL, ls=look, lw=1.2, zorder=2, label=label)
     simulated = cycles[is_simulated]
     irregular = simulated[simulated["kind"] == "irregular"]
     if len(irregular):
         ends = (irregular[f"{direction}_{end}_m"] for end in ("low", "high"))
         label = "its range, not repeating"
-        axes.vlines(irregular["value"], *ends, color=PAPER, lw=1.2, label=label)
-    look = {"ls": "", "ms": 3, "mfc": "white", "mec": PAPER, "mew": 0.8, "zorder": 3}
+        axes.vlines(irregular["value"], *ends, color=style.PAPER, lw=1.2, label=label)
+    look = {"ls": "", "ms": 3, "mfc": "white", "mec": style.PAPER, "mew": 0.8, "zorder": 3}
     axes.plot(simulated["value"], simulated[name], marker="o", label="long simulation", **look)
     for kind, marker in MARKS.items():
         at = bifurcations[bifurcations["name"] == kind]
         if len(at):
-            look = {"ls": "", "ms": 5, "mfc": BAND, "mec": "k", "mew": 0.7, "zorder": 4}
+            look = {"ls": "", "ms": 5, "mfc": style.BAND, "mec": "k", "mew": 0.7, "zorder": 4}
             axes.plot(at["value"], at[name], marker=marker, label=kind, **look)
 
 
@@ -254,7 +239,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         return parts.nothing_at_all("this study varies no two parameters")
     table = table[table["case"] == settings["case"]]
     table = table.assign(y=table["y"] / settings["y_scale"])
-    figure = Figure(figsize=(DOUBLE, 3.1), layout="constrained")
+    figure = Figure(figsize=(style.DOUBLE, 3.1), layout="constrained")
     ratio = table.pivot(index="y", columns="x", values="frequency_ratio")
     dark = [withStroke(linewidth=3.0, foreground="black")]  # seen upon any colour, and upon none
     for k, (axes, direction) in enumerate(zip(figure.subplots(1, 2), STATES, strict=True)):
@@ -274,7 +259,7 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
         ):
             at = table[chosen]
             axes.plot(
-                at["x"], at["y"], ls="", marker=marker, ms=4, mfc="white", mec=PAPER,
+                at["x"], at["y"], ls="", marker=marker, ms=4, mfc="white", mec=style.PAPER,
                 label=text if len(at) else None,
             )  # fmt: skip
         axes.set(xlabel=settings["x_label"], ylabel=settings["y_label"])
@@ -298,7 +283,7 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     protocols, method = settings["protocols"], settings["method"]
     of_case = (table["case"] == settings["case"]) & (table["replicate"] == settings["replicate"])
     chosen = table[of_case].sort_values("wind_m_s")
-    figure = Figure(figsize=(DOUBLE, 0.8 + 2.7 * len(protocols)), layout="constrained")
+    figure = Figure(figsize=(style.DOUBLE, 0.8 + 2.7 * len(protocols)), layout="constrained")
     grid = figure.subplots(
         2 * len(protocols), len(STATES), squeeze=False, sharex=True,
         height_ratios=[2, 1] * len(protocols),
@@ -310,13 +295,10 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
             _title(axes, row * len(STATES) + column, state, f", from {protocol}")
             at = (chosen["protocol"] == protocol) & (chosen["direction"] == direction)
             lines = {name: chosen[at & (chosen["method"] == name)] for name in methods}
-            _predicted(axes, lines)
-            _deviation(below, lines[method], method)
+            _predicted(axes, below, lines)
             for pane in (axes, below):
-                pane.axvline(
-                    settings["recorded"], color=TRUE, lw=0.8, ls=":",
-                    label="wind of the recording",
-                )  # fmt: skip
+                label = "wind of the recording"
+                pane.axvline(settings["recorded"], color=style.TRUE, lw=0.8, ls=":", label=label)
         grid[2 * row, 0].set_ylabel("half range, m")
         grid[2 * row + 1, 0].set_ylabel("deviation, %")
     for axes in grid[-1]:
@@ -325,37 +307,32 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     return figure
 
 
-def _look(method: str) -> dict:
-    return parts.line_look(method) | {"lw": 1.0, "marker": method_style(method).marker}
-
-
-def _predicted(axes: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
-    """lines: rows by method, of which the first has a band."""
+def _predicted(axes: Axes, below: Axes, lines: Mapping[str, pd.DataFrame]) -> None:
+    """lines: rows by method, of which the first has a band, and its deviation below."""
     for k, (method, line) in enumerate(lines.items()):
         if line.empty:
             continue
-        wind, style = line["wind_m_s"], method_style(method)
+        wind, own = line["wind_m_s"], style.method_style(method)
         if line["predicted_m"].isna().any():
             reason = next(iter(line["reason"].dropna()), "no stable limit cycle")
-            axes.text(0.97, 0.05, fill(shorten(f"{style.label}: {reason}", 80), 40), ha="right",
-                      color=style.color, fontsize="small", transform=axes.transAxes)  # fmt: skip
+            axes.text(0.97, 0.05, fill(shorten(f"{own.label}: {reason}", 80), 40), ha="right",
+                      color=own.color, fontsize="small", transform=axes.transAxes)  # fmt: skip
         if k == 0:
-            axes.plot(wind, line["true_m"], color=TRUE, lw=4, zorder=0.9, label="truth")
+            axes.plot(wind, line["true_m"], color=style.TRUE, lw=4, zorder=0.9, label="truth")
             parts.band(axes, wind, line["low_m"], line["high_m"], "95 % band")
             doubtful = sorted(set(line["verdict"]) - {"ok"})
             if doubtful:
                 axes.text(0.03, 0.95, doubtful[0].partition(":")[0], va="top",
-                          transform=axes.transAxes, color=PAPER)  # fmt: skip
-        axes.plot(wind, line["predicted_m"], label=style.label, **_look(method))
-
-
-def _deviation(axes: Axes, line: pd.DataFrame, method: str) -> None:
-    low, value, high = (
-        100 * (line[name] / line["true_m"] - 1) for name in ("low_m", "predicted_m", "high_m")
-    )
-    axes.axhline(0, color=TRUE, lw=2, zorder=0.9)
-    parts.band(axes, line["wind_m_s"], low, high, "95 % band")
-    axes.plot(line["wind_m_s"], value, **_look(method))
+                          transform=axes.transAxes, color=style.PAPER)  # fmt: skip
+        look = parts.line_look(method) | {"lw": 1.0, "marker": own.marker}
+        axes.plot(wind, line["predicted_m"], label=own.label, **look)
+        if k == 0:
+            low, value, high = (
+                100 * (line[of] / line["true_m"] - 1) for of in ("low_m", "predicted_m", "high_m")
+            )
+            below.axhline(0, color=style.TRUE, lw=2, zorder=0.9)
+            parts.band(below, wind, low, high, "95 % band")
+            below.plot(wind, value, **look)
 
 
 def draw_limit_cycle_ahead(table: pd.DataFrame, settings: Mapping) -> Figure:
@@ -367,21 +344,21 @@ def draw_limit_cycle_ahead(table: pd.DataFrame, settings: Mapping) -> Figure:
         return parts.nothing_at_all("no model of this study states how sure it is")
     states, protocols = table["state"].unique(), table["protocol"].unique()
     axis, (begin, end) = parts.LogAxis.of(table["level"]), settings["window"]
-    figure = Figure(figsize=(DOUBLE, 2.9), layout="constrained")
+    figure = Figure(figsize=(style.DOUBLE, 2.9), layout="constrained")
     grid = figure.subplots(1, len(states), squeeze=False)[0]
     for k, (state, axes) in enumerate(zip(states, grid, strict=True)):
         of_state = table[table["state"] == state]
         _title(axes, k, state)
         axis.prepare(axes, "noise level, in the unit of each protocol")
-        axes.axhline(of_state["true_m"].iloc[0], color=TRUE, lw=4, zorder=1,
+        axes.axhline(of_state["true_m"].iloc[0], color=style.TRUE, lw=4, zorder=1,
                      label="true limit cycle")  # fmt: skip
-        axes.axhline(of_state["recorded_m"].iloc[0], color=PAPER, lw=1.0, ls="--", zorder=1,
+        axes.axhline(of_state["recorded_m"].iloc[0], color=style.PAPER, lw=1.0, ls="--", zorder=1,
                      label=f"recorded, {begin:g}-{end:g} s")  # fmt: skip
         for j, protocol in enumerate(protocols):
             rows = of_state[of_state["protocol"] == protocol].sort_values("level")
             shift = APART * (j - (len(protocols) - 1) / 2)
             places = np.array([axis.position(level, shift) for level in rows["level"]])
-            look = protocol_style(protocol)
+            look = style.protocol_style(protocol)
             axes.vlines(places, rows["low_m"], rows["high_m"], color=look["color"], lw=1.2)
             label = f"predicted from {protocol}"
             axes.plot(places, rows["predicted_m"], ls="", label=label, **look)

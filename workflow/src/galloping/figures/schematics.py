@@ -229,16 +229,32 @@ def draw_flow(settings: Mapping) -> Figure:
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set(xlim=(0, DOUBLE), ylim=(0, CHART))
     axes.axis("off")
+    width, height = BOX
     for (column, row), (title, text) in zip(PATH, _boxes(settings), strict=True):
-        _box(axes, COLUMNS[column], ROWS[row], title, text, COLORS[row])
+        x, y = COLUMNS[column], ROWS[row]
+        axes.add_patch(FancyBboxPatch(
+            (x - width / 2, y - height / 2), width, height, facecolor=COLORS[row], edgecolor=INK,
+            boxstyle="round,pad=0,rounding_size=0.07", lw=0.8,
+        ))  # fmt: skip
+        top = y + height / 2
+        _say(axes, (x, top - 0.07, title, "center", "top"), weight="bold")
+        _say(axes, (x, top - 0.24, fill(text, 36), "center", "top"), fontsize="small",
+             linespacing=1.15)  # fmt: skip
     for (column, row), (next_column, next_row) in pairwise(PATH):
         side, down = next_column - column, next_row - row
         arrow(
             axes,
-            (COLUMNS[column] + side * BOX[0] / 2, ROWS[row] - down * BOX[1] / 2),
-            (COLUMNS[next_column] - side * BOX[0] / 2, ROWS[next_row] + down * BOX[1] / 2),
+            (COLUMNS[column] + side * width / 2, ROWS[row] - down * height / 2),
+            (COLUMNS[next_column] - side * width / 2, ROWS[next_row] + down * height / 2),
         )
-    _truth(axes)
+    # the way of the truth around identification, straight into the comparison
+    right, margin = COLUMNS[2] + width / 2, DOUBLE - 0.14
+    axes.plot([right, margin, margin], [ROWS[0], ROWS[0], ROWS[2]], color=PAPER, lw=1.0,
+              ls=(0, (4, 2)))  # fmt: skip
+    arrow(axes, (margin, ROWS[2]), (right, ROWS[2]), color=PAPER)
+    where = margin - 0.05, (ROWS[1] + ROWS[2]) / 2
+    _say(axes, (*where, "true coefficients and motion", "right", "center"), color=PAPER,
+         fontsize="small")  # fmt: skip
     return figure
 
 
@@ -267,28 +283,3 @@ def _boxes(settings: Mapping) -> list[tuple[str, str]]:
         ("Comparison", "coefficient errors, terms found, $R^2$, amplitude, frequency: medians, "
          "intervals, claims"),
     ]  # fmt: skip
-
-
-def _box(axes: Axes, x: float, y: float, title: str, text: str, color: str) -> None:
-    width, height = BOX
-    axes.add_patch(
-        FancyBboxPatch(
-            (x - width / 2, y - height / 2), width, height,
-            boxstyle="round,pad=0,rounding_size=0.07", facecolor=color, edgecolor=INK, lw=0.8,
-        )
-    )  # fmt: skip
-    _say(axes, (x, y + height / 2 - 0.07, title, "center", "top"), weight="bold")
-    _say(axes, (x, y + height / 2 - 0.24, fill(text, 36), "center", "top"), fontsize="small",
-         linespacing=1.15)  # fmt: skip
-
-
-def _truth(axes: Axes) -> None:
-    """The dashed way of the truth around identification, straight into the comparison."""
-    right, margin = COLUMNS[2] + BOX[0] / 2, DOUBLE - 0.14
-    axes.plot(
-        [right, margin, margin], [ROWS[0], ROWS[0], ROWS[2]], color=PAPER, lw=1.0, ls=(0, (4, 2))
-    )
-    arrow(axes, (margin, ROWS[2]), (right, ROWS[2]), color=PAPER)
-    where = margin - 0.05, (ROWS[1] + ROWS[2]) / 2
-    _say(axes, (*where, "true coefficients and motion", "right", "center"), color=PAPER,
-         fontsize="small")  # fmt: skip

@@ -2,11 +2,8 @@
 published, and of lines that are not their own model.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -195,51 +192,36 @@ def draw_model_error(table: pd.DataFrame) -> Figure:
 def draw_reduction(table: pd.DataFrame) -> Figure:
     """Amplitude, limit cycle and R2 by line: a row for each quantity, a column for each direction.
 
-    table: reduction.csv. The two-mode model is the dashed line; R2 is that of its displacement in
-    three stretches of the record.
+    table: reduction.csv. The two-mode model is the dashed line; crosses move in another way. R2 is
+    that of its displacement in three stretches of the record.
     """
     lines = [name for name in table["line"].unique() if name != TWO_MODES]
     figure = Figure(figsize=(DOUBLE, 6.0), layout="constrained")
     grid = figure.subplots(len(WORTH), 2, sharex=True)
+    places = np.arange(len(lines))
     for column, (direction, look) in enumerate(LOOKS.items()):
         values = table[table["direction"] == direction].set_index("line")
-        for row, quantity in enumerate(WORTH):
+        of_lines, last = values.loc[lines], grid[-1, column]
+        for row, (quantity, label) in enumerate(WORTH.items()):
             axes = grid[row, column]
             parts.letter(axes, 2 * row + column, direction)
-            if quantity == "r2":
-                _stretches(axes, values.loc[lines], look)
-            else:
-                _worth(axes, values, lines, quantity, look | {"label": direction})
-    for axes, label in zip(grid[:, 0], WORTH.values(), strict=True):
-        axes.set_ylabel(label)
+            axes.set_ylabel("" if column else label)
+            if axes is last:
+                continue
+            apart = of_lines[f"{quantity.removesuffix('_m')}_error_percent"].isna().to_numpy()
+            height, other = of_lines[quantity].to_numpy(), {"marker": "x"}
+            axes.plot(places[~apart], height[~apart], ls="", **look, label=direction)
+            axes.plot(places[apart], height[apart], ls="", **look | other, label="another motion")
+            two = values.loc[TWO_MODES, quantity]
+            axes.axhline(two, color="k", lw=0.8, ls="--", label="two-mode model")
+            axes.set_ylim(0, 1.12 * np.nanmax([*height, two]))
+        parts.prepare_r2(last, last.get_ylabel(), ticks=(0.0, 0.9, 0.99, 0.999, 0.9999))
+        for key, face in STRETCHES.items():
+            shade = {"mec": look["color"], "mfc": face or look["color"], "marker": look["marker"]}
+            last.plot(places, parts.r2_place(of_lines[key]), ls="", clip_on=False, **shade)
+        last.set_xticks(places, lines, rotation=60, ha="right")
     for key, face in STRETCHES.items():
         seconds = key.removeprefix("r2_").removesuffix("_s").replace("_", "-")
-        label = f"$R^2$, {seconds} s"
-        grid[-1, -1].plot([], [], "o", mec="k", mfc=face or "k", label=label)
+        last.plot([], [], "o", mec="k", mfc=face or "k", label=f"$R^2$, {seconds} s")
     parts.legend(figure, columns=4)
     return figure
-
-
-def _worth(
-    axes: Axes, values: pd.DataFrame, lines: list[str], quantity: str, look: Mapping
-) -> None:
-    """values: rows by line. Crosses: another motion than that of the two-mode model."""
-    places, of_lines = np.arange(len(lines)), values.loc[lines]
-    apart = of_lines[f"{quantity.removesuffix('_m')}_error_percent"].isna().to_numpy()
-    height, other = of_lines[quantity].to_numpy(), {"marker": "x", "label": "another motion"}
-    axes.plot(places[~apart], height[~apart], ls="", **look)
-    axes.plot(places[apart], height[apart], ls="", **look | other)
-    two = values.loc[TWO_MODES, quantity]
-    axes.axhline(two, color="k", lw=0.8, ls="--", label="two-mode model")
-    axes.set_ylim(0, 1.12 * np.nanmax([*height, two]))
-
-
-def _stretches(axes: Axes, values: pd.DataFrame, look: Mapping) -> None:
-    parts.prepare_r2(axes, "", ticks=(0.0, 0.9, 0.99, 0.999, 0.9999))
-    for key, face in STRETCHES.items():
-        height = parts.r2_place(values[key].to_numpy())
-        axes.plot(
-            np.arange(len(values)), height, ls="", marker=look["marker"], mec=look["color"],
-            mfc=face or look["color"], clip_on=False,
-        )  # fmt: skip
-    axes.set_xticks(np.arange(len(values)), values.index, rotation=60, ha="right")

@@ -71,25 +71,19 @@ class Claim:
 
         Empty where the study has no such cell. A draw without a model counts as the worst value.
         """
-        values = self._of(scores, self.column, self.level)
+        values = self.rows(scores)[self.column].to_numpy(float)
         if not self.minus:
             return values
-        level = self.level if self.minus_level is None else self.minus_level
-        others = self._of(scores, self.minus, level)
+        others = self.rows(scores, self.minus_level)[self.minus].to_numpy(float)
         if len(others) != len(values):
             return np.empty(0)
         with np.errstate(invalid="ignore"):
             # two failures show no excess: they count as the worst value
             return np.nan_to_num(values - others, nan=-np.inf, posinf=np.inf, neginf=-np.inf)
 
-    def rows(self, scores: pd.DataFrame) -> pd.DataFrame:
-        """The scores of its cell, one row a draw."""
-        return self._cell(scores, self.level)
-
-    def _of(self, scores: pd.DataFrame, column: str, level: float) -> np.ndarray:
-        return self._cell(scores, level)[column].to_numpy(float)
-
-    def _cell(self, scores: pd.DataFrame, level: float) -> pd.DataFrame:
+    def rows(self, scores: pd.DataFrame, level: float | None = None) -> pd.DataFrame:
+        """The scores of its cell, one row a draw; level: its own by default."""
+        level = self.level if level is None else level
         cell = scores[(scores["level"] == level) & (scores["kind"] == self.cell_kind)]
         return cell if self.points is None else cell[cell["points"] == self.points]
 

@@ -75,7 +75,12 @@ def write_crate(
     root["keywords"] = ", ".join(citation["keywords"])
     licence = f"https://spdx.org/licenses/{citation['license']}"
     root["license"] = _add(crate, licence, "CreativeWork", name=citation["license"])
-    authors = [_add_author(crate, author) for author in citation["authors"]]
+    authors = []
+    for author in citation["authors"]:  # persons or, with the key `name`, organisations
+        name = author.get("name") or f"{author['given-names']} {author['family-names']}"
+        identifier = author.get("orcid") or f"#{name.lower().replace(' ', '-')}"
+        kind = "Organization" if "name" in author else "Person"
+        authors.append(_add(crate, identifier, kind, name=name))
     root["author"] = authors[0] if len(authors) == 1 else authors  # 1.1 wants no list of one
     root["conformsTo"] = [
         _add(crate, uri, "CreativeWork", name=name, version=uri.rsplit("/", 1)[1])
@@ -115,13 +120,6 @@ def write_crate(
         actionStatus="http://schema.org/CompletedActionStatus",
     )
     write_json(folder / METADATA, crate.metadata.generate())
-
-
-def _add_author(crate: ROCrate, author: Mapping[str, str]) -> Entity:
-    """A person or, with the key `name`, an organisation, as CITATION.cff has them."""
-    name = author.get("name") or f"{author['given-names']} {author['family-names']}"
-    identifier = author.get("orcid") or f"#{name.lower().replace(' ', '-')}"
-    return _add(crate, identifier, "Organization" if "name" in author else "Person", name=name)
 
 
 def _properties(folder: Path, path: str) -> dict[str, str]:
@@ -176,7 +174,16 @@ def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
         for path in files(plan):
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, folder / path)
-        _write_records(folder, plan, present, [text for _, text in found], citation)
+        # all in a publication that is not a copy of a file
+        remarks, versions = [text for _, text in found], environment()
+        made = [asdict(each) for path, each in receipts(plan.results).items() if path in plan.maker]
+        text = yaml.safe_dump(plan.settings, sort_keys=False, allow_unicode=True)
+        write_text(folder / CONFIGURATION, text)
+        write_json(folder / "environment.json", versions)
+        write_json(folder / RECEIPTS, made)
+        told = {"version": citation["version"], "commit": asdict(present) if present else None}
+        write_json(folder / "publication.json", told | {"remarks": remarks})
+        write_crate(folder, plan.results, citation, present, remarks, versions)
         write_manifest(folder)
         archive = folder / f"galloping-{citation['version']}.zip"
         pack(folder, Path(temporary, archive.name))
@@ -228,21 +235,3 @@ def files(plan: Plan) -> list[Path]:
         for path in recordings["files"]
     }
     return sorted({p for p in wanted if p.is_file() and p.resolve() not in private})
-
-
-def _write_records(
-    folder: Path, plan: Plan, present: Commit | None, remarks: Sequence[str], citation: dict
-) -> None:
-    """Everything in a publication that is not a copy of a file."""
-    maker, versions = plan.maker, environment()
-    made = {path: known for path, known in receipts(plan.results).items() if path in maker}
-    text = yaml.safe_dump(plan.settings, sort_keys=False, allow_unicode=True)
-    write_text(folder / CONFIGURATION, text)
-    write_json(folder / "environment.json", versions)
-    write_json(folder / RECEIPTS, [asdict(receipt) for receipt in made.values()])
-    told = asdict(present) if present else None
-    write_json(
-        folder / "publication.json",
-        {"version": citation["version"], "commit": told, "remarks": remarks},
-    )
-    write_crate(folder, plan.results, citation, present, remarks, versions)

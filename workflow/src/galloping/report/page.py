@@ -144,16 +144,16 @@ def described(study: Mapping) -> list[tuple[str, str]]:
 
     study: the settings, in plain values.
     """
-    return (_of_lines(study) if study["cases"] else []) + [
-        (name, _trial(trial)) for name, trial in study["trials"].items()
-    ]
-
-
-def _of_lines(study: Mapping) -> list[tuple[str, str]]:
-    lines = [(name, _line(case)) for name, case in study["cases"].items()]
+    trials = [
+        (name, f"{trial['kind'].replace('_', ' ')}, {trial['replicates']} replicates, drawn from "
+         f"seed {trial['seed']}")
+        for name, trial in study["trials"].items()
+    ]  # fmt: skip
+    if not study["cases"]:
+        return trials
     simulation, measurement = study["simulation"], study["measurement"]
     return [
-        *lines,
+        *((name, _line(case)) for name, case in study["cases"].items()),
         ("record", f"{simulation['duration']:g} s at {simulation['sampling_rate']:g} Hz"),
         ("noise levels", ", ".join(f"{level:g}" for level in measurement["levels"])),
         ("subsets", f"{', '.join(f'{n:,}' for n in measurement['subsets']['points'])} samples"),
@@ -161,12 +161,8 @@ def _of_lines(study: Mapping) -> list[tuple[str, str]]:
         ("protocols", ", ".join(measurement["protocols"])),
         ("methods", ", ".join(study["identification"]["methods"])),
         ("candidate library", f"polynomials up to degree {study['identification']['degree']}"),
+        *trials,
     ]
-
-
-def _trial(trial: Mapping) -> str:
-    text = f"{trial['kind'].replace('_', ' ')}, {trial['replicates']} replicates"
-    return f"{text}, drawn from seed {trial['seed']}"
 
 
 def _line(case: Mapping) -> str:

@@ -27,7 +27,6 @@ PACKAGE = Path(__file__).parents[1].name
 # Logs, receipts, messages and progress: no number depends on them.
 UNCOUNTED = (f"{PACKAGE}.reproducibility.job", f"{PACKAGE}.passes")
 DOCUMENTED = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
-IMPORTS = (ast.Import, ast.ImportFrom)
 # Distributions that are not named as what is imported of them.
 DISTRIBUTIONS = {"sklearn": "scikit-learn", "yaml": "PyYAML"}
 
@@ -85,8 +84,10 @@ def _parse(path: Path) -> _Module:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     names: set[str] = set()
     for node in (tree, *_statements(tree)):
-        if isinstance(node, IMPORTS):
-            names |= _imported(node)
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):  # absolute: ruff refuses others; or of a module
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
         elif isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             del node.body[0]
     tops = {name.partition(".")[0] for name in names}
@@ -104,16 +105,6 @@ def _statements(node: ast.AST) -> Iterator[ast.AST]:
         if isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case)):
             yield child
             yield from _statements(child)
-
-
-def _imported(node: ast.Import | ast.ImportFrom) -> set[str]:
-    """Full names of the modules that a statement imports, and of what may be modules.
-
-    Imports within the package are absolute: ruff refuses others.
-    """
-    if isinstance(node, ast.Import):
-        return {alias.name for alias in node.names}
-    return {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
 
 
 def _files(name: str) -> list[Path]:
@@ -212,10 +203,4 @@ def environment() -> dict:
 
 
 def _git(*arguments: str) -> str:
-    return subprocess.run(
-        ["git", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        check=True,
-    ).stdout
+    return subprocess.check_output(["git", *arguments], stderr=subprocess.DEVNULL, text=True)

@@ -4,7 +4,7 @@ import fcntl
 import os
 import shlex
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -88,23 +88,20 @@ def marked_environment(results: str) -> dict[str, str]:
 
 def snakemakes(folder: Path) -> list[psutil.Process]:
     """Snakemake's main processes in a folder, but what started this one."""
-    own = {parent.pid for parent in psutil.Process().parents()}
-
-    def here(process: psutil.Process) -> bool:
-        named = any(Path(part).name == "snakemake" for part in process.cmdline()[:4])
-        return named and process.pid not in own and Path(process.cwd()) == folder.resolve()
-
-    return [process for process in psutil.process_iter() if _is(process, here)]
+    own = {os.getpid(), *(parent.pid for parent in psutil.Process().parents())}
+    return [
+        process
+        for process in psutil.process_iter(["cmdline", "cwd"])  # None where it is another user's
+        if process.pid not in own and process.info["cwd"] == str(folder.resolve())
+        and any(Path(part).name == "snakemake" for part in (process.info["cmdline"] or [])[:4])
+    ]  # fmt: skip
 
 
 def end_orphans(results: str, patience: float = 5.0) -> int:
     """End what a run that is gone left running, by force after `patience` seconds; how many."""
-    mark = marked_environment(results)[OF_STUDY]
-
-    def orphan(process: psutil.Process) -> bool:
-        return process.environ().get(OF_STUDY) == mark
-
-    left = [process for process in psutil.process_iter() if _is(process, orphan)]
+    mark, others = marked_environment(results)[OF_STUDY], psutil.process_iter(["environ"])
+    left = [p for p in others if (p.info["environ"] or {}).get(OF_STUDY) == mark]
+    left = [process for process in left if process.pid != os.getpid()]
     for end in (psutil.Process.terminate, psutil.Process.kill):
         for process in left:
             with suppress(psutil.NoSuchProcess):
@@ -113,7 +110,7 @@ def end_orphans(results: str, patience: float = 5.0) -> int:
     return len(left)
 
 
-def sweep(results: str) -> Iterator[str]:
+def clear_unfinished(results: str) -> Iterator[str]:
     """Remove what a killed process had not finished writing (see `storage.replacing`)."""
     for path in sorted(Path(results).rglob(f"{PARTIAL}*")):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -122,11 +119,3 @@ def sweep(results: str) -> Iterator[str]:
 
 def _busy(process: object) -> str:
     return f"Process {process} is running a study in this folder: wait for it, or stop it."
-
-
-def _is(process: psutil.Process, wanted: Callable[[psutil.Process], bool]) -> bool:
-    """False of a process that has ended meanwhile, or is another user's."""
-    try:
-        return process.pid != os.getpid() and wanted(process)
-    except psutil.Error:
-        return False

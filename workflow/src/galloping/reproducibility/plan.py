@@ -171,15 +171,18 @@ def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iter
     if not jobs:
         return
     yield f"{len(jobs)} of {len(plan.jobs)} jobs will run, {_duration(jobs, known, cores)}"
-    if edits := list(_edits(_settings(plan, known), plan.settings)):
+    report = known.get(f"{plan.results}/report.html")  # holds the settings of the last whole run
+    before = report.settings.get("study", {}).get("study") if report else None
+    if edits := list(_edits(before or plan.settings, plan.settings)):
         yield f"Edited since they last ran: {_first(edits)}."
-    codes = {job.rule for job in jobs for path in job.outputs if _is_other_code(job, known, path)}
+    made = ((job, known[path]) for job in jobs for path in job.outputs if path in known)
+    codes = {job.rule for job, old in made if old.settings.get("code") != job.settings.get("code")}
     if codes:
         yield f"Code or libraries changed behind: {_first(sorted(codes))}."
 
 
-def spoken(seconds: float) -> str:
-    """A duration in words."""
+def duration_in_words(seconds: float) -> str:
+    """Such as `10 min`, in h, min or s."""
     for unit, length in (("h", 3600.0), ("min", 60.0)):
         if seconds >= 1.5 * length:
             return f"{seconds / length:.0f} {unit}"
@@ -201,16 +204,9 @@ def _duration(jobs: list[PlannedJob], known: Mapping[str, Receipt], cores: int |
         return "for the first time: how long is not known yet"
     least = "at least " if len(times) < len(jobs) else ""
     if cores is None:
-        return f"{least}about {spoken(sum(times))} of work"
+        return f"{least}about {duration_in_words(sum(times))} of work"
     share = max(sum(times) / cores, max(times))
-    return f"{least}about {spoken(share)} on {cores} core{'s' if cores > 1 else ''}"
-
-
-def _settings(plan: Plan, known: Mapping[str, Receipt]) -> dict:
-    """Those of the last whole run, as the report holds them; the present ones where it has none."""
-    report = known.get(f"{plan.results}/report.html")
-    study = report.settings.get("study", {}) if report else {}
-    return study.get("study") or plan.settings  # else of an older version
+    return f"{least}about {duration_in_words(share)} on {cores} core{'s' if cores > 1 else ''}"
 
 
 def _first(items: list[str]) -> str:
@@ -228,10 +224,6 @@ def _edits(before: object, now: object, key: str = "") -> Iterator[str]:
                 yield from _edits(before[name], now[name], below)
     elif before != now:
         yield f"{key} from {before} to {now}"
-
-
-def _is_other_code(job: PlannedJob, known: Mapping[str, Receipt], path: str) -> bool:
-    return path in known and known[path].settings.get("code") != job.settings.get("code")
 
 
 # --- the plugin ---

@@ -5,7 +5,7 @@ A piece keeps its name and file when more is asked for: what is new comes in pie
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -126,7 +126,7 @@ class Trial:
         starts = range(0, self.replicates, self.batch)
         parts = [range(k, min(k + self.batch, self.replicates)) for k in starts]
         return tuple(
-            Batch(f"{_file_name(case)}_{part[0]}_to_{part[-1]}", case, part)
+            Batch(f"{re.sub(r'[^a-z0-9]+', '_', case.lower())}_{part[0]}_to_{part[-1]}", case, part)
             for case in self.cases
             for part in parts
         )
@@ -146,10 +146,6 @@ def trial(name: str, configured: TrialSection) -> Trial:
         tuple(registry.BY_NAME[name] for name in configured.methods or kind.methods),
         {key: list(values) for key, values in options.items()},
     )
-
-
-def _file_name(case: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "_", case.lower())
 
 
 # --- cells ---
@@ -307,38 +303,30 @@ class Study:
     def _by_name(self) -> dict[tuple[str, ...], Cell]:
         return {tuple(cell.wildcards.values()): cell for cell in self.cells}
 
-    def _cells(self, case: Case, protocol: Protocol) -> list[Cell]:
+    def _cells(self, case: Case, protocol: Protocol) -> Iterator[Cell]:
         measurement, whole = self.settings.measurement, self.settings.simulation.samples
         subsets, joint = measurement.subsets, len(case.releases)
         described = [(NOISE, level, level, whole, 1) for level in measurement.levels]
         described += [(SUBSET, points, subsets.level, points, 1) for points in subsets.points]
         if joint > 1:
             described += [(JOINT, level, level, whole, joint) for level in measurement.joint_levels]
-        return [self._cell(case, protocol, *each) for each in described]
-
-    def _cell(
-        self, case: Case, protocol: Protocol, kind: str, number: float, level: float, samples: int,
-        recordings: int,
-    ) -> Cell:  # fmt: skip
-        measurement = self.settings.measurement
-        drawn = level > 0 or kind == SUBSET  # else all replicates are equal, whatever the seed
-        return Cell(
-            case=case,
-            protocol=protocol,
-            name=f"{kind}_{number:.12g}",
-            kind=kind,
-            level=level,
-            relative=level > 0 and protocol.is_scaled and measurement.state_noise == "relative",
-            samples=samples,
-            recordings=recordings,
-            replicates=measurement.replicates if drawn else 1,
-            seed=measurement.seed if drawn else 0,
-            methods=tuple(
-                method
-                for method in registry.METHODS
-                if method in self.methods and method.can_use(protocol, uniform=kind != SUBSET)
-            ),
-        )
+        relative = protocol.is_scaled and measurement.state_noise == "relative"
+        own = [method for method in registry.METHODS if method in self.methods]
+        for kind, number, level, samples, recordings in described:
+            drawn = level > 0 or kind == SUBSET  # else all replicates are equal, whatever the seed
+            yield Cell(
+                case=case,
+                protocol=protocol,
+                name=f"{kind}_{number:.12g}",
+                kind=kind,
+                level=level,
+                relative=level > 0 and relative,
+                samples=samples,
+                recordings=recordings,
+                replicates=measurement.replicates if drawn else 1,
+                seed=measurement.seed if drawn else 0,
+                methods=tuple(m for m in own if m.can_use(protocol, uniform=kind != SUBSET)),
+            )
 
     @cached_property
     def sweeps(self) -> tuple[Sweep, ...]:

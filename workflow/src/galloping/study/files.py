@@ -181,11 +181,12 @@ def read_identified(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]
             name: arrays[f"{method}/{name}"][replicate]
             for name in (*BY_STATE, *TEXTS, "coefficients", "chi2", "known", "covariance")
         }
+        stated = int(np.isfinite(np.diag(part["covariance"])).sum())
         return IdentifiedModel(
             model=PolynomialModel(states, terms, part["coefficients"]),
             chi2=float(part["chi2"]),
             known=tuple(np.flatnonzero(part["known"]).tolist()),
-            covariance=_stated(part["covariance"]),
+            covariance=part["covariance"][:stated, :stated],
             **{name: part[name] for name in BY_STATE},
             **{name: str(part[name]) for name in TEXTS},
         )
@@ -209,11 +210,6 @@ def _padded(covariances: Sequence[np.ndarray]) -> np.ndarray:
     for k, each in enumerate(covariances):
         padded[k, : len(each), : len(each)] = each
     return padded
-
-
-def _stated(padded: np.ndarray) -> np.ndarray:
-    size = int(np.isfinite(np.diag(padded)).sum())
-    return padded[:size, :size]
 
 
 # --- bounds/{case}/{protocol}/{cell}.npz: the Cramer-Rao bound of a cell ---

@@ -16,11 +16,6 @@ from galloping.study.cells import Case, Cell, Study
 Pair = tuple[Protocol, Method]
 
 
-def first_case(study: Study) -> Case:
-    """Shown where one case has to do."""
-    return study.cases[0]
-
-
 def runs(pair: Pair) -> bool:
     """Whether a method can use whole records by a protocol."""
     protocol, method = pair
@@ -125,13 +120,13 @@ def least_noise(study: Study, case: Case) -> Cell:
 
 def noise_cells(study: Study, pair: Pair, wanted: Iterable[float]) -> list[Cell]:
     """Those of the wanted noise levels that the study has, else its three lowest above zero."""
-    cells = [cell for cell in _cells(study, first_case(study), pair, NOISE) if cell.level > 0]
+    cells = [cell for cell in _cells(study, study.cases[0], pair, NOISE) if cell.level > 0]
     return [cell for cell in cells if cell.level in wanted] or cells[:3]
 
 
 def amount_cells(study: Study, pair: Pair) -> list[Cell]:
     """Subsets of the first case that a pair can use, the smallest first."""
-    return _cells(study, first_case(study), pair, SUBSET)
+    return _cells(study, study.cases[0], pair, SUBSET)
 
 
 def assessed_cell(study: Study, case: str) -> Cell | None:
@@ -172,7 +167,7 @@ def families_of(cell: Cell) -> list[str]:
 
 def ahead_cells(study: Study) -> list[Cell]:
     """Whole records of the first case that ours can use."""
-    return [cell for cell in _ours(study, first_case(study)) if cell.kind == NOISE]
+    return [cell for cell in _ours(study, study.cases[0]) if cell.kind == NOISE]
 
 
 def oracle_cells(study: Study) -> list[Cell]:

@@ -46,17 +46,17 @@ def compare_tables(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame
     column "(row)"; a missing or new column has the row "(column)". Rows with the same keys are told
     apart by their order. Raises ValueError where the tables have no key.
     """
+    return _compared(reference, found)[0]
+
+
+def _compared(reference: pd.DataFrame, found: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """What differs, and every value that both tables have, with a column `agrees` (bool)."""
     left, right = _by_row(reference, found)
     present = [(HEADING, n, *sides) for n, *sides in _presence(reference.columns, found.columns)]
     present += [(n, WHOLE, *sides) for n, *sides in _presence(left.index, right.index)]
     values = _values(left, right)
-    values = values.loc[~values["agrees"], list(COLUMNS)]
-    return pd.DataFrame([*present, *values.itertuples(index=False)], columns=COLUMNS)
-
-
-def compare_values(reference: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
-    """Every value that both tables have, as in `compare_tables`; with a column `agrees` (bool)."""
-    return _values(*_by_row(reference, found))
+    apart = values.loc[~values["agrees"], list(COLUMNS)]
+    return pd.DataFrame([*present, *apart.itertuples(index=False)], columns=COLUMNS), values
 
 
 def describe(difference: pd.Series) -> str:
@@ -280,7 +280,7 @@ def _tables(
     reference: pd.DataFrame, table: pd.DataFrame, reason: str
 ) -> tuple[pd.DataFrame, dict[str, object]]:
     """The differences in one table, and its numbers of the summary. reason: why it may differ."""
-    found, values = compare_tables(reference, table), compare_values(reference, table)
+    found, values = _compared(reference, table)
     rows = found[found["column"] == WHOLE]
     parts = (values["difference"].abs() / values["tolerance"]).fillna(0)
     largest = values.loc[parts.idxmax()] if parts.any() else None

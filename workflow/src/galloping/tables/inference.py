@@ -39,23 +39,18 @@ def readings(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     losses = POWERS * (best[cells] - top[cells]).astype(float)
     losses = losses.where(np.isfinite(power), np.inf)  # without a motion no cell tells
     least = losses.min(axis=1)
+    verdict = np.where(power < UNLIKELY, "less probable", "probable")
+    verdict = np.where(power < RULED_OUT, "ruled out", verdict)
+    verdict = np.where(np.isfinite(power), verdict, "no motion")
     table = pd.DataFrame({
         "changes": [BY_NAME[name].kind for name in best.index], "settings_tried": tried,
-        "power_of_ten": power, "verdict": power.map(_verdict),
+        "power_of_ten": power, "verdict": verdict,
         "least": losses.idxmin(axis=1).where(least < 0, ""),
         "least_power_of_ten": least.replace(np.inf, np.nan),
         **{unknown.name: best[unknown.name] for unknown in UNKNOWNS},
         "change_percent": 100 * best["change"],
     }, index=best.index.rename("reading"))  # fmt: skip
     return table.reset_index()
-
-
-def _verdict(power: float) -> str:
-    if not np.isfinite(power):
-        return "no motion"
-    if power < RULED_OUT:
-        return "ruled out"
-    return "less probable" if power < UNLIKELY else "probable"
 
 
 def region_samples(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:

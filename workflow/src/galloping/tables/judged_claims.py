@@ -14,13 +14,13 @@ COLUMNS = (
     "claim", "source", "case", "direction", "quantity", "paper_value", "study_value", "low", "high",
     "ratio", "spread", "met_by", "replicates", "protocol", "method", "verdict", "reason",
 )  # fmt: skip
-PAPER_COLUMNS = {  # of paper.csv: from where in claims.csv
-    "claim": "claim", "case": "case", "noise_level": "noise_level", "points": "points",
-    "direction": "direction", "printed": "paper_value", "median": "study_value", "low": "low",
-    "high": "high", "ratio": "ratio", "spread": "spread", "share_of_draws": "met_by",
-    "verdict": "verdict", "reason": "reason",
-}  # fmt: skip
-NAMES = {"median": "study_value", "share_of_draws": "met_by", "draws": "replicates"}  # of `judged`
+PAPER_COLUMNS = (
+    "claim", "case", "noise_level", "points", "direction", "printed", "median", "low", "high",
+    "ratio", "spread", "share_of_draws", "verdict", "reason",
+)  # fmt: skip
+# of `judged` and of paper.csv: as they are called in claims.csv
+NAMES = {"median": "study_value", "share_of_draws": "met_by", "draws": "replicates",
+         "printed": "paper_value"}  # fmt: skip
 PAPER = (PAPER_PROTOCOL, PAPER_METHOD)
 STEADY = "steady_change"  # columns of the line's own motion
 LINE = ("exact", "two-mode model")  # instead of protocol and method: claims about the line itself
@@ -79,24 +79,20 @@ def paper_table(
     for case, departure in settings["departures"].items():
         about = [claim for claim in CLAIMS if claim.case in ("", case)]
         if departure:
-            rows += [_unjudged(claim, case, departure) for claim in about]
+            why = {"case": case, "verdict": "not judged", "reason": departure}
+            rows += [{**_cell(claim), **why, "paper_value": claim.paper_value,
+                      "direction": claim.direction} for claim in about]  # fmt: skip
             continue
         of_case = own[own["case"] == case].set_index("claim").to_dict("index")
         rows += [{**of_case[c.name], **_cell(c)} for c in about if c.name in of_case]
         rows += _joint(about, case, draws[case])
-    table = pd.DataFrame(rows, columns=list(PAPER_COLUMNS.values()))
-    table["points"] = table["points"].astype("Int64")
-    return table.set_axis(list(PAPER_COLUMNS), axis=1)
+    table = pd.DataFrame(rows, columns=[NAMES.get(name, name) for name in PAPER_COLUMNS])
+    return table.set_axis(PAPER_COLUMNS, axis=1).astype({"points": "Int64"})
 
 
 def _cell(claim: Claim) -> dict:
     level = None if claim.minus_level is not None else claim.level  # one that compares two levels
     return {"claim": claim.name, "noise_level": level, "points": claim.points}
-
-
-def _unjudged(claim: Claim, case: str, reason: str) -> dict:
-    printed = {"paper_value": claim.paper_value, "direction": claim.direction}
-    return {**_cell(claim), "case": case, **printed, "verdict": "not judged", "reason": reason}
 
 
 def _joint(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list[dict]:

@@ -41,7 +41,7 @@ def limit_cycles_ahead(
     if first.status == "ok" and not settings["is_continuous"]:
         own = IdentifiedModel(model.model, "unjudged")
         with suppress(ValueError):  # a line that comes to rest has none
-            true = limit_cycle_ahead(own, first.states[0], np.random.default_rng(0)).amplitude
+            true, *_ = limit_cycle_ahead(own, first.states[0], np.random.default_rng(0))
     rows = []
     for name, columns in settings["cells"].items():
         models, cycles = identified[name][settings["method"]][:MOST_REPLICATES], []
@@ -50,23 +50,16 @@ def limit_cycles_ahead(
             with suppress(ValueError, np.linalg.LinAlgError):
                 cycles.append(limit_cycle_ahead(found, first.states[0], rng))
         known = {key: columns[key] for key in ("case", "protocol", "level")}
-        known |= {"method": settings["method"], "replicates": len(models)}
-        rows += [
-            {
-                **known, "state": state, "recorded_m": recorded[k], "true_m": true[k],
-                "answered": len(cycles), **_summary(cycles, k, true[k]),
-            }
-            for k, state in enumerate(first.names[: len(first.names) // 2])
-        ]  # fmt: skip
+        known |= {"method": settings["method"], "replicates": len(models), "answered": len(cycles)}
+        for k, state in enumerate(first.names[: len(first.names) // 2]):
+            place = {"state": state, "recorded_m": recorded[k], "true_m": true[k]}
+            rows.append(known | place | _summary(cycles, k, true[k]))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _summary(cycles: Sequence, k: int, true: float) -> dict[str, float]:
     """Medians of what one cell's models predict of a displacement, and how often they hold it."""
-    predicted, low, high = (
-        np.array([getattr(cycle, which)[k] for cycle in cycles])
-        for which in ("amplitude", "low", "high")
-    )
+    predicted, low, high = np.reshape([[of[k] for of in cycle] for cycle in cycles], (-1, 3)).T
     stated = np.isfinite(low)
     median = {"predicted_m": predicted, "low_m": low[stated], "high_m": high[stated]}
     held = (low <= true) & (true <= high)

@@ -94,7 +94,9 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     fits = together({name: part.assign(group=kinds[name]) for name, part in parts.items()})
     asked = fits.reindex(columns=["exact", "ok_and_wrong"]).astype(float)
     fits = fits.assign(**asked).fillna({"path": ""})
-    table = _summed(fits, ["group", "method", "path"], _paths)
+    table = _summed(fits, ["group", "method", "path"], lambda own: {
+        "fits": len(own), **_counts(own), "seconds_median": own["seconds"].median(),
+    })  # fmt: skip
     order = ["group", "method", "fits"]
     return table.sort_values(order, ascending=[True, True, False], kind="stable")
 
@@ -183,10 +185,6 @@ def _model_error(fits: pd.DataFrame) -> dict[str, object]:
         "forecast_r2": answered["forecast_r2"].median(),
         "seconds_median": fits["seconds"].median(),
     }
-
-
-def _paths(fits: pd.DataFrame) -> dict[str, object]:
-    return {"fits": len(fits), **_counts(fits), "seconds_median": fits["seconds"].median()}
 
 
 def _exact(fits: pd.DataFrame) -> dict[str, object]:

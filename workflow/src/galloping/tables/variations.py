@@ -45,11 +45,14 @@ def variation_rows(
     tables = []
     for parameter, of in values.items():
         for value in of:
-            varied = OPEN[parameter].at(case, value)
+            varied, other = OPEN[parameter].at(case, value), plan
             if parameter == THRESHOLD:
                 is_own, other = value == plan["threshold"], {**plan, "threshold": value}
-            else:
-                is_own, other = _is_same(case, varied), plan
+            else:  # the model and its release are the same to rounding
+                sides = (
+                    [*coefficients(each).values(), *initial_state(each)] for each in (case, varied)
+                )
+                is_own = np.allclose(*sides, rtol=1e-8, atol=1e-12)
             if not is_own:
                 found = paper_draws(varied, name=(name,), amounts=amounts, **other)
             table = _claims(varied, drawn if is_own else found, amounts, name)
@@ -58,14 +61,6 @@ def variation_rows(
             table = table.assign(**place, default=is_own, held=held)
             tables.append(table[[*place, "default", "held", *COLUMNS]])
     return pd.concat(tables, ignore_index=True)
-
-
-def _is_same(case: Mapping, varied: Mapping) -> bool:
-    """Whether the model and its release are the same to rounding."""
-    before, after = (
-        np.array([*coefficients(each).values(), *initial_state(each)]) for each in (case, varied)
-    )
-    return bool(np.allclose(before, after, rtol=1e-8, atol=1e-12))
 
 
 def _claims(case: Mapping, drawn: pd.DataFrame, amounts: Amounts, name: str) -> pd.DataFrame:

@@ -6,18 +6,16 @@ decays of the modes, against the Cramér-Rao bound as well.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from time import process_time
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from galloping.identification.cell import identify
 from galloping.identification.random_forces.modes import decay_interval
 from galloping.physics.galerkin import STATES
 from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.streams import generator
-from galloping.trials.real_lines import COLUMNS, DEGREE, NOISE
+from galloping.trials.real_lines import DEGREE, NOISE, identified_by
 
 FREQUENCIES, DAMPING = (0.4, 1.0), (0.003, 0.02)  # Hz; ratio to critical
 DURATIONS, RATES = (300.0, 1200.0), (5.0, 25.0)  # s, Hz
@@ -112,15 +110,9 @@ def trial(
         motion = RandomMotion.drawn(generator(seed, "ambient", case, replicate))
         (true, _), bound = decays(motion.system, ()), motion.least_errors()
         for method, settings in methods.items():
-            began, name = process_time(), ("ambient", case, str(replicate))
-            terms = library(len(STATES), DEGREE)
-            ((found,),) = identify({method: settings}, [[motion.recording]], terms, name).values()
-            row = {
-                "truth": case, "sensors": "displacements", "method": method,
-                "replicate": replicate, "seed": seed, "status": found.status,
-                "reason": found.reason, "path": found.diagnostics.get("path", ""),
-                "seconds": process_time() - began,
-            }  # fmt: skip
+            terms, name = library(len(STATES), DEGREE), ("ambient", case, str(replicate))
+            found, row = identified_by({method: settings}, [[motion.recording]], terms, name)
+            row |= {"truth": case, "sensors": "displacements", "replicate": replicate, "seed": seed}
             if found.is_forced:
                 places = np.argwhere(found.support)
                 exponents = np.array(found.model.terms)[places[:, 1]]
@@ -139,7 +131,7 @@ def trial(
                         off = 100.0 * (part(said[k]) / part(true[k]) - 1.0)
                         row[f"{quantity}_{direction}_error_percent"] = float(off)
                 row["intervals_held"] = float(np.mean(held))
-            yield dict.fromkeys(COLUMNS, np.nan) | row
+            yield row
 
 
 def decays(

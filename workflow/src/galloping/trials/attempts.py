@@ -110,23 +110,16 @@ def fits(
             }
 
 
-def trial_of(attempt: Callable[[int, str, int, float], Attempt]) -> Callable[..., Iterator[dict]]:
-    """A trial of one recording for each level and replicate.
+def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterator[dict]]:
+    """A trial, see `configuration.kinds`, with a row for each fit, see `fits`.
 
-    attempt: makes it, of the seed, the case, the number of the replicate and the noise level.
+    attempts: makes its recordings, of the seed, the case, the replicates and the kind's options.
     """
 
     def trial(
-        seed: int,
-        case: str,
-        replicates: Sequence[int],
-        methods: Mapping[str, Mapping],
-        *,
-        levels: Sequence[float],
+        seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping], **options
     ) -> Iterator[dict[str, object]]:
-        """A row for each fit: see `fits`. levels: of the noise, in standard deviations."""
-        for level in levels:
-            yield from fits((attempt(seed, case, each, level) for each in replicates), methods)
+        return fits(attempts(seed, case, replicates, **options), methods)
 
     return trial
 

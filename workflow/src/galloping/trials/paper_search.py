@@ -231,7 +231,7 @@ SAMPLES = 400
 def samples(rows: pd.DataFrame, column: str, seed: int) -> pd.DataFrame:
     """Settings of one reading, (SAMPLES, unknowns), as often as the paper's numbers are probable.
 
-    rows: of `inference.trial`, stages `screened` and `searched`. column: `log_probability` or
+    rows: of `trial`, stages `screened` and `searched`. column: `log_probability` or
     `without_amplitudes`.
     """
     tried = rows[rows["stage"].isin(("screened", "searched"))]

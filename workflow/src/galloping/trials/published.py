@@ -27,29 +27,30 @@ from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.simulation import Simulator
 from galloping.streams import generator
-from galloping.trials.attempts import Attempt, fits, measured
+from galloping.trials.attempts import Attempt, measured, trial_of
 
-DEGREE = 3
 PERIODS = 30
 REMEMBERED = 4  # periods of a chaotic flow from which its bound is formed
 
 
 @dataclass(frozen=True)
 class PublishedSystem:
-    """A published system: equations by state and term, an initial state, a period.
+    """A published system: equations by state and term, an initial state, a period where known.
 
-    chaotic: whether it forgets its initial state, so that its bound is that of short pieces.
+    degree: of its library. chaotic: whether it forgets its initial state, so that its bound is that
+    of short pieces.
     """
 
     equations: Mapping[str, Mapping[str, float]]
     start: tuple[float, ...]
-    period: float
-    chaotic: bool
+    period: float = np.nan
+    chaotic: bool = False
+    degree: int = 3
 
     @property
     def model(self) -> PolynomialModel:
-        """On the library of all terms up to the third degree."""
-        return model_of(self.equations, DEGREE)
+        """On its library."""
+        return model_of(self.equations, self.degree)
 
 
 def model_of(equations: Mapping[str, Mapping[str, float]], degree: int) -> PolynomialModel:
@@ -82,16 +83,11 @@ def _published() -> Iterator[tuple[str, PublishedSystem]]:
 SYSTEMS = dict(_published())
 
 
+@trial_of
 def systems(
-    seed: int,
-    case: str,
-    replicates: Sequence[int],
-    methods: Mapping[str, Mapping],
-    *,
-    samples: Sequence[int],
-    levels: Sequence[float],
-) -> Iterator[dict[str, object]]:
-    """A row for each fit to a recording of the system `case`: see `attempts.fits`.
+    seed: int, case: str, replicates: Sequence[int], *, samples: list[int], levels: list[float]
+) -> Iterator[Attempt]:
+    """Recordings of the system `case`.
 
     levels: of the noise, in standard deviations of each state. Of a chaotic flow the bound is that
     of pieces of REMEMBERED periods, each with an unknown beginning, which joined pieces may outdo.
@@ -106,25 +102,20 @@ def systems(
             raise ValueError(f"{case}: {trajectory.status}")
         x = trajectory.states
         for level in levels:
-            deviations = _deviations(system, true, time, x, level * x.std(axis=0))
-            attempts = []
+            deviations = _deviations(system, true, time, x, level)
             for replicate in replicates:
                 columns = {
                     "system": case, "states": len(true.states), "samples": count,
                     "protocol": "state", "level": level, "seed": seed, "replicate": replicate,
                 }  # fmt: skip
-                attempts.append(replace(measured(columns, true, time, x), deviations=deviations))
-            yield from fits(attempts, methods)
+                yield replace(measured(columns, true, time, x), deviations=deviations)
 
 
 def _deviations(
-    system: PublishedSystem,
-    true: PolynomialModel,
-    time: np.ndarray,
-    x: np.ndarray,
-    sigma: np.ndarray,
+    system: PublishedSystem, true: PolynomialModel, time: np.ndarray, x: np.ndarray, level: float
 ) -> np.ndarray:
     """(n_states, n_terms) at the Cramer-Rao bound, NaN for absent terms."""
+    sigma = level * x.std(axis=0)
     pieces = PERIODS // REMEMBERED if system.chaotic else 1
     parts = np.array_split(np.arange(len(time)), pieces)
     experiments = [Experiment(x[part[0]], time[part], sigma) for part in parts]
@@ -135,31 +126,15 @@ def _deviations(
 
 
 GROUP = "published settings"
-
-
-@dataclass(frozen=True)
-class Setting:
-    """A system as it was recorded: its equations, library, initial state, s between samples."""
-
-    equations: Mapping[str, Mapping[str, float]]
-    degree: int
-    start: tuple[float, ...]
-    step: float
-
-    @property
-    def model(self) -> PolynomialModel:
-        return model_of(self.equations, self.degree)
-
-
-SETTINGS = {
-    "lorenz": Setting(
+SETTINGS = {  # systems as they were recorded, and s between samples
+    "lorenz": (PublishedSystem(
         {"x": {"x": -10, "y": 10}, "y": {"x": 28, "y": -1, "x z": -1},
-         "z": {"x y": 1, "z": -8 / 3}}, 2, (-8, 8, 27), 0.01),
-    "van_der_pol": Setting(
-        {"x": {"y": 1}, "y": {"x": -1, "y": 0.5, "x^2 y": -0.5}}, 3, (-2, 1), 0.01),
-    "rossler": Setting(
+         "z": {"x y": 1, "z": -8 / 3}}, (-8, 8, 27), degree=2), 0.01),
+    "van_der_pol": (PublishedSystem(
+        {"x": {"y": 1}, "y": {"x": -1, "y": 0.5, "x^2 y": -0.5}}, (-2, 1)), 0.01),
+    "rossler": (PublishedSystem(
         {"x": {"y": -1, "z": -1}, "y": {"x": 1, "y": 0.2}, "z": {"1": 0.2, "x z": 1, "z": -5.7}},
-        2, (-6, 5, 0), 0.05),
+        (-6, 5, 0), degree=2), 0.05),
 }  # fmt: skip
 
 # dx/dt = -0.25 - 0.35 x + gamma x^2
@@ -167,25 +142,20 @@ CONSTANT, LINEAR = -0.25, -0.35
 RELAXATION_START, RELAXATION_END, RELAXATION_NOISE = 1.2, 8.0, 0.06
 
 
+@trial_of
 def exact_terms(
-    seed: int,
-    case: str,
-    replicates: Sequence[int],
-    methods: Mapping[str, Mapping],
-    *,
-    levels: Sequence[float],
-    durations: Sequence[float],
-) -> Iterator[dict[str, object]]:
-    """A row for each fit to a recording of the system `case`: see `attempts.fits`.
+    seed: int, case: str, replicates: Sequence[int], *, levels: list[float], durations: list[float]
+) -> Iterator[Attempt]:
+    """Recordings of the system `case`.
 
     levels: of the noise, relative to the size of the motion. durations: s, up to LONGEST.
     """
-    setting = SETTINGS[case]
-    true = setting.model
-    time = setting.step * np.arange(round(LONGEST[case] / setting.step))
-    motion = Simulator(true.states, true.terms)(true, np.array(setting.start, float), time).states
+    system, step = SETTINGS[case]
+    true = system.model
+    time = step * np.arange(round(LONGEST[case] / step))
+    motion = Simulator(true.states, true.terms)(true, np.array(system.start, float), time).states
     for duration in durations:
-        rows = slice(round(duration / setting.step))
+        rows = slice(round(duration / step))
         for level in levels:
             sigma = np.full(len(true.states), level * motion.std())
             columns = {
@@ -193,14 +163,12 @@ def exact_terms(
             }  # fmt: skip
             experiment = Experiment(motion[0], time[rows], sigma)
             bound = state_bound(true, np.argwhere(true.support), [experiment])
-            attempts = []
             for replicate in replicates:
                 named = columns | {"replicate": replicate}
                 rng = generator(*_drawn(named))
                 noise = sigma * rng.standard_normal(motion[rows].shape)
                 recording = Recording(time[rows], true.states, motion[rows] + noise)
-                attempts.append(Attempt(named, true, recording, on_library(true, bound)))
-            yield from fits(attempts, methods)
+                yield Attempt(named, true, recording, on_library(true, bound))
 
 
 def intervals(
@@ -213,7 +181,7 @@ def intervals(
 ) -> Iterator[dict[str, object]]:
     """A row for each fit to a relaxation with the quadratic coefficient of `case`.
 
-    status, exact: as in `scores.claims`. found: whether the model has x^2. holds: whether the
+    status, exact: as in `attempts.claims`. found: whether the model has x^2. holds: whether the
     interval of 95 % that does not trust the terms has its true coefficient; width: of it.
     """
     equation = {"1": CONSTANT, "x": LINEAR, "x^2": GAMMAS[case]}

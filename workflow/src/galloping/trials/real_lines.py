@@ -128,14 +128,6 @@ def _places(line: continuous.Span, truth: SensedLine) -> list[float]:
     return [share * line.line.span for share in LAYOUTS[truth.sensors]]
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What a model says of a line: values and half widths of 95 % intervals, by QUANTITIES."""
-
-    values: np.ndarray
-    widths: np.ndarray
-
-
 def linear_modes(model: PolynomialModel) -> np.ndarray:
     """Net damping and frequency, v and w: -2 Re and Im of the eigenvalues at rest, 1/s and rad/s.
 
@@ -154,17 +146,15 @@ def linear_modes(model: PolynomialModel) -> np.ndarray:
 
 
 def answer(
-    identified: IdentifiedModel,
-    start: np.ndarray,
-    time: np.ndarray,
-    simulator: Simulator,
+    identified: IdentifiedModel, start: np.ndarray, time: np.ndarray, simulator: Simulator,
     rng: np.random.Generator,
-) -> Answer:
-    """Amplitudes of the motion from `start` (4,) after STEADY s, and the modes at rest.
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """What a model says of a line: values and half widths of 95 % intervals, by QUANTITIES.
 
-    Intervals are those of models drawn with the covariance of the coefficients; NaN without one.
-    An amplitude is of the motion, not of the model alone: the further modes that an approximate
-    model names are added to its motion, what it says that it leaves to the interval.
+    Amplitudes are of the motion from `start` (4,) after STEADY s. Intervals are those of models
+    drawn with the covariance of the coefficients; NaN without one. An amplitude is of the motion,
+    not of the model alone: the further modes that an approximate model names are added to its
+    motion, what it says that it leaves to the interval.
     """
     besides = identified.further_motion(time)
 
@@ -181,7 +171,7 @@ def answer(
         widths = NORMAL_95 * (high - low) / 2.0
         left = [identified.diagnostics.get(f"error_share_all_{q}", 0.0) for q in STATES[:2]]
         widths[:2] = np.hypot(widths[:2], left * values[:2])
-    return Answer(values, widths)
+    return values, widths
 
 
 def forecast_r2(
@@ -242,18 +232,12 @@ def trial(
             if truth.wind and method not in DRIVEN:
                 continue
             name = ("model_error", case, str(replicate))
-            began = process_time()
-            ((identified,),) = identify({method: settings}, recordings, terms, name).values()
-            row = {
-                "truth": case, "sensors": truth.sensors, "method": method,
-                "replicate": replicate, "seed": seed, "status": identified.status,
-                "reason": identified.reason, "path": identified.diagnostics.get("path", ""),
-                "seconds": process_time() - began,
-            }  # fmt: skip
+            identified, row = identified_by({method: settings}, recordings, terms, name)
+            row |= {"truth": case, "sensors": truth.sensors, "replicate": replicate, "seed": seed}
             if identified.status != "refused":
                 draws = generator(seed, "model_error", case, replicate, method)
                 held = identified.at(dict.fromkeys(inputs, line.speed))
-                row |= _judged(answer(held, steady[0], time, simulator, draws), true)
+                row |= _judged(*answer(held, steady[0], time, simulator, draws), true)
                 row["terms"] = int(identified.support.sum())
                 forecasts = partial(driven, inputs=unseen_wind)
                 row["forecast_r2"] = forecast_r2(identified.model, unseen, time, forecasts)
@@ -262,7 +246,19 @@ def trial(
                         _missed(identified.model.at({SPEED: speed}), steady[0], time, amplitude)
                         for speed, amplitude in others.items()
                     )
-            yield dict.fromkeys(COLUMNS, np.nan) | row
+            yield row
+
+
+def identified_by(
+    method: Mapping[str, Mapping], recordings: Sequence, terms: Sequence, name: Sequence[str]
+) -> tuple[IdentifiedModel, dict[str, object]]:
+    """What one method gives of recordings, and the row that says so."""
+    began = process_time()
+    ((found,),) = identify(method, recordings, terms, name).values()
+    return found, dict.fromkeys(COLUMNS, np.nan) | {
+        "method": next(iter(method)), "status": found.status, "reason": found.reason,
+        "path": found.diagnostics.get("path", ""), "seconds": process_time() - began,
+    }  # fmt: skip
 
 
 def _other_winds(
@@ -288,18 +284,14 @@ def _missed(
     return float(100.0 * np.max(np.abs(said / amplitude - 1.0)))
 
 
-def _judged(said: Answer, true: np.ndarray) -> dict[str, float]:
+def _judged(values: np.ndarray, widths: np.ndarray, true: np.ndarray) -> dict[str, float]:
     """Errors and intervals in percent, and the share of the judged intervals that hold."""
-    errors, widths = 100.0 * (said.values / true - 1.0), 100.0 * said.widths / np.abs(true)
-    stated = np.all(np.isfinite(said.widths))
-    held = np.mean((np.abs(said.values - true) <= said.widths)[:JUDGED]) if stated else np.nan
-    return {
-        **{f"{name}_error_percent": float(e) for name, e in zip(QUANTITIES, errors, strict=True)},
-        **{
-            f"{name}_interval_percent": float(w) for name, w in zip(QUANTITIES, widths, strict=True)
-        },
-        "intervals_held": float(held),
-    }
+    held = (np.abs(values - true) <= widths)[:JUDGED]
+    row = {"intervals_held": np.mean(held) if np.all(np.isfinite(widths)) else np.nan}
+    for name, value, width, of in zip(QUANTITIES, values, widths, true, strict=True):
+        row[f"{name}_error_percent"] = 100.0 * (value / of - 1.0)
+        row[f"{name}_interval_percent"] = 100.0 * width / abs(of)
+    return row
 
 
 def _true_quantities(line: continuous.Span, steady: np.ndarray) -> np.ndarray:

@@ -14,9 +14,10 @@ more than SENSITIVE times. Faulty: one fault, of a size drawn evenly from its ra
 noise; what is identified must not be `ok` and wrong, and the reason should name the fault.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -30,7 +31,7 @@ from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.recording import Recording
 from galloping.simulation import Simulator, time_grid
 from galloping.streams import generator
-from galloping.trials.attempts import Attempt, at_the_bound, fits, measured, trial_of
+from galloping.trials.attempts import Attempt, at_the_bound, measured, trial_of
 
 DEFAULT, RANDOM, LONG_AND_STEADY = "default line", "random lines", "long and steady"  # groups
 TERMS = library(len(STATES), 3)
@@ -66,16 +67,10 @@ def default_line() -> MovingLine:
     return MovingLine(case, line, start, time_grid(DURATION, RATE), CubicSpline(long, states))
 
 
+@trial_of
 def of_the_default_line(
-    seed: int,
-    case: str,
-    replicates: Sequence[int],
-    methods: Mapping[str, Mapping],
-    *,
-    protocols: Sequence[str],
-    levels: Sequence[float],
-) -> Iterator[dict[str, object]]:
-    """A row for each fit to a recording of the line: see `attempts.fits`."""
+    seed: int, case: str, replicates: Sequence[int], *, protocols: list[str], levels: list[float]
+) -> Iterator[Attempt]:
     line = default_line()
     states = line.states
     for protocol in protocols:
@@ -86,7 +81,7 @@ def of_the_default_line(
                 for r in replicates
             ]
             deviations = at_the_bound(made[0], states)
-            yield from fits([replace(each, deviations=deviations) for each in made], methods)
+            yield from (replace(each, deviations=deviations) for each in made)
 
 
 def draw(rng: np.random.Generator) -> tuple[dict, np.ndarray]:
@@ -132,18 +127,12 @@ def _or_absent(rng: np.random.Generator, size: float) -> list[float]:
     return [rng.uniform(-size, size) * float(rng.random() < 0.5)]
 
 
+@trial_of
 def of_random_lines(
-    seed: int,
-    case: str,
-    replicates: Sequence[int],
-    methods: Mapping[str, Mapping],
-    *,
-    protocols: Sequence[str],
-    levels: Sequence[float],
-    duration: float = 300.0,
-    sampling_rate: float = 100.0,
-) -> Iterator[dict[str, object]]:
-    """A row for each fit to a recording of the lines `replicates`: see `attempts.fits`."""
+    seed: int, case: str, replicates: Sequence[int], *, protocols: list[str], levels: list[float],
+    duration: float = DURATION, sampling_rate: float = RATE,
+) -> Iterator[Attempt]:  # fmt: skip
+    """The replicates are the lines."""
     time = time_grid(duration, sampling_rate)
     simulator = Simulator(STATES, TERMS)
     for number in replicates:
@@ -156,8 +145,15 @@ def of_random_lines(
                         "seed": seed, "replicate": number, "release": release,
                     }  # fmt: skip
                     attempt = measured(columns, true, time, states)
-                    deviations = at_the_bound(attempt, states)
-                    yield from fits([replace(attempt, deviations=deviations)], methods)
+                    yield replace(attempt, deviations=at_the_bound(attempt, states))
+
+
+@trial_of
+def of_long_and_steady_motions(
+    seed: int, case: str, replicates: Sequence[int], *, levels: list[float]
+) -> Iterator[Attempt]:
+    for level, replicate in product(levels, replicates):
+        yield _long_or_steady(seed, case, replicate, level)
 
 
 def _long_or_steady(seed: int, case: str, replicate: int, level: float) -> Attempt:
@@ -199,7 +195,6 @@ def _sensitive(
 
 
 CHOSEN = {"limit cycle, random lines": _settled, "sensitive lines": _sensitive}  # first of its kind
-of_long_and_steady_motions = trial_of(_long_or_steady)
 
 
 # --- faults of sensors, and unsteady winds ---
@@ -334,17 +329,18 @@ FAULTS = {
 }
 
 
-def _faulty(seed: int, case: str, replicate: int, level: float) -> Attempt:
+@trial_of
+def of_faulty_recordings(
+    seed: int, case: str, replicates: Sequence[int], *, levels: list[float]
+) -> Iterator[Attempt]:
     line, fault = default_line(), FAULTS[case]
-    rng = generator(seed, GROUP, case, replicate)
-    size = rng.uniform(*fault.sizes)
-    noise = level * line.states.std(axis=0) * rng.standard_normal((len(line.time), len(STATES)))
-    time, values = fault.record(line, size, noise, rng)
-    columns = {
-        "group": GROUP, "case": case, "protocol": "state", "level": level,
-        "seed": seed, "replicate": replicate, "size": size,
-    }  # fmt: skip
-    return Attempt(columns, line.model, Recording(time, STATES, values), cause=fault.named)
-
-
-of_faulty_recordings = trial_of(_faulty)
+    for level, replicate in product(levels, replicates):
+        rng = generator(seed, GROUP, case, replicate)
+        size = rng.uniform(*fault.sizes)
+        noise = level * line.states.std(axis=0) * rng.standard_normal(line.states.shape)
+        time, values = fault.record(line, size, noise, rng)
+        columns = {
+            "group": GROUP, "case": case, "protocol": "state", "level": level,
+            "seed": seed, "replicate": replicate, "size": size,
+        }  # fmt: skip
+        yield Attempt(columns, line.model, Recording(time, STATES, values), cause=fault.named)

@@ -183,7 +183,7 @@ def fitted_to_some(
     if not left.white and may_be_slow and reads_force:
         whole = _with_slow_forces(question, starts[0], whole)
     elif not (may_be_slow or left.nearly):
-        raise Unusable(in_words(left, channels))
+        raise Unusable(left.in_words(channels.names))
     whole = _with_further_terms(question, whole)
     return question, whole, _left(question, whole, recordings)
 
@@ -206,7 +206,7 @@ def fitted_to_all(
     if not _are_needed(question, fit, penalty):
         raise Unusable("no random force is needed: a motion from its first state explains as much")
     if np.any(np.abs(values.real) > MOST_DAMPING * np.abs(values)):
-        raise Unusable(f"no oscillations in random forces: {in_words(left, channels)}")
+        raise Unusable(f"no oscillations in random forces: {left.in_words(channels.names)}")
     return _identified(question, fit, recordings, period, known, penalty, left), left
 
 
@@ -440,7 +440,7 @@ def _identified(
         sigma[there, i] = fit.model.noise[c]
     of_rates = list(zip(channels.names, fit.model.noise, strict=True))[len(channels.values) :]
     forces = question.tracker(fit.model).forces
-    said = "" if left.white else f"; {in_words(left, channels)}"
+    said = "" if left.white else f"; {left.in_words(channels.names)}"
     status = "approximate" if said and left.relevant else "ok"
     found = IdentifiedModel(
         model=problem.model(fit.model.coefficients),
@@ -468,16 +468,6 @@ def _identified(
         },
     )  # fmt: skip
     return by(["random forces"], found)
-
-
-def in_words(left: Whiteness, channels: Channels) -> str:
-    """What a fit leaves that is no white noise."""
-    if left.shows_line:
-        return (
-            f"{channels.names[left.channel]} moves at {left.frequency:.3g} Hz more than the model "
-            "says: another mode, or forces that are not white"
-        )
-    return f"{left.told:.1%} of what it leaves is told by what came before: forces are not white"
 
 
 def _first_states(question: Question, model: Model, period: float) -> np.ndarray:

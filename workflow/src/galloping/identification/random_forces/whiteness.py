@@ -1,5 +1,6 @@
 """Whether what a fit in random forces leaves is white noise, and if not, at which frequencies."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,17 @@ class Whiteness:
     peak: float
     peak_allowed: float
     swings: bool
+
+    def in_words(self, channels: Sequence[str]) -> str:
+        """What a fit leaves that is no white noise. channels: their names."""
+        if self.shows_line:
+            return (
+                f"{channels[self.channel]} moves at {self.frequency:.3g} Hz more than the model "
+                "says: another mode, or forces that are not white"
+            )
+        return (
+            f"{self.told:.1%} of what it leaves is told by what came before: forces are not white"
+        )
 
     @property
     def shows_line(self) -> bool:

@@ -1,6 +1,6 @@
 """What is done with the results of a finished study, by the command of the Makefile.
 
-Usage: results.py COMMAND [OPTIONS] [--configfile FILE ...]
+Usage: keep_results.py COMMAND [OPTIONS] [--configfile FILE ...]
 """
 
 import argparse
