@@ -172,11 +172,6 @@ def _project(tau, values, offsets, functionals, targets, counts, rows, remainder
             rows[o] += used
 
 
-def window_count(time: np.ndarray, step: float) -> int:
-    """How many windows of `step` seconds cover the times."""
-    return max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-6)))
-
-
 def condense(
     times: list[np.ndarray],
     values: list[np.ndarray],
@@ -192,7 +187,7 @@ def condense(
     is_rate: (n_observed,) whether a channel measures the rate of its state; none does by default.
     known_noise: as in `Condensed`; of none by default.
     """
-    windows = [window_count(time, step) for time in times]
+    windows = [max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-6))) for time in times]
     first = np.concatenate([[0], np.cumsum(windows)])
     n_observed = len(observed)
     functionals = np.zeros((first[-1], n_observed, ROWS, ORDER + 1))
@@ -206,15 +201,9 @@ def condense(
         offsets = np.searchsorted(window, np.arange(windows[r] + 1))
         span = slice(first[r], first[r + 1])
         _project(
-            scaled - window,
-            np.ascontiguousarray(value, dtype=float),
-            offsets,
-            functionals[span],
-            targets[span],
-            counts[r],
-            rows[r],
-            remainder[r],
-        )
+            scaled - window, np.ascontiguousarray(value, dtype=float), offsets, functionals[span],
+            targets[span], counts[r], rows[r], remainder[r],
+        )  # fmt: skip
     rates = np.zeros(n_observed, bool) if is_rate is None else np.asarray(is_rate)
     known_noise = np.full(counts.shape, np.nan) if known_noise is None else known_noise
     functionals[:, rates] = of_rates(functionals[:, rates], step)

@@ -31,7 +31,6 @@ class WeakFit:
     support: np.ndarray
     information: np.ndarray
     right: np.ndarray
-    covariance: np.ndarray
     misfit: float
 
 
@@ -79,10 +78,10 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
             support = select(information, right, every, penalty, problem.chosen_about())
         if not np.any(np.diag(information)):
             raise Unusable("no stretch of a period of the recordings is free of gaps")
-        free, covariance = solve_support(information, right, support)
+        free, _ = solve_support(information, right, support)
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
-    return WeakFit(free, support, information, right, covariance, max(misfit, 0.0))
+    return WeakFit(free, support, information, right, max(misfit, 0.0))
 
 
 @dataclass(frozen=True)
