@@ -18,7 +18,6 @@ from typing import NamedTuple
 import plans
 import pytest
 import yaml
-from studies import copy_repository
 
 from galloping.identification.registry import METHODS
 
@@ -279,9 +278,12 @@ def edited(root, planned):
 
     def copied(*edits):
         with tempfile.TemporaryDirectory() as place:
-            folder = Path(place) / "study"
-            copy_repository(root, folder)
-            (folder / "results" / "smoke").mkdir(parents=True, exist_ok=True)
+            folder = Path(place)
+            for name in ("config", "workflow"):  # with what Python compiled of it
+                shutil.copytree(root / name, folder / name)
+            shutil.copy(root / "Snakefile", folder)
+            (folder / "results" / "smoke").mkdir(parents=True)
+            (folder / "results" / "reference").symlink_to(root / "results" / "reference")
             for edit in edits:
                 edit(folder)
             return planned(folder, "config/smoke.yaml")
