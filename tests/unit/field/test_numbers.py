@@ -11,13 +11,14 @@ from click.testing import CliRunner
 
 from galloping import IdentifiedModel, Recording
 from galloping.cli import main
-from galloping.field.advice import difference, kept_up, merely_repeats, objected, unmoved
+from galloping.field.advice import difference, kept_up, objected, unmoved
 from galloping.field.analysis import read_field
 from galloping.field.dynamics import Surroundings, dynamics
 from galloping.field.file_table import FileError
 from galloping.field.forecast import check_followed, forecast, held_out, with_factors
 from galloping.field.mapping import validated
 from galloping.field.summary import Summary, longest_period
+from galloping.identification.likelihood.repetition import only_repeats
 from galloping.identification.likelihood.screening import smooth_without_outliers
 from galloping.identification.random_forces.wavering import wavers
 from galloping.polynomial import PolynomialModel, design_matrix, library
@@ -232,16 +233,13 @@ def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
 
 
 def test_a_motion_that_only_repeats_is_told_from_one_that_settles_or_beats():
-    exact = sure(files.line().on_library(TERMS))
+    exact, recording = files.line().on_library(TERMS), recorded()
     _, states = files.motion(12.0, 1500.0)
-    orbit = replace(exact, initial_states=states[-1:])
-    assert merely_repeats(orbit, [recorded()], 5.0)
-    assert not merely_repeats(exact, [recorded()], 5.0)
-    assert objected(orbit, [recorded()], ["a"], 5.0, None).status == "not identifiable"
+    assert only_repeats(exact, states[-1:], [recording], 2.4)
+    assert not only_repeats(exact, np.array([files.RELEASE]), [recording], 2.4)
     rows = np.block([[np.zeros((2, 2)), np.eye(2)], [np.diag([-6.0, -2.1]), np.zeros((2, 2))]])
-    start = np.array([[0.3, 0.3, 0.0, 0.0]])
     beats = PolynomialModel(files.STATES, library(4, 1)[1:], rows)
-    assert not merely_repeats(IdentifiedModel(beats, "ok", initial_states=start), [recorded()], 5.0)
+    assert not only_repeats(beats, np.array([[0.3, 0.3, 0.0, 0.0]]), [recording], 2.4)
 
 
 def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):

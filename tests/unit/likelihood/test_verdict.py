@@ -7,7 +7,7 @@ from galloping.identification.likelihood.plausible import Plausible, with_prior
 from galloping.identification.likelihood.prior import Prior, costs
 from galloping.identification.likelihood.problem import Problem, posed
 from galloping.identification.likelihood.selection import select
-from galloping.identification.likelihood.verdict import Regression, judged
+from galloping.identification.likelihood.verdict import Regression, judged, laws_untold
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
 
@@ -176,3 +176,16 @@ def test_the_prior_settles_ties_and_nothing_else() -> None:
     # as dear, fewer terms of less degree, more terms that fit clearly better and hardly, less dear
     assert np.allclose(weight[1:] / weight[0], [1.0, 10.0, 1.0, 0.1, 10.0])
     assert with_prior(posed(("x",), TERMS), alone) is alone
+
+
+def test_a_law_that_one_mean_wind_does_not_tell_is_said() -> None:
+    terms = ((1, 0, 0), (0, 1, 0), (0, 1, 1))  # q, dq, U dq
+    model = PolynomialModel(("q", "dq"), terms, [[0, 1, 0], [-4.0, 0, 0.01]], ("U",))
+    about = {"U_low": 9.5, "U_high": 10.5}
+
+    def said(limit: float) -> str:
+        limits = np.array([[np.nan] * 3, [np.nan, limit, np.nan]])
+        return laws_untold(IdentifiedModel(model, "ok", detection_limits=limits), [10.0], about)
+
+    assert said(0.05) == "U from 9.5 to 10.5 hardly tells how dq in d(dq)/dt changes with it"
+    assert said(0.01) == said(np.nan) == ""

@@ -6,8 +6,6 @@ from itertools import pairwise
 from math import floor, log10
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.optimize import minimize_scalar
 
 from galloping.bounds import Experiment, bound_of, information
 from galloping.field.dynamics import Surroundings
@@ -33,8 +31,6 @@ LEAST_PERIODS = 15  # of a part
 # and how many times as much as models of the parts it then misses. Measured: on lines in gusts of
 # 5 % one model misses no more than those of the thirds do, in winds 4 % apart five times as much.
 RELEVANT, WORSE = 0.03, 2.0
-# Part of its size by which a motion that only repeats may differ from itself, many periods later.
-SAME, PER_PERIOD = 0.01, 60
 SHARE = "error_share_all_"  # and a channel: a diagnostic of approximate models
 
 Identify = Callable[[Sequence[Recording]], IdentifiedModel]
@@ -44,7 +40,6 @@ FORCED = (
     "gusts, traffic or other spans, keep it up (ambient vibration), and no model in such forces "
     "follows it"
 )
-REPEATS = "the motion only repeats, and other equations have the same limit cycle"
 BY_ITSELF = "identify each wind, and each state of the line, by itself"
 
 
@@ -58,7 +53,6 @@ def objected(
 ) -> IdentifiedModel:
     """The model, refused where its recordings are not motions of one system left to itself.
 
-    Where they only repeat, it is not `ok`: a closed orbit is one of many systems.
     Of a single recording, the parts of which are not, this is the first reason of an approximate
     model. names: of the recordings, for who reads the reason. period: s, the longest of the motion.
     identify: the method, with its library and known equations. faults: of the recordings, as
@@ -75,9 +69,6 @@ def objected(
         reason = "; ".join([*faults, objection or identified.reason])
         model = identified.model
         return IdentifiedModel.refused(model.states, model.terms, reason, model.inputs)
-    if identified.status == "ok" and merely_repeats(identified, recordings, period):
-        reason = "; ".join(filter(None, [REPEATS, identified.reason]))
-        return replace(identified, status="not identifiable", reason=reason)
     if len(recordings) == 1 and not more:
         more = _changing(identified, recordings[0], period, identify)
     return replace(identified, reason=f"{more}; {identified.reason}") if more else identified
@@ -157,52 +148,6 @@ def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> boo
                 lasts = recorded > LASTING * np.std(samples[known])
                 kept.append(lasts and recorded > LARGER * np.std(own[last]))
     return bool(kept) and all(kept)
-
-
-def merely_repeats(
-    identified: IdentifiedModel, recordings: Sequence[Recording], period: float
-) -> bool:
-    """Whether all that was recorded is the same orbit again and again, as the exact model has it.
-
-    Two tones without a common period come near to themselves once, but not at its multiples.
-    """
-    if identified.model.inputs or identified.is_forced:
-        return False
-    parts = excerpts(list(recordings))
-    if len(parts) != len(identified.initial_states):
-        parts = recordings
-    simulator = simulator_of(identified.model)
-    for part, start in zip(parts, identified.initial_states, strict=True):
-        duration = float(part.time[-1] - part.time[0])
-        time = np.arange(0.0, duration, period / PER_PERIOD)
-        states = simulator(identified.model, start, time).states
-        if not _repeats(time, states / states.std(axis=0), period):
-            return False
-    return True
-
-
-def _repeats(time: np.ndarray, states: np.ndarray, period: float) -> bool:
-    """Whether standardised states (n, n_states) return to themselves over two thirds of the time.
-
-    Sought is the delay, of half a period to a third of the time, after which they differ least.
-    """
-    step, last = time[1] - time[0], time[-1]
-    shifts = np.arange(int(period / step) // 2, len(time) // 3)
-    if not len(shifts) or not np.all(np.isfinite(states)):
-        return False
-    best = step * min(shifts, key=lambda n: np.mean((states[n:] - states[:-n]) ** 2))
-    curve = CubicSpline(time, states)
-
-    def differ(delay: float) -> float:
-        kept = time[time <= last - delay]
-        return float(np.sqrt(np.mean((curve(kept + delay) - states[: len(kept)]) ** 2)))
-
-    for times in (1, int(last * 2 / 3 // best)):
-        width = times * step
-        best = minimize_scalar(
-            differ, bounds=(times * best - width, times * best + width), method="bounded"
-        ).x
-    return differ(best) < SAME
 
 
 def difference(together: IdentifiedModel, parts: Sequence[Recording], identify: Identify) -> str:

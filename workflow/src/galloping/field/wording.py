@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
-from galloping.field.advice import REPEATS, Advice
+from galloping.field.advice import Advice
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
 from galloping.field.forecast import HeldOut, Sensed
 from galloping.field.quality import peaks_of, spectrum
 from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, meaning, plain_unit
+from galloping.identification.likelihood.repetition import REPEATS
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.tracking import Forces
 from galloping.polynomial import term_name, velocity_pairs

@@ -1,10 +1,20 @@
 """Exact states with noisy derivatives: weighted linear least squares, equation by equation."""
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import TRUNCATION
+from galloping.identification.likelihood.free_run import pulled
+from galloping.identification.likelihood.plausible import detection_limits
 from galloping.identification.likelihood.problem import Problem, largest
-from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
+from galloping.identification.likelihood.selection import (
+    added_deviation,
+    select,
+    solve_support,
+)
 from galloping.identification.likelihood.verdict import Regression, by, judged, refused
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import design_matrix
@@ -16,7 +26,9 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
 
     The noise of each recording's derivatives is estimated from the residuals of the whole
     library. Rows with a missing value are left out. Refused where an unknown equation has no more
-    complete rows than the library has terms.
+    complete rows than the library has terms. Approximate where what the model leaves of derivatives
+    goes on from sample to sample, as white noise does not; intervals then are as wide as stretches
+    differ in which way they pull the coefficients, as in `free_run.whole_approximation`.
     """
     n, n_terms = len(problem.candidates), len(problem.terms)
     information, right, support = np.zeros((n, n)), np.zeros(n), np.zeros(n, bool)
@@ -25,7 +37,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         np.hstack([one.values, at_times(list(one.inputs.values()), one.time)]) for one in recordings
     ]
     thetas = [design_matrix(one, problem.terms) for one in values]
-    squares, count = 0.0, 0
+    squares, count, parts = 0.0, 0, []
     information, right = problem.with_prior(information, right)
     for i in problem.unknown:
         block = np.flatnonzero(problem.candidates[:, 0] == i)
@@ -46,6 +58,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             right[block] += rate @ rows / sigma[r, i] ** 2
             squares += float(rate @ rate) / sigma[r, i] ** 2
             samples += len(rate)
+            parts.append((block, rows / sigma[r, i], rate / sigma[r, i], sigma[r, i] > floor))
         penalty, whole = 2.0 * np.log(samples), np.ones(len(block), bool)
         about = problem.chosen_about()
         support[block] = select(
@@ -65,5 +78,30 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         initial_states=np.array([recording.values[0] for recording in recordings]),
         sigma=sigma,
         chi2=misfit / max(count - int(support.sum()), 1),
+    )
+    left = [rate - rows @ free[block] for block, rows, rate, _ in parts]
+    goes_on = [
+        float(one[1:] @ one[:-1] / np.sqrt(one[1:] @ one[1:] * (one[:-1] @ one[:-1]) / len(one)))
+        for one, (*_, is_noisy) in zip(left, parts, strict=True)
+        if is_noisy
+    ]
+    if max(goes_on, default=0.0) < -ndtri(RESIDUAL_RATE / max(len(goes_on), 1)):
+        return by(["derivatives"], found)
+    pulls = []
+    for one, (block, rows, *_) in zip(left, parts, strict=True):
+        pull = np.zeros((len(one), n))
+        pull[:, block] = one[:, None] * rows
+        pulls.append(pull[:, support])
+    covariance = pulled(pulls, solve_support(information, right, support)[1])
+    errors = added_deviation(information, support)
+    errors[support] = np.sqrt(np.diag(covariance))
+    found = replace(
+        found,
+        status="approximate",
+        reason="model inadequate: what it leaves of the derivatives goes on from sample to sample",
+        standard_errors=problem.on_library(np.where(support, errors, np.nan), fixed=0.0),
+        unconditional_errors=None,
+        detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
+        covariance=problem.of_model(covariance, support),
     )
     return by(["derivatives"], found)

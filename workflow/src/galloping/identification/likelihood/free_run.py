@@ -4,7 +4,7 @@ The phase of such a motion is that of its inputs: what the model misses does not
 in a limit cycle, and the whole recording is one stretch (simulation error, or output error).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -41,28 +41,38 @@ def whole_approximation(
     40 stretches on the coefficients differ (sandwich; P. J. Huber, 1967), and a factor wider for
     what errs alike in all.
     """
-    pulls = np.concatenate(
+    _, covariance = solve_support(information, np.zeros(len(fit.free)), fit.support)
+    covariance = pulled(_pulls(fit, residual), covariance)
+    record, condensed = fit.record, fit.record.condensed
+    covariance += prior_covariance(record.problem, information, fit.support)
+    made = Approximation(fit, information, covariance, residual, penalty, ("free runs",))
+    squares = condensed.squares(residual)
+    left = np.sqrt((squares + condensed.remainder) / np.maximum(condensed.counts, 1))
+    return stated(made, residual, left, f"{objection}; over the whole recording it leaves")
+
+
+def pulled(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
+    """Covariance of coefficients by how stretches differ in which way they pull them (sandwich).
+
+    pulls: (n, n_support) gradients of chi^2 / 2, of each recording in the order of time, which are
+    summed over 40 stretches of each. covariance: were the residuals white noise.
+    """
+    stretches = np.concatenate(
         [
             np.add.reduceat(pull, np.linspace(0, len(pull), count, endpoint=False).astype(int))
-            for pull in _pulls(fit, residual)
+            for pull in pulls
             if (count := min(len(pull), 40))
         ]
     )
-    _, covariance = solve_support(information, np.zeros(len(fit.free)), fit.support)
-    moved = pulls @ covariance
-    covariance = SYSTEMATIC * of_few(len(moved)) * moved.T @ moved
-    record, condensed = fit.record, fit.record.condensed
-    covariance += prior_covariance(record.problem, information, fit.support)
-    made = Approximation(fit, information, covariance, residual, ("free runs",))
-    squares = condensed.squares(residual)
-    left = np.sqrt((squares + condensed.remainder) / np.maximum(condensed.counts, 1))
-    return stated(made, residual, left, penalty, f"{objection}; over the whole recording it leaves")
+    moved = stretches @ covariance
+    return SYSTEMATIC * of_few(len(moved)) * moved.T @ moved
 
 
 def free_runs(
     record: Record, near: IdentifiedModel, penalty: float, objection: str
 ) -> IdentifiedModel | None:
-    """The same terms as those of `near`, an approximate model, with the least error of free runs.
+    """The same terms as those of `near`, an approximate model, with the least error of free runs,
+    and its detection limits, for it chose the terms.
 
     None where the motion remembers how it began, or no such model is found.
     """
@@ -81,7 +91,8 @@ def free_runs(
             if step.decrement < CONVERGED:
                 break
         remaining, _ = residuals(record, fit.free, fit.starts)
-        return whole_approximation(fit, linearise(fit).information, remaining, penalty, objection)
+        run = whole_approximation(fit, linearise(fit).information, remaining, penalty, objection)
+        return replace(run, detection_limits=near.detection_limits)
     except (FloatingPointError, np.linalg.LinAlgError):
         return None
 

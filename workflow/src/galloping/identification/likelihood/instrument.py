@@ -45,13 +45,22 @@ class Fault:
 
     or_model: whether a model that is wrong would show as this fault does. Its residuals are larger
     where the motion is, like noise that grows with it, and what it lacks may be slow, like a drift.
-    mixture: (n_parameters,) of the parameters of faults, tested as one.
+    mixture: (n_parameters,) of the parameters of faults, tested as one. is_noise: whether it only
+    adds noise, which has no colour: what has one is the model.
     """
 
     cause: str
     or_model: bool
     z: float = 0.0
     mixture: np.ndarray | None = None
+    is_noise: bool = False
+
+    def explains(self, excess: float) -> bool:
+        """Whether a misfit beyond the noise, in units of chi^2, may be for this cause: it takes
+        most of that away, or is what any misfit of a model shows as.
+        """
+        explained = 0.0 if self.is_noise else self.z**2
+        return self.cause == FORCES or explained >= excess / 2.0
 
 
 def faults(fit: Fit, penalty: float) -> list[Fault]:
@@ -88,9 +97,9 @@ def faults(fit: Fit, penalty: float) -> list[Fault]:
     if doubtful and max(scores) < np.sqrt(penalty):
         quadratic = eliminate(linear(np.ones(len(fit.support), bool)), segments, fit.starts)
         for k in doubtful:
-            z = _beside(quadratic, fit, tests[k]) if tests[k].or_model else scores[k]
-            z = max(z, _instead(quadratic, fit, tests[k], penalty))
-            tested[k] = replace(tested[k], z=z)
+            beside = _beside(quadratic, fit, tests[k])
+            instead = _instead(quadratic, fit, tests[k], penalty)
+            tested[k] = replace(tested[k], z=max(beside, instead))
     shown = [fault for fault in tested if fault.z > limit]
     return sorted(shown, key=lambda fault: -fault.z)
 
@@ -306,5 +315,5 @@ def _variances(fit: Fit, residual: np.ndarray, rates: np.ndarray) -> list[Fault]
                     total += float(size @ own) / spread
                     channels += 1
         if channels:
-            tested.append(Fault(cause, True, total / np.sqrt(channels)))
+            tested.append(Fault(cause, True, total / np.sqrt(channels), is_noise=True))
     return tested

@@ -212,6 +212,9 @@ def _followed(begun: Start) -> IdentifiedModel | str:
     if joined.settled:  # else what it leaves in the residuals is that it is not the best fit
         causes = faults(fit, penalty)
         objection = shown.objection(record.condensed.names(problem.states))
+        if objection:
+            excess = float(np.sum(shown.excess / fit.sigma**2))
+            causes = [fault for fault in causes if fault.explains(excess)]
         objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
         if objection:
             if causes and not causes[0].or_model:
@@ -226,6 +229,8 @@ def _followed(begun: Start) -> IdentifiedModel | str:
         problem,
         Regression(step.information, step.right, fit.support, penalty, largest, fit.free),
         doubt,
+        begun.recordings,
+        begun.period,
         initial_states=fit.starts[record.begins],
         sigma=sigma,
         chi2=shown.chi2,
@@ -281,15 +286,13 @@ def _causes_of_none(fit: Fit, penalty: float) -> list[str]:
     """What may be why no model follows the whole recording; nothing where no work is left."""
     if is_spent():
         return []
-    shown = faults(fit, penalty)
-    if fit.misfit < CLOSE:
-        named = [fault.cause for fault in shown[:1]]
+    over = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
+    excess = float(np.sum(fit.record.condensed.rows * over))
+    named = [fault.cause for fault in faults(fit, penalty) if fault.explains(excess)][:1]
+    if fit.misfit < CLOSE and FORCES not in named:
         # a small fault does not keep the pieces from joining
-        pieces = [f"followed in pieces, not as a whole: {FORCES}"]
-        return named if FORCES in named else named + pieces
-    # where nothing follows the data, a fault must explain most of what is left
-    least = float(np.sum(fit.record.condensed.rows)) / 2
-    return [fault.cause for fault in shown[:1] if fault.z**2 >= least]
+        named.append(f"followed in pieces, not as a whole: {FORCES}")
+    return named
 
 
 def _remaining(begun: Start, fit: Fit) -> tuple[np.ndarray, Residue]:

@@ -50,14 +50,15 @@ class Approximation:
     supported ones by leaving stretches out (delete-a-group jackknife), widened for what errs alike
     in all stretches, or, where the coefficients fluctuate, that of their means. residual:
     (n_windows, n_observed, n_rows) of forecasts over the segments of the fit, each from its
-    beginning. path: how it was found, in words. fluctuates: whether the coefficients are means of
-    what varies.
+    beginning. price: of a term, in units of chi^2, at which the terms were chosen. path: how it was
+    found, in words. fluctuates: whether the coefficients are means of what varies.
     """
 
     fit: Fit | StretchFit
     information: np.ndarray
     covariance: np.ndarray
     residual: np.ndarray
+    price: float
     path: tuple[str, ...] = ()
     fluctuates: bool = False
 
@@ -122,11 +123,11 @@ def approximation(start: Fit, penalty: float, objection: str) -> IdentifiedModel
     stretch = np.median(np.diff(record.segments.first)) * condensed.step
     residual = condensed.targets - record.predictions(made.fit.free, made.fit.starts)
     reason = f"{objection}; forecasts over {stretch:.2g} s leave"
-    return stated(made, residual, np.sqrt(condensed.noise_variance), penalty, reason)
+    return stated(made, residual, np.sqrt(condensed.noise_variance), reason)
 
 
 def stated(
-    made: Approximation, residual: np.ndarray, noise: np.ndarray, penalty: float, reason: str
+    made: Approximation, residual: np.ndarray, noise: np.ndarray, reason: str
 ) -> IdentifiedModel:
     """The approximation as an identified model.
 
@@ -146,7 +147,7 @@ def stated(
     found = IdentifiedModel(
         model=problem.model(fit.free),
         standard_errors=problem.on_library(np.where(support, errors, np.nan), fixed=0.0),
-        detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
+        detection_limits=problem.on_library(detection_limits(errors, support, made.price)),
         covariance=problem.of_model(made.covariance, support),
         known=problem.known_equations,
         initial_states=fit.starts[record.begins],
@@ -204,10 +205,11 @@ def _of_penalties(whole: StretchFit, misfit_of: MisfitOf, penalty: float) -> lis
     fit = whole
     for times in (7.0, 25.0):
         try:
-            fit = _iterate(fit, misfit_of, times * penalty, whole.jump)
+            price = times * penalty
+            fit = _iterate(fit, misfit_of, price, whole.jump)
             if not fit.support.any():
                 raise FloatingPointError("no term stands out of the noise")
-            made.append(replace(_judged(fit), path=(f"penalty {times:g}",)))
+            made.append(replace(_judged(fit, price), path=(f"penalty {times:g}",)))
         except (FloatingPointError, np.linalg.LinAlgError):
             if not made:
                 raise
@@ -238,7 +240,7 @@ def _varying(fit: StretchFit, penalty: float) -> Approximation | None:
         if varying is None:
             return None
         means, covariance = varying
-        judged = _judged(means)
+        judged = _judged(means, penalty)
     except (FloatingPointError, np.linalg.LinAlgError):
         return None
     if not judged.skill > 0.0:
@@ -277,8 +279,11 @@ def _iterate(
     return fit
 
 
-def _judged(fit: StretchFit) -> Approximation:
-    """The fit with its covariance and its forecasts, both by leaving groups of segments out."""
+def _judged(fit: StretchFit, price: float) -> Approximation:
+    """The fit with its covariance and its forecasts, both by leaving groups of segments out.
+
+    price: of its terms.
+    """
     record, precision = fit.record, fit.record.precision(fit.jump)
     condensed, segments = record.condensed, record.segments
     count = len(fit.starts)
@@ -299,7 +304,7 @@ def _judged(fit: StretchFit) -> Approximation:
     covariance = SYSTEMATIC * of_few(len(groups)) * freedom / len(groups) * spread.T @ spread
     solved = joint(record, fit.linear, precision)
     covariance += prior_covariance(record.problem, solved.information, fit.support)
-    return Approximation(fit, solved.information, covariance, residual)
+    return Approximation(fit, solved.information, covariance, residual, price)
 
 
 def prior_covariance(problem: Problem, information: np.ndarray, support: np.ndarray) -> np.ndarray:

@@ -34,6 +34,8 @@ class Residue:
     band: power density of the residuals below 1.5/period over that above, and the largest ratio
     that white noise would give; a model error shows below, at the frequencies of the motion.
     band_power: (n_recordings, n_observed) power density below, as the variance of a projection.
+    excess: (n_recordings, n_observed) sum of squares by which that is larger than it would be with
+    the density above.
     line: ratio of the highest peak of the residuals' periodogram to its surroundings, and the
     largest that noise would give; frequency, Hz, and channel of that peak.
     """
@@ -44,6 +46,7 @@ class Residue:
     band: float
     band_allowed: float
     band_power: np.ndarray
+    excess: np.ndarray
     line: float
     line_allowed: float
     frequency: float
@@ -85,7 +88,7 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     limit = 1.5 * condensed.step / period
     low, high, bins = [], [], np.zeros(2)
     line, frequency, channel = 0.0, 0.0, 0
-    band_power = np.full(condensed.rows.shape, np.nan)
+    band_power, excess = np.full(condensed.rows.shape, np.nan), np.zeros(condensed.rows.shape)
     for r, (a, b) in enumerate(pairwise(condensed.first)):
         for o in range(residual.shape[1]):
             series = residual[a:b, o, 0]
@@ -96,6 +99,8 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
             power = np.abs(np.fft.rfft(series)[1:]) ** 2 / sampled
             below = np.arange(1, len(power) + 1) / (b - a) < limit
             band_power[r, o] = power[below].mean()
+            rise = power[below].mean() - power[~below].mean()
+            excess[r, o] = 2.0 * below.sum() * max(rise, 0.0)
             low.append(power[below].sum() / power.mean())
             high.append(power[~below].sum() / power.mean())
             bins += below.sum(), (~below).sum()
@@ -111,7 +116,7 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     line_allowed = m * ((RESIDUAL_RATE / (2.0 * int(condensed.first[-1]))) ** (-1.0 / m) - 1.0)
     return Residue(
         *_misfit(condensed, residual, parameters), bool(condensed.is_known.any()), band,
-        band_allowed, band_power, line, line_allowed, frequency, channel,
+        band_allowed, band_power, excess, line, line_allowed, frequency, channel,
     )  # fmt: skip
 
 

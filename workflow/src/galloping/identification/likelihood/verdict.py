@@ -1,6 +1,6 @@
 """The verdict on a set of terms, and the identified model that carries it: decided here alone."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from galloping.identification.likelihood.plausible import (
     with_prior,
 )
 from galloping.identification.likelihood.problem import Problem
+from galloping.identification.likelihood.repetition import REPEATS, only_repeats
 from galloping.identification.likelihood.selection import (
     Whitened,
     added_deviation,
@@ -51,7 +52,12 @@ class Regression:
 
 
 def judged(
-    problem: Problem, regression: Regression, doubt: str = "", **fitted: object
+    problem: Problem,
+    regression: Regression,
+    doubt: str = "",
+    recordings: Sequence[Recording] = (),
+    period: float = np.inf,
+    **fitted: object,
 ) -> IdentifiedModel:
     """The identified model of a fit that may be trusted, `ok` or `not identifiable`.
 
@@ -59,8 +65,10 @@ def judged(
     no simple one may hide that matters. Where the data alone would leave other terms open, and the
     prior did not, its reason says so. Intervals and limits are those of the data alone.
 
-    doubt: why its terms are not settled, '' where there is nothing to say. fitted: initial_states,
-    sigma, chi2 and diagnostics, as in `IdentifiedModel`.
+    doubt: why its terms are not settled, '' where there is nothing to say. recordings: that its
+    motion followed from `initial_states`, in which it is asked whether it only repeats; none where
+    they tell rates besides. period: s, the shortest of the motion. fitted: initial_states, sigma,
+    chi2 and diagnostics, as in `IdentifiedModel`.
     """
     support, penalty = regression.support, regression.penalty
     free, covariance = solve_support(regression.information, regression.right, support)
@@ -80,10 +88,13 @@ def judged(
         if problem.prior and share > MOST_RIVAL_WEIGHT:
             told = f"the data alone cannot tell {rival}; the prior prefers the simpler terms"
         errors = unconditional_errors(plausible, errors)
+    model = problem.model(free)
+    if recordings and only_repeats(model, fitted["initial_states"], recordings, period):
+        reason = "; ".join(filter(None, [REPEATS, reason]))
     conditional = np.full(len(support), np.nan)
     conditional[support] = np.sqrt(np.diag(covariance))
     return IdentifiedModel(
-        model=problem.model(free),
+        model=model,
         status="not identifiable" if reason else "ok",
         reason=reason or told,
         standard_errors=problem.on_library(conditional, fixed=0.0),
@@ -150,11 +161,12 @@ def with_inputs(
     about = {**identified.diagnostics, "without_inputs_share": 1.0 - kept / samples}
     places = np.argwhere(identified.support)
     at = tuple(places.T)
-    added = np.zeros((len(places), len(places)))
+    added, sizes = np.zeros((len(places), len(places))), []
     for k, name in enumerate(names, start=len(identified.model.states)):
         error = max(one.inputs[name].error for one in used)
         values = np.concatenate([one.inputs[name](one.time) for one in used])
         ends = np.nanquantile(values, QUANTILES_90)
+        sizes.append(float(np.sqrt(np.nanmean(values**2))))
         about |= {f"{name}{end}": float(own) for end, own in zip(RANGE, ends, strict=True)}
         power = np.array([identified.model.terms[j][k] for _, j in places], float)
         moved = error * power * identified.model.coefficients[at]
@@ -165,8 +177,42 @@ def with_inputs(
         errors = np.array(getattr(identified, name))
         errors[at] = np.hypot(errors[at], np.sqrt(np.diag(added)))
         wider[name] = errors
-    reason = identified.reason.replace(GUSTS, "")
+    reason = "; ".join(
+        filter(None, [identified.reason.replace(GUSTS, ""), laws_untold(identified, sizes, about)])
+    )
     return replace(identified, reason=reason, diagnostics=about, **wider)
+
+
+def laws_untold(
+    identified: IdentifiedModel, sizes: Sequence[float], about: Mapping[str, object]
+) -> str:
+    """One line on the linear terms whose change with the inputs the recordings hardly tell, with
+    the ranges recorded, '' where there are none.
+
+    Of such a term the same with another power of the inputs is absent, though it may be a quarter
+    as large as those found: at other inputs they part. sizes: root mean square of each input.
+    about: diagnostics, with the ranges.
+    """
+    model, n = identified.model, len(identified.model.states)
+    of_states, of_inputs = np.hsplit(np.array(model.terms), [n])
+    powers = np.prod(np.array(sizes) ** of_inputs, axis=1)
+    found = np.where(identified.support, model.coefficients * powers, 0.0)
+    unseen = np.where(identified.support, 0.0, np.nan_to_num(identified.detection_limits * powers))
+    untold = []
+    for k, state in enumerate(model.states):
+        alike = np.all(of_states == np.eye(n)[k], axis=1)
+        size, most = abs(found[:, alike]).sum(axis=1), unseen[:, alike].max(axis=1, initial=0.0)
+        untold += [
+            f"{state} in d({model.states[i]})/dt"
+            for i in np.flatnonzero((size > 0.0) & (most > 0.25 * size))
+        ]
+    if not untold:
+        return ""
+    ranges = [
+        f"{name} from {about[name + RANGE[0]]:.3g} to {about[name + RANGE[1]]:.3g}"
+        for name in model.inputs
+    ]
+    return f"{' and '.join(ranges)} hardly tells how {', '.join(untold)} changes with it"
 
 
 def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -> str:

@@ -186,6 +186,8 @@ def weak_gls(
             Regression(
                 fit.information / more, fit.right / more, fit.support, start.penalty, start.largest
             ),
+            recordings=start.recordings,
+            period=start.period,
             initial_states=np.array([one.states[0] for one in start.smoothed]),
             sigma=np.array([one.noise for one in start.smoothed]),
             chi2=fit.misfit,
