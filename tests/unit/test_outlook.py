@@ -70,11 +70,13 @@ def test_other_code_is_named_by_its_rules(finished):
     ]
 
 
-def test_the_first_run_has_nothing_to_tell_times_by(tmp_path, monkeypatch):
+def test_the_first_run_has_the_reference_alone_to_tell_times_by(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert told(job("model.json")) == [
-        "1 of 1 jobs will run, for the first time: how long is not known yet"
-    ]
+    first = "1 of 1 jobs will run, for the first time:"
+    assert told(job("model.json")) == [f"{first} how long is not known yet"]
+    (tmp_path / "origin.json").write_text('{"core_minutes": 30.2}')
+    compared = {**STUDY, "reference": str(tmp_path)}
+    assert told(job("model.json"), study=compared) == [f"{first} the reference took a core 30 min"]
 
 
 def test_durations_are_spoken():

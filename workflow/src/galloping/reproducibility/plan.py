@@ -32,6 +32,7 @@ from snakemake_interface_executor_plugins.settings import CommonSettings
 
 from galloping.configuration.load import configured, plain
 from galloping.reproducibility.receipts import Receipt, consistent
+from galloping.storage import read_json
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"
 CONFIGURATION = "config/config.yaml"
@@ -170,7 +171,7 @@ def outlook(plan: Plan, known: Mapping[str, Receipt], cores: int | None) -> Iter
     jobs = [job for job in plan.jobs if not kept.issuperset(job.outputs)]
     if not jobs:
         return
-    yield f"{len(jobs)} of {len(plan.jobs)} jobs will run, {_duration(jobs, known, cores)}"
+    yield f"{len(jobs)} of {len(plan.jobs)} jobs will run, {_duration(plan, jobs, known, cores)}"
     report = known.get(f"{plan.results}/report.html")  # holds the settings of the last whole run
     before = report.settings.get("study", {}).get("study") if report else None
     if edits := list(_edits(before or plan.settings, plan.settings)):
@@ -189,8 +190,10 @@ def duration_in_words(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
-def _duration(jobs: list[PlannedJob], known: Mapping[str, Receipt], cores: int | None) -> str:
-    """By how long the same jobs took before, or others of their rule."""
+def _duration(
+    plan: Plan, jobs: list[PlannedJob], known: Mapping[str, Receipt], cores: int | None
+) -> str:
+    """By how long the same jobs took before, or others of their rule; at first, the reference."""
     of_rule: dict[str, list[float]] = {}
     for receipt in known.values():
         of_rule.setdefault(receipt.rule, []).append(receipt.seconds)
@@ -201,7 +204,11 @@ def _duration(jobs: list[PlannedJob], known: Mapping[str, Receipt], cores: int |
         if seconds or job.rule in of_rule
     ]
     if not times:
-        return "for the first time: how long is not known yet"
+        origin = Path(plan.settings.get("reference", ""), "origin.json")
+        minutes = read_json(origin).get("core_minutes") if origin.exists() else None
+        if not minutes:
+            return "for the first time: how long is not known yet"
+        return f"for the first time: the reference took a core {duration_in_words(60 * minutes)}"
     least = "at least " if len(times) < len(jobs) else ""
     if cores is None:
         return f"{least}about {duration_in_words(sum(times))} of work"
