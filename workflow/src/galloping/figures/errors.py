@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from galloping.figures import parts
 from galloping.figures.style import DOUBLE, MODEL, PAPER, QUIET, SHADE, SINGLE, method_style, spoken
 from galloping.paper.claims import CLAIMS, Claim
-from galloping.results import BOUND, NOISE, OURS, PAPER_METHOD, SUBSET
+from galloping.results import BOUND, NOISE, OURS, PAPER_METHOD
 from galloping.tables.scores import ORACLE, ORDERS, mean_error, of_kind, spread
 
 DECADES = (1e-2, 1e2)  # percent: the axis of errors where there are none
@@ -123,15 +123,7 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
     across = max(len(quantity.columns) for quantity in quantities)
     figure = Figure(figsize=(DOUBLE, 0.8 + 2.3 * len(quantities)), layout="constrained")
     grid = figure.subplots(len(quantities), across, squeeze=False, sharex=True, sharey="row")
-    places, subsets = parts.LogAxis.of(chosen[x]), settings["kind"] == SUBSET
-    marks = {
-        name: [
-            claim for claim in printed(name, case)
-            if bool(claim.points) == subsets and claim.level in set(chosen["level"])
-            and getattr(claim, x) in places.values
-        ]
-        for quantity in quantities for name in quantity.columns
-    }  # fmt: skip
+    places, levels = parts.LogAxis.of(chosen[x]), set(chosen["level"])
     for j, (quantity, line) in enumerate(zip(quantities, grid, strict=True)):
         panels = {
             name: chosen.pivot(index="replicate", columns=x, values=name)
@@ -151,7 +143,10 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
             places.prepare(axes, label if j == len(quantities) - 1 else "")
             quantity.prepare(axes, limits, "" if k else quantity.label)
             _draws(axes, panels[name], places, quantity, limits)
-            for claim in marks[name]:
+            for claim in printed(name, case):
+                is_shown = claim.cell_kind == settings["kind"] and claim.level in levels
+                if not is_shown or getattr(claim, x) not in places.values:
+                    continue
                 at, value = places.position(getattr(claim, x)), quantity.place(claim.paper_value)
                 axes.plot(at, value, ls="", color=PAPER, **(STAR if claim.is_number else BAR))
     parts.legend(figure, title=parts.origin(settings))

@@ -1,4 +1,7 @@
-"""Stationary random wind: the along-wind speed of atmospheric turbulence."""
+"""Stationary random wind: the along-wind speed of atmospheric turbulence.
+
+Apart from `continuous`, whose compiled code the trials that draw a wind alone do without.
+"""
 
 import numpy as np
 

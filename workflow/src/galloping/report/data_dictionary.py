@@ -1,7 +1,8 @@
 """The data dictionary: what each column of each table holds, with its unit.
 
 `columns.csv` has a row for a column of one table, or, where `table` is empty, of every table with
-such a column that has no row of its own.
+such a column that has no row of its own. A module apart from the page, whose edits need not make
+the table again.
 """
 
 from collections.abc import Mapping
