@@ -12,7 +12,7 @@ from galloping.physics.gusts import wind_speed
 from galloping.recording import Recording
 from galloping.terms import parse
 
-STATES, RATE, EVERY = ("y", "dy"), 10.0, 10
+STATES, RATE, EVERY = ("y", "dy"), 5.0, 20
 TERMS, ALLOWED = parse(("wind(U)",), STATES, ("U",))
 STIFFNESS, DAMPING, GROWTH, PUSH, STRENGTH = 6.0, 0.12, 0.008, 0.004, 0.03
 TRUE = {(1, 0, 0): -STIFFNESS, (0, 1, 0): -DAMPING, (0, 1, 1): GROWTH, (0, 0, 2): PUSH}
@@ -80,7 +80,7 @@ def test_a_saved_model_holds_in_other_winds(gusty, found, tmp_path):
         (mode,) = condition.equilibria[0].modes
         true = (DAMPING - GROWTH * speed) / 2.0 / np.sqrt(STIFFNESS)
         assert mode.damping.low < true < mode.damping.high
-    shown, hidden = gusty[:5700], gusty[5700:]
+    shown, hidden = gusty[:2850], gusty[2850:]
     ahead = forecast(loaded, shown, hidden.time)
     inside = (hidden.values[:, 0] > ahead.low[:, 0]) & (hidden.values[:, 0] < ahead.high[:, 0])
     assert inside.mean() > 0.75
