@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
-from identification_cases import model, noisy, solution
+from identification_cases import line, model, noisy, solution
 
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.selection import select
 from galloping.identification.work import ENDED, MOST, limited
+from galloping.polynomial import library
+from galloping.recording import Input, Recording
+from galloping.trials.published import SYSTEMS
 
 # its first swings are far quicker than most of the record: the first time scale gives no model
 TRUE = model(("x", "y"), 3, {"x^3": -0.1, "y^3": 2.0}, {"x^3": -2.0, "y^3": -0.1})
@@ -21,7 +25,7 @@ def searched(recording, most):
     """The model, and the work that was counted."""
     with limited([recording], most) as work:
         found = maximum_likelihood(recording, TRUE.terms)
-    return found, most - work.left
+    return found, work.spent
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +36,7 @@ def whole(recording):
 def test_a_search_within_its_limit_is_that_without_one(recording, whole):
     found, used = whole
     assert found.status == "ok" and 0 < used < 0.1 * MOST
-    again, counted = searched(recording, 1.01 * used)
+    again, counted = searched(recording, 2.0 * used)  # each start has a portion
     assert counted == used and again.reason == found.reason
     assert np.array_equal(again.model.coefficients, found.model.coefficients)
     assert np.array_equal(again.covariance, found.covariance)
@@ -51,3 +55,42 @@ def test_a_search_at_its_limit_ends_and_is_not_ok(recording, whole, share):
 def test_nothing_is_begun_where_no_work_is_left(recording):
     found, used = searched(recording, 0.0)
     assert (found.status, found.reason, used) == ("refused", ENDED, 0.0)
+
+
+def hyperchaos(rng):
+    system, time = SYSTEMS["hyperchaos"], np.linspace(0.0, 180.0, 2000)
+    return noisy(system.model, solution(system.model, system.start, time), time, 0.05, 990101), 3
+
+
+def accelerations(rng):
+    true, time = line(), np.arange(3001) / 10
+    rates = true(solution(true, (0.1, 0.1, 0.0, 0.0), time))
+    rates += 0.5 * rates.std(axis=0) * rng.standard_normal(rates.shape)
+    rates[:, :2] = np.nan
+    return Recording(time, true.states, np.full(rates.shape, np.nan), rates=rates), 3
+
+
+def driven(rng):
+    time = np.arange(2001) / 20
+    values = np.cumsum(rng.standard_normal((len(time), 2)), axis=0)
+    return Recording(time, ("x", "y"), values, inputs={"u": Input(time, np.sin(time) ** 3)}), 5
+
+
+@pytest.mark.parametrize("drawn", [hyperchaos, accelerations, driven])
+def test_a_search_counts_little_more_than_its_limit(drawn):
+    recording, degree = drawn(np.random.default_rng(990101))
+    signals = len(recording.states) + len(recording.inputs)
+    with limited([recording], 1.5) as work:
+        maximum_likelihood(recording, library(signals, degree))
+    assert 1.5 < work.spent < 3.0
+
+
+def test_the_choice_of_terms_ends_where_no_work_is_left(recording):
+    rng = np.random.default_rng(990101)
+    design = rng.standard_normal((300, 100))
+    information, right = design.T @ design, design.T @ rng.standard_normal(300)
+    with limited([recording]) as work:
+        select(information, right, [np.ones(100, bool)], 1.0)
+    with limited([recording], 0.2 * work.spent) as less:
+        support = select(information, right, [np.ones(100, bool)], 1.0)
+    assert less.ended and not work.ended and less.spent < 0.5 * work.spent and support.any()

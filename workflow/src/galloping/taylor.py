@@ -11,6 +11,7 @@ follows sensitivities for bounds, compiles its variational equations for every l
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import compress
 
 import numpy as np
 from numba import njit
@@ -310,6 +311,13 @@ def first_step(inputs: Sequence[Input]) -> float:
     )
 
 
+@lru_cache(maxsize=2)  # of many models over the same times
+def _over_windows(
+    inputs: tuple[Input, ...], factors: tuple[Factor, ...], start: float, step: float, windows: int
+) -> NDArray[np.float64]:
+    return windowed(inputs, factors, start, step, windows, DEGREE)
+
+
 def solution(
     model: PolynomialModel,
     inputs: Sequence[Input],
@@ -328,9 +336,11 @@ def solution(
     `free`.
     Raises FloatingPointError where more than `most` steps were needed.
     """
-    n_states = len(start)
+    n_states, wanted = len(start), free is not None
+    if not wanted:  # nor are terms that are not there
+        own = tuple(compress(model.terms, model.coefficients.any(axis=0))) or model.terms[:1]
+        model = model.on_library(own)
     table = tables(model.terms, n_states)
-    wanted = free is not None
     columns = np.asarray(free).reshape(-1, 2) if wanted else np.empty((0, 2), int)
     compiled = system(table, model.coefficients, columns)
     diverged, longest = None, step
@@ -343,7 +353,7 @@ def solution(
         with np.errstate(all="ignore"):
             found, slopes, _, _, truncation = integrate(
                 compiled, step, np.array([0, windows]), start[None], powers, np.arange(n_states),
-                windowed(inputs, table.factors, time[0], step, windows, DEGREE), wanted,
+                _over_windows(tuple(inputs), table.factors, time[0], step, windows), wanted,
             )  # fmt: skip
         states, moved = found[window, :, row], slopes[window, :, row]
         bounded = bool(np.all(np.abs(states) < FAR))

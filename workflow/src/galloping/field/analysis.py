@@ -15,6 +15,7 @@ from galloping.field.quality import described, quality
 from galloping.field.read import Series, check_apart, read_series
 from galloping.field.recordings import LEAST, by_excerpts, input_notes, parted, recording
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
+from galloping.field.terminal import SEARCHED
 from galloping.field.units import NONE, coefficient_unit, state_unit
 from galloping.field.wording import summary_text
 from galloping.identification.likelihood.problem import Coefficient
@@ -221,7 +222,7 @@ def analyse(
         return by_excerpts(method, list(recordings), terms, known, known_states, **options)
 
     with limited(given):
-        with part("identify", until=0.45):
+        with part("identify", until=SEARCHED):
             identified = identify(given)
         with part("summarise", until=0.8):
             summary = summarised(

@@ -13,6 +13,7 @@ from galloping.passes import progress
 
 FIRST, EVERY = 2.0, 10.0  # s, to the first line from the first pass, and from a line to the next
 STEPS = 1000  # of the bar
+SEARCHED = 0.45  # share that a first search has, of which nobody knows how long it will take
 
 
 @contextmanager
@@ -53,8 +54,13 @@ class _Lines:
             return
         self._next = now + EVERY
         passed = now - self._begin
-        left = passed * (1.0 - share) / share
-        click.echo(f"{passed:.0f} s: {what}; about {share:.0%} done, {left:.0f} s left", err=True)
+        from galloping.identification.work import at_most  # NumPy
+
+        left, most = passed * (1.0 - share) / share, at_most(passed)
+        if not math.isinf(most):
+            left = min(left, most) if share > SEARCHED else math.sqrt(min(left, most) * most)
+        told = f"{left:.0f} s left" + ("" if math.isinf(most) else f", {most:.0f} s at most")
+        click.echo(f"{passed:.0f} s: {what}; about {share:.0%} done, {told}", err=True)
 
 
 def json_text(content: object, **options: object) -> str:

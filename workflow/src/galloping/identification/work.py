@@ -1,8 +1,8 @@
 """How much a search for a model may compute: counted, not timed, so that the same recording is
 answered alike on every machine.
 
-Counted are derivatives of what a solution says of the samples, and what takes as long: 1e8 take two
-to five seconds of a core.
+Work is counted in seconds of a core that others use as well, by the sizes of what is computed:
+each part says where it counts how long it takes there.
 """
 
 from __future__ import annotations
@@ -15,18 +15,27 @@ from dataclasses import dataclass, replace
 from galloping.identification.model import IdentifiedModel
 from galloping.recording import Recording
 
-MOST = 2e9  # of a search in recordings of up to ROWS samples, and in proportion of longer ones
+MOST = 36.0  # s, of a search in recordings of up to ROWS samples, and in proportion of longer ones
 ROWS = 30_001
-SEGMENT = 1.2e4  # matching a segment takes as long
+AFTER = 12.0  # s, that forecasts, limit cycles and figures take, which are not counted
+TELLING = 0.5  # s, counted, from which on the speed of a core is told by them
 ENDED = "the search for a model ended at its limit of work"
 
 
 @dataclass
 class Work:
-    """left: what a search may still do. ended: whether something was left undone for it."""
+    """most: s, that a search may compute; spent: that it did. ended: whether something was left
+    undone for it. around: the work that this is a part of.
+    """
 
-    left: float
+    most: float
+    spent: float = 0.0
     ended: bool = False
+    around: Work | None = None
+
+    @property
+    def left(self) -> float:
+        return self.most - self.spent
 
     def told(self, found: IdentifiedModel) -> IdentifiedModel:
         """The best model of a search; where that ended early it says so, and is not `ok`."""
@@ -43,7 +52,7 @@ _work: ContextVar[Work] = ContextVar("work")
 
 
 def allowed(rows: int, most: float = MOST) -> float:
-    """The work of a search in so many samples."""
+    """s, the work of a search in so many samples."""
     return most * max(1.0, rows / ROWS)
 
 
@@ -51,23 +60,51 @@ def allowed(rows: int, most: float = MOST) -> float:
 def limited(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Work]:
     """The block has the work of a search in these recordings, or what is left of that around it.
 
-    most: of recordings of up to ROWS samples in all.
+    most: s, of recordings of up to ROWS samples in all.
     """
-    around = _work.get(_UNLIMITED)
     rows = sum(len(recording.time) for recording in recordings)
-    given = min(allowed(rows, most), around.left)
-    work = Work(given)
+    with _within(min(allowed(rows, most), _work.get(_UNLIMITED).left)) as work:
+        yield work
+
+
+@contextmanager
+def portion(share: float) -> Iterator[Work]:
+    """The block has a share of the work that is left; what it leaves undone is left undone."""
+    around = _work.get(_UNLIMITED)
+    with _within(share * around.left) as work:
+        try:
+            yield work
+        finally:
+            around.ended |= work.ended
+
+
+@contextmanager
+def _within(most: float) -> Iterator[Work]:
+    around = _work.get(_UNLIMITED)
+    work = Work(most, around=around)
     token = _work.set(work)
     try:
         yield work
     finally:
         _work.reset(token)
-        around.left -= given - work.left
+        around.spent += work.spent
 
 
-def spend(amount: float) -> None:
+def spend(seconds: float) -> None:
     """Count work that is done."""
-    _work.get(_UNLIMITED).left -= amount
+    _work.get(_UNLIMITED).spent += seconds
+
+
+def at_most(passed: float) -> float:
+    """s, that are left at most after `passed` s, at the speed so far; infinite where no limit or
+    no speed is known.
+    """
+    work, most, spent = _work.get(_UNLIMITED), _UNLIMITED.most, 0.0
+    while work is not _UNLIMITED:
+        most, spent, work = work.most, spent + work.spent, work.around
+    if spent < TELLING:
+        return float("inf")
+    return passed / spent * (max(most - spent, 0.0) + AFTER)
 
 
 def is_spent() -> bool:

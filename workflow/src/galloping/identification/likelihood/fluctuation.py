@@ -21,6 +21,7 @@ from galloping.identification.likelihood.weak_constraint import (
     joint,
     jump_covariance,
 )
+from galloping.identification.work import is_spent
 from galloping.passes import passing
 
 # Parts of a stretch in which coefficients are constant: a tenth of the correlation. Measured: with
@@ -76,6 +77,8 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     variance, least, passes = (2e-3 * unit) ** 2, (1e-6 * unit) ** 2, 4
     fine = replace(fit, record=parts, starts=parts.starts, misfit=misfit)
     for passed in range(passes):
+        if is_spent():
+            return None
         passing("try coefficients that fluctuate")
         misfit = parts.white_misfit(fine.linear.residual)
         # fluctuations explain 0.56 or more of what is left where gusts are all that the library

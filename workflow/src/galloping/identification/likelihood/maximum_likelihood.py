@@ -55,11 +55,12 @@ from galloping.identification.likelihood.weak_gls import Start, begin
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.random_forces import moved_at_random, random_forces
 from galloping.identification.random_forces.unmodelled import unmodelled
-from galloping.identification.work import ENDED, is_spent, limited
+from galloping.identification.work import ENDED, is_spent, limited, portion
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
 PRIOR = Prior()
+EXACTLY = 0.6  # of the work that is left, to follow the data to the noise; the rest to come near
 
 
 @one_thread
@@ -169,7 +170,8 @@ def _identified(begun: Start) -> IdentifiedModel:
     Raises FloatingPointError where there is neither.
     """
     try:
-        found = _followed(begun)
+        with portion(EXACTLY):
+            found = _followed(begun)
     except FloatingPointError as error:
         found = str(error)
     return _near(begun, found) if isinstance(found, str) else found

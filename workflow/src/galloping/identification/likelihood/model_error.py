@@ -204,6 +204,8 @@ def _of_penalties(whole: StretchFit, misfit_of: MisfitOf, penalty: float) -> lis
     made: list[Approximation] = []
     fit = whole
     for times in (7.0, 25.0):
+        if made and is_spent():
+            break
         try:
             price = times * penalty
             fit = _iterate(fit, misfit_of, price, whole.jump)
@@ -259,6 +261,8 @@ def _iterate(
     """
     record, choosing = fit.record, 1 if penalty is None else 6
     for passed in range(choosing + 4):
+        if passed and is_spent():
+            break
         passing("approximate in stretches")
         solved = joint(record, fit.linear, record.precision(fit.jump))
         right, support = solved.right + solved.information @ fit.free, fit.support

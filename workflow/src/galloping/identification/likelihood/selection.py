@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
+from galloping.identification.work import is_spent, spend
+
 # Selection.
 # Added to the diagonal of an information matrix with unit diagonal so that it can be factored:
 # a few roundings. It moves a chi^2 by 1e-15 |c|^2, by 0.1 for c of 1e7 in its unit.
@@ -17,6 +19,8 @@ IMITATED = 1e-9
 # The same for the second of two terms that are added together, in share of the determinant, and
 # for a fault of the instrument beside the terms.
 DEPENDENT = 1e-6
+# s, that a support takes, with all terms to the third power, and a move of three terms.
+SUPPORT, OF_CUBE, MOVE = 2e-4, 1e-10, 1.2e-7
 
 
 def solve_support(
@@ -49,8 +53,8 @@ def select(
 
     From each of `starts`, (n,) boolean: removes the term that is least worth its cost while there
     is one that is not; then, while it pays, adds a term or two, or exchanges one for one, one for
-    two or two for one. cost: of each term (n,), in units of chi^2, or one of all. Shapes as in
-    `solve_support`; about: as in `whiten`. Returns the (n,) boolean support.
+    two or two for one, while work is left. cost: of each term (n,), in units of chi^2, or one of
+    all. Shapes as in `solve_support`; about: as in `whiten`. Returns the (n,) boolean support.
     """
     whitened, cost = whiten(information, right, about), np.broadcast_to(cost, len(right))
     ends: dict[bytes, tuple[float, np.ndarray]] = {}
@@ -175,6 +179,7 @@ class Tableau:
 def tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     """support: (n,) boolean. Terms that it imitates cannot be added."""
     kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.usable)
+    spend(SUPPORT + OF_CUBE * len(support) ** 3)
     q, r = np.linalg.qr(whitened.columns[:, kept])
     inverse = np.eye(len(kept))
     if len(kept):  # LAPACK prints a message where there are none
@@ -214,6 +219,7 @@ def moves(
     """
     kept, out, none = here.kept[:, None], here.out[:, None], np.zeros((1, 0), int)
     two = here.out[here.two.T]
+    spend(MOVE * len(kept) * (len(two) + len(out) * len(kept) / 2))
     # rises (n_leave, n_enter), and the terms of each row that leave and of each column that enter
     options = [
         (here.wald[:, None], kept, none),
@@ -256,9 +262,12 @@ def _descend(
     support = _remove(whitened, support, cost)
     while support.tobytes() not in ends:
         here = tableau(whitened, support)
+        value = here.chi2 + cost[here.kept].sum()
+        if is_spent():
+            return value, support
         rise, others = moves(here, support, cost, 1)
         if not len(rise) or rise[0] > -1e-6:
-            return here.chi2 + cost[here.kept].sum(), support
+            return value, support
         support = _remove(whitened, others[0], cost)
     return ends[support.tobytes()]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.work import SEGMENT, spend
+from galloping.identification.work import spend
 
 HUGE = 1e30  # of a state or a derivative, from which a solution counts as diverged
 BATCH = 8  # segments integrated together: what they need is held at once, in the cache
@@ -25,6 +25,9 @@ UNDETERMINED = 3e-7  # relative singular value below which a direction of a stat
 # A chain of growth G gives an information matrix of condition G^2 or more: with rounding of
 # 1e-16, what it says about a term is known better than IMITATED where G^2 < IMITATED / 1e-16.
 GROWTH = 2e3
+# s, that a segment takes when it is matched, with each state and two coefficients, and that a
+# derivative of a projection takes, with each coefficient.
+SEGMENT, OF_TERMS, CELL, OF_COLUMNS = 5e-5, 1e-9, 1.1e-8, 3e-11
 
 
 @dataclass(frozen=True)
@@ -189,6 +192,7 @@ def linearise(
             kept[g], rest, gap = _rotated(rows.reshape(-1, m), scaled.ravel(), n)
             information += rest.T @ rest
             right += gap @ rest
+    spend((CELL + OF_COLUMNS * n) * m * condensed.targets.size + SEGMENT * len(starts))
     own = problem.of_candidates(problem.precision, pairs)
     values = problem.of_candidates(problem.coefficients(free), pairs)
     information[np.diag_indices(len(pairs))] += own
@@ -222,6 +226,7 @@ def chained(linearised: Linearised, segments: Segments, longest: float = np.inf)
     of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
     unit = np.sqrt(np.append(np.diag(linearised.information), of_states))
     inverse = np.divide(1.0, unit, out=np.zeros(len(unit)), where=unit > 0.0)
+    spend(SEGMENT * len(linearised.ends))
     chains = np.zeros(len(linearised.ends), np.int64)
     identity = np.hstack([np.zeros((n_states, n)), np.eye(n_states)])
     relation, length = identity, 1
@@ -242,8 +247,8 @@ def chained(linearised: Linearised, segments: Segments, longest: float = np.inf)
 def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Eliminated:
     """Match the segments of each chain and eliminate its first state."""
     n_segments, n_states = starts.shape
-    spend(SEGMENT * n_segments)
     n = len(linearised.right)
+    spend(n_segments * (2 * SEGMENT + OF_TERMS * n_states * n**2))
     information, right = linearised.information.copy(), linearised.right.copy()
     states = np.zeros((n_segments, n_states, n + 1))
     size = np.abs(linearised.ends).max(axis=0) + np.finfo(float).tiny

@@ -136,6 +136,8 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> Fit:
     windows = WINDOWS_PER_PERIOD
     length = max(round(windows * periods), 2)
     for _ in range(MOST_HALVINGS):
+        if is_spent():
+            raise FloatingPointError(ENDED)
         condensed = condense(times, sampled, observed, period / windows, is_rate, known)
         if problem.inputs:
             inputs = problem.driven(recordings, condensed.first, condensed.step)
@@ -146,6 +148,8 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> Fit:
         try:
             truncation = residuals(record, start.free, record.starts)[1]
         except FloatingPointError:
+            if length == 2:
+                break
             length = max(length // 2, 2)
             continue
         if truncation < TRUNCATION:

@@ -15,11 +15,15 @@ from scipy.interpolate import BSpline
 from scipy.linalg import lapack
 
 from galloping.identification.likelihood.shooting import HUGE, MOST_HALVINGS, Record
+from galloping.identification.work import spend
 
 # Periods of a stretch. Measured: with 3 to 6 a model's error hides in the jumps, and amplitudes are
 # up to three times as far off; with 20 or more gusts do not, and dampings are.
 STRETCH_PERIODS = 10
 STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
+# s, that a derivative of a projection takes, and with each lag of the misfit, and that a stretch
+# takes when states are eliminated, and with each state and two coefficients.
+CELL, OF_LAGS, STRETCH, OF_TERMS = 8e-9, 1.5e-10, 7e-5, 5e-10
 
 
 class Stretches(Record):
@@ -175,6 +179,7 @@ class StretchFit:
                 raise FloatingPointError("the model diverges within a segment")
             residual[own] = condensed.targets[own] - predicted
             both = np.concatenate([rows, residual[own][..., None]], axis=3)
+            spend((CELL + OF_LAGS * self.misfit.shape[1]) * both.size)
             both = whitened(both, own, segments.recording[g]).reshape(-1, m + 1)
             products = both.T @ both
             information[g], right[g] = products[:m, :m], products[:m, m]
@@ -239,6 +244,7 @@ def joint(
     starts = linear.starts
     count, n_states = starts.shape
     n = linear.right.shape[1] - n_states
+    spend(count * (STRETCH + OF_TERMS * n_states * n**2))
     used = np.ones(count) if left_out is None else (~left_out).astype(float)
     information = np.einsum("g,gij->ij", used, linear.information[:, :n, :n])
     right = used @ linear.right[:, :n]

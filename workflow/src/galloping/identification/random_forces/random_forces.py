@@ -50,7 +50,8 @@ LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact sampl
 MOST_CHOICES = 4  # of nonlinear terms, each after a fit of the last
 FAINT = 1e-3  # of the forces, as good as none
 START_PERIODS = 20.0  # shortest periods, over which the first state is told
-TRIAL = 0.15 * MOST  # work of a trial beside inputs: what takes more was mostly another motion
+# s, of a trial beside inputs, and without: what takes more was mostly another motion.
+TRIAL_BESIDE_INPUTS, TRIAL = 0.15 * MOST, 0.4 * MOST
 STEADY = 0.5  # mean of a factor of inputs, in its root mean square, from which it is mostly that
 
 
@@ -98,7 +99,7 @@ def moved_at_random(problem: Problem, start: Start) -> IdentifiedModel | None:
         if start.fit.misfit < MOST_MISFIT and not (may_be_slow and _is_slow(start)):
             return None
         forced, rescaled = problem.unknown, scaled(start.recordings, start.period)
-        with limited(start.recordings, TRIAL if problem.inputs else MOST) as work:
+        with limited(start.recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
             question, whole, left = fitted_to_some(problem, rescaled, forced, may_be_slow)
             unseen = set(question.channels.pairs) - set(question.channels.values)
             if unseen and not question.tracker(whole.model).is_linear:
