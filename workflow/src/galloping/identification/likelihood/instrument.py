@@ -299,21 +299,19 @@ def _variances(fit: Fit, residual: np.ndarray, rates: np.ndarray) -> list[Fault]
         (GROWING, (condensed.targets - residual)[:, :, 0]),
     ):
         total, channels = 0.0, 0
-        for r in range(len(sigma)):
-            for o in range(signal.shape[1]):
-                inside = there[:, o] & (owner == r)[:, None]
-                if np.count_nonzero(inside) < 2:
-                    continue
-                size = np.repeat((signal[:, o] / weight[:, o])[:, None] ** 2, 3, axis=1)[inside]
-                size = size - size.mean()
-                own = square[:, o][inside]
-                if own.mean() < 0.25:
-                    continue  # rounding: the projections' own estimate is never so far below
-                own = own / own.mean()
-                spread = np.sqrt(2.0 * np.sum(size**2))
-                if spread > 0.0:
-                    total += float(size @ own) / spread
-                    channels += 1
+        for r, o in np.ndindex(sigma.shape):
+            inside = there[:, o] & (owner == r)[:, None]
+            if np.count_nonzero(inside) < 2:
+                continue
+            size = np.repeat((signal[:, o] / weight[:, o])[:, None] ** 2, 3, axis=1)[inside]
+            size = size - size.mean()
+            own = square[:, o][inside]
+            if own.mean() < 0.25:
+                continue  # rounding: the projections' own estimate is never so far below
+            spread = np.sqrt(2.0 * np.sum(size**2))
+            if spread > 0.0:
+                total += float(size @ (own / own.mean())) / spread
+                channels += 1
         if channels:
             tested.append(Fault(cause, True, total / np.sqrt(channels), is_noise=True))
     return tested

@@ -116,6 +116,7 @@ def _at_some_time_scale(
 ) -> IdentifiedModel:
     """The model from the starts of the first time scale of which any leads to one.
 
+    The spectrum shows that of most of the power, and a transient or a relaxation is quicker.
     Measured on systems of `trials.published`: a cubic oscillator that slows down as it decays
     needs a half or a quarter of what the spectrum shows, one that relaxes a half; of two that a
     quarter did not answer, neither did an eighth or a sixteenth.
@@ -254,15 +255,14 @@ def _joined(begun: Start, largest: np.ndarray) -> JoinedFit | None:
     the first that can be integrated; None where none can.
     """
     best = None
-    for start in starts_of_terms(begun):
-        free = free_fit(begun, start.fit)
+    for name, terms, dear in starts_of_terms(begun):
+        free = free_fit(begun, terms)
         if free is None:
             continue
         unseen = unseen_mixtures(free.information, largest) > 0
-        joined = join(free, begun.costs, start.dear, unseen)
-        path = (start.name, *free.path(begun.period), *joined.path)
-        joined = replace(joined, path=path)
-        if start.dear > 1.0 and joined.settled and unseen:
+        joined = join(free, begun.costs, dear, unseen)
+        joined = replace(joined, path=(name, *free.path(begun.period), *joined.path))
+        if dear > 1.0 and joined.settled and unseen:
             # a limit cycle looks like one of fewer terms
             told = unseen_mixtures(joined.step.information, largest) < joined.step.fit.support.sum()
             joined = replace(joined, settled=told)

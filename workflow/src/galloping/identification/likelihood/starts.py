@@ -1,13 +1,11 @@
-"""Where an identification starts from, in order: time scales, positions of rest, terms.
+"""Where an identification starts from at a time scale, in order: positions of rest, terms.
 
-The spectrum shows the time scale of most of the power, and a transient or a relaxation is quicker.
 Moved along a displacement that no channel measures, a polynomial model is another one that follows
 velocities and accelerations as well: that which rests at zero, without constants, is meant, and
 how far the middle of the motion lies from there is tried. The weak form gives the terms.
 """
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,28 +15,21 @@ from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.weak_gls import Start, WeakFit, rough_fit, weak_fit
 from galloping.identification.model import BY_TERM, IdentifiedModel
 
-# How many times as much terms cost in a start of few terms, which moves no faster than the samples
-# tell. Measured: of twenty recordings of the displacements of a line, three samples a second,
-# starts of 25 to 70 terms left fourteen without a model; from 4 to 10 terms all are followed.
-DEAR = 16.0
 
+def starts_of_terms(begun: Start) -> list[tuple[str, WeakFit, float]]:
+    """Of each start, in order, its name, its terms, and how dear terms are at first (see `join`).
 
-class Terms(NamedTuple):
-    """A start of some terms: its name, the weak fit, and what terms cost at first (see `join`)."""
-
-    name: str
-    fit: WeakFit
-    dear: float
-
-
-def starts_of_terms(begun: Start) -> list[Terms]:
-    """The starts, in order."""
+    A start of few terms moves no faster than the samples tell. Measured: of twenty recordings of
+    the displacements of a line, three samples a second, starts of 25 to 70 terms left fourteen
+    without a model; from 4 to 10 terms all are followed.
+    """
+    dear = 16.0  # times as much as terms cost
     rough, about = rough_fit(begun), begun.problem.chosen_about()
-    support = select(rough.information, rough.right, [rough.support], DEAR * begun.costs, about)
+    support = select(rough.information, rough.right, [rough.support], dear * begun.costs, about)
     free, _ = solve_support(rough.information, rough.right, support)
     few = replace(rough, free=free, support=support)
     name = "weak form" if rough is begun.fit else "weak form of a telling stretch"
-    return [Terms(name, rough, 1.0), Terms("few terms", few, DEAR)]
+    return [(name, rough, 1.0), ("few terms", few, dear)]
 
 
 def rests_at_zero(begun: Start) -> bool:
