@@ -18,9 +18,9 @@ def motion(case, variant):
 
 def test_table_of_the_two_mode_model_and_lines(case, short):
     lines = {
-        "3 modes": trial.Variant(3),
-        "disturbed": trial.Variant(3, antisymmetric=0.1),
-        "gusty": trial.Variant(3, intensity=0.05),
+        "3 modes": trial.LineVariant(3),
+        "disturbed": trial.LineVariant(3, antisymmetric=0.1),
+        "gusty": trial.LineVariant(3, intensity=0.05),
     }
     table = trial.reduction(case, {name: motion(case, line) for name, line in lines.items()})
     assert table.shape[0] == 8

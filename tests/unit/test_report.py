@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from galloping.report.page import Item, Page, RecordingSection, as_html, render
-from galloping.report.printed_numbers import Cell, Row, Section, headline
+from galloping.report.printed_numbers import PaperCell, PaperSection, Row, headline
 
 
 @pytest.fixture
@@ -17,8 +17,11 @@ def page(tmp_path):
     csv.write_text("term,error_percent\nq_v < q_w,0.123456789\n=1+1,\n")
     figure = Item("f", "01 a figure", "It shows *this*.", svg)
     table = Item("t", "a table", "It holds ``that``.", csv)
-    cells = [Cell("0.83", "2.1 (0.2 to 6)", "reproduced", "so it is"), Cell("1", "9", "worse", "<")]
-    paper = Section("1 of 2 holds.", [Row("errors", cells)], ["errors: worse; <."], "")
+    cells = [
+        PaperCell("0.83", "2.1 (0.2 to 6)", "reproduced", "so it is"),
+        PaperCell("1", "9", "worse", "<"),
+    ]
+    paper = PaperSection("1 of 2 holds.", [Row("errors", cells)], ["errors: worse; <."], "")
     return Page("A study", paper, None, "commit abc", ["One & one."], figure,
                 [("span", "300 m")], "Words.", [figure], [table],
                 [RecordingSection("span", "# <Summary>", [figure])],

@@ -22,7 +22,7 @@ COMMON = 2.0  # a factor by which the two differ at most where they move in the 
 
 
 @dataclass(frozen=True)
-class Variant:
+class LineVariant:
     """A continuous line to compare with, as in `continuous`; antisymmetric: m, of its release."""
 
     modes: int
@@ -33,15 +33,15 @@ class Variant:
 
 
 VARIANTS = {
-    "1 mode": Variant(1),
-    **{f"{n} modes": Variant(n) for n in (3, 5, 7, 9, 13)},
-    "relative wind": Variant(9, "relative"),
-    "relative, drag 0.2": Variant(9, "relative", 0.2),
-    "gusts 2 %": Variant(9, intensity=0.02),
-    "gusts 5 %": Variant(9, intensity=0.05),
-    "antisymmetric 1 mm": Variant(9, antisymmetric=1e-3),
-    "antisymmetric 10 mm": Variant(9, antisymmetric=1e-2),
-    "relative, antisym. 10 mm": Variant(9, "relative", antisymmetric=1e-2),
+    "1 mode": LineVariant(1),
+    **{f"{n} modes": LineVariant(n) for n in (3, 5, 7, 9, 13)},
+    "relative wind": LineVariant(9, "relative"),
+    "relative, drag 0.2": LineVariant(9, "relative", 0.2),
+    "gusts 2 %": LineVariant(9, intensity=0.02),
+    "gusts 5 %": LineVariant(9, intensity=0.05),
+    "antisymmetric 1 mm": LineVariant(9, antisymmetric=1e-3),
+    "antisymmetric 10 mm": LineVariant(9, antisymmetric=1e-2),
+    "relative, antisym. 10 mm": LineVariant(9, "relative", antisymmetric=1e-2),
 }
 
 
@@ -65,7 +65,7 @@ def reduction_table(settings: Mapping) -> pd.DataFrame:
 
 
 def line_motion(
-    case: Mapping, variant: Variant, *, length_scale: float, spectrum: str, seed: int
+    case: Mapping, variant: LineVariant, *, length_scale: float, spectrum: str, seed: int
 ) -> SpanMotion:
     """The continuous line, released as the two-mode model is. The rest is that of the gusts."""
     line = continuous.continuous_line(

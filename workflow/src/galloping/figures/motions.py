@@ -39,10 +39,8 @@ def draw_recovery(
     for k, row in enumerate(grid):
         case, (j, state) = cases[k // 2], (k % 2, list(style.STATE_LABELS)[k % 2])
         true, motion = trajectories[case][0], reconstructions[case][settings["method"]]
-        name, last = (
-            style.STATE_LABELS[state],
-            (max(true.time[0], true.time[-1] - LAST), true.time[-1]),
-        )
+        name = style.STATE_LABELS[state]
+        last = max(true.time[0], true.time[-1] - LAST), true.time[-1]
         titles = (
             f"{style.spoken(case)}, {style.DIRECTIONS[state]}:\n{_distance(true, motion, j)}",
             f"the last {LAST:g} s",
@@ -116,20 +114,17 @@ def _history(
 ) -> None:
     inside, shown = ((each.time >= window[0]) & (each.time <= window[1]) for each in (true, motion))
     time, states = motion.time[shown], true.states[inside, column]
-    middle, low, high = (
-        of[shown, column] for of in (motion.representative, motion.low, motion.high)
-    )
+    curves = motion.representative, motion.low, motion.high
+    middle, low, high = (of[shown, column] for of in curves)
     parts.band(axes, time, low, high, "5th to 95th percentile of all draws")
     axes.plot(true.time[inside], states, color=style.TRUE, lw=1.8, label="true")
     axes.plot(time, middle, **MODEL_LINE, label="reconstructed, the draw with the median $R^2$")
     centre, half = (states.max() + states.min()) / 2, np.ptp(states) / 2
     axes.set(xlim=window, ylim=(centre - HEADROOM * half, centre + HEADROOM * half))
-    note = ""
-    if not np.any(np.isfinite(middle)):
-        note = "the motion of the median draw ended before this window"
-    elif not np.all(np.isfinite(low) & np.isfinite(high)):
+    if not np.all(np.isfinite(low) & np.isfinite(high)):
         note = "no band where the motion of a draw has ended"
-    if note:
+        if not np.any(np.isfinite(middle)):
+            note = "the motion of the median draw ended before this window"
         axes.text(
             0.995, 0.96, note, transform=axes.transAxes, ha="right", va="top", fontsize="small",
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 1},

@@ -18,7 +18,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from galloping.report.data_dictionary import meaning
-from galloping.report.printed_numbers import Section
+from galloping.report.printed_numbers import PaperSection
 from galloping.reproducibility.digest import commit
 
 LIBRARIES = ("numpy", "scipy", "pandas", "heyoka", "numba", "pysindy", "matplotlib", "snakemake")
@@ -100,7 +100,7 @@ class Page:
     """
 
     title: str
-    paper: Section | None
+    paper: PaperSection | None
     printed: Item | None
     made: str
     headline: list[str]

@@ -119,7 +119,7 @@ ABSTRACT = "(first abstract)"  # bounds that the text itself replaces by stricte
 
 
 @dataclass(frozen=True)
-class Cell:
+class PaperCell:
     """One printed number or bound beside ours. verdict: as of `galloping.paper.claims`."""
 
     printed: str
@@ -137,11 +137,11 @@ class Row:
     """A statement with its cells: of both directions together, or vertical and horizontal."""
 
     statement: str
-    cells: list[Cell]
+    cells: list[PaperCell]
 
 
 @dataclass(frozen=True)
-class Section:
+class PaperSection:
     """What the page begins with.
 
     count: the sentence on how many claims hold. rows: the table. failures: a sentence for each
@@ -155,10 +155,10 @@ class Section:
     by_settings: str
 
 
-def section(paper: pd.DataFrame, varied: pd.DataFrame | None) -> Section:
+def section(paper: pd.DataFrame, varied: pd.DataFrame | None) -> PaperSection:
     """Of paper.csv and of reproduction.csv, where the study has it."""
     others = "" if varied is None else by_settings(varied)
-    return Section(count(paper), rows(paper), failures(paper), others)
+    return PaperSection(count(paper), rows(paper), failures(paper), others)
 
 
 def count(paper: pd.DataFrame) -> str:
@@ -186,7 +186,7 @@ def rows(paper: pd.DataFrame) -> list[Row]:
     """The table of the first screen, without the looser bounds of the first abstract."""
     first = next(iter(paper["case"]), "")
     printed = {claim.name: (SIGNS[claim.kind], claim.tolerance) for claim in CLAIMS}
-    found: dict[str, list[Cell]] = {}
+    found: dict[str, list[PaperCell]] = {}
     for row in paper[~paper["claim"].str.endswith(ABSTRACT)].to_dict("records"):
         state = STATES.get(row["direction"])
         statement = row["claim"].replace(f" of {state}", "") if state else row["claim"]
@@ -229,18 +229,18 @@ def by_settings(varied: pd.DataFrame) -> str:
     )
 
 
-def _cell(row: dict, sign: str, tolerance: float) -> Cell:
+def _cell(row: dict, sign: str, tolerance: float) -> PaperCell:
     printed = "" if pd.isna(row["printed"]) else f"{sign}{row['printed']:g}"
     printed += f", within {tolerance:g}" if tolerance else ""
     if row["verdict"] in ("not judged", "not run"):
-        return Cell(printed, "", row["verdict"], row["reason"])
+        return PaperCell(printed, "", row["verdict"], row["reason"])
     if sign or not printed:
         share = f"{100 * row['share_of_draws']:.0f} %"
         ours = share if pd.isna(row["median"]) else f"{_number(row['median'])} ({share})"
     else:
         low, high = _number(row["low"]), _number(row["high"])
         ours = f"{_number(row['median'])} ({low} to {high})"
-    return Cell(printed, ours, row["verdict"], row["reason"])
+    return PaperCell(printed, ours, row["verdict"], row["reason"])
 
 
 def _number(value: float) -> str:
