@@ -20,6 +20,7 @@ from galloping.simulation import Simulator
 
 SIMULATION = "simulation"
 PATIENT = 16000.0  # s: near a bifurcation, 4,000 s leave a third of a percent to settle
+MEASURED = ("critical_wind_m_s", "v_m", "w_m", "clearance_m")  # of an outcome, with intervals
 CEILING = 2.0  # sags: a larger orbit is no line's any more
 
 
@@ -53,17 +54,20 @@ def line_diagram(
 
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
     """Every limit cycle of a diagram; label: of the case, name: of the parameter."""
-    return [
-        _place(label, name, along.family.unit, point.solution.value)
-        | {"branch": cycles.name, "point": k, "stable": point.stability.stable}
-        | _size(point.solution)
-        | {
-            "largest_multiplier": point.stability.largest,
-            "trivial_defect": point.stability.trivial_defect,
-        }
-        for cycles in along.cycles
-        for k, point in enumerate(cycles.branch.points)
-    ]
+    rows = []
+    for cycles in along.cycles:
+        for k, point in enumerate(cycles.branch.points):
+            row = _place(label, name, along.family.unit, point.solution.value)
+            own = point.stability
+            row |= {
+                "branch": cycles.name,
+                "point": k,
+                "stable": own.stable,
+                **_size(point.solution),
+            }
+            row |= {"largest_multiplier": own.largest, "trivial_defect": own.trivial_defect}
+            rows.append(row)
+    return rows
 
 
 def _size(orbit: Orbit) -> dict:
@@ -176,17 +180,12 @@ def prediction_rows(
         for axis, direction in enumerate(("v", "w")):
             values = (predicted.amplitude, predicted.low, predicted.high, true)
             value, low, high, reality = (float(of[k, axis]) for of in values)
-            rows.append(
-                {**cell, "wind_m_s": float(wind), "direction": direction, "predicted_m": value}
-                | {"low_m": low, "high_m": high, "true_m": reality}
-                | {
-                    "error_percent": 100 * abs(value / reality - 1),
-                    "inside": bool(low <= reality <= high),
-                    "unresolved": float(predicted.unresolved[k]),
-                    "verdict": verdict,
-                    "reason": predicted.reason,
-                }
-            )
+            row = {**cell, "wind_m_s": float(wind), "direction": direction, "predicted_m": value}
+            row |= {"low_m": low, "high_m": high, "true_m": reality}
+            row |= {"error_percent": 100 * abs(value / reality - 1)}
+            row |= {"inside": bool(low <= reality <= high)}
+            row |= {"unresolved": float(predicted.unresolved[k]), "verdict": verdict}
+            rows.append(row | {"reason": predicted.reason})
     return rows
 
 
@@ -221,29 +220,15 @@ def clearance_rows(
 def measure_rows(label: str, outcomes: Sequence[Outcome], design: Design) -> list[dict]:
     """Measures in their order."""
     rows = []
-    for rank, outcome in enumerate(outcomes, start=1):
-        numbers = {
-            "critical_wind_m_s": outcome.critical_wind,
-            "v_m": outcome.v,
-            "w_m": outcome.w,
-            "clearance_m": outcome.clearance,
-        }
-        rows.append(
-            {"case": label, "rank": rank, "measure": outcome.measure.label}
-            | {
-                f"{name}{end}": value
-                for name, of in numbers.items()
-                for end, value in zip(("", "_low", "_high"), of, strict=True)
-            }
-            | {
-                "kind": outcome.kind,
-                "limit_m": design.limit,
-                "kept": bool(outcome.clearance[0] >= design.limit),
-                "design_wind_m_s": design.wind,
-                "source": outcome.measure.source,
-                "note": outcome.measure.limit,
-            }
-        )
+    for rank, of in enumerate(outcomes, start=1):
+        row = {"case": label, "rank": rank, "measure": of.measure.label}
+        numbers = of.critical_wind, of.v, of.w, of.clearance
+        for name, values in zip(MEASURED, numbers, strict=True):
+            row |= dict(zip((name, f"{name}_low", f"{name}_high"), values, strict=True))
+        kept = bool(of.clearance[0] >= design.limit)
+        row |= {"kind": of.kind, "limit_m": design.limit, "kept": kept}
+        row |= {"design_wind_m_s": design.wind, "source": of.measure.source}
+        rows.append(row | {"note": of.measure.limit})
     return rows
 
 
