@@ -209,15 +209,8 @@ class Cell:
     @property
     def measurement(self) -> dict:
         """What its recordings are drawn from."""
-        return {
-            "protocol": self.protocol.name,
-            "level": self.level,
-            "relative": self.relative,
-            "samples": self.samples,
-            "recordings": self.recordings,
-            "replicates": self.replicates,
-            "seed": self.seed,
-        }
+        names = ("level", "relative", "samples", "recordings", "replicates", "seed")
+        return {"protocol": self.protocol.name, **{name: getattr(self, name) for name in names}}
 
     @property
     def columns(self) -> dict:
