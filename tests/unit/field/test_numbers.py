@@ -270,9 +270,7 @@ FILES = {
     "changing_wind": lambda folder: files.of_changing_wind(folder / "wind.csv", (11.0, 13.0)),
     "ambient": lambda folder: files.ambient(folder / "ambient.csv", duration=300.0),
     "noisy": lambda folder: files.noisy(folder / "noisy.csv"),
-    "20 s apart": lambda folder: files.two_events(folder / "a.csv", 20.0),
     "an hour apart": lambda folder: files.two_events(folder / "a.csv", 3600.0),
-    "each from zero": lambda folder: files.restarted(folder / "a.csv"),
     "a cut off last cell": lambda folder: files.damaged(folder / "a.csv"),
 }
 WITHOUT = ("settled", "short", "below_onset", "three_winds", "changing_wind", "ambient", "noisy")
