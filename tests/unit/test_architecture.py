@@ -54,10 +54,11 @@ def test_a_room_imports_none_below_it():
     assert not wrong
 
 
-def test_modules_have_names_of_their_own():
-    paths = SOURCE.parents[1].rglob("*.py")
-    names = sorted(path.stem for path in paths if path.stem != "__init__")
+def test_modules_have_names_of_their_own_and_at_most_500_lines():
+    paths = [path for path in SOURCE.parents[1].rglob("*.py") if path.stem != "__init__"]
+    names = sorted(path.stem for path in paths)
     assert names == sorted(set(names))
+    assert [p.stem for p in paths if len(p.read_text(encoding="utf-8").splitlines()) > 500] == []
 
 
 HEAVY = {"numpy", "scipy", "heyoka", "numba", "pandas", "matplotlib", "pysindy", "snakemake"}

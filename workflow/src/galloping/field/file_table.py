@@ -7,7 +7,7 @@ import json
 import re
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from numbers import Number
@@ -17,6 +17,7 @@ from typing import BinaryIO
 import numpy as np
 import pandas as pd
 
+from galloping.field.array_files import READERS, arrays_in
 from galloping.field.columns import DATED, is_time, target
 from galloping.field.units import is_unit, named
 
@@ -207,12 +208,8 @@ def _sheet(path: Path, decimal: str | None) -> tuple[bytes, tuple[str, ...]]:
 
 def _read_arrays(path: Path, suffix: str) -> tuple[list[tuple], tuple[str, ...]]:
     """Name, values and unit, or None, of the vectors in a file of arrays; what was passed over."""
-    import h5py
-
-    # so are new files of NetCDF and MATLAB
-    read = _hdf5 if h5py.is_hdf5(path) else READERS[suffix]
     content, others = [], []
-    for name, array, unit in read(path):
+    for name, array, unit in arrays_in(path, suffix):
         vector = sum(n != 1 for n in array.shape) <= 1 and array.dtype.kind in "fiubMmUO"
         values = np.ravel(array[()]) if vector else array
         if values.dtype.kind == "O" and hasattr(next(iter(values), None), "isoformat"):
@@ -230,50 +227,7 @@ def _read_arrays(path: Path, suffix: str) -> tuple[list[tuple], tuple[str, ...]]
     return content, notes
 
 
-def _parquet(path: Path) -> Iterator[tuple]:
-    from pyarrow import parquet
-
-    table = parquet.read_table(path)
-    for field, column in zip(table.schema, table.columns, strict=True):
-        unit = (field.metadata or {}).get(b"unit")
-        yield field.name, column.to_numpy(), unit and unit.decode()
-
-
-def _hdf5(path: Path) -> Iterator[tuple]:
-    """Data sets, anywhere in an HDF5 or NetCDF-4 file, by their path in it."""
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        found = []
-        file.visititems(lambda name, item: found.append((name, item)))
-        for name, item in found:
-            if isinstance(item, h5py.Dataset):
-                told = np.ravel(item.attrs.get("units", item.attrs.get("unit", "")))
-                unit = next(iter(told), "")
-                unit = unit.decode() if isinstance(unit, bytes) else str(unit)
-                text = h5py.check_string_dtype(item.dtype) and item.ndim == 1
-                yield name, item.asstr()[()] if text else item, unit
-
-
-def _netcdf(path: Path) -> Iterator[tuple]:
-    from scipy.io import netcdf_file
-
-    with netcdf_file(path, "r", mmap=False) as file:
-        for name, variable in file.variables.items():
-            own = variable.data.astype(variable.data.dtype.newbyteorder("="))  # as pandas wants it
-            yield name, own, getattr(variable, "units", b"").decode() or None
-
-
-def _matlab(path: Path) -> Iterator[tuple]:
-    from scipy.io import loadmat
-
-    for name, value in loadmat(path).items():
-        if not name.startswith("__"):
-            yield name, np.asarray(value), None
-
-
 TEXT, SHEET = (".csv", ".txt", ".tsv", ".dat", ".asc"), ".xlsx"
-READERS = {".parquet": _parquet, ".h5": _hdf5, ".hdf5": _hdf5, ".nc": _netcdf, ".mat": _matlab}
 
 
 @dataclass(frozen=True)
