@@ -187,11 +187,11 @@ def sensitivity(results: Path) -> list[dict]:
     line = read_model(results / f"models/{CASE}.json").model.on_library(library(4, 3))
     start = read_trajectories(results / f"trajectories/{CASE}.npz")[0].states[0]
     free, steps = posed(line.states, line.terms).candidates, 2048
-    compiled = system(tables(line.terms), line.coefficients, free)
+    compiled = system(tables(line.terms, len(line.states)), line.coefficients, free)
     functionals = np.ones((steps, len(line.states), 2, ORDER + 1))
     ours = partial(
         integrate, compiled, 300.0 / steps, np.array([0, steps]), start[np.newaxis], functionals,
-        np.arange(len(line.states)), sensitive=True,
+        np.arange(len(line.states)), np.zeros((steps, 1, 0)), sensitive=True,
     )  # fmt: skip
     ours()
 

@@ -26,7 +26,6 @@ from galloping.simulation import (
     most_steps,
 )
 from galloping.streams import generator
-from galloping.taylor import first_step, solution
 
 MAX_STEPS = 2**16
 Places = tuple[tuple[int, int], ...]
@@ -50,6 +49,8 @@ def sensitivities(
     n, n_free = len(model.states), len(free)
     diverges = "the solution of the model diverges, or its time scale is too short"
     if model.inputs:
+        from galloping.taylor import first_step, solution  # compiles
+
         own = list(check_inputs(model, inputs or {}, time).values())
         most = EQUAL_STEPS * most_steps(time)
         try:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import chain, combinations_with_replacement
-from math import floor, isfinite, log10
+from math import floor, isfinite, log10, prod
 from numbers import Integral
 
 import numpy as np
@@ -230,20 +230,27 @@ def merged(
             raise ValueError(f"{name}: no input; the model {has}")
         if not isfinite(value):
             raise ValueError(f"{name}: {value!r:.60}; must be a finite number")
-    held = [len(model.states) + k for k, name in enumerate(model.inputs) if name in values]
+    held = tuple(len(model.states) + k for k, name in enumerate(model.inputs) if name in values)
     own = [values[name] for name in model.inputs if name in values]
-    rest = [tuple(e for k, e in enumerate(term) if k not in held) for term in model.terms]
-    terms = tuple(dict.fromkeys(rest))
-    merge = np.zeros((len(rest), len(terms)))
-    for j, (term, left) in enumerate(zip(model.terms, rest, strict=True)):
+    terms, places = _without(model.terms, held)
+    merge = np.zeros((len(places), len(terms)))
+    for j, (term, place) in enumerate(zip(model.terms, places, strict=True)):
         for value, k in zip(own, held, strict=True):
             if value == 0.0 and term[k] < 0:
                 name = model.names[k]
                 raise ValueError(f"{name}: 0; {term_name(term, model.names)} is not finite there")
-        merge[j, terms.index(left)] = np.prod(
-            [value ** term[k] for value, k in zip(own, held, strict=True)]
-        )
+        merge[j, place] = prod(value ** term[k] for value, k in zip(own, held, strict=True))
     return terms, merge
+
+
+@cache
+def _without(
+    terms: tuple[Exponents, ...], held: tuple[int, ...]
+) -> tuple[tuple[Exponents, ...], tuple[int, ...]]:
+    """Terms without the exponents at `held`, each once, and the place of each old one in them."""
+    rest = [tuple(e for k, e in enumerate(term) if k not in held) for term in terms]
+    place = {term: j for j, term in enumerate(dict.fromkeys(rest))}
+    return tuple(place), tuple(place[term] for term in rest)
 
 
 def beside(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:

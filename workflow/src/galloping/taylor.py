@@ -91,7 +91,8 @@ class System:
 
     rates: (n, 2) int, (equation, monomial) of each coefficient present; rate_values: (n,).
     jacobian: (n, 3) int, (equation, state, monomial); jacobian_values: (n,).
-    columns: (n_columns, 2) int, (equation, monomial) of each free coefficient.
+    columns: (n_free, 3) int, (equation, monomial, column) of each free coefficient, by column;
+    weights: (n_free,) what it grows by as the column's parameter grows.
     """
 
     parent: np.ndarray
@@ -101,12 +102,16 @@ class System:
     jacobian: np.ndarray
     jacobian_values: np.ndarray
     columns: np.ndarray
+    weights: np.ndarray
 
 
-def system(table: Tables, coefficients: np.ndarray, free: np.ndarray) -> System:
+def system(
+    table: Tables, coefficients: np.ndarray, free: np.ndarray, together: np.ndarray | None = None
+) -> System:
     """The model with `coefficients` (n_states, n_terms) and `free` (n_free, 2) index pairs.
 
     A pair (equation, term) names a coefficient whose sensitivity is wanted; its value may be zero.
+    together: (n_free,) slopes of them all along one parameter, whose sensitivity is then wanted.
     """
     n_states = coefficients.shape[0]
     present = np.argwhere(coefficients)
@@ -119,6 +124,7 @@ def system(table: Tables, coefficients: np.ndarray, free: np.ndarray) -> System:
                 key = (int(equation), k, int(table.divisor[m, k]))
                 entries[key] = entries.get(key, 0.0) + value * table.exponents[m, k]
     jacobian = np.array(sorted(entries), np.int64).reshape(-1, 3)
+    column = np.arange(len(free)) if together is None else np.zeros(len(free))
     return System(
         table.parent,
         table.factor,
@@ -126,7 +132,8 @@ def system(table: Tables, coefficients: np.ndarray, free: np.ndarray) -> System:
         np.ascontiguousarray(values, dtype=float),
         jacobian,
         np.array([entries[tuple(key)] for key in jacobian.tolist()], float),
-        np.column_stack([free[:, 0], table.position[free[:, 1]]]).astype(np.int64).reshape(-1, 2),
+        np.column_stack([free[:, 0], table.position[free[:, 1]], column]).astype(np.int64),
+        np.ones(len(free)) if together is None else np.asarray(together, float),
     )
 
 
@@ -160,7 +167,7 @@ def _jets(x, inputs, theta, order, h, parent, factor, rates, rate_values):
 
 
 @njit(cache=True, fastmath={"contract", "nsz", "arcp"}, error_model="numpy")
-def _sensitivity_jets(s, jac, kind, theta, order, h, columns):
+def _sensitivity_jets(s, jac, kind, theta, order, h, columns, weights):
     """Taylor coefficients of the sensitivities `s` (order+1, n_states, n_columns), row 0 given."""
     n_states, n_columns = s.shape[1], s.shape[2]
     for k in range(order):
@@ -186,13 +193,14 @@ def _sensitivity_jets(s, jac, kind, theta, order, h, columns):
                     for c in range(n_columns):
                         row[c] += weight * other[c]
         for c in range(len(columns)):
-            s[k + 1, columns[c, 0], c] += scale * theta[k, columns[c, 1]]
+            weight = scale * weights[c]
+            s[k + 1, columns[c, 0], columns[c, 2]] += weight * theta[k, columns[c, 1]]
 
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
 def propagate(
     h, order, first, starts, functionals, observed, inputs, sensitive,
-    parent, factor, rates, rate_values, jacobian, jacobian_values, columns,
+    parent, factor, rates, rate_values, jacobian, jacobian_values, columns, weights,
 ):  # fmt: skip
     """Integrate segments of equal steps and apply linear functionals to every step.
 
@@ -204,13 +212,13 @@ def propagate(
     rest: `System`.
 
     Returns predictions (n_steps, n_observed, n_rows), their sensitivities (..., n_columns) with
-    respect to the free coefficients and then the segment's initial states, the end states
+    respect to the parameters of the columns and then the segment's initial states, the end states
     (n_segments, n_states) and their sensitivities, and the largest truncation error of a step
     relative to the size of each state. States that overflow give inf or nan.
     """
     n_segments, n_states = starts.shape
     n_steps, n_observed, n_rows = functionals.shape[:3]
-    n_free = len(columns)
+    n_free = columns[-1, 2] + 1 if len(columns) else 0
     n_columns = n_free + n_states if sensitive else 0
     x = np.zeros((order + 1, n_states))
     theta = np.zeros((order + 1, len(parent)))
@@ -243,7 +251,7 @@ def propagate(
                     i, state, m = jacobian[e]
                     for k in range(order):
                         jac[k, i, state] += jacobian_values[e] * theta[k, m]
-                _sensitivity_jets(s, jac, kind, theta, order, h, columns)
+                _sensitivity_jets(s, jac, kind, theta, order, h, columns, weights)
             for o in range(n_observed):
                 state = observed[o]
                 for r in range(n_rows):
@@ -288,7 +296,7 @@ def integrate(
         np.ascontiguousarray(starts, float), functionals, np.ascontiguousarray(observed, np.int64),
         np.ascontiguousarray(inputs), sensitive, compiled.parent, compiled.factor,
         compiled.rates, compiled.rate_values, compiled.jacobian, compiled.jacobian_values,
-        compiled.columns,
+        compiled.columns, compiled.weights,
     )  # fmt: skip
 
 

@@ -223,13 +223,10 @@ class CycleProblem(continuation.Problem):
         n, (period, value) = self.field.n_states, unknowns[-2:]
         model = self.field.model(value)
         free = np.argwhere(self.slope)
-        compiled = system(tables(model.terms, n), model.coefficients, free)
-        by_value = np.vstack([self.slope[tuple(free.T)][:, np.newaxis], np.zeros((n, 1))])
-        by_start = np.vstack([np.zeros((len(free), n)), np.eye(n)])
-        chosen, steps = (
-            np.hstack([by_start, np.zeros_like(by_value), by_value]),
-            self.reference.steps,
-        )
+        slopes, steps = self.slope[tuple(free.T)], self.reference.steps
+        compiled = system(tables(model.terms, n), model.coefficients, free, slopes)
+        # from derivatives by the parameter, where anything depends on it, and by the start
+        chosen = np.vstack([np.eye(n + 2)[-1:][: len(free)], np.eye(n, n + 2)])
         while True:
             states, moved, end, end_moved, truncation = _turn(compiled, unknowns[:n], period, steps)
             if truncation < ACCURACY:
@@ -286,8 +283,8 @@ class CycleProblem(continuation.Problem):
 
 
 def _turn(compiled, start: np.ndarray, period: float, steps: int) -> tuple:
-    """One period from `start` (n,): states at even phases, their derivatives by the free
-    coefficients and the start, the same of the end, and the truncation error."""
+    """One period from `start` (n,): states at even phases, their derivatives by the parameter
+    and the start, the same of the end, and the truncation error."""
     n, places = len(start), np.arange(max(1, PHASES // steps))[:, np.newaxis]
     powers = (places / len(places)) ** np.arange(ORDER + 1)
     powers = np.broadcast_to(powers, (steps, n, *powers.shape)).copy()

@@ -102,6 +102,7 @@ def _quality_row(
     shown = frequency <= top
     right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
     right.yaxis.set_minor_locator(NullLocator())
+    right.yaxis.set_major_formatter("{x:.0e}")  # powers as formulas take long
     right.set(xlim=(0, top), ylabel="share of the power")
 
 

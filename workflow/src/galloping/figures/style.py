@@ -133,6 +133,9 @@ def styled(font_size: float) -> Iterator[None]:
                 "ytick.direction": "in",
                 "xtick.major.width": 0.6,
                 "ytick.major.width": 0.6,
+                "axes.titley": 1.0,  # else placed anew in each pass; no offset is there to avoid
+                "axes.formatter.limits": (-9, 9),
+                "axes.formatter.useoffset": False,
                 "axes.spines.top": False,
                 "axes.spines.right": False,
                 "legend.frameon": False,

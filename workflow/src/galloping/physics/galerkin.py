@@ -6,7 +6,6 @@ from math import cos, pi, sin, sqrt
 from typing import Self
 
 import numpy as np
-from scipy.optimize import brentq
 
 from galloping.polynomial import PolynomialModel, term_name
 from galloping.results import Derived
@@ -71,6 +70,7 @@ def irvine_root(irvine_parameter: float) -> float:
 
     Root of tan(x/2) = x/2 - (4/lambda^2)(x/2)^3 (Irvine 1981), written without its poles.
     """
+    from scipy.optimize import brentq  # slow to import
 
     def characteristic(z: float) -> float:
         return sin(z) - cos(z) * (z - 4 * z**3 / irvine_parameter)

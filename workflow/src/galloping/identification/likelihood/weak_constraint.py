@@ -204,11 +204,12 @@ class StretchFit:
         def whitened(rows: np.ndarray, own: slice, recording: int) -> np.ndarray:
             found, n = np.zeros(rows.shape), len(rows)
             for o, k in np.ndindex(rows.shape[1:3]):
-                at = np.flatnonzero(self.record.present[own, o, k])
-                if not len(at):  # LAPACK prints a message where there are none
+                present = self.record.present[own, o, k]
+                if not present.any():  # LAPACK prints a message where there are none
                     continue
-                factor = factors[recording, o, k, :n, :n]
-                if len(at) < n:
+                at, factor = slice(None), factors[recording, o, k, :n, :n]
+                if not present.all():
+                    at = np.flatnonzero(present)
                     factor = np.linalg.cholesky(covariance[recording, o, k][np.ix_(at, at)])
                 # `scipy.linalg.solve_triangular` takes three times as long for so few rows
                 found[at, o, k] = lapack.dtrtrs(factor.T, rows[at, o, k], lower=0, trans=1)[0]
