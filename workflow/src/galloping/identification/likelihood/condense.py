@@ -20,8 +20,6 @@ from galloping.taylor import ORDER, System, integrate
 # below the noise of any sensor.
 WINDOWS_PER_PERIOD, ROWS = 12, 3
 TRUNCATION = 1e-7
-# s, that a product in a series takes, and a sample or a window that is condensed.
-PRODUCT, OF_SAMPLE = 2.3e-10, 4e-7
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class Condensed:
         windows, columns = first[-1] - first[0], found[1].shape[3]
         moved = len(set(map(tuple, compiled.jacobian[:, :2].tolist())))
         products = moved * ORDER**2 / 2 + self.functionals[0, ..., 0].size * ORDER
-        spend(PRODUCT * windows * (columns * products + 3 * ORDER**2 * len(compiled.parent)))
+        spend(2.3e-10 * windows * (columns * products + 3 * ORDER**2 * len(compiled.parent)))
         return found
 
     def squares(self, residual: np.ndarray) -> np.ndarray:
@@ -195,7 +193,7 @@ def condense(
     windows = [max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-6))) for time in times]
     first = np.concatenate([[0], np.cumsum(windows)])
     n_observed = len(observed)
-    spend(OF_SAMPLE * n_observed * (first[-1] + sum(map(len, times))))
+    spend(4e-7 * n_observed * (first[-1] + sum(map(len, times))))
     functionals = np.zeros((first[-1], n_observed, ROWS, ORDER + 1))
     targets = np.zeros((first[-1], n_observed, ROWS))
     counts = np.zeros((len(times), n_observed), np.int64)

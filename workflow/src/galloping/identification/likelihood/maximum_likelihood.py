@@ -60,7 +60,6 @@ from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
 PRIOR = Prior()
-EXACTLY = 0.6  # of the work that is left, to follow the data to the noise; the rest to come near
 
 
 @one_thread
@@ -171,7 +170,7 @@ def _identified(begun: Start) -> IdentifiedModel:
     Raises FloatingPointError where there is neither.
     """
     try:
-        with portion(EXACTLY):
+        with portion(0.6):  # of the work that is left; the rest to come near
             found = _followed(begun)
     except FloatingPointError as error:
         found = str(error)

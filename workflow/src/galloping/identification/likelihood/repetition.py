@@ -10,12 +10,6 @@ from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 from galloping.taylor import solution
 
-# Part of its size by which a motion that only repeats may differ from itself, many periods later,
-# and of a delay that is sought among samples, of which there are so many a period.
-SAME, NEARLY, PER_PERIOD = 0.01, 0.2, 60
-PERIODS = 500  # that are looked at: what repeats over so many goes on as it does
-STEPS = 64  # of the integration a period, at most
-
 REPEATS = "the motion only repeats, and other equations have the same limit cycle"
 
 
@@ -38,11 +32,13 @@ def _repeats(model: PolynomialModel, start: np.ndarray, duration: float, period:
     """Whether standardised states return to themselves over two thirds of the time.
 
     Sought is the delay, up to a third of the time, after which they differ least, beyond the first
-    after which they differ less than a little earlier.
+    after which they differ less than a little earlier: among samples by a fifth of their size, at
+    its best by a hundredth. What repeats over 500 periods goes on as it does.
     """
-    time = np.arange(0.0, min(duration, PERIODS * period), period / PER_PERIOD)
+    samples = 60  # a period, each of at most 64 steps of the integration
+    time = np.arange(0.0, min(duration, 500 * period), period / samples)
     try:
-        most = STEPS * (len(time) // PER_PERIOD + 1)
+        most = 64 * (len(time) // samples + 1)
         states, _, _ = solution(model, (), start, time, period, most)
     except FloatingPointError:
         return False
@@ -51,7 +47,7 @@ def _repeats(model: PolynomialModel, start: np.ndarray, duration: float, period:
     states = (states - states.mean(axis=0)) / np.fmax(states.std(axis=0), np.finfo(float).tiny)
     apart = _apart(states)
     falling = np.flatnonzero(np.diff(apart) < 0.0)
-    if not len(falling) or (least := apart[falling[0] :].min()) > NEARLY:
+    if not len(falling) or (least := apart[falling[0] :].min()) > 0.2:
         return False
     step, last = time[1] - time[0], time[-1]
     best = step * float(np.argmax(apart == least))
@@ -66,7 +62,7 @@ def _repeats(model: PolynomialModel, start: np.ndarray, duration: float, period:
         best = minimize_scalar(
             differ, bounds=(times * best - width, times * best + width), method="bounded"
         ).x
-    return differ(best) < SAME
+    return differ(best) < 0.01
 
 
 def _apart(states: np.ndarray) -> np.ndarray:

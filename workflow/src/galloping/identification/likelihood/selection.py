@@ -12,15 +12,9 @@ from galloping.identification.work import is_spent, spend
 # Added to the diagonal of an information matrix with unit diagonal so that it can be factored:
 # a few roundings. It moves a chi^2 by 1e-15 |c|^2, by 0.1 for c of 1e7 in its unit.
 RIDGE = 1e-15
-# Share of a term's length that a support does not imitate, below which rounding makes it up:
-# the length squared of what is left of it after terms of length one with relative errors of a
-# few 1e-6 from the integration (TRUNCATION and the sums of it) were taken away.
-IMITATED = 1e-9
-# The same for the second of two terms that are added together, in share of the determinant, and
-# for a fault of the instrument beside the terms.
+# Share of the determinant of two terms that are added together, below which rounding makes the
+# second one up, and of a fault of the instrument beside the terms.
 DEPENDENT = 1e-6
-# s, that a support takes, with all terms to the third power, and a move of three terms.
-SUPPORT, OF_CUBE, MOVE = 2e-4, 1e-10, 1.2e-7
 
 
 def solve_support(
@@ -179,7 +173,7 @@ class Tableau:
 def tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     """support: (n,) boolean. Terms that it imitates cannot be added."""
     kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.usable)
-    spend(SUPPORT + OF_CUBE * len(support) ** 3)
+    spend(2e-4 + 1e-10 * len(support) ** 3)
     q, r = np.linalg.qr(whitened.columns[:, kept])
     inverse = np.eye(len(kept))
     if len(kept):  # LAPACK prints a message where there are none
@@ -187,7 +181,9 @@ def tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     cross, along = q.T @ whitened.columns[:, out], q.T @ whitened.target
     beyond = whitened.columns[:, out] - q @ cross
     rest = whitened.target - q @ along
-    good = np.einsum("ij,ij->j", beyond, beyond) > IMITATED
+    # below, rounding makes up what is left of a term's length squared after terms of length one,
+    # with relative errors of a few 1e-6 from the integration, were taken away
+    good = np.einsum("ij,ij->j", beyond, beyond) > 1e-9
     beyond = beyond[:, good]
     return Tableau(
         kept, out[good], inverse @ along, inverse @ inverse.T, float(rest @ rest),
@@ -219,7 +215,7 @@ def moves(
     """
     kept, out, none = here.kept[:, None], here.out[:, None], np.zeros((1, 0), int)
     two = here.out[here.two.T]
-    spend(MOVE * len(kept) * (len(two) + len(out) * len(kept) / 2))
+    spend(1.2e-7 * len(kept) * (len(two) + len(out) * len(kept) / 2))  # moves of three terms
     # rises (n_leave, n_enter), and the terms of each row that leave and of each column that enter
     options = [
         (here.wald[:, None], kept, none),

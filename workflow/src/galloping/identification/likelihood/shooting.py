@@ -18,16 +18,10 @@ from galloping.identification.likelihood.problem import Problem
 from galloping.identification.work import spend
 
 HUGE = 1e30  # of a state or a derivative, from which a solution counts as diverged
-BATCH = 8  # segments integrated together: what they need is held at once, in the cache
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
 # Segments and chains.
 UNDETERMINED = 3e-7  # relative singular value below which a direction of a state is not solved for
-# A chain of growth G gives an information matrix of condition G^2 or more: with rounding of
-# 1e-16, what it says about a term is known better than IMITATED where G^2 < IMITATED / 1e-16.
-GROWTH = 2e3
-# s, that a segment takes when it is matched, with each state and two coefficients, and that a
-# derivative of a projection takes, with each coefficient.
-SEGMENT, OF_TERMS, CELL, OF_COLUMNS = 5e-5, 1e-9, 1.1e-8, 3e-11
+SEGMENT = 5e-5  # s, that one takes when it is linearised, or chained
 
 
 @dataclass(frozen=True)
@@ -168,8 +162,8 @@ def linearise(
     ends = np.empty(starts.shape)
     end_derivatives = np.zeros((*starts.shape, m))
     by_dynamics = np.r_[: len(pairs), n:m]
-    for batch in range(0, len(starts), BATCH):
-        group = slice(batch, min(batch + BATCH, len(starts)))
+    for batch in range(0, len(starts), 8):  # as what is held at once fits in the cache
+        group = slice(batch, min(batch + 8, len(starts)))
         first = segments.first[group.start : group.stop + 1]
         span = slice(first[0], first[-1])
         predicted, derivatives, ends[group], moved, _ = condensed.solution(
@@ -192,7 +186,7 @@ def linearise(
             kept[g], rest, gap = _rotated(rows.reshape(-1, m), scaled.ravel(), n)
             information += rest.T @ rest
             right += gap @ rest
-    spend((CELL + OF_COLUMNS * n) * m * condensed.targets.size + SEGMENT * len(starts))
+    spend((1.1e-8 + 3e-11 * n) * m * condensed.targets.size + SEGMENT * len(starts))
     own = problem.of_candidates(problem.precision, pairs)
     values = problem.of_candidates(problem.coefficients(free), pairs)
     information[np.diag_indices(len(pairs))] += own
@@ -218,9 +212,11 @@ def chained(linearised: Linearised, segments: Segments, longest: float = np.inf)
     """The segments in the longest chains whose ends depend not too much on their beginnings.
 
     longest: of how many segments a chain may be; of one, every segment is free.
-    A chain is broken where its end state, in units of what a segment tells about it, moves by
-    more than GROWTH of such units of its first state and the coefficients: on a chaotic or very
-    long recording the elimination, which squares that ratio, would otherwise be lost in rounding.
+    A chain is broken where its end state, in units of what a segment tells about it, moves by more
+    than 2,000 such units of its first state and the coefficients: on a chaotic or very long
+    recording the elimination, which squares that ratio, would otherwise be lost in rounding. With
+    1e-16 of it, what such a chain says about a term is known better than what `selection.tableau`
+    holds for imitated.
     """
     n, n_states = len(linearised.right), linearised.ends.shape[1]
     of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
@@ -236,7 +232,7 @@ def chained(linearised: Linearised, segments: Segments, longest: float = np.inf)
         relation[:, :n] += derivative[:, :n]
         growth = np.linalg.norm(relation * inverse * unit[n:, None], 2)
         other = segments.recording[g] != segments.recording[g - 1]
-        broken = other or growth > GROWTH or length == longest
+        broken = other or growth > 2e3 or length == longest
         chains[g] = chains[g - 1] + broken
         length += 1
         if broken:
@@ -248,7 +244,7 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
     """Match the segments of each chain and eliminate its first state."""
     n_segments, n_states = starts.shape
     n = len(linearised.right)
-    spend(n_segments * (2 * SEGMENT + OF_TERMS * n_states * n**2))
+    spend(n_segments * (2 * SEGMENT + 1e-9 * n_states * n**2))
     information, right = linearised.information.copy(), linearised.right.copy()
     states = np.zeros((n_segments, n_states, n + 1))
     size = np.abs(linearised.ends).max(axis=0) + np.finfo(float).tiny

@@ -21,9 +21,6 @@ from galloping.identification.work import spend
 # up to three times as far off; with 20 or more gusts do not, and dampings are.
 STRETCH_PERIODS = 10
 STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
-# s, that a derivative of a projection takes, and with each lag of the misfit, and that a stretch
-# takes when states are eliminated, and with each state and two coefficients.
-CELL, OF_LAGS, STRETCH, OF_TERMS = 8e-9, 1.5e-10, 7e-5, 5e-10
 
 
 class Stretches(Record):
@@ -179,7 +176,7 @@ class StretchFit:
                 raise FloatingPointError("the model diverges within a segment")
             residual[own] = condensed.targets[own] - predicted
             both = np.concatenate([rows, residual[own][..., None]], axis=3)
-            spend((CELL + OF_LAGS * self.misfit.shape[1]) * both.size)
+            spend((8e-9 + 1.5e-10 * self.misfit.shape[1]) * both.size)
             both = whitened(both, own, segments.recording[g]).reshape(-1, m + 1)
             products = both.T @ both
             information[g], right[g] = products[:m, :m], products[:m, m]
@@ -245,7 +242,7 @@ def joint(
     starts = linear.starts
     count, n_states = starts.shape
     n = linear.right.shape[1] - n_states
-    spend(count * (STRETCH + OF_TERMS * n_states * n**2))
+    spend(count * (7e-5 + 5e-10 * n_states * n**2))
     used = np.ones(count) if left_out is None else (~left_out).astype(float)
     information = np.einsum("g,gij->ij", used, linear.information[:, :n, :n])
     right = used @ linear.right[:, :n]

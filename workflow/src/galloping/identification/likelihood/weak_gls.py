@@ -22,8 +22,6 @@ from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording
 
 MOST_MISFIT = 3.0  # chi^2 per row: linearised errors explain no more
-# s, that a point of a curve takes with two terms, and a sample that is smoothed.
-OF_POINT, OF_SAMPLE = 1e-9, 1e-6
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ def prepared(
     ValueError where no channel varies or a state cannot be had from the channels.
     """
     passing("smooth the recording")
-    spend(OF_SAMPLE * sum(recording.samples for recording in recordings))
+    spend(1e-6 * sum(recording.samples for recording in recordings))
     whole = [with_integrals(recording) for recording in recordings]
     period = share * shortest_period(whole)
     pairs = [smooth_without_outliers(without_faults(one, period), period) for one in whole]
@@ -71,7 +69,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     coefficients = None
     for _ in range(1 + 3):  # after three weighings coefficients move by less than their errors
         passing("start from the weak form")
-        spend(OF_POINT * sum(len(one.time) for one in smoothed) * n**2)
+        spend(1e-9 * sum(len(one.time) for one in smoothed) * n**2)
         systems = [whitened_weak_form(problem, one, coefficients) for one in smoothed]
         information = sum(a.T @ a for a, _ in systems)
         right = sum(a.T @ b for a, b in systems)
