@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import galloping
-from galloping.field.dynamics import Value
+from galloping.field.dynamics import Surroundings, Value, dynamics
 
 pytestmark = pytest.mark.xdist_group("summary")
 
@@ -82,6 +82,7 @@ def test_a_refused_model_says_so_and_no_more(recorded):
 
 
 DIES, GROWS, UNSURE = (0.01, 0.008, 0.012), (-0.01, -0.012, -0.008), (0.001, -0.002, 0.004)
+NONE = (0.0, -0.003, 0.003)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +92,9 @@ DIES, GROWS, UNSURE = (0.01, 0.008, 0.012), (-0.01, -0.012, -0.008), (0.001, -0.
         ((UNSURE, DIES), "cycle", "**Whether small vertical motions grow or die out is not told**"),
         ((DIES, DIES), "cycle", "small motions of the line die out, and larger ones go on**"),
         ((DIES, DIES), "rest", "**As recorded, the line does not gallop**: small motions die out."),
-        (((0, 0, 0), (0, 0, 0)), "cycle", "small motions of the line neither grow nor die out**: "),
+        ((NONE, NONE), "cycle", "small motions of the line neither grow nor die out**: "),
+        ((NONE, DIES), "cycle", "**Whether small vertical motions grow or die out is not told**"),
+        ((GROWS, UNSURE), "cycle", "**As recorded, the line gallops**: small motions grow, vert"),
         ((GROWS, GROWS), "diverged", "The model does not tell where the motion ends: in"),
     ],
 )  # fmt: skip
@@ -100,3 +103,20 @@ def test_whether_a_line_gallops_is_one_line_of_a_summary(summary, damping, kind,
     known = replace(summary.dynamics, damping=values, kind=kind)
     outcome = str(replace(summary, dynamics=known)).splitlines()[4]
     assert said in outcome and "  " not in outcome
+
+
+def test_damping_that_was_not_found_is_within_what_would_have_shown(summary):
+    found, around = summary.found, Surroundings.of(summary.recordings)
+    damped = found.model.terms.index((0, 0, 1, 0))
+    without = found.model.coefficients.copy()
+    without[2] = 0.0
+    without[2, found.model.terms.index((1, 0, 0, 0))] = -7.0
+    limits = found.detection_limits.copy()
+    limits[2, damped] = 0.02  # 1/s
+    bare = replace(
+        found, model=replace(found.model, coefficients=without),
+        detection_limits=limits, covariance=np.empty((0, 0)),
+    )  # fmt: skip
+    damping = dynamics(bare, around, np.random.default_rng(1)).damping["q_v"]
+    assert damping.value == 0.0
+    assert damping.high == -damping.low == pytest.approx(0.01 / np.sqrt(7.0), rel=0.2)

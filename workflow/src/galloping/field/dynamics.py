@@ -115,6 +115,7 @@ def dynamics(
         for k in range(3)
     )  # fmt: skip
     rest = {} if np.isnan(best[0]).any() else rest
+    damping |= _unseen(identified, pairs, frequencies, damping)
     simulator = simulator_of(model)
     start = identified.initial_states[-1]
     motion = settle(simulator, model, start, duration=DURATION, window=WINDOW)
@@ -135,6 +136,25 @@ def dynamics(
         rest, frequencies, damping, "cycle", _value(orbit.period, periods),
         {model.states[i]: _value(half[i], ranges[:, i]) for i in pairs},
     )  # fmt: skip
+
+
+def _unseen(
+    identified: IdentifiedModel,
+    pairs: Mapping[int, int],
+    frequencies: Mapping[str, Value],
+    damping: Mapping[str, Value],
+) -> dict[str, Value]:
+    """Of a mode without damping the interval: what damping would have shown in its equation."""
+    model, found = identified.model, {}
+    for i, velocity in pairs.items():
+        name = model.states[i]
+        own = tuple(int(k == velocity) for k in range(len(model.states)))
+        if abs(damping[name].value) < ROUNDING and own in model.terms:
+            limit = identified.detection_limits[velocity, model.terms.index(own)]
+            half = limit / (4.0 * np.pi * frequencies[name].value)
+            if np.isfinite(half):
+                found[name] = Value(0.0, -half, half)
+    return found
 
 
 def _in_random_forces(

@@ -158,11 +158,15 @@ def _of_small(known: Dynamics) -> dict:
     of_span = any(map(meaning, damped))
     return {
         "damped": damped,
-        "unsure": [s for s, v in damped.items() if v.low < -ROUNDING and v.high > ROUNDING],
+        "unsure": [
+            state
+            for state, value in damped.items()
+            if abs(value.value) < ROUNDING or value.low < -ROUNDING < ROUNDING < value.high
+        ],
         "growing": [
-            f"{_name(s)} ones double in {_doubling(known.frequencies[s], v)}"
-            for s, v in damped.items()
-            if v.value < -ROUNDING
+            f"{_name(state)} ones double in {_doubling(known.frequencies[state], value)}"
+            for state, value in damped.items()
+            if value.value < -ROUNDING and not value.high > ROUNDING
         ],
         "least": min(damped, key=lambda state: damped[state].value, default=""),
         "line": "the line" if of_span else "the system",
