@@ -32,6 +32,7 @@ from galloping.simulation import Simulator
 SAMPLES = 39  # of which the least and the greatest are then the ends of the band, without bias
 SETTLING, WINDOW = 1500.0, 50.0  # s: close enough for the correction, and a stretch to begin from
 CORRECTED = 1e-4  # steps: what is left is about its square, far below the band
+CEILING = 5.0  # of the recorded motion: what is larger a recording does not tell
 
 
 @dataclass(frozen=True)
@@ -197,7 +198,10 @@ def predict(
         reason = f"at {recorded:g} m/s the identified model does not settle: {motion.kind}"
         return replace(found, reason=reason)
     family = parts.family()
-    span = Range(min(*winds, recorded) - 0.5, max(*winds, recorded) + 0.5, longest=1.0)
+    span = Range(
+        min(*winds, recorded) - 0.5, max(*winds, recorded) + 0.5, longest=1.0,
+        ceiling=CEILING * np.sqrt(np.sum(np.var(motion.states, axis=0))),
+    )  # fmt: skip
     try:
         branches = from_motion(family, recorded, motion.time, motion.states, span)
     except ValueError as failure:
