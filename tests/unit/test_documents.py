@@ -85,7 +85,7 @@ def errors_of_models():
             "no cycle"
             if pd.isna(row[f"{what}_v_error_percent"])
             else f"{max(row[f'{what}_{d}_error_percent'] for d in 'vw'):.2g} % "
-            f"({max(row[f'{what}_{d}_worst_percent'] for d in 'vw'):.2g})"
+            f"({float(format(max(row[f'{what}_{d}_worst_percent'] for d in 'vw'), '.2g')):g})"
             for what in ("amplitude", "damping", "frequency")
         ]
         held = f"{row['coverage_95_percent']:.0f} %"
