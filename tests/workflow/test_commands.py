@@ -51,13 +51,13 @@ def test_pruning_shows_what_it_would_remove(fresh, tmp_path):
     made = Receipt(path, "evaluate_cell", {}, log, {}, {}, "0" * 64, size=2, seconds=1.0)
     write_json(folder / receipt_path(path), asdict(made))
     options = ("--configfile", "config/smoke.yaml")
-    status, said = script(folder, "results", "prune", *options)
+    status, said = script(folder, "keep_results", "prune", *options)
     assert status == 0 and said[0] == path and old.exists()
     assert said[1] == "results/smoke: 1 left over files, 0.0 MB, to be removed by DELETE=yes"
-    status, said = script(folder, "results", "prune", "--delete", *options)
+    status, said = script(folder, "keep_results", "prune", "--delete", *options)
     assert status == 0 and said[0].split() == [path, str(receipt_path(path)), log]
     assert not old.exists()
-    status, said = script(folder, "results", "prune", *options)
+    status, said = script(folder, "keep_results", "prune", *options)
     assert (status, said) == (
         0, ["results/smoke: nothing is left over; the settings ask for every result"]
     )  # fmt: skip

@@ -32,7 +32,7 @@ TERMS = {
 
 def smoke(folder, name, *options):
     """(exit code, lines) of a command on the results of the smoke study in `folder`."""
-    return script(folder, "results", name, *options, "--configfile", "config/smoke.yaml")
+    return script(folder, "keep_results", name, *options, "--configfile", "config/smoke.yaml")
 
 
 def planned(study, *config):
