@@ -57,16 +57,12 @@ def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
     rows = []
     for cycles in along.cycles:
         for k, point in enumerate(cycles.branch.points):
-            row = _place(label, name, along.family.unit, point.solution.value)
-            own = point.stability
-            row |= {
-                "branch": cycles.name,
-                "point": k,
-                "stable": own.stable,
-                **_size(point.solution),
-            }
-            row |= {"largest_multiplier": own.largest, "trivial_defect": own.trivial_defect}
-            rows.append(row)
+            orbit, own = point.solution, point.stability
+            rows.append({
+                **_place(label, name, along.family.unit, orbit.value),
+                "branch": cycles.name, "point": k, "stable": own.stable, **_size(orbit),
+                "largest_multiplier": own.largest, "trivial_defect": own.trivial_defect,
+            })  # fmt: skip
     return rows
 
 
@@ -180,12 +176,14 @@ def prediction_rows(
         for axis, direction in enumerate(("v", "w")):
             values = (predicted.amplitude, predicted.low, predicted.high, true)
             value, low, high, reality = (float(of[k, axis]) for of in values)
-            row = {**cell, "wind_m_s": float(wind), "direction": direction, "predicted_m": value}
-            row |= {"low_m": low, "high_m": high, "true_m": reality}
-            row |= {"error_percent": 100 * abs(value / reality - 1)}
-            row |= {"inside": bool(low <= reality <= high)}
-            row |= {"unresolved": float(predicted.unresolved[k]), "verdict": verdict}
-            rows.append(row | {"reason": predicted.reason})
+            rows.append({
+                **cell, "wind_m_s": float(wind), "direction": direction, "predicted_m": value,
+                "low_m": low, "high_m": high, "true_m": reality,
+                "error_percent": 100 * abs(value / reality - 1),
+                "inside": bool(low <= reality <= high),
+                "unresolved": float(predicted.unresolved[k]), "verdict": verdict,
+                "reason": predicted.reason,
+            })  # fmt: skip
     return rows
 
 
@@ -221,14 +219,18 @@ def measure_rows(label: str, outcomes: Sequence[Outcome], design: Design) -> lis
     """Measures in their order."""
     rows = []
     for rank, of in enumerate(outcomes, start=1):
-        row = {"case": label, "rank": rank, "measure": of.measure.label}
         numbers = of.critical_wind, of.v, of.w, of.clearance
-        for name, values in zip(MEASURED, numbers, strict=True):
-            row |= dict(zip((name, f"{name}_low", f"{name}_high"), values, strict=True))
-        kept = bool(of.clearance[0] >= design.limit)
-        row |= {"kind": of.kind, "limit_m": design.limit, "kept": kept}
-        row |= {"design_wind_m_s": design.wind, "source": of.measure.source}
-        rows.append(row | {"note": of.measure.limit})
+        measured = {
+            f"{name}{end}": value
+            for name, values in zip(MEASURED, numbers, strict=True)
+            for end, value in zip(("", "_low", "_high"), values, strict=True)
+        }
+        rows.append({
+            "case": label, "rank": rank, "measure": of.measure.label, **measured,
+            "kind": of.kind, "limit_m": design.limit,
+            "kept": bool(of.clearance[0] >= design.limit), "design_wind_m_s": design.wind,
+            "source": of.measure.source, "note": of.measure.limit,
+        })  # fmt: skip
     return rows
 
 

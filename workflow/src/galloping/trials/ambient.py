@@ -38,6 +38,7 @@ class RandomMotion:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> "RandomMotion":
+        """Two modes that move alike far on the average, within the ranges above."""
         omega = np.ones(2)
         while omega.max() < APART * omega.min():
             omega = 2.0 * np.pi * rng.uniform(*FREQUENCIES, 2)
