@@ -9,8 +9,7 @@ from tests.unit.random_forces.ambient import STATES, two_modes
 
 from galloping import Input
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.discrete import Steps, discretised
-from galloping.identification.random_forces.kalman import kalman_filter
+from galloping.identification.random_forces.kalman import Steps, discretised, kalman_filter
 from galloping.identification.random_forces.tracking import Data, Forces, Tracker
 from galloping.identification.random_forces.whiteness import whiteness
 from galloping.polynomial import PolynomialModel, library

@@ -5,7 +5,7 @@ import pytest
 from tests.unit.random_forces.ambient import STATES
 
 from galloping import maximum_likelihood
-from galloping.identification.random_forces.modes import decay_interval
+from galloping.intervals import decay_interval
 from galloping.polynomial import library
 from galloping.recording import Recording
 

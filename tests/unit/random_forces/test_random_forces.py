@@ -8,8 +8,8 @@ import pytest
 from galloping import maximum_likelihood, summarise
 from galloping.field.summary import dynamics, forecast
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.random_forces.modes import decay_interval
 from galloping.identification.random_forces.unmodelled import unmodelled
+from galloping.intervals import decay_interval
 from galloping.polynomial import library
 from galloping.recording import Recording
 from random_forces.ambient import DAMPING, FREQUENCIES, STATES, two_modes

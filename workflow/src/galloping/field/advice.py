@@ -14,8 +14,8 @@ from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, state_unit
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.unmodelled import unmodelled
-from galloping.identification.random_forces.wavering import wavers
 from galloping.identification.work import ENDED
 from galloping.polynomial import library, term_name, velocity_pairs
 from galloping.recording import Recording

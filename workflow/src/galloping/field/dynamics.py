@@ -13,8 +13,7 @@ from galloping.cycles.limit_cycles import Orbit, cycle_of, settle
 from galloping.cycles.prediction import near
 from galloping.field.forecast import simulator_of
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.random_forces.modes import decay_interval
-from galloping.intervals import NORMAL_95, drawn, of_draws
+from galloping.intervals import NORMAL_95, decay_interval, drawn, of_draws
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording

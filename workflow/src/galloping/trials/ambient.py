@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from galloping.identification.random_forces.modes import decay_interval
+from galloping.intervals import decay_interval
 from galloping.physics.galerkin import STATES
 from galloping.polynomial import library
 from galloping.recording import Recording

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.random_forces.discrete import Steps
+from galloping.identification.random_forces.kalman import Steps
 from galloping.identification.random_forces.tracking import factor, tracker
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording

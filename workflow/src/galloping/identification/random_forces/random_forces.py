@@ -33,9 +33,9 @@ from galloping.identification.random_forces.start import (
     spectra,
     strengths,
     systems,
+    wavers,
 )
 from galloping.identification.random_forces.tracking import Data, sizes
-from galloping.identification.random_forces.wavering import wavers
 from galloping.identification.random_forces.whiteness import Whiteness, whiteness
 from galloping.identification.work import MOST, is_spent, limited
 from galloping.passes import passing

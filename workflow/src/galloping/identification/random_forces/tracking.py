@@ -8,9 +8,13 @@ import numpy as np
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.discrete import Steps, discretised, with_means
 from galloping.identification.random_forces.extended import extended_filter, random_motion
-from galloping.identification.random_forces.kalman import kalman_filter
+from galloping.identification.random_forces.kalman import (
+    Steps,
+    discretised,
+    kalman_filter,
+    with_means,
+)
 from galloping.identification.work import allowed, spend
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording, mean_inputs
