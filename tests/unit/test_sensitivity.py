@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from identification_cases import RELEASE, TIME, line, model, solution
 
-from galloping.bounds import sensitivities
+from galloping.bounds import Experiment, information, sensitivities
 from galloping.polynomial import PolynomialModel
 
 
@@ -45,3 +45,10 @@ def test_divergence_is_an_error() -> None:
     explosive = model(("x",), 2, {"x^2": 1.0})
     with pytest.raises(ValueError, match="diverges"):
         sensitivities(explosive, np.zeros((0, 2), int), np.array([1.0]), np.array([0.0, 2.0]))
+
+
+def test_information_beyond_the_range_of_numbers_is_an_error() -> None:
+    growing = model(("x",), 1, {"x": 1.0})
+    long = Experiment(np.zeros(1), np.array([0.0, 200.0, 400.0]), np.ones(1))
+    with pytest.raises(ValueError, match="by more than numbers hold"):
+        information(growing, np.argwhere(growing.support), long)

@@ -140,7 +140,7 @@ def state_bound(model: PolynomialModel, free: np.ndarray, experiments: list[Expe
 def information(model: PolynomialModel, free: np.ndarray, experiment: Experiment) -> np.ndarray:
     """(n_free, n_free) Fisher information of one recording, its initial state eliminated.
 
-    Raises ValueError where the model's solution diverges.
+    Raises ValueError where the model's solution diverges, and as `fisher_information`.
     """
     return fisher_information(weighted_sensitivities(model, free, experiment), len(free))
 
@@ -167,9 +167,16 @@ def weighted_sensitivities(
 
 
 def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
-    """(n_free, n_free), of the samples of `weighted_sensitivities`, or of some of them."""
+    """(n_free, n_free), of the samples of `weighted_sensitivities`, or of some of them.
+
+    Raises ValueError where it leaves the range of numbers, as of a long chaotic motion.
+    """
     rows = weighted.reshape(-1, weighted.shape[2])
-    return eliminated(rows.T @ rows, n_free)
+    with np.errstate(over="ignore"):
+        total = rows.T @ rows
+    if not np.all(np.isfinite(total)):
+        raise ValueError("the motion depends on where it starts by more than numbers hold")
+    return eliminated(total, n_free)
 
 
 def derivative_bound(

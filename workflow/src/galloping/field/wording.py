@@ -82,6 +82,7 @@ def summary_text(
         "of": of, "found": found, "known": known, "trial": trial, "ends": ENDS,
         "rounding": ROUNDING, "technical": TECHNICAL, "most_problems": MOST_PROBLEMS,
         "refused": found.status == "refused",
+        "of_span": _of_span(found),
         "exact": [n for n in found.model.inputs if not of.recordings[-1].inputs[n].error],
         "odd": any("is the unit" in problem for problem in problems),
         "repeats": REPEATS in found.reason,
@@ -145,6 +146,11 @@ def _cells(of: Value, unit: str, factor: float = 1.0) -> tuple[str, str]:
 def _name(state: str) -> str:
     """`vertical`, of q_v; of other systems the state."""
     return meaning(state).partition(" ")[0] or state
+
+
+def _of_span(found: IdentifiedModel) -> bool:
+    """Whether a model is of a span, and not of another system."""
+    return any(map(meaning, found.model.states))
 
 
 def _and(parts: Iterable[str]) -> str:
@@ -298,6 +304,7 @@ def _plain_reasons(reason: str) -> list[tuple[str, str]]:
 def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     """What would help, that which helps most first."""
     said = [problem["what"] for report in reports for problem in report["problems"]]
+    span = _of_span(of.found)
     helps = [help_ for part, help_ in PROBLEMS if any(part in what for what in said)]
     if len({"q_v", "q_w"}.intersection(of.found.model.states)) == 1:
         helps.append(
@@ -310,8 +317,8 @@ def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
         name, error = advice.options[0]
         now, then = (100.0 * e / abs(advice.coefficient) for e in (advice.error, error))
         helps.append(
-            f"one more recording at the same wind, best of {name}: the coefficient that is known "
-            f"worst would then be known to {then:.2g} % instead of {now:.2g} %"
+            f"one more recording{' at the same wind' * span}, best of {name}: the coefficient that "
+            f"is known worst would then be known to {then:.2g} % instead of {now:.2g} %"
         )
     if of.found.status == "approximate" and PLACES not in helps:
         helps.append(f"{PLACES}; more of the same kind would not, for what the model misses is no "
@@ -319,8 +326,10 @@ def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     if not of.found.model.inputs and WIND not in " ".join(helps):
         helps.append(f"{WIND}, in several winds: one wind alone does not tell at which wind "
                      "galloping begins")  # fmt: skip
-    if of.found.model.inputs:  # which were recorded
+    if of.found.model.inputs or not span:  # which were recorded; no wind drives other systems
         helps = [each for each in helps if WIND not in each]
+    if not span:
+        helps = [each for each in helps if PLACES not in each]
     for name in of.found.model.inputs:
         if ends := of.found.recorded(name):
             helps.append(f"recordings with {name} below {ends[0]:.3g} or above {ends[1]:.3g}, if "
