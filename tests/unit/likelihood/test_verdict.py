@@ -148,11 +148,12 @@ def test_a_simple_term_that_the_data_would_not_show_is_never_under_an_ok() -> No
 
 
 def test_the_prior_costs_the_same_in_any_unit_and_its_odds_are_checked() -> None:
-    problem, *_ = alike(Prior(term=0.5, nonlinear=0.1))
+    problem, *_ = alike(Prior(term=0.5, constant=1.0, nonlinear=0.1))
     paid = costs(problem.prior, problem.complexity, 2.0 * np.log(400)) - np.log(400)
-    assert np.allclose(paid[[0, 1, Y]], 2.0 * np.log(2.0))
+    assert paid[0] == 0.0
+    assert np.allclose(paid[[1, Y]], 2.0 * np.log(2.0))
     assert np.allclose(paid[3:] - paid[1], 2.0 * np.log(10.0))
-    for odds in ({"term": 0.0}, {"nonlinear": 1.5}, {"nonlinear": "small"}):
+    for odds in ({"term": 0.0}, {"constant": -1.0}, {"nonlinear": 1.5}, {"nonlinear": "small"}):
         with pytest.raises(ValueError, match=r"prior: \w+: .*; must be a number in \(0, 1\]"):
             Prior(**odds)
 
@@ -162,7 +163,7 @@ def test_a_constant_beside_a_displacement_costs_more_than_a_nonlinear_term() -> 
     plain = posed(("x", "y"), PLANE, prior=Prior(nonlinear=0.1))
     rate = line.prior.of_complexity(line.complexity) / np.log(10.0)
     assert np.allclose(rate, 2.0 * np.array([2, 0, 0, 1, 1, 1]))
-    assert np.all(plain.complexity[[0, 6]] == 0)
+    assert np.all(plain.complexity[[0, 6]] == -1)
 
 
 def test_the_prior_settles_ties_and_nothing_else() -> None:

@@ -84,13 +84,13 @@ class Problem:
 
     @cached_property
     def complexity(self) -> np.ndarray:
-        """(n_candidates,) by how many factors `Prior.nonlinear` each is less probable than `term`.
+        """(n_candidates,) of each term for the `Prior`: -1 of a constant, 0 of a linear term, 1 of
+        a nonlinear one, 2 of a constant beside a displacement, which counts from rest.
 
-        A nonlinear term by one. A constant where the displacement is a state by two: displacements
-        count from rest, where nothing pulls.
+        What inputs alone make counts as a constant.
         """
         of_rates = np.isin(self.candidates[:, 0], list(velocity_pairs(self.states).values()))
-        return np.where(of_rates & (self.degrees == 0), 2, self.degrees > 1)
+        return np.where(self.degrees == 0, np.where(of_rates, 2, -1), self.degrees > 1)
 
     @cached_property
     def tables(self) -> Tables:
