@@ -14,6 +14,8 @@ RESIDUAL_RATE = 1e-6
 # Bins on each side of a spectral line that its height is measured against: their mean has a
 # relative spread of a fifth.
 NEIGHBOURS = 15
+# Cycles in a recording, up to which a line is no oscillation.
+DRIFT = 2
 # chi^2 per degree of freedom from which noise is said to be correlated over a few samples: a model
 # error that large is refused by its own spectrum. As many times the power of the noise between the
 # motion's frequencies may rise at them; intervals widen by its root. Noise correlated over a
@@ -37,7 +39,8 @@ class Residue:
     excess: (n_recordings, n_observed) sum of squares by which that is larger than it would be with
     the density above.
     line: ratio of the highest peak of the residuals' periodogram to its surroundings, and the
-    largest that noise would give; frequency, Hz, and channel of that peak.
+    largest that noise would give; frequency, Hz, and channel of that peak, and its cycles in a
+    recording.
     """
 
     chi2: float
@@ -51,6 +54,7 @@ class Residue:
     line_allowed: float
     frequency: float
     channel: int
+    cycles: int
 
     @property
     def coloured(self) -> bool:
@@ -67,10 +71,8 @@ class Residue:
         if np.isfinite(self.chi2):
             misfit = f"chi2/n {self.chi2:.2f}, {misfit}"
         if self.line > self.line_allowed:
-            return (
-                f"model inadequate: the residual of {channels[self.channel]} has a line at "
-                f"{self.frequency:.3g} Hz; {misfit}"
-            )
+            shown = f"has a line at {self.frequency:.3g} Hz" if self.cycles > DRIFT else "drifts"
+            return f"model inadequate: the residual of {channels[self.channel]} {shown}; {misfit}"
         if self.band > (MOST_COLOUR if self.coloured else self.band_allowed):
             other = "noise correlated over a period, or " if self.coloured else ""
             return f"{other}model inadequate: {misfit}"
@@ -87,7 +89,7 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     """
     limit = 1.5 * condensed.step / period
     low, high, bins = [], [], np.zeros(2)
-    line, frequency, channel = 0.0, 0.0, 0
+    line, frequency, channel, cycles = 0.0, 0.0, 0, 0
     band_power, excess = np.full(condensed.rows.shape, np.nan), np.zeros(condensed.rows.shape)
     for r, (a, b) in enumerate(pairwise(condensed.first)):
         for o in range(residual.shape[1]):
@@ -106,7 +108,8 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
             bins += below.sum(), (~below).sum()
             peak, place = _line(power)
             if peak > line:
-                line, frequency, channel = peak, place / ((b - a) * condensed.step), o
+                line, channel, cycles = peak, o, place
+                frequency = place / ((b - a) * condensed.step)
     band, band_allowed = np.nan, np.nan
     if low:
         band = float(sum(low) / bins[0] / (sum(high) / bins[1]))
@@ -116,7 +119,7 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     line_allowed = m * ((RESIDUAL_RATE / (2.0 * int(condensed.first[-1]))) ** (-1.0 / m) - 1.0)
     return Residue(
         *_misfit(condensed, residual, parameters), bool(condensed.is_known.any()), band,
-        band_allowed, band_power, excess, line, line_allowed, frequency, channel,
+        band_allowed, band_power, excess, line, line_allowed, frequency, channel, cycles,
     )  # fmt: skip
 
 
