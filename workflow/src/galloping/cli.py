@@ -219,14 +219,14 @@ def inspect(file, write_map, as_json, **mapping):
     is odd about the samples. Nothing is computed from them yet.
     """
     from galloping.field.analysis import read_field
-    from galloping.field.wording import report_lines
+    from galloping.field.wording import report_text
 
     if write_map and _doubts_of_written(file, write_map, mapping):
         return
     mapping = dict.fromkeys(mapping) | {"map_file": write_map} if write_map else mapping
     with shown():
         report = read_field([file], _mapping(file, mapping)).reports[0]
-    click.echo(json_text(report, indent=2) if as_json else "\n".join(report_lines(report)))
+    click.echo(json_text(report, indent=2) if as_json else report_text(report))
 
 
 def _doubts_of_written(file, path, options) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """What recordings and their model tell, in the words of an engineer.
 
-`summary.md.jinja` has the sentences, and here are the values and lists in them. `reasons.csv` has
-parts of a verdict's reason, what each means and what would help, those that weigh more first.
+The templates beside have the sentences, and here are the values and lists in them. `reasons.csv`
+has parts of a verdict's reason, what each means and what would help, those that weigh more first.
 """
 
 import csv
@@ -13,7 +13,7 @@ from math import floor, log, log10
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, StrictUndefined, Template
 
 from galloping.field.advice import Advice
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
@@ -28,7 +28,7 @@ from galloping.polynomial import term_name, velocity_pairs
 from galloping.recording import Recording
 
 if TYPE_CHECKING:
-    from galloping.field.assess import Assessment, Condition, Mode
+    from galloping.field.assess import Assessment
     from galloping.field.summary import Summary
 
 ENDS = {
@@ -53,10 +53,6 @@ PROBLEMS = (  # part of what is wrong with samples, and what would help
     ("the mean drifts", "a sensor whose zero holds still"),
     ("clipped", "a sensor with a larger range"),
 )
-BETWEEN = {
-    "zero": "held between samples", "linear": "linear between samples",
-    "cubic": "smooth between samples",
-}  # fmt: skip
 LEAST = 1e-6  # width of an interval that is said, in its value
 KNOWN = 0.01  # standard error of a coefficient that no further recording needs to tell better
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
@@ -76,8 +72,7 @@ def summary_text(
         for report in reports
         for p in report["problems"]
     ]
-    described = [report_lines(report) for report in reports]
-    described = described or [repr(each).splitlines() for each in of.recordings]
+    described = list(map(report_text, reports)) or list(map(repr, of.recordings))
     values = {
         "of": of, "found": found, "known": known, "trial": trial, "ends": ENDS,
         "rounding": ROUNDING, "technical": TECHNICAL, "most_problems": MOST_PROBLEMS,
@@ -93,34 +88,47 @@ def summary_text(
         "problems": problems,
         "helps": _helps(of, reports),
         "beside": beside if beside and beside[1] else None,
-        "described": ["\n  - ".join(line.strip() for line in lines) for lines in described],
+        "described": [re.sub(r"\n\s*", "\n  - ", text) for text in described],
         **(_of_small(known) if known else {}),
         **(_of_trial(trial) if trial else {}),
         **_of_stretches(of.recordings, found),
         **_untold(found),
         **(_of_advice(of.advice) if of.advice else {}),
     }  # fmt: skip
-    text = _template().render(values)
+    text = _template("summary.md").render(values)
     text = re.sub(r"(?<=\S)( *\n {4,})+|(?<=[.:]) {2,}", " ", text)
     text = re.sub(r"^ {4,}| +$", "", text, flags=re.MULTILINE)
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
 
 
+def report_text(report: dict) -> str:
+    """A report of `quality`: the file, then a line for each channel, input, note and problem."""
+    return _template("quality.txt").render(report=report).rstrip()
+
+
+def assessment_text(of: "Assessment", units: Mapping[str, str]) -> str:
+    """A line for each thing that there is. units: of inputs, by name."""
+    return _template("assessment.txt").render(of=of, units=units, ends=ENDS).rstrip()
+
+
 @cache
-def _template():
+def _template(name: str) -> Template:
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {
         "bullets": lambda lines: "\n".join(f"- {line}" for line in lines),
         "cells": lambda of, unit, factor=1.0: " | ".join(_cells(of, unit, factor)),
+        "digits": lambda number, state="": f"{number:.3g} {plain_unit(state)}".strip(),
         # whether a motion of any size goes on as it is
         "keeps": lambda known: all(abs(v.value) < ROUNDING for v in known.damping.values()),
         "listed": _and,
+        "meaning": meaning,
         "name": _name,
+        "said": _said,
         "sentence": lambda text: text[:1].upper() + text[1:],
         "unit": plain_unit,
         "words": in_words,
     }
-    text = files(__package__).joinpath("summary.md.jinja").read_text(encoding="utf-8")
+    text = files(__package__).joinpath(f"{name}.jinja").read_text(encoding="utf-8")
     return environment.from_string(text)
 
 
@@ -346,36 +354,6 @@ def _of_stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> di
     return {"stretches": len(own), "share": 100 * used / whole}
 
 
-def report_lines(report: dict) -> list[str]:
-    """A report of `quality` as text: the file, then a line for each channel, note and problem."""
-    sampling = report["sampling"]
-    gaps = sampling["gaps_total"]
-    lines = [
-        f"{report['file']}: {sampling['samples']} samples over {sampling['duration_s']:.1f} s "
-        f"({sampling['rate_hz']:.3g} Hz), {gaps or 'no'} gap{'' if gaps == 1 else 's'}"
-    ]
-    for column, channel in report["channels"].items():
-        target = channel["measures"]
-        unit = plain_unit(target)
-        frequencies = ", ".join(f"{f:.3g}" for f in channel["dominant_frequencies_hz"])
-        lowest, highest, noise = (
-            f"{channel[key]:.3g} {unit}".strip() for key in ("lowest", "highest", "noise")
-        )
-        lines.append(
-            f"  {column} measures {target}{', the ' * bool(meaning(target))}{meaning(target)}: "
-            f"{lowest} to {highest}, noise {noise}, {channel['missing_percent']:.1f} % missing, "
-            f"mostly at {frequencies or 'no'} Hz"
-        )
-    lines += [
-        f"  {column} is an input, {of['name']}: mean {of['mean']:.4g} {of['unit']}, deviation "
-        f"{of['standard_deviation']:.3g}, from {of['lowest']:.4g} to {of['highest']:.4g}, every "
-        f"{of['step_s']:.3g} s, {BETWEEN[of['between']]}"
-        for column, of in report.get("inputs", {}).items()
-    ]
-    lines += [f"  {note}" for note in report["notes"]]
-    return lines + [f"  {p['column']}, row {p['row']}: {p['what']}" for p in report["problems"]]
-
-
 def _untold(identified: IdentifiedModel) -> dict:
     """What the model does not say: other conditions, and the absent terms with most room."""
     model = identified.model
@@ -405,57 +383,10 @@ def _of_advice(of: Advice) -> dict:
     return {"now": f"{share * of.error:.2g} %", "then": then}
 
 
-def assessment_text(of: "Assessment", units: Mapping[str, str]) -> str:
-    """A line for each thing that there is. units: of inputs, by name."""
-    lines, unit = [], units.get(of.along, "")
-    for condition in of.conditions:
-        held = ", ".join(
-            f"{k} = {v:g} {units.get(k, '')}".rstrip() for k, v in condition.at.items()
-        )
-        lines.append(f"At {held}:" if held else "The model by itself:")
-        lines += [f"  {line}" for line in _condition_lines(condition)]
-    for onset in of.onsets:
-        what = "begin to grow above" if onset.begins else "cease to grow above"
-        where = f"{of.along} = {_said(onset.value, unit)}"
-        lines.append(f"Small motions about rest {what} {where}, at {onset.frequency:.3g} Hz")
-    if of.along and not of.onsets:
-        low, high = of.span
-        lines.append(f"No onset between {of.along} = {low:g} and {high:g} {unit}".rstrip())
-    return "\n".join([*lines, *of.notes])
-
-
-def _condition_lines(of: "Condition") -> list[str]:
-    lines = []
-    for number, rest in enumerate(of.equilibria, start=1):
-        places = ", ".join(f"{k} = {_said(v, plain_unit(k))}" for k, v in rest.place.items())
-        lines.append(f"rest {number}, {'' if rest.stable else 'un'}stable: {places}")
-        lines += [f"  {_mode_line(mode)}" for mode in rest.modes]
-    for number, cycle in enumerate(of.cycles, start=1):
-        halves = ", ".join(f"{k} ± {_said(v, plain_unit(k))}" for k, v in cycle.half_range.items())
-        some = f"; {100 * cycle.found:.0f} % of the draws have it" if cycle.found < 1.0 else ""
-        lines.append(
-            f"limit cycle {number}, {'' if cycle.stable else 'un'}stable: {halves}, period "
-            f"{_said(cycle.period, 's')}{some}"
-        )
-    none = [] if of.equilibria else ["no rest near the motion"]
-    ends = [] if of.cycles else [ENDS.get(kind, kind) for kind in of.ends]
-    return [*none, *lines, *ends]
-
-
-def _mode_line(mode: "Mode") -> str:
-    damping = mode.damping
-    if mode.frequency.value == 0.0:
-        if damping.value > 0:
-            return f"{mode.state} decays at {_said(damping, '1/s')}"
-        growth = Value(-damping.value, -damping.high, -damping.low)
-        return f"{mode.state} grows at {_said(growth, '1/s')}"
-    net, frequency = _said(damping, "% of critical", 100.0), _said(mode.frequency, "Hz")
-    grows = ": it grows" if damping.value < 0 else ""
-    return f"{mode.state} oscillates at {frequency}, net damping {net}{grows}"
-
-
 def _said(of: Value, unit: str, factor: float = 1.0) -> str:
     """A value times a factor with its interval, if it has one, to the digits that it tells."""
+    if factor < 0.0:
+        of, factor = Value(-of.value, -of.high, -of.low), -factor
     value = f"{factor * of.value:.4g} {unit}".rstrip()
     if np.isnan(of.low):
         return value
