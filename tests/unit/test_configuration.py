@@ -25,9 +25,8 @@ from galloping.configuration.load import (
     read,
 )
 from galloping.configuration.schema import leaves, schema
-from galloping.configuration.settings import MEASURES, SWEPT, Settings
-from galloping.cycles import family
-from galloping.physics import continuous, measures
+from galloping.configuration.settings import Settings
+from galloping.physics import continuous
 from galloping.physics.galerkin import derive
 from galloping.study.shown import departures
 from galloping.tables import variations
@@ -528,6 +527,4 @@ def test_settings_allow_what_there_is():
     nodes = dict(leaves())
     aerodynamics = nodes["cases.<name>.truth.aerodynamics"]["enum"]
     assert tuple(aerodynamics) == continuous.AERODYNAMICS
-    assert set(SWEPT) == set(family.PARAMETERS)
-    assert set(MEASURES) == set(measures.KINDS)
     assert set(plain(load({}))["assessment"]["open_parameters"]) == set(variations.OPEN)

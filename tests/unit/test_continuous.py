@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
+from scipy.signal import welch
 
+from galloping.evaluation import reduction as trial
 from galloping.physics import galerkin
 from galloping.physics.continuous import (
     QUARTERS,
@@ -19,6 +21,7 @@ from galloping.physics.continuous import (
     span,
 )
 from galloping.physics.galerkin import Line
+from galloping.physics.gusts import SPECTRA, wind_speed
 
 TIME = np.arange(30001) / 100
 BARE = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}
@@ -134,3 +137,70 @@ def test_unknown_names_are_refused(case):
     line = continuous_line(case, 1)
     with pytest.raises(ValueError, match="quantity: strain is none of"):
         readings(line, np.zeros((2, 4)), [10.0], "strain")
+
+
+# --- gusts ---
+
+
+@pytest.mark.parametrize("name", SPECTRA)
+def test_spectrum_has_unit_variance_and_the_length_scale(name):
+    def density(n):
+        return SPECTRA[name](n) / n
+
+    variance = quad(density, 1e-9, 1.0)[0] + quad(density, 1.0, np.inf)[0]
+    assert variance == pytest.approx(1.0, rel=2e-3)
+    # an integral length of one: the density at zero is four lengths
+    assert density(1e-9) == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("name", SPECTRA)
+def test_wind_has_the_named_spectrum(name):
+    time = np.arange(2**19) * 0.1
+    settings = {"mean": 12.0, "intensity": 0.05, "length_scale": 100.0, "spectrum": name}
+    wind = wind_speed(time, **settings, rng=np.random.default_rng(1))
+    x = (wind / 12.0 - 1.0) / 0.05
+    assert x.mean() == pytest.approx(0.0, abs=0.1)
+    assert x.std() == pytest.approx(1.0, rel=0.05)
+    frequency, power = welch(x, 10.0, nperseg=4096)
+    band = (frequency > 0.01) & (frequency < 2.0)
+    reduced = frequency[band] * 100.0 / 12.0
+    ratio = power[band] * frequency[band] / SPECTRA[name](reduced)
+    assert np.mean(ratio) == pytest.approx(1.0, abs=0.03)
+    again = wind_speed(time, **settings, rng=np.random.default_rng(1))
+    assert np.array_equal(wind, again)
+
+
+# --- what two modes are worth ---
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """The limit cycle is looked for earlier, for time."""
+    monkeypatch.setattr(trial, "LIMIT_CYCLE", (250, 350))
+
+
+def motion(case, variant):
+    return trial.line_motion(case, variant, length_scale=100, spectrum="kaimal", seed=1)
+
+
+def test_table_of_the_two_mode_model_and_lines(case, short):
+    lines = {
+        "3 modes": trial.LineVariant(3),
+        "disturbed": trial.LineVariant(3, antisymmetric=0.1),
+        "gusty": trial.LineVariant(3, intensity=0.05),
+    }
+    table = trial.reduction(case, {name: motion(case, line) for name, line in lines.items()})
+    assert table.shape[0] == 8
+    table = table.set_index(["line", "direction"])
+    model = table.loc["two modes"]
+    assert model["amplitude_m"].to_list() == pytest.approx([1.106, 1.873], abs=2e-3)
+    assert model["r2_200_300_s"].to_list() == pytest.approx([1.0, 1.0])
+    three = table.loc["3 modes"]
+    assert three["amplitude_m"].to_list() == pytest.approx([1.177, 1.957], abs=2e-3)
+    assert three["amplitude_error_percent"]["vertical"] == pytest.approx(
+        100 * (1.106 / 1.177 - 1), abs=0.2
+    )
+    assert (three["r2_0_100_s"] > three["r2_200_300_s"]).all()
+    assert (three["antisymmetric_m"] < 1e-9).all()
+    assert table.loc[("disturbed", "vertical"), "antisymmetric_m"] > 0.1
+    assert not np.allclose(table.loc["gusty", "amplitude_m"], three["amplitude_m"], rtol=1e-3)

@@ -14,8 +14,7 @@ from galloping.identification.cell import identify
 from galloping.identification.model import BY_TERM, IdentifiedModel, Unusable
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import stlsq
-from galloping.identification.sparse.differentiation import differentiate
-from galloping.identification.sparse.evidence import reduce
+from galloping.identification.sparse.evidence import differentiate, reduce
 from galloping.identification.sparse.stlsq import bagged_medians
 from galloping.identification.sparse.supports import best_threshold, ebic, thresholded_supports
 from galloping.identification.sparse.tuning import seeded

@@ -1,13 +1,16 @@
 """The report's page: complete, self-contained, deterministic; its sentences follow the tables."""
 
+import csv
 import re
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
+from galloping.report.data_dictionary import meaning
 from galloping.report.page import Item, Page, RecordingSection, as_html, render
 from galloping.report.printed_numbers import PaperCell, PaperSection, Row, headline
+from galloping.tables import judged_claims as claims
 
 
 @pytest.fixture
@@ -74,3 +77,27 @@ def test_the_headline_is_read_from_the_tables():
     assert "down to 5,000 samples" in said[1]
     assert "from a wind of 5.25 m/s" in said[2] and "1.60 m (vertical)" in said[2]
     assert headline(efficiency[:0], errors, cycles[:0], changes, **about) == []
+
+
+# --- the data dictionary ---
+
+
+REFERENCE = Path(__file__).parents[2] / "results" / "reference"
+
+
+def heads():
+    for path in sorted(REFERENCE.rglob("*.csv")):
+        with path.open(encoding="utf-8") as lines:
+            yield from ((path.stem, column) for column in next(csv.reader(lines)))
+
+
+def test_every_column_of_the_reference_and_of_the_claims_has_a_meaning():
+    own = {"claims": claims.COLUMNS, "paper": claims.PAPER_COLUMNS}
+    heads_of_claims = ((table, column) for table, names in own.items() for column in names)
+    assert [each for each in {*heads(), *heads_of_claims} if not meaning(*each)] == []
+
+
+def test_a_table_s_own_meaning_comes_before_the_general_one():
+    assert meaning("measures", "v_m") != meaning("limit_cycles", "v_m")
+    assert meaning("limit_cycles", "v_m").endswith("(m)")
+    assert meaning("scores", "no_such_column") == ""

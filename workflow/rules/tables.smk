@@ -138,7 +138,7 @@ if DEPARTURES:
 if LINES:
     TABLES |= {
         "efficiency": made(
-            "tables.identifiability:efficiency",
+            "tables.scores:efficiency",
             scores=SCORES,
             identifiability="<results>/tables/identifiability.csv",
         ),
@@ -150,7 +150,7 @@ if LINES:
             ),
         ),
         "identifiability": made(
-            "tables.identifiability:identifiability",
+            "tables.scores:identifiability",
             {"degree": DEGREE, "cells": noisy},
             models=every("<results>/models/{case}.json", case=LINES),
             bounds=every("<results>/bounds/{cell}.npz", cell=noisy),

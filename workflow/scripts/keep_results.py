@@ -14,7 +14,9 @@ from pathlib import Path
 import pandas as pd
 
 from galloping.configuration.load import ConfigurationError, configured, plain
-from galloping.publication.archive import (
+from galloping.publication import (
+    ALLOWABLE,
+    NotPublishable,
     NotRestorable,
     changed_settings,
     check_digest,
@@ -22,13 +24,11 @@ from galloping.publication.archive import (
     published_settings,
     unpack,
 )
-from galloping.publication.archive import restore as restored
-from galloping.publication.publishing import ALLOWABLE, NotPublishable
-from galloping.publication.publishing import publish as published
+from galloping.publication import publish as published
+from galloping.publication import restore as restored
 from galloping.reproducibility.lock import Obstacle, locked, make_command
-from galloping.reproducibility.plan import planning
+from galloping.reproducibility.plan import audit, planning, remove
 from galloping.reproducibility.receipts import digest, inspect, receipts, remember
-from galloping.reproducibility.repair import audit, remove
 from galloping.storage import replacing, write_json
 from galloping.tables.comparison import Origin, processor, table_differences, tables
 

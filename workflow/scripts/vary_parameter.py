@@ -3,7 +3,7 @@
 from galloping.paper.draws import Amounts
 from galloping.reproducibility.job import run
 from galloping.study.files import read_table, write_table
-from galloping.tables.variations import variation_rows
+from galloping.tables.judged_claims import variation_rows
 
 
 def vary_parameter(

@@ -10,10 +10,9 @@ from galloping.measurement import Motion
 from galloping.paper.claims import CLAIMS, HELD, Claim, judged, needed, together
 from galloping.paper.draws import Amounts, paper_draws
 from galloping.report import printed_numbers as report
-from galloping.tables.judged_claims import claims_table, paper_table
+from galloping.tables.judged_claims import claims_table, paper_table, variation_rows
 from galloping.tables.line_parameters import conductor
 from galloping.tables.table3 import as_printed
-from galloping.tables.variations import variation_rows
 
 CASE, PAIR = "internal_resonance", ("derivative", "paper")
 INF = np.inf

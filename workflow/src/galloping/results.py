@@ -1,8 +1,10 @@
-"""What the stages of a study hand on beside recordings and identified models, and shared names.
+"""What the stages of a study hand on beside recordings and identified models, shared names, and
+random numbers by name.
 
 Without what computes it: files are read and written whatever becomes of that.
 """
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -18,6 +20,7 @@ JOINT = "joint"  # all recordings of a case together
 BOUND = "bound"  # the Cramer-Rao bound, where methods are named
 # what the paper did, as its printed numbers tell: see `galloping.paper`
 PAPER_PROTOCOL, PAPER_METHOD = "derivative", "paper"
+IDENTIFIED, KNOWN = "identified", "known"  # kinematic equations, by the paper's method
 OURS = "maximum_likelihood"  # what figures set beside the paper's method
 OURS_FAMILY = "likelihood"
 
@@ -61,3 +64,13 @@ class Reconstruction:
     representative: np.ndarray
     low: np.ndarray
     high: np.ndarray
+
+
+# --- streams of random numbers: each the same whatever else is drawn ---
+
+
+def generator(seed: int, *names: str | int) -> np.random.Generator:
+    """Generator of the study seed and a name such as ("noise", case, protocol, cell, replicate)."""
+    digest = hashlib.sha256("/".join(map(str, names)).encode()).digest()
+    words = np.frombuffer(digest, dtype="<u4")
+    return np.random.default_rng(np.random.SeedSequence([seed, *map(int, words)]))

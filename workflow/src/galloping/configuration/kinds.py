@@ -88,7 +88,7 @@ KINDS = {
         ),
     ),
     "ambient": Kind(
-        "galloping.trials.ambient:trial",
+        "galloping.trials.real_lines:in_random_forces",
         MODEL_ERROR, cases=("two modes in random forces",)
     ),
     "published_terms": Kind(

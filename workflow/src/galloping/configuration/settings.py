@@ -1,6 +1,7 @@
 """The settings of a study; what each key is, `keys/keys.csv` says."""
 
 from collections.abc import Iterator
+from inspect import signature
 from itertools import pairwise
 from math import inf
 from pathlib import Path
@@ -10,9 +11,11 @@ from pydantic import Field, ValidationInfo, create_model, field_validator, model
 
 from galloping.configuration.keys import keys
 from galloping.configuration.kinds import KINDS, LONGEST
+from galloping.cycles.family import PARAMETERS
 from galloping.fields import Name, invalid, one_of, selection, setting, show
 from galloping.identification.registry import METHODS
 from galloping.measurement import PROTOCOLS
+from galloping.physics import measures
 from galloping.physics.gusts import SPECTRA
 
 LineSection = keys("line", "The span and how it hangs.")
@@ -129,20 +132,7 @@ OWN_FOLDERS = ("config", "tests", "workflow", "results/reference")
 WINDOW_SAMPLES = 10  # fewer show no amplitude
 MAX_INTERVALS = 10_000_000  # a slip in a power of ten should not fill the memory
 
-# What a sweep can vary: `galloping.cycles.family.PARAMETERS`.
-SWEPT = (
-    "wind_speed", "tension", "damping_ratio", "damping_vertical", "damping_horizontal", "span",
-    "spacer_mass", "bundle_dimension", "ice_vertical_1", "ice_vertical_2", "ice_vertical_3",
-    "ice_horizontal_1", "ice_horizontal_2", "ice_horizontal_3",
-)  # fmt: skip
-# Measures against galloping and what they take: `galloping.physics.measures`.
-MEASURES = {
-    "tension": ("factor",),
-    "damper": ("position", "coefficient"),
-    "spacers": ("mass", "positions"),
-    "pendulum": ("mass", "positions"),
-    "ice_removal": (),
-}
+SWEPT = one_of(tuple(PARAMETERS))
 MOST_VALUES = 1000  # of a sweep
 
 
@@ -262,7 +252,7 @@ class TrialSection(
         return self
 
 
-class SweepSection(keys("sweep", parameter=one_of(SWEPT), second=one_of(SWEPT))):
+class SweepSection(keys("sweep", parameter=SWEPT, second=SWEPT)):
     """One parameter of every line over a range, or two."""
 
     @field_validator("values", "second_values")
@@ -290,15 +280,15 @@ class SweepSection(keys("sweep", parameter=one_of(SWEPT), second=one_of(SWEPT)))
         return self
 
 
-class MeasureSection(keys("measure", kind=one_of(tuple(MEASURES)))):
+class MeasureSection(keys("measure", kind=one_of(tuple(measures.KINDS)))):
     """One measure against galloping."""
 
     @model_validator(mode="after")
     def _of_its_kind(self) -> Self:
         given = {k for k, v in self.model_dump(exclude={"kind"}).items() if v is not None}
-        wanted = set(MEASURES[self.kind])
-        if given != wanted:
-            keys = ", ".join(MEASURES[self.kind]) or "nothing"
+        wanted = signature(measures.KINDS[self.kind]).parameters
+        if given != set(wanted):
+            keys = ", ".join(wanted) or "nothing"
             here = ", ".join(sorted(given)) or "nothing"
             raise invalid(f"{self.kind} beside {here}; must stand beside {keys}", "kind")
         if self.positions is not None and not self.positions:

@@ -71,16 +71,25 @@ LIBRARY = tuple(
 
 @dataclass(frozen=True)
 class Parameter:
-    """What can be varied: words and unit for reports, and the case at a value of it."""
+    """What can be varied: words and unit for reports.
+
+    places: section and key of a case where its value stands. change: what the case is at a value,
+    of one that stands in no place of its own.
+    """
 
     label: str
     unit: str
-    at: Callable[[Mapping, float], dict]
+    places: tuple[tuple[str, str], ...] = ()
+    change: Callable[[Mapping, float], dict] | None = None
 
-
-def entry(section: str, key: str) -> Callable[[Mapping, float], dict]:
-    """The case at a value of one of its keys."""
-    return lambda case, value: {**case, section: {**case[section], key: value}}
+    def at(self, case: Mapping, value: float) -> dict:
+        """The case at a value."""
+        if self.change is not None:
+            return self.change(case, value)
+        own = dict(case)
+        for section, key in self.places:
+            own[section] = {**own[section], key: value}
+        return own
 
 
 def _span(case: Mapping, value: float) -> dict:
@@ -105,29 +114,25 @@ def _ice(direction: str, power: int) -> Callable[[Mapping, float], dict]:
     return at
 
 
+_DAMPING = (("damping", "vertical"), ("damping", "horizontal"))
 PARAMETERS = {
-    "wind_speed": Parameter("wind speed", "m/s", entry("wind", "speed")),
-    "tension": Parameter("tension of a sub-conductor", "N", entry("line", "tension")),
-    "damping_ratio": Parameter(
-        "structural damping ratio",
-        "1",
-        lambda case, value: {**case, "damping": {"vertical": value, "horizontal": value}},
-    ),
-    "damping_vertical": Parameter("vertical damping ratio", "1", entry("damping", "vertical")),
-    "damping_horizontal": Parameter(
-        "horizontal damping ratio", "1", entry("damping", "horizontal")
-    ),
-    "span": Parameter("span", "m", _span),
-    "spacer_mass": Parameter("mass of a spacer", "kg", entry("spacers", "mass")),
-    "bundle_dimension": Parameter("dimension of the bundle", "m", entry("bundle", "dimension")),
+    "wind_speed": Parameter("wind speed", "m/s", (("wind", "speed"),)),
+    "tension": Parameter("tension of a sub-conductor", "N", (("line", "tension"),)),
+    "damping_ratio": Parameter("structural damping ratio", "1", _DAMPING),
+    "damping_vertical": Parameter("vertical damping ratio", "1", _DAMPING[:1]),
+    "damping_horizontal": Parameter("horizontal damping ratio", "1", _DAMPING[1:]),
+    "span": Parameter("span", "m", change=_span),
+    "spacer_mass": Parameter("mass of a spacer", "kg", (("spacers", "mass"),)),
+    "bundle_dimension": Parameter("dimension of the bundle", "m", (("bundle", "dimension"),)),
     **{
         f"ice_{direction}_{power}": Parameter(
-            f"{direction} aerodynamic coefficient of order {power}", "1", _ice(direction, power)
+            f"{direction} aerodynamic coefficient of order {power}", "1",
+            change=_ice(direction, power),
         )
         for direction in ("vertical", "horizontal")
         for power in (1, 2, 3)
     },
-}
+}  # fmt: skip
 
 
 def parameter(name: str) -> Parameter:

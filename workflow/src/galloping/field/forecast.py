@@ -12,7 +12,7 @@ from galloping.field.units import NONE
 from galloping.identification.likelihood.integrals import undisplaced, with_integrals, without_drift
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.random_forces import ahead as in_random_forces
+from galloping.identification.random_forces import tracking as in_random_forces
 from galloping.intervals import QUANTILES_90, drawn
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs

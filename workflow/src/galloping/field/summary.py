@@ -32,7 +32,7 @@ from galloping.identification.likelihood.inputs import checked_recordings
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.random_forces import ahead as in_random_forces
+from galloping.identification.random_forces import tracking as in_random_forces
 from galloping.identification.work import limited
 from galloping.passes import part, passing
 from galloping.recording import Input, Recording, mean_inputs

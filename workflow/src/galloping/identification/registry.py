@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from galloping.fields import Section
-from galloping.identification.options import Ensemble, NoOptions, Paper, Scanned, Thresholded
+from galloping.fields import Section, one_of, real, setting, whole
 from galloping.measurement import (
     ALL_STATES,
     DERIVATIVES,
@@ -15,6 +14,47 @@ from galloping.measurement import (
     RATES,
     Protocol,
 )
+from galloping.results import IDENTIFIED, KNOWN
+
+Positive = real(gt=0)
+
+
+class NoOptions(Section):
+    """A method without settings."""
+
+
+class Thresholded(Section):
+    """A threshold on terms."""
+
+    threshold: Positive | None = setting(
+        None,
+        "in the method's unit; null: each equation chooses its own from the data",
+        "1",
+    )
+
+
+class Scanned(Thresholded):
+    """A threshold, chosen out of a path of candidates."""
+
+    path_length: whole(ge=5, le=1000) = setting(
+        30, "candidate thresholds scanned where the data choose", "1"
+    )
+
+
+class Paper(Scanned):
+    """The paper's method."""
+
+    kinematics: one_of((IDENTIFIED, KNOWN)) = setting(
+        IDENTIFIED,
+        "that the rate of a displacement is its velocity: identified as any equation, or known",
+    )
+
+
+class Ensemble(Scanned):
+    """An ensemble."""
+
+    models: whole(ge=2, le=1000) = setting(20, "bagged models of an ensemble", "1")
+
 
 SPARSE = "galloping.identification.sparse"
 LIKELIHOOD = "galloping.identification.likelihood.methods"

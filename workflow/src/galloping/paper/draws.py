@@ -15,16 +15,14 @@ import pandas as pd
 from galloping.cycles.family import initial_state
 from galloping.evaluation.score import UNKNOWN, Truth, evaluate
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.options import IDENTIFIED, KNOWN
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Regression
 from galloping.measurement import Motion, channel_scale
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import Exponents, design_matrix, extended, library
-from galloping.results import NOISE, SUBSET
+from galloping.results import IDENTIFIED, KNOWN, NOISE, SUBSET, generator
 from galloping.simulation import Simulator, time_grid
-from galloping.streams import generator
 
 # --- noise ---
 

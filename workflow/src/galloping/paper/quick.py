@@ -19,7 +19,6 @@ from galloping.evaluation.score import (
     mean_error_by_order,
     support_scores,
 )
-from galloping.identification.options import KNOWN
 from galloping.identification.sparse.supports import (
     ebic,
     solve,
@@ -30,6 +29,7 @@ from galloping.measurement import Motion, channel_scale
 from galloping.paper.draws import PATH_LENGTH, PROTOCOLS, Amounts, Products
 from galloping.paper.unknowns import Setting
 from galloping.polynomial import Exponents, PolynomialModel, library
+from galloping.results import KNOWN
 
 STEP = 5  # samples of a step of the simulation
 LANES = 16  # models that move side by side

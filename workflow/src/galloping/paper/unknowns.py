@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from galloping.identification.options import IDENTIFIED, KNOWN
 from galloping.paper.claims import CLAIMS, Claim
-from galloping.results import NOISE
+from galloping.results import IDENTIFIED, KNOWN, NOISE
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,6 +12,7 @@ from functools import cached_property
 from galloping.configuration.kinds import KINDS, Kind
 from galloping.configuration.load import plain
 from galloping.configuration.settings import Settings, SweepSection, TrialSection
+from galloping.cycles.family import PARAMETERS
 from galloping.identification import registry
 from galloping.identification.registry import Method
 from galloping.measurement import BY_NAME, Protocol
@@ -20,21 +21,9 @@ from galloping.results import JOINT, NOISE, SUBSET
 # --- pieces of sweeps and trials ---
 
 
-# Where a line has what a sweep can vary, for what is a key of its own there.
-KEYS = {
-    "wind_speed": (("wind", "speed"),),
-    "tension": (("line", "tension"),),
-    "damping_ratio": (("damping", "vertical"), ("damping", "horizontal")),
-    "damping_vertical": (("damping", "vertical"),),
-    "damping_horizontal": (("damping", "horizontal"),),
-    "spacer_mass": (("spacers", "mass"),),
-    "bundle_dimension": (("bundle", "dimension"),),
-}
-
-
 def without(line: Mapping, *parameters: str | None) -> dict:
     """A line without its own values of what is varied, on which nothing of a sweep depends."""
-    gone = {place for parameter in parameters for place in KEYS.get(parameter, ())}
+    gone = {place for name in parameters if name for place in PARAMETERS[name].places}
     return {
         section: {key: value for key, value in of.items() if (section, key) not in gone}
         if isinstance(of, Mapping)

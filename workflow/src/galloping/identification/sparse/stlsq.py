@@ -10,7 +10,6 @@ from scipy.fft import dct
 from sklearn import config_context
 
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.options import IDENTIFIED, KNOWN
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import Regression, Scaled, compact, judge
 from galloping.identification.sparse.supports import (
@@ -23,6 +22,7 @@ from galloping.identification.sparse.supports import (
     thresholded_supports,
 )
 from galloping.polynomial import velocity_pairs
+from galloping.results import IDENTIFIED, KNOWN
 
 # Of unit columns: a ridge keeps nearly collinear ones from large coefficients of opposite sign
 # while thresholds act; the last step is least squares without it.

@@ -1,1 +1,0 @@
-"""A finished study as an archive: made, verified, restored."""
