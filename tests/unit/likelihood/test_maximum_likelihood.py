@@ -1,14 +1,6 @@
 import numpy as np
 import pytest
-from identification_cases import (
-    RELEASE,
-    TIME,
-    line,
-    model,
-    noisy,
-    solution,
-    unknown_support,
-)
+from identification_cases import RELEASE, TIME, line, model, noisy, solution, unknown_support
 
 from galloping.bounds import Experiment, state_bound
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood

@@ -27,9 +27,7 @@ class Thresholded(Section):
     """A threshold on terms."""
 
     threshold: Positive | None = setting(
-        None,
-        "in the method's unit; null: each equation chooses its own from the data",
-        "1",
+        None, "in the method's unit; null: each equation chooses its own from the data", "1"
     )
 
 

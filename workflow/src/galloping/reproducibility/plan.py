@@ -32,13 +32,7 @@ from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from snakemake_interface_executor_plugins.settings import CommonSettings
 
 from galloping.configuration.load import configured, plain
-from galloping.reproducibility.receipts import (
-    Receipt,
-    consistent,
-    inspect,
-    receipt_path,
-    receipts,
-)
+from galloping.reproducibility.receipts import Receipt, consistent, inspect, receipt_path, receipts
 from galloping.storage import read_json
 
 SNAKEFILE = Path(__file__).parents[3] / "Snakefile"

@@ -12,12 +12,12 @@ quadratic coefficient is zero or small, with noise of known size.
 """
 
 import csv
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from galloping.bounds import Experiment, on_library, state_bound
 from galloping.configuration.kinds import GAMMAS, LONGEST
@@ -27,6 +27,7 @@ from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 from galloping.results import generator
 from galloping.simulation import Simulator
+from galloping.terms import known_model
 from galloping.trials.attempts import Attempt, measured, trial_of
 
 PERIODS = 30
@@ -35,13 +36,13 @@ REMEMBERED = 4  # periods of a chaotic flow from which its bound is formed
 
 @dataclass(frozen=True)
 class PublishedSystem:
-    """A published system: equations by state and term, an initial state, a period where known.
+    """A published system: equations as of `model_of`, an initial state, a period where known.
 
     degree: of its library. chaotic: whether it forgets its initial state, so that its bound is that
     of short pieces.
     """
 
-    equations: Mapping[str, Mapping[str, float]]
+    equations: str
     start: tuple[float, ...]
     period: float = np.nan
     chaotic: bool = False
@@ -53,31 +54,24 @@ class PublishedSystem:
         return model_of(self.equations, self.degree)
 
 
-def model_of(equations: Mapping[str, Mapping[str, float]], degree: int) -> PolynomialModel:
-    """Equations by state and term, such as {"x": {"x y": 1}}, on the library up to `degree`.
+def model_of(equations: str, degree: int) -> PolynomialModel:
+    """Equations as `terms` writes known ones, `;` between them, on the library up to `degree`.
 
     Raises ValueError for a term that is not in the library.
     """
-    states = tuple(equations)
-    terms = library(len(states), degree)
-    names = PolynomialModel(states, terms, np.zeros((len(states), len(terms)))).term_names
-    unknown = {term for row in equations.values() for term in row} - set(names)
-    if unknown:
-        raise ValueError(f"terms {sorted(unknown)} are not in the library")
-    rows = [[row.get(name, 0.0) for name in names] for row in equations.values()]
-    return PolynomialModel(states, terms, np.array(rows))
+    texts = equations.split(";")
+    states = tuple(text.partition("=")[0].strip() for text in texts)
+    return known_model(texts, states, library(len(states), degree))[0]
 
 
 def _published() -> Iterator[tuple[str, PublishedSystem]]:
     with Path(__file__).with_name("systems.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
-            equations = {
-                state: {str(term): coefficient for term, coefficient in terms.items()}
-                for state, terms in yaml.safe_load(row["equations"]).items()
-            }
-            start, period = yaml.safe_load(row["start"]), float(row["period"])
-            system = PublishedSystem(equations, tuple(start), period, bool(row["chaotic"]))
-            yield row["name"], system
+            start, period = tuple(json.loads(row["start"])), float(row["period"])
+            yield (
+                row["name"],
+                PublishedSystem(row["equations"], start, period, bool(row["chaotic"])),
+            )
 
 
 SYSTEMS = dict(_published())
@@ -128,17 +122,14 @@ def _deviations(
 GROUP = "published settings"
 SETTINGS = {  # systems as they were recorded, and s between samples
     "lorenz": (PublishedSystem(
-        {"x": {"x": -10, "y": 10}, "y": {"x": 28, "y": -1, "x z": -1},
-         "z": {"x y": 1, "z": -8 / 3}}, (-8, 8, 27), degree=2), 0.01),
-    "van_der_pol": (PublishedSystem(
-        {"x": {"y": 1}, "y": {"x": -1, "y": 0.5, "x^2 y": -0.5}}, (-2, 1)), 0.01),
-    "rossler": (PublishedSystem(
-        {"x": {"y": -1, "z": -1}, "y": {"x": 1, "y": 0.2}, "z": {"1": 0.2, "x z": 1, "z": -5.7}},
-        (-6, 5, 0), degree=2), 0.05),
+        "x = -10 x + 10 y; y = 28 x - y - x z; z = x y - 2.6666666666666665 z", (-8, 8, 27),
+        degree=2), 0.01),
+    "van_der_pol": (PublishedSystem("x = y; y = -x + 0.5 y - 0.5 x^2 y", (-2, 1)), 0.01),
+    "rossler": (PublishedSystem("x = -y - z; y = x + 0.2 y; z = 0.2 + x z - 5.7 z", (-6, 5, 0),
+                                degree=2), 0.05),
 }  # fmt: skip
 
-# dx/dt = -0.25 - 0.35 x + gamma x^2
-CONSTANT, LINEAR = -0.25, -0.35
+RELAXATION = "x = -0.25 - 0.35 x + {} x^2"
 RELAXATION_START, RELAXATION_END, RELAXATION_NOISE = 1.2, 8.0, 0.06
 
 
@@ -184,8 +175,7 @@ def intervals(
     status, exact: as in `attempts.claims`. found: whether the model has x^2. holds: whether the
     interval of 95 % that does not trust the terms has its true coefficient; width: of it.
     """
-    equation = {"1": CONSTANT, "x": LINEAR, "x^2": GAMMAS[case]}
-    true = model_of({"x": equation}, 3)
+    true = model_of(RELAXATION.format(GAMMAS[case]), 3)
     quadratic = true.terms.index((2,))
     simulator = Simulator(true.states, true.terms)
     for count in samples:

@@ -10,11 +10,7 @@ from galloping.identification.likelihood.free_run import pulled
 from galloping.identification.likelihood.plausible import detection_limits
 from galloping.identification.likelihood.problem import Problem, largest
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
-from galloping.identification.likelihood.selection import (
-    added_deviation,
-    select,
-    solve_support,
-)
+from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.verdict import Regression, by, judged, refused
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import design_matrix

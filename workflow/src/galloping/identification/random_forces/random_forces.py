@@ -160,10 +160,7 @@ def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]
 
 
 def fitted_to_some(
-    problem: Problem,
-    recordings: list[Recording],
-    forced: tuple[int, ...],
-    may_be_slow: bool = True,
+    problem: Problem, recordings: list[Recording], forced: tuple[int, ...], may_be_slow: bool = True
 ) -> tuple[Question, Fit, Whiteness]:
     """The question, the fit of all terms that may stay, to no more samples than it needs, and what
     it leaves.
