@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from galloping.configuration.load import load, plain
 from galloping.report.data_dictionary import meaning
 from galloping.report.page import Item, Page, RecordingSection, as_html, render
 from galloping.report.printed_numbers import PaperCell, PaperSection, Row, headline
@@ -26,14 +27,15 @@ def page(tmp_path):
     ]
     paper = PaperSection("1 of 2 holds.", [Row("errors", cells)], ["errors: worse; <."], "")
     return Page("A study", paper, None, "commit abc", ["One & one."], figure,
-                [("span", "300 m")], "Words.", [figure], [table],
+                plain(load({})), "Words.", [figure], [table],
                 [RecordingSection("span", "# <Summary>", [figure])],
                 {"python": "3.11"}, "pages")  # fmt: skip
 
 
 def test_the_page_shows_everything_and_escapes_it(page):
     html = render(page)
-    assert "One &amp; one." in html and "<em>this</em>" in html and "300 m" in html
+    assert "One &amp; one." in html and "<em>this</em>" in html
+    assert "span 300 m, tension 25 kN" in html
     assert "<td>q_v &lt; q_w</td><td>0.1235</td>" in html and "<td>=1+1</td><td></td>" in html
     assert "<b>1 of 2 holds.</b>" in html and "<li>errors: worse; &lt;.</li>" in html
     assert "✓ reproduced" in html and "✗ worse" in html and "commit abc" in html

@@ -3,7 +3,7 @@
 from os.path import relpath
 from pathlib import Path
 
-from galloping.report.page import Item, Page, RecordingSection, described, made_by, render, versions
+from galloping.report.page import Item, Page, RecordingSection, made_by, render, versions
 from galloping.report.printed_numbers import headline as found
 from galloping.report.printed_numbers import inferred, section, verdicts
 from galloping.reproducibility.job import run
@@ -68,7 +68,7 @@ def write_report(
             *told(inferred, "paper_region"),
         ],
         first=first,
-        settings=described(study),
+        study=study,
         introduction=introduction,
         figures=list(drawn.values()),
         tables=list(shown.values()),

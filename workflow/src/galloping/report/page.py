@@ -95,8 +95,8 @@ class Page:
 
     paper: what the paper prints beside ours, with the figure `printed`, or None. made: by which
     commit. headline: sentences that say what was found beyond the paper, with the figure `first`.
-    settings: pairs of a name and a value with its unit. versions: of Python and the libraries, by
-    name. introduction: reStructuredText. pages: folder of the documents, from that of the report.
+    study: its settings, in plain values. versions: of Python and the libraries, by name.
+    introduction: reStructuredText. pages: folder of the documents, from that of the report.
     """
 
     title: str
@@ -105,7 +105,7 @@ class Page:
     made: str
     headline: list[str]
     first: Item | None
-    settings: list[tuple[str, str]]
+    study: Mapping
     introduction: str
     figures: list[Item]
     tables: list[Item]
@@ -137,42 +137,6 @@ def render(page: Page) -> str:
         files(__package__).joinpath("page.html.jinja").read_text(encoding="utf-8")
     )
     return template.render(page=page, introduction=as_html(page.introduction))
-
-
-def described(study: Mapping) -> list[tuple[str, str]]:
-    """Pairs of a name and values with units: each line in its wind, and what is measured of it.
-
-    study: the settings, in plain values.
-    """
-    trials = [
-        (name, f"{trial['kind'].replace('_', ' ')}, {trial['replicates']} replicates, drawn from "
-         f"seed {trial['seed']}")
-        for name, trial in study["trials"].items()
-    ]  # fmt: skip
-    if not study["cases"]:
-        return trials
-    simulation, measurement = study["simulation"], study["measurement"]
-    return [
-        *((name, _line(case)) for name, case in study["cases"].items()),
-        ("record", f"{simulation['duration']:g} s at {simulation['sampling_rate']:g} Hz"),
-        ("noise levels", ", ".join(f"{level:g}" for level in measurement["levels"])),
-        ("subsets", f"{', '.join(f'{n:,}' for n in measurement['subsets']['points'])} samples"),
-        ("replicates", f"{measurement['replicates']}, drawn from seed {measurement['seed']}"),
-        ("protocols", ", ".join(measurement["protocols"])),
-        ("methods", ", ".join(study["identification"]["methods"])),
-        ("candidate library", f"polynomials up to degree {study['identification']['degree']}"),
-        *trials,
-    ]
-
-
-def _line(case: Mapping) -> str:
-    line, conductor = case["line"], case["conductor"]
-    return (
-        f"span {line['span']:g} m, tension {line['tension'] / 1000:g} kN a sub-conductor, "
-        f"{case['bundle']['subconductors']} sub-conductors of {conductor['mass']:g} kg/m, "
-        f"wind {case['wind']['speed']:g} m/s, damping ratios {case['damping']['vertical']:g} and "
-        f"{case['damping']['horizontal']:g}"
-    )
 
 
 def made_by() -> str:
