@@ -29,7 +29,7 @@ from galloping.configuration.settings import Settings
 from galloping.physics import continuous
 from galloping.physics.galerkin import derive
 from galloping.study.shown import departures
-from galloping.tables import variations
+from galloping.tables.judged_claims import OPEN
 from galloping.tables.line_parameters import conductor, spacers
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
@@ -527,4 +527,4 @@ def test_settings_allow_what_there_is():
     nodes = dict(leaves())
     aerodynamics = nodes["cases.<name>.truth.aerodynamics"]["enum"]
     assert tuple(aerodynamics) == continuous.AERODYNAMICS
-    assert set(plain(load({}))["assessment"]["open_parameters"]) == set(variations.OPEN)
+    assert set(plain(load({}))["assessment"]["open_parameters"]) == set(OPEN)
