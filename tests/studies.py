@@ -1,5 +1,7 @@
 """One real run of the smoke study, in copies of the repository, for all tests that look at it."""
 
+from __future__ import annotations
+
 import csv
 import fcntl
 import json
@@ -54,6 +56,12 @@ class Study:
     @property
     def results(self) -> Path:
         return self.folder / "results" / "smoke"
+
+    def copied(self, folder: Path) -> Study:
+        """A copy of a study that ran to its end."""
+        assert self.first.returncode == 0, "the smoke study failed: see test_smoke.py"
+        shutil.copytree(self.folder, folder, symlinks=True)
+        return replace(self, folder=folder)
 
     def snakemake(
         self, *options: str, config: tuple[str, ...] = (), **variables: str

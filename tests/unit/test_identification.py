@@ -26,7 +26,7 @@ from galloping.study.files import read_identified, write_identified
 TERMS = library(4, 3)
 SETTINGS = plain(load({}))["identification"]
 FROM_SUBSETS = [m.name for m in METHODS if not m.needs_uniform and "derivative" in m.protocols]
-COMBINATIONS = [  # accelerations alone: test_integrals; the non-resonant line is refused
+COMBINATIONS = [  # accelerations alone: test_rate_channels; the non-resonant line is refused
     (m.name, protocol)
     for m in METHODS
     for protocol in m.protocols

@@ -1,6 +1,5 @@
 """A grid that grows computes what is new and changes no number; one that shrinks leaves no row."""
 
-import shutil
 from io import BytesIO
 from pathlib import Path
 
@@ -36,12 +35,6 @@ def tables(study):
     return {name: (study.results / "tables" / name).read_bytes() for name in TABLES}
 
 
-def copied(study, folder):
-    assert study.first.returncode == 0, "the smoke study failed: see test_smoke.py"
-    shutil.copytree(study.folder, folder, symlinks=True)
-    return type(study)(folder)
-
-
 def ran(study, targets, config, path):
     """The study with further settings, as far as the targets."""
     path.write_text(config, encoding="utf-8")
@@ -53,7 +46,7 @@ def ran(study, targets, config, path):
 @pytest.fixture(scope="module")
 def small(study, tmp_path_factory):
     """A copy of the finished study."""
-    return copied(study, tmp_path_factory.mktemp("growing") / "study")
+    return study.copied(tmp_path_factory.mktemp("growing") / "study")
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +79,7 @@ def test_a_cell_evaluated_with_one_more_method_keeps_the_numbers_of_the_others(
     study, before, tmp_path
 ):
     more = ran(
-        copied(study, tmp_path / "study"), [f"scores/{cell}.csv" for cell in CELLS], WITH_LASSO,
+        study.copied(tmp_path / "study"), [f"scores/{cell}.csv" for cell in CELLS], WITH_LASSO,
         tmp_path / "lasso.yaml",
     )  # fmt: skip
     for cell in CELLS:

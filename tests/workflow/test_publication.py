@@ -53,9 +53,8 @@ def contents(folder):
 @pytest.fixture(scope="module")
 def clone(study, tmp_path_factory):
     """A copy of the finished study that is committed."""
-    assert study.first.returncode == 0, "the smoke study failed: see test_smoke.py"
     folder = tmp_path_factory.mktemp("publication") / "clone"
-    shutil.copytree(study.folder, folder)
+    study.copied(folder)
     for command in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "-m", "All"]):
         subprocess.run(["git", *COMMIT, *command], cwd=folder, check=True)
     return folder

@@ -1,9 +1,13 @@
+"""The likelihood and its weak form: how near the bound they come, on lines and other systems."""
+
 import numpy as np
 import pytest
 from identification_cases import RELEASE, TIME, line, model, noisy, solution, unknown_support
 
 from galloping.bounds import Experiment, state_bound
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping.identification.likelihood.problem import posed
+from galloping.identification.likelihood.weak_gls import begin, rough_fit, weak_gls
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
@@ -35,6 +39,16 @@ def test_the_line_is_found_at_the_bound(level: float) -> None:
         assert found.initial_states[0] == pytest.approx(RELEASE, abs=level)
         errors.append(scaled_errors(LINE, found, std))
     assert np.sqrt(np.mean(np.square(errors))) < 1.3  # 42 values, of unit variance at the bound
+
+
+@pytest.mark.parametrize("level", [0.01, 0.05, 0.15])
+def test_the_weak_form_alone_is_near_the_bound(level: float) -> None:
+    std, errors = line_bound(level), []
+    for seed in range(3):
+        found = weak_gls([noisy(LINE, X, TIME, level, seed)], LINE.terms)
+        assert np.array_equal(found.support, SUPPORT)
+        errors.append(scaled_errors(LINE, found, std))
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
 def test_a_random_subset_is_enough_and_few_points_leave_more_to_hide() -> None:
@@ -97,36 +111,19 @@ def test_the_non_resonant_line_needs_a_second_recording() -> None:
 
 OTHERS = {
     "van_der_pol": (
-        model(("x", "y"), 3, {"y": 1.0}, {"x": -1.0, "y": 1.0, "x^2 y": -1.0}),
-        (0.5, 0.0),
-        50.0,
-    ),
+        model(("x", "y"), 3, {"y": 1.0}, {"x": -1.0, "y": 1.0, "x^2 y": -1.0}), (0.5, 0.0), 50.0),
     "stiff_van_der_pol": (
-        model(("x", "y"), 3, {"y": 1.0}, {"x": -1.0, "y": 3.0, "x^2 y": -3.0}),
-        (0.5, 0.0),
-        50.0,
-    ),
+        model(("x", "y"), 3, {"y": 1.0}, {"x": -1.0, "y": 3.0, "x^2 y": -3.0}), (0.5, 0.0), 50.0),
     "duffing": (
-        model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": -0.1, "x^3": -1.0}),
-        (2.0, 0.0),
-        40.0,
-    ),
+        model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": -0.1, "x^3": -1.0}), (2.0, 0.0), 40.0),
     "lotka_volterra": (
-        model(("a", "b"), 2, {"a": 1.0, "a b": -0.5}, {"b": -1.0, "a b": 0.25}),
-        (6.0, 3.0),
-        40.0,
-    ),
+        model(("a", "b"), 2, {"a": 1.0, "a b": -0.5}, {"b": -1.0, "a b": 0.25}), (6.0, 3.0), 40.0),
     "linear_oscillator": (
-        model(("x", "y"), 3, {"x": -0.1, "y": 2.0}, {"x": -2.0, "y": -0.1}),
-        (2.0, 0.0),
-        25.0,
-    ),
+        model(("x", "y"), 3, {"x": -0.1, "y": 2.0}, {"x": -2.0, "y": -0.1}), (2.0, 0.0), 25.0),
     "cubic_oscillator": (  # its first swings are far quicker than most of the record
         model(("x", "y"), 3, {"x^3": -0.1, "y^3": 2.0}, {"x^3": -2.0, "y^3": -0.1}),
-        (2.0, 0.0),
-        25.0,
-    ),
-}
+        (2.0, 0.0), 25.0),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", OTHERS)
@@ -154,3 +151,19 @@ def test_known_equations_are_kept() -> None:
     assert np.array_equal(found.model.coefficients[0], true.coefficients[0])
     assert not found.support[0].any()
     assert np.array_equal(found.support[1], true.support[1])
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_long_recording_starts_from_where_its_motion_grows(order: int) -> None:
+    true = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.1, "x^2 dx": -0.1})
+    problem = posed(true.states, true.terms)
+    time = np.arange(0.0, 7000.0, 0.5)
+    settled, growing = (
+        noisy(true, solution(true, np.array([x, 0.0]), time), time, 0.05, seed)
+        for seed, x in enumerate((2.0, 0.01))
+    )
+    values = np.vstack([one.values for one in (settled, growing)[::order]])
+    start = begin(problem, [Recording(0.5 * np.arange(len(values)), true.states, values)])
+    alone, misled = (begin(problem, [one]).fit.free for one in (growing, settled))
+    assert np.allclose(rough_fit(start).free, alone, atol=0.02)
+    assert not np.allclose(misled, alone, atol=0.2)

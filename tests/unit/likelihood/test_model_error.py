@@ -98,18 +98,20 @@ def test_what_predicts_nothing_is_refused():
     assert found.reason
 
 
+def tried(seed, case):
+    """A row for each method of one replicate of the trial."""
+    small = {"kind": "model_error", "seed": seed, "replicates": 1, "cases": [case],
+             "methods": ["maximum_likelihood", "weak"]}  # fmt: skip
+    study = Study(load({"trials": {"small": small}}))
+    trial = study.trial("small")
+    (batch,) = trial.batches
+    methods = {method.name: study.options(method) for method in trial.methods}
+    of_kind = resolve_name(trial.kind.function)
+    return of_kind(trial.seed, batch.case, batch.replicates, methods)
+
+
 def test_trial_has_a_row_for_each_replicate_and_method():
-    study = Study(
-        load({"trials": {"small": {
-            "kind": "model_error", "seed": 3, "replicates": 1, "cases": ["two modes, gusts 2 %"],
-            "methods": ["maximum_likelihood", "weak"],
-        }}})
-    )  # fmt: skip
-    small = study.trial("small")
-    (batch,) = small.batches
-    methods = {method.name: study.options(method) for method in small.methods}
-    rows = resolve_name(small.kind.function)(small.seed, batch.case, batch.replicates, methods)
-    fits = pd.DataFrame(rows)
+    fits = pd.DataFrame(tried(3, "two modes, gusts 2 %"))
     table = model_error({"small": fits}).set_index("method")
     ours = table.loc["maximum_likelihood"]
     assert ours[["replicates", "answered"]].to_list() == [1, 1]
@@ -125,15 +127,6 @@ def test_trial_has_a_row_for_each_replicate_and_method():
 @pytest.mark.slow
 def test_with_the_wind_measured_gusts_cost_little():
     """Two modes in gusts of 5 % without the wind miss amplitudes by some percent."""
-    study = Study(
-        load({"trials": {"small": {
-            "kind": "model_error", "seed": 5, "replicates": 1,
-            "cases": ["two modes, gusts 5 %, wind"], "methods": ["maximum_likelihood", "weak"],
-        }}})
-    )  # fmt: skip
-    small = study.trial("small")
-    methods = {method.name: study.options(method) for method in small.methods}
-    rows = resolve_name(small.kind.function)(5, "two modes, gusts 5 %, wind", [0], methods)
-    (row,) = rows  # the other one takes no inputs
+    (row,) = tried(5, "two modes, gusts 5 %, wind")  # the other one takes no inputs
     assert row["status"] == "ok" and abs(row["amplitude_v_error_percent"]) < 0.5
     assert row["other_winds_error_percent"] < 3.0 and row["forecast_r2"] > 0.999

@@ -3,7 +3,7 @@
 What is tested is the answer, by the truth of the recording. A recording is named after the part of
 the method without which it is not answered as well (docs/identification_parts.csv). Recordings of
 other parts are tested where their subject is: derivatives in test_maximum_likelihood;
-accelerations alone in test_integrals; fluctuating coefficients in test_model_error.
+accelerations alone in test_rate_channels; fluctuating coefficients in test_model_error.
 """
 
 import numpy as np

@@ -1,9 +1,12 @@
-"""Accelerometers beside displacements: samples of the solution's rate in the likelihood."""
+"""Samples of the solution's rate: of accelerometers beside displacements, of accelerometers or
+velocities alone, and derivatives of exact states.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from identification_cases import RELEASE, solution
 
 from galloping import Recording, derive, maximum_likelihood, polynomial_library, simulate
 from galloping.identification.likelihood.problem import posed
@@ -60,3 +63,60 @@ def test_a_camera_of_unknown_scale_is_calibrated_by_the_accelerometer():
     assert told == {k: pytest.approx(1.15, rel=4e-3) for k in ("scale_q_v", "scale_q_w")}
     alone = maximum_likelihood(replace(measured, rates=None), TERMS)
     assert alone.status == "refused" and "the scale of q_v cannot be told" in alone.reason
+
+
+# duration and step, s; release, m; noise, of the deviation
+MOTIONS = {
+    "velocities": (120, 0.08, (0.6, 0.9), 0.005),
+    "velocities for long": (300, 0.04, (0.1, 0.1), 0.02),
+    "velocities nearly exact": (90, 0.08, (0.6, 0.9), 0.002),
+    "accelerations": (300, 0.04, (0.1, 0.1), 0.05),
+}
+
+
+def without_displacements(name, seed=8):
+    """Of the line's velocities, or its accelerations with a drifting offset, and nothing else."""
+    duration, step, release, noise = MOTIONS[name]
+    time = np.arange(0, duration, step)
+    motion = simulate(LINE, [*release, 0, 0], time).states
+    noise = noise * np.random.default_rng(seed).standard_normal((len(time), 2))
+    values, rates = np.full((2, *motion.shape), np.nan)
+    if name != "accelerations":
+        values[:, 2:] = motion[:, 2:] + noise * motion[:, 2:].std(axis=0)
+        return Recording(time, LINE.states, values)
+    exact = LINE(motion)[:, 2:]
+    drift = 0.3 + 0.2 * time[:, None] / time[-1]
+    rates[:, 2:] = exact + noise * exact.std(axis=0) + drift
+    unknown = np.array([False, False, True, True])
+    return Recording(time, LINE.states, values, rates=rates, unknown_offsets=unknown)
+
+
+SLOW = [
+    pytest.param(name, marks=pytest.mark.slow)
+    for name in ("velocities for long", "velocities nearly exact")
+]
+
+
+@pytest.mark.parametrize("name", ["velocities", *SLOW, "accelerations"])
+def test_the_line_is_found_without_its_displacements(name):
+    identified = maximum_likelihood(without_displacements(name), TERMS)
+    assert identified.status == "ok", identified.reason
+    assert identified.model.terms == TERMS
+    true = LINE.on_library(TERMS).coefficients
+    assert np.array_equal(identified.model.coefficients != 0, true != 0)
+    wrong = (identified.model.coefficients - true) / identified.standard_errors
+    assert np.nanmax(np.abs(wrong)) < 4.5
+    assert np.isnan(identified.sigma[:, :2]).all()
+
+
+@pytest.mark.parametrize(("lacking", "status"), [(0.0, "ok"), (0.005, "approximate")])
+def test_what_the_library_lacks_is_no_noise_of_derivatives(lacking: float, status: str) -> None:
+    true, time = LINE.on_library(TERMS), np.linspace(0.0, 100.0, 2501)
+    x = solution(true, RELEASE, time)
+    rates = true(x)
+    rates[:, 2] += lacking * rates[:, 2].std() * (x[:, 2] / x[:, 2].std()) ** 5
+    noise = 0.001 * rates.std(axis=0) * np.random.default_rng(1).standard_normal(rates.shape)
+    found = maximum_likelihood(Recording(time, LINE.states, x, derivatives=rates + noise), TERMS)
+    assert found.status == status, found.reason
+    assert ("goes on from sample to sample" in found.reason) == bool(lacking)
+    assert np.all(np.isfinite(found.standard_errors[found.support]))

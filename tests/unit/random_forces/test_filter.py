@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from ambient import STATES, two_modes
 from scipy.linalg import expm
 from scipy.signal import lsim
 from scipy.stats import multivariate_normal
-from tests.unit.random_forces.ambient import STATES, two_modes
 
 from galloping import Input
 from galloping.identification.random_forces.channels import Channels

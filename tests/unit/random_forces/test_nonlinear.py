@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.unit.random_forces.ambient import STATES
+from ambient import STATES
 
 from galloping import maximum_likelihood
 from galloping.intervals import decay_interval

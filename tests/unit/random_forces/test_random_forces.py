@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ambient import DAMPING, FREQUENCIES, STATES, two_modes
 
 from galloping import maximum_likelihood, summarise
 from galloping.field.summary import dynamics, forecast
@@ -12,7 +13,6 @@ from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.intervals import decay_interval
 from galloping.polynomial import library
 from galloping.recording import Recording
-from random_forces.ambient import DAMPING, FREQUENCIES, STATES, two_modes
 
 pytestmark = pytest.mark.xdist_group("ambient")
 
