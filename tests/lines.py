@@ -1,5 +1,6 @@
 """The two lines of the paper, simulated once a process."""
 
+from copy import deepcopy
 from functools import cache
 
 import numpy as np
@@ -10,16 +11,25 @@ from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.polynomial import library
 from galloping.simulation import Simulator, time_grid
 
+CASES = plain(load({}))["cases"]
+RESONANT = CASES["internal_resonance"]
+START = np.array([0.1, 0.1, 0, 0])
 
-@cache
-def _cases():
-    return plain(load({}))["cases"]
+
+def edited(case=RESONANT, **keys):
+    """A copy of a case with keys such as line__mode_shape replaced."""
+    case = deepcopy(case)
+    for key, value in keys.items():
+        section, _, name = key.partition("__")
+        assert name in case[section]
+        case[section][name] = value
+    return case
 
 
 @cache
 def simulate(name):
     """(model, trajectory of 300 s at 100 Hz) of a default case."""
-    case = _cases()[name]
+    case = CASES[name]
     line = model(coefficients(case))
     start = np.array([case["initial_state"][state] for state in STATES])
     trajectory = Simulator(line.states, line.terms)(line, start, time_grid(300, 100))

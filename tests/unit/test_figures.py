@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from drawing import drawn
+from lines import RESONANT
 from matplotlib.text import Text
 
 from galloping.configuration.load import load, plain
@@ -33,7 +34,7 @@ from galloping.paper.claims import CLAIMS
 from galloping.physics.galerkin import derive
 from galloping.polynomial import library
 
-LINE = derive(plain(load({}))["cases"]["internal_resonance"])
+LINE = derive(RESONANT)
 NAMES = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "new_method"]}
 CELL = {"case": "line", "protocol": "state", "method": "weak"}
 

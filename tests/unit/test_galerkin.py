@@ -1,14 +1,13 @@
 """Coefficients of the galloping equations: printed numbers, identities, and a second derivation."""
 
-from copy import deepcopy
 from math import inf, isclose, pi, sqrt
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lines import CASES, RESONANT, edited
 
-from galloping.configuration.load import load, plain
 from galloping.physics.galerkin import (
     TERMS,
     Line,
@@ -28,18 +27,6 @@ from galloping.simulation import Simulator, time_grid
 
 LIBRARY = library(4, 4)
 UNITS = [tuple(row) for row in np.eye(4, dtype=int).tolist()]
-CASES = plain(load({}))["cases"]
-RESONANT = CASES["internal_resonance"]
-
-
-def edited(case=RESONANT, **keys):
-    """A copy of a case with keys such as line__mode_shape replaced."""
-    case = deepcopy(case)
-    for key, value in keys.items():
-        section, _, name = key.partition("__")
-        assert name in case[section]
-        case[section][name] = value
-    return case
 
 
 # An independent implementation's numbers, to all the digits that it printed.

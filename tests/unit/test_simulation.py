@@ -1,30 +1,17 @@
 """The compiled integrator: printed states, a second one, energy, and models that end early."""
 
-from copy import deepcopy
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lines import CASES, RESONANT, START, edited
 
-from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.physics.galerkin import Line, coefficients, frequencies, integrate, model, modes
 from galloping.simulation import Simulator, time_grid
 
-CASES = plain(load({}))["cases"]
-START = np.array([0.1, 0.1, 0, 0])
 TIME = time_grid(300, 100)
-
-
-def variant(name):
-    if name == "sine":
-        case = deepcopy(CASES["internal_resonance"])
-        case["line"]["mode_shape"] = "sine"
-        return case
-    return CASES[name]
-
-
+VARIANTS = {**CASES, "sine": edited(line__mode_shape="sine")}
 PRINTED = {
     "internal_resonance": ((0.35202677, 1.81831793, -1.84807987, -0.88856756), (1.106, 1.873)),
     "sine": ((0.17784683, 0.53246272, -1.04591588, -2.64306990), (1.054, 2.132)),
@@ -35,7 +22,7 @@ PRINTED = {
 @pytest.mark.parametrize("name", PRINTED)
 def test_printed_motion(name):
     end, amplitudes = PRINTED[name]
-    line = model(coefficients(variant(name)))
+    line = model(coefficients(VARIANTS[name]))
     trajectory = Simulator(line.states, line.terms)(line, START, TIME)
     assert trajectory.status == "ok"
     assert trajectory.states[-1] == pytest.approx(end, rel=0, abs=1e-7)
@@ -50,10 +37,10 @@ def test_printed_motion(name):
     tension=st.floats(15e3, 60e3),
 )  # fmt: skip
 def test_energy_is_conserved_without_wind_and_damping(shape, q_v, q_w, dq_v, dq_w, tension):
-    case = deepcopy(CASES["internal_resonance"])
-    case["line"] |= {"tension": tension, "mode_shape": shape}
-    case["wind"]["air_density"] = 0.0
-    case["damping"] = {"vertical": 0.0, "horizontal": 0.0}
+    case = edited(
+        line__tension=tension, line__mode_shape=shape, wind__air_density=0.0,
+        damping__vertical=0.0, damping__horizontal=0.0,
+    )  # fmt: skip
     still = model(coefficients(case))
     run = Simulator(still.states, still.terms)(
         still, np.array([q_v, q_w, dq_v, dq_w]), time_grid(60, 10)
@@ -89,7 +76,7 @@ def energies(case, states):
 def test_diverging_model_ends_early_and_leaves_the_simulator_usable(resonant):
     line, trajectory = resonant
     simulator = Simulator(line.states, line.terms)
-    values = coefficients(CASES["internal_resonance"])
+    values = coefficients(RESONANT)
     wild = simulator(model(values | {"gamma_6": 0.0, "gamma_1": -3.0}), START, TIME)
     assert wild.status.startswith("diverged: |x| exceeded 1000 at t = ")
     ended = np.isnan(wild.states).any(axis=1)
@@ -115,7 +102,7 @@ def test_diverging_model_ends_early_and_leaves_the_simulator_usable(resonant):
 def test_models_that_cannot_be_integrated_end_with_a_reason(resonant, symbol, value, reason):
     line, trajectory = resonant
     simulator = Simulator(line.states, line.terms)
-    values = coefficients(CASES["internal_resonance"])
+    values = coefficients(RESONANT)
     ended = simulator(model(values | {symbol: value}), START, TIME)
     assert ended.status.startswith(reason)
     assert np.isnan(ended.states[-1]).all()

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from drawing import drawn
+from lines import RESONANT, START, edited, simulator
 from PIL import Image
 
-from galloping.configuration.load import load, plain
-from galloping.cycles.family import LIBRARY, line_family
+from galloping.cycles.family import line_family
 from galloping.cycles.limit_cycles import circle, settle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, derived, ranked
@@ -27,7 +27,6 @@ from galloping.cycles.rows import (
 from galloping.figures.against_paper import draw_reproduction
 from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
 from galloping.figures.motions import draw_limit_cycles, draw_prediction, draw_resonance_map
-from galloping.physics.galerkin import STATES
 from galloping.physics.measures import (
     FOOT,
     Ellipse,
@@ -40,19 +39,11 @@ from galloping.physics.measures import (
     pendulum,
     toye,
 )
-from galloping.simulation import Simulator
-
-START = np.array([0.1, 0.1, 0, 0])
 
 
-@pytest.fixture(scope="module")
-def simulator():
-    return Simulator(STATES, LIBRARY)
-
-
-def test_diagram(case, simulator):
-    along = line_diagram(case, "wind_speed", 4, 9, simulator)
-    simulated = simulation_rows("line", case, "wind_speed", [4, 8], simulator)
+def test_diagram(case):
+    along = line_diagram(case, "wind_speed", 4, 9, simulator())
+    simulated = simulation_rows("line", case, "wind_speed", [4, 8], simulator())
     assert [row["kind"] for row in simulated] == ["rest", "cycle"]
     cycles = pd.DataFrame(limit_cycle_rows("line", "wind_speed", along) + simulated)
     assert set(cycles["unit"]) == {"m/s"} and cycles["trivial_defect"].max() <= 1e-6
@@ -73,8 +64,8 @@ def test_diagram(case, simulator):
     assert plain_lines != shaded
 
 
-def test_parameters_without_a_hopf_bifurcation_in_their_range(case, simulator):
-    along = line_diagram(case, "tension", 18e3, 34e3, simulator)
+def test_parameters_without_a_hopf_bifurcation_in_their_range(case):
+    along = line_diagram(case, "tension", 18e3, 34e3, simulator())
     cycles = pd.DataFrame(limit_cycle_rows("line", "tension", along))
     assert set(cycles["unit"]) == {"N"} and {18e3, 34e3} <= set(cycles["value"])
     assert list(cycles["branch"].unique()) == [
@@ -85,17 +76,17 @@ def test_parameters_without_a_hopf_bifurcation_in_their_range(case, simulator):
     doublings = changes.loc[changes["name"] == "period doubling", "value"]
     assert sorted(doublings) == pytest.approx([21434.1, 28031.9], abs=0.1)
     assert not changes["note"].str.contains("incomplete").any()
-    calm = line_diagram(case, "wind_speed", 2, 4, simulator)
+    calm = line_diagram(case, "wind_speed", 2, 4, simulator())
     rows = bifurcation_rows("line", "wind_speed", calm, case)
     assert rows[-1]["note"].startswith("no limit cycle: no Hopf bifurcation in 2..4 m/s, and at 3")
     with pytest.raises(ValueError, match="it can vary wind_speed"):
-        line_diagram(case, "phase_of_the_moon", 0, 1, simulator)
+        line_diagram(case, "phase_of_the_moon", 0, 1, simulator())
 
 
-def test_map_and_orbits(case, simulator):
+def test_map_and_orbits(case):
     table = pd.DataFrame(
         map_rows(
-            "line", case, ("wind_speed", [8.0, 30.0]), ("tension", [22e3, 25e3, 28e3]), simulator
+            "line", case, ("wind_speed", [8.0, 30.0]), ("tension", [22e3, 25e3, 28e3]), simulator()
         )
     )
     assert table["frequency_ratio"].is_monotonic_decreasing
@@ -110,8 +101,8 @@ def test_map_and_orbits(case, simulator):
     assert figure.get_figheight() <= 12
 
 
-def test_clearance_and_measures(case, simulator):
-    motion = settle(simulator, line_family(case, "wind_speed").model(12.0), START)
+def test_clearance_and_measures(case):
+    motion = settle(simulator(), line_family(case, "wind_speed").model(12.0), START)
     rows = clearance_rows("line", case, {12.0: motion}, (0.0, 8.0), 3.0)
     assert [row["what"] for row in rows] == ["Davison", "Toye", "CIGRE 322", "cycle"]
     assert rows[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3) and rows[-1]["kept"]
@@ -121,7 +112,7 @@ def test_clearance_and_measures(case, simulator):
     assert last["height_m"] == pytest.approx(2 * rows[-1]["height_m"], rel=0.01)  # its last swings
     design, parts = Design(12.0, START, (0.0, 8.0), 3.0), derived(case)
     outcomes = ranked(
-        parts, case, [ice_removal(), pendulum(20.0, (100.0,))], design, simulator,
+        parts, case, [ice_removal(), pendulum(20.0, (100.0,))], design, simulator(),
         np.zeros((0, len(parts.values))),
     )  # fmt: skip
     table = pd.DataFrame(measure_rows("line", outcomes, design))
@@ -132,8 +123,8 @@ def test_clearance_and_measures(case, simulator):
     assert tall.get_figheight() <= 12 and "line 19" in tall.get_supxlabel()
 
 
-def test_prediction(case, simulator):
-    true = steady_truth(case, [8.0, 12.0], simulator)
+def test_prediction(case):
+    true = steady_truth(case, [8.0, 12.0], simulator())
     near = np.column_stack([true, true])
     wide = Prediction(np.array([8.0, 12.0]), near, 0.9 * near, 1.1 * near, np.zeros(2))
     cell = {"case": "line", "protocol": "state", "method": "maximum_likelihood", "replicate": 0}
@@ -189,11 +180,8 @@ def test_worked_values(ellipse, feet):
 def test_outline_and_envelope():
     ellipse = Ellipse(major=4.0, minor=1.0, below=1.5)
     assert envelope(ellipse.outline()) == pytest.approx((4.0, 1.0, 1.5))
-    assert design_ellipses(plain(load({}))["cases"]["internal_resonance"]).keys() == {
-        "Davison", "Toye", "CIGRE 322",
-    }  # fmt: skip
-    of_150_m = {"line": {"span": 150}, "spacers": {"positions": [75]}}
-    short = plain(load({"cases": {"a": of_150_m}}))["cases"]["a"]
+    assert design_ellipses(RESONANT).keys() == {"Davison", "Toye", "CIGRE 322"}
+    short = edited(line__span=150, spacers__positions=[75])
     assert design_ellipses(short).keys() == {"Davison", "Toye"}  # its sag is too small for the last
 
 

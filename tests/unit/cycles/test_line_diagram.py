@@ -4,9 +4,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from lines import simulator
+from lines import CASES, RESONANT, edited, simulator
 
-from galloping.configuration.load import load, plain
 from galloping.cycles.continuation import Range
 from galloping.cycles.diagram import diagram
 from galloping.cycles.family import PARAMETERS, critical_wind, initial_state, line_family
@@ -25,18 +24,14 @@ CHECKS = {
 }  # fmt: skip
 
 
-def case(name):
-    return plain(load({}))["cases"][name]
-
-
 @cache
 def wind_diagram(name):
-    return diagram(line_family(case(name), "wind_speed"), Range(1, 25, ceiling=20), 4)
+    return diagram(line_family(CASES[name], "wind_speed"), Range(1, 25, ceiling=20), 4)
 
 
 def stable_cycles(name, wind):
     """Half ranges (v, w) of the stable limit cycles at a wind speed, exactly there."""
-    models = line_family(case(name), "wind_speed")
+    models = line_family(CASES[name], "wind_speed")
     return [
         point.solution.half_range()[:2]
         for cycles in wind_diagram(name).cycles
@@ -49,21 +44,21 @@ def stable_cycles(name, wind):
 def test_stable_cycle_and_simulation_agree(name, wind):
     expected = CHECKS[name][wind]
     (cycle,) = [c for c in stable_cycles(name, wind) if c[0] < 4]
-    model = line_family(case(name), "wind_speed").model(wind)
+    model = line_family(CASES[name], "wind_speed").model(wind)
     if (name, wind) == ("internal_resonance", 8):  # 4,000 s are not enough to settle to the digits
-        late = settle(simulator(), model, initial_state(case(name)), duration=16000)
+        late = settle(simulator(), model, initial_state(CASES[name]), duration=16000)
         assert cycle == pytest.approx(late.half_range[:2], abs=1e-4)
     else:
         assert cycle == pytest.approx(expected, abs=5.1e-4)
-    settled = settle(simulator(), model, initial_state(case(name)))
+    settled = settle(simulator(), model, initial_state(CASES[name]))
     assert settled.kind == "cycle"
     assert settled.half_range[:2] == pytest.approx(expected, abs=5.1e-4)
 
 
 def test_no_steady_cycle_of_the_resonant_line_at_20():
     assert stable_cycles("internal_resonance", 20) == []
-    model = line_family(case("internal_resonance"), "wind_speed").model(20)
-    settled = settle(simulator(), model, initial_state(case("internal_resonance")))
+    model = line_family(RESONANT, "wind_speed").model(20)
+    settled = settle(simulator(), model, initial_state(RESONANT))
     assert settled.kind == "irregular"
     assert settled.half_range[0] == pytest.approx(4.3, rel=0.1)  # as far as rounding lets it
     assert settled.highest[0] - settled.lowest[0] > 0.2
@@ -72,9 +67,9 @@ def test_no_steady_cycle_of_the_resonant_line_at_20():
 @pytest.mark.parametrize("name", CHECKS)
 def test_critical_wind_is_that_of_the_closed_form(name):
     (hopf,) = wind_diagram(name).equilibria.bifurcations
-    assert hopf.point.solution.value == pytest.approx(critical_wind(case(name)), rel=1e-9)
-    model = line_family(case(name), "wind_speed").model(hopf.point.solution.value - 0.3)
-    settled = settle(simulator(), model, initial_state(case(name)))
+    assert hopf.point.solution.value == pytest.approx(critical_wind(CASES[name]), rel=1e-9)
+    model = line_family(CASES[name], "wind_speed").model(hopf.point.solution.value - 0.3)
+    settled = settle(simulator(), model, initial_state(CASES[name]))
     assert settled.highest[0] < 0.05
 
 
@@ -100,7 +95,7 @@ def test_bifurcations_of_the_default_lines():
 
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_a_family_is_the_case_at_its_own_value(name):
-    line = case("internal_resonance")
+    line = edited()
     own = {
         "wind_speed": 12.0, "tension": 25000.0, "span": 300.0, "spacer_mass": 4.8,
         "bundle_dimension": 0.1104, "ice_vertical_1": 0.442, "ice_vertical_2": 2.126,
@@ -111,4 +106,4 @@ def test_a_family_is_the_case_at_its_own_value(name):
     base = line_family(line, "wind_speed").model(12.0).coefficients
     assert models.model(own).coefficients == pytest.approx(base, rel=1e-12)
     assert not np.allclose(models.model(1.1 * own + 0.1).coefficients, base, rtol=1e-6)
-    assert line == case("internal_resonance")
+    assert line == RESONANT

@@ -5,9 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from lines import moved, simulate, simulator
+from lines import RESONANT, START, moved, simulate, simulator
 
-from galloping.configuration.load import load, plain
 from galloping.cycles.family import LIBRARY, critical_wind
 from galloping.cycles.prediction import limit_cycle_ahead, predict, split
 from galloping.cycles.ranking import Design, changed, critical_winds, derived, evaluate, ranked
@@ -24,8 +23,7 @@ CHECKS = {8: (0.3868, 0.5978), 12: (1.305, 2.132), 16: (2.298, 3.277)}
 
 
 def case(**wind):
-    line = plain(load({}))["cases"]["internal_resonance"]
-    return {**line, "wind": {**line["wind"], **wind}}
+    return {**RESONANT, "wind": {**RESONANT["wind"], **wind}}
 
 
 def exact(speed):
@@ -64,8 +62,7 @@ def test_prediction_from_one_noisy_recording(protocol):
     identified = maximum_likelihood([Recording(motion.time, STATES, values)], library(4, 3))
     parts = split([identified], [12.0], RATIOS)
     rng = np.random.default_rng(1)
-    start = np.array([0.1, 0.1, 0, 0])
-    prediction = predict(parts, 12.0, list(CHECKS), start, rng, simulator(), samples=19)
+    prediction = predict(parts, 12.0, list(CHECKS), START, rng, simulator(), samples=19)
     assert prediction.reason == "" and not prediction.unresolved.any()
     assert prediction.amplitude[:, :2] == pytest.approx(np.array(list(CHECKS.values())), rel=0.05)
     width = (prediction.high - prediction.low)[:, :2] / prediction.amplitude[:, :2]
@@ -76,12 +73,12 @@ def test_a_model_without_uncertainty_or_without_a_cycle():
     line = exact(12.0).model  # as sparse regression gives it, kinematic equations identified too
     bare = SimpleNamespace(model=line, support=line.support, covariance=np.zeros((0, 0)))
     parts = split([bare], [12.0], RATIOS)
-    start, rng = np.array([0.1, 0.1, 0, 0]), np.random.default_rng(0)
-    prediction = predict(parts, 12.0, [12.0, 16.0], start, rng, simulator())
+    rng = np.random.default_rng(0)
+    prediction = predict(parts, 12.0, [12.0, 16.0], START, rng, simulator())
     assert prediction.amplitude[0, :2] == pytest.approx(CHECKS[12], abs=1e-3)
     assert prediction.amplitude[1, :2] == pytest.approx(CHECKS[16], abs=1e-3)
     assert np.isnan(prediction.low).all()
-    calm = predict(parts, 4.0, [4.0], start, rng, simulator())
+    calm = predict(parts, 4.0, [4.0], START, rng, simulator())
     assert calm.reason.startswith("at 4 m/s the identified model does not settle")
     assert np.isnan(calm.amplitude).all()
 
@@ -107,7 +104,7 @@ def test_measures_change_the_line_as_the_derivation_does():
 
 
 def test_ranking():
-    design = Design(12.0, np.array([0.1, 0.1, 0, 0]), (0.0, 8.0), limit=3.0)
+    design = Design(12.0, START, (0.0, 8.0), limit=3.0)
     parts = derived(case())
     draws = parts.values * (1 + 0.002 * np.random.default_rng(3).normal(size=(19, 1)))
     bare = {**case(), "spacers": {"mass": 0.0, "positions": []}}
@@ -140,7 +137,6 @@ def test_measures_that_cannot_be():
 # --- the limit cycle ahead ---
 
 
-START = np.array([0.1, 0.1, 0.0, 0.0])
 REFUSED = IdentifiedModel.refused(STATES, library(4, 3), "no reason")
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from field_files import run
+from lines import RESONANT
 
 from galloping import IdentifiedModel, Simulator, derive
 from galloping.cli import main
-from galloping.configuration.load import load, plain
 from galloping.cycles.family import critical_wind
 from galloping.cycles.limit_cycles import settle
 from galloping.field import OUTPUTS
@@ -93,7 +93,7 @@ def test_with_the_wind_recorded_the_model_holds_at_other_winds(gusts):
                        and row["quantity"] == f"half range of {state}")  # fmt: skip
             assert said["value"] == pytest.approx(true[k], rel=0.02)
     (onset,) = (row for row in rows if row["what"] == "onset")
-    assert onset["low"] < critical_wind(plain(load({}))["cases"]["internal_resonance"])
+    assert onset["low"] < critical_wind(RESONANT)
     assert onset["value"] == pytest.approx(5.25, rel=0.05)
 
 

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from lines import simulate
+from lines import RESONANT, simulate
 
-from galloping.configuration.load import load, plain
 from galloping.field.advice import advice
 from galloping.field.analysis import Question, analyse, read_field
 from galloping.field.mapping import validated
@@ -79,9 +78,8 @@ def test_a_recording_of_the_study_gives_the_same_numbers_through_a_file(tmp_path
 
 def test_a_span_gives_the_same_numbers_through_a_file_as_its_projected_sensors(tmp_path):
     truth = TRUTHS["9 modes, displacement only"]
-    case = plain(load({}))["cases"]["internal_resonance"]
-    line, time = line_of(case, truth), np.arange(0.0, 120.0, 0.02)
-    clean = motion(case, line, truth, time)
+    line, time = line_of(RESONANT, truth), np.arange(0.0, 120.0, 0.02)
+    clean = motion(RESONANT, line, truth, time)
     noisy = clean + 0.05 * clean.std(axis=0) * np.random.default_rng(7).standard_normal(clean.shape)
     states = combined(line, truth, noisy)
     states[:, 2:] = np.nan

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
+from lines import RESONANT
 from scipy.stats import ks_2samp
 
-from galloping.configuration.load import load, plain
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification import cell, registry
 from galloping.identification.sparse.evidence import reduce
@@ -14,8 +14,7 @@ from galloping.paper import draws
 from galloping.polynomial import extended, library
 from galloping.results import NOISE, PAPER_METHOD, SUBSET
 
-LINE = plain(load({}))["cases"]["internal_resonance"]
-CASE = {**LINE, "initial_state": {**LINE["initial_state"], "q_v": 0.7, "q_w": 1.0}}
+CASE = {**RESONANT, "initial_state": {**RESONANT["initial_state"], "q_v": 0.7, "q_w": 1.0}}
 AMOUNTS = draws.Amounts(levels=(0.0, 0.05), points=(1000,), duration=60, sampling_rate=50,
                         steady_window=(40, 60))  # fmt: skip
 SETTING = {"threshold": 0.003, "columns": "raw"}
