@@ -149,3 +149,14 @@ def test_quality_tells_noise_frequency_outliers_gaps_and_clipping(tmp_path):
     assert ("v", 9, "1") in said
     assert any(column == "w" and what == "clipped" for column, _, what in said)
     json.dumps(report, allow_nan=False)
+
+
+def test_quick_swings_and_gaps_are_no_outliers_and_what_a_sensor_missed_is_told(tmp_path):
+    time = np.arange(7500) / 25
+    frame = pd.DataFrame({"t": time, "v": 1000 * np.sin(15 * time), "w": np.cos(1.3 * time)})
+    frame.loc[1000:2500, "w"] = np.nan
+    path = write(tmp_path / "a.csv", frame)
+    mapping = validated(MAPPING)
+    assert quality(read_series(path, mapping), mapping)["problems"] == [
+        {"column": "w", "row": 1001, "what": "no samples for 20% of the time"}
+    ]

@@ -282,3 +282,14 @@ def test_further_modes_that_gallop_are_named():
     rates[:, 1] = np.gradient(np.gradient(values[:, 0], time), time)
     alone = Recording(time, ("q_v", "dq_v"), np.full_like(values, np.nan), rates=rates)
     assert unmodelled([alone]) == said
+
+
+def test_gaps_are_no_further_modes():
+    rng, time = np.random.default_rng(13), np.arange(0.0, 400.0, 0.04)
+    values = np.full((len(time), 2), np.nan)
+    values[:, 0] = np.sin(2 * np.pi * 0.2 * time) + 0.03 * rng.standard_normal(len(time))
+    for first in rng.integers(0, len(time), 40):
+        values[first : first + 100, 0] = np.nan
+    assert unmodelled([Recording(time, ("q_v", "dq_v"), values)]) == ""
+    values[:, 0] += 0.1 * np.sin(2 * np.pi * 2.1 * time)
+    assert "moves at 2.1 Hz" in unmodelled([Recording(time, ("q_v", "dq_v"), values)])

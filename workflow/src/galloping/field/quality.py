@@ -19,6 +19,7 @@ CLIPPED = 5  # equal samples in a row at an end of the range
 PERIODS = 10  # fewer tell no damping
 PER_PERIOD = 10  # samples: where there are fewer, nothing here tells noise from motion
 APART = 0.02  # of the time with samples: gaps that are longer part what lies on their sides
+MISSED = 0.1  # of the time of other columns, in gaps of a channel
 SIGNAL = 3.0  # motion over noise below which terms can hardly be told
 # What no span does; beyond it a unit is most likely wrong. From the lowest to the highest sample:
 RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
@@ -123,10 +124,14 @@ def _channel(
     t, y, row = time[known], values[known], rows[known]
     sigma = noise(y)
     scale = max(sigma, 1e-9 * float(np.ptp(y)))
-    outliers = np.abs(y - median_filter(y, 5)) > OUTLIER * scale + np.abs(np.ptp(y)) * 0.05
-    outliers[[0, 1, -2, -1]] = False  # where a median has no neighbours on one side
     frequency, share = spectrum(t, y, step)
     around, peaks = peaks_of(share)
+    turn = 2.0 * np.pi * step * frequency[peaks].max(initial=0.0)
+    bend = (np.cos(turn / 2.0) - np.cos(1.5 * turn)) / 2.0  # of its range, from such a median
+    outliers = np.abs(y - median_filter(y, 5)) > OUTLIER * scale + np.ptp(y) * max(bend, 0.05)
+    after = np.flatnonzero(np.diff(t) > GAP * np.median(np.diff(t))) + 1
+    ends = np.concatenate([[0, len(t)], after])  # where a median has no neighbours on one side
+    outliers[np.add.outer((-2, -1, 0, 1), ends) % len(t)] = False
     motion = float(np.std(y))
     thirds = np.array_split(y, 3)
     described = {
@@ -146,6 +151,9 @@ def _channel(
         problems.append((row[flat], f"clipped at {y[flat]:g}"))
     if len(peaks) and sampled(t) * frequency[peaks[0]] < PERIODS:
         problems.append((row[0], f"less than {PERIODS} periods of the motion"))
+    if (missed := 1.0 - sampled(t) / sampled(time)) > MISSED:
+        last = row[after[0] - 1] if len(after) else row[-1]
+        problems.append((last, f"no samples for {missed:.0%} of the time"))
     if motion < SIGNAL * sigma and not coarse:
         problems.append((row[0], "hardly more than noise"))
     if coarse:

@@ -70,7 +70,10 @@ def factor(unit: str, wanted: str) -> float:
     except pint.UndefinedUnitError as error:
         raise UnitError(f"unit {unit!r} is not known; must be such as mm, m/s^2 or g_n") from error
     except pint.DimensionalityError as error:
-        hint = "; the displacements of a line are the states q_v and q_w" if wanted == "1" else ""
+        hint = (
+            "; the displacements of a line are the states q_v and q_w, and of another system "
+            "--unit COLUMN=1 takes numbers as they are"
+        ) * (wanted == "1")
         raise UnitError(f"unit {unit!r} does not measure {wanted}{hint}") from error
     except Exception as error:  # pint's parser raises many kinds
         raise UnitError(f"unit {unit!r} cannot be read") from error

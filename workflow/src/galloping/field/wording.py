@@ -50,6 +50,7 @@ PROBLEMS = (  # part of what is wrong with samples, and what would help
     ("less than 10 periods", "a longer recording, of ten periods of the motion or more"),
     ("less than 10 samples", "a higher sampling rate, of ten samples in a period or more"),
     ("hardly more than noise", "a larger motion, or better sensors"),
+    ("no samples for", "sensors that record without gaps, at the same times"),
     ("the mean drifts", "a sensor whose zero holds still"),
     ("clipped", "a sensor with a larger range"),
 )

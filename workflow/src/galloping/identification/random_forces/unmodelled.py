@@ -10,6 +10,7 @@ BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at 
 MUCH = 0.2  # share of the power of its velocity there, of another motion than its own
 PERIODS = 10  # of a swing, that a recording holds at least
 LEAST_PEAK = 0.05  # of the highest of a spectrum, to be named
+LEAKS = 2.0  # times the power that gaps lay beside a swing: chance makes some of it larger
 NARROW = 0.1  # share of the faster power that is about the frequencies that are named
 NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that of the swings
 
@@ -27,15 +28,16 @@ def unmodelled(recordings: list[Recording]) -> str:
     slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # slower is a drift
     power -= ABOVE_NOISE * np.median(power[int(FLOOR * len(power)) :], axis=0)
     for name in (channels.states[i] for i in channels.pairs):
-        order = next((n for n in range(3) if "d" * n + name in names), None)  # as a derivative
-        if order is None:
+        rank = next((n for n in range(3) if "d" * n + name in names), None)  # as a derivative
+        if rank is None:
             continue
-        own = np.maximum(power[:, names.index("d" * order + name)], 0.0)
-        velocity = own * omega ** (2.0 - 2.0 * order)
+        channel, exponent = names.index("d" * rank + name), 2.0 - 2.0 * rank
+        velocity = np.maximum(power[:, channel], 0.0) * omega**exponent
         if not np.any(velocity):
             continue
         main = omega[np.argmax(np.where(omega < slowest, 0.0, velocity / omega))]
-        faster = np.where(omega > BEYOND * main, velocity, 0.0)
+        leaks = LEAKS * _of_gaps(grids, step, channel, main)[order] * omega**exponent
+        faster = np.where(omega > BEYOND * main, np.maximum(velocity - leaks, 0.0), 0.0)
         if faster.sum() < MUCH * velocity.sum():
             continue
         peaks: list[float] = []
@@ -50,3 +52,18 @@ def unmodelled(recordings: list[Recording]) -> str:
         hz = ", ".join(f"{peak / (2.0 * np.pi):.2g}" for peak in sorted(peaks))
         said.append(f"{name}, which swings at {main / (2.0 * np.pi):.2g} Hz, moves at {hz} Hz")
     return f"more modes gallop or swing than are modelled: {'; '.join(said)}" if said else ""
+
+
+def _of_gaps(grids: list[np.ndarray], step: float, channel: int, main: float) -> np.ndarray:
+    """(n,) what `spectra` show of a swing at `main`, rad/s, as large as the channel and with its
+    gaps.
+    """
+    known = [np.isfinite(grid[:, [channel]]) for grid in grids]
+    size = np.sqrt(2.0) * np.nanstd(np.concatenate(grids)[:, channel])
+    of_phases = []
+    for phase in (0.0, np.pi / 2.0):
+        moved = [size * np.cos(main * step * np.arange(len(own)) + phase) for own in known]
+        pairs = zip(known, moved, strict=True)
+        swings = [np.where(own, each[:, np.newaxis], np.nan) for own, each in pairs]
+        of_phases.append(spectra(swings, step)[1][:, 0])
+    return np.mean(of_phases, axis=0)
