@@ -14,18 +14,10 @@ from hypothesis import strategies as st
 from snakemake.utils import update_config
 
 from galloping.configuration import schema as reference
-from galloping.configuration.load import (
-    ENDLESS,
-    ConfigurationError,
-    configured,
-    load,
-    merged,
-    ordered,
-    plain,
-    read,
-)
+from galloping.configuration.load import configured, load, merged, ordered, plain
 from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import Settings
+from galloping.configuration.yaml_file import ENDLESS, ConfigurationError, read
 from galloping.physics import continuous
 from galloping.physics.galerkin import derive
 from galloping.study.shown import departures

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 from studies import run_configured
 
-from galloping.configuration.load import read
+from galloping.configuration.yaml_file import read
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("trials")]
 

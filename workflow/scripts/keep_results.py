@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from galloping.configuration.load import ConfigurationError, configured, plain
+from galloping.configuration.load import configured, plain
+from galloping.configuration.yaml_file import ConfigurationError
 from galloping.publication import (
     ALLOWABLE,
     NotPublishable,

@@ -15,8 +15,9 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from galloping.configuration.load import ConfigurationError, configured
+from galloping.configuration.load import configured
 from galloping.configuration.settings import Settings
+from galloping.configuration.yaml_file import ConfigurationError
 from galloping.reproducibility.job import failures
 from galloping.reproducibility.lock import (
     Killed,

@@ -5,6 +5,7 @@ from io import StringIO
 
 import numpy as np
 import pandas as pd
+import pint
 import pytest
 from field_files import run
 from scipy.ndimage import gaussian_filter1d
@@ -13,7 +14,7 @@ from galloping import IdentifiedModel, Input, PolynomialModel, Simulator
 from galloping.field.analysis import read_field
 from galloping.field.mapping import input_of, validated
 from galloping.field.read import read_series
-from galloping.field.units import coefficient_unit
+from galloping.field.units import USUAL, coefficient_unit
 from galloping.terms import parse
 
 pytestmark = pytest.mark.xdist_group("inputs")
@@ -150,6 +151,14 @@ def test_units_of_coefficients_have_those_of_inputs():
                            ("1", "s^-1"), ("N", "s^-1 N^-1")):  # fmt: skip
         assert coefficient_unit("dq_v", (0, 1, 1), (*states, "U"), {"U": unit}) == expected
     assert coefficient_unit("dq_v", (0, 3, -1), (*states, "U"), {"U": "m/s"}) == "m^-1"
+
+
+def test_usual_units_are_what_pint_says():
+    registry = pint.UnitRegistry()
+    for unit, (value, metres, seconds) in USUAL.items():
+        own = registry.Quantity(1.0, "" if unit == "1" else unit)
+        assert own == value * registry.m**metres * registry.s**seconds
+        assert own.to_base_units().magnitude == value
 
 
 @pytest.fixture(scope="module")

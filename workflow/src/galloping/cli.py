@@ -430,7 +430,7 @@ def derive(case, as_json):
 
     CASE.yaml is a case of the configuration: config/README.md has its keys.
     """
-    from galloping.configuration.load import ConfigurationError, read
+    from galloping.configuration.yaml_file import ConfigurationError, read
     from galloping.stages import derive as derived
 
     content = read(case)

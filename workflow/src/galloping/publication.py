@@ -25,7 +25,8 @@ from rocrate.model.contextentity import ContextEntity
 from rocrate.model.entity import Entity
 from rocrate.rocrate import ROCrate
 
-from galloping.configuration.load import ConfigurationError, load, plain, read
+from galloping.configuration.load import load, plain
+from galloping.configuration.yaml_file import ConfigurationError, read
 from galloping.reproducibility.digest import Commit, commit, environment
 from galloping.reproducibility.plan import Audit, Plan, adopt, audit, set_aside
 from galloping.reproducibility.receipts import (

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from galloping.arrays import finite, increasing, one_thread
 from galloping.arrays import initial_state as checked_state
 from galloping.bounds import Experiment, on_library, state_bound
-from galloping.configuration.load import ConfigurationError, load, plain
+from galloping.configuration.load import load, plain
+from galloping.configuration.yaml_file import ConfigurationError
 from galloping.measurement import BY_NAME, Motion
 from galloping.measurement import measure as recordings_of
 from galloping.physics.galerkin import coefficients

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
+from galloping.configuration.yaml_file import read
 from galloping.field.columns import NO_UNIT, ROWS, Proposal, proposal, states_of
 from galloping.field.file_table import read_table
 from galloping.field.units import named
@@ -202,8 +203,6 @@ def read_mapping(path: str | Path) -> ColumnMapping:
 
     Raises MappingError or ConfigurationError, the lines of which begin with its name.
     """
-    from galloping.configuration.load import read  # slow to import; few need it
-
     try:
         return validated(read(path))
     except MappingError as error:

@@ -26,6 +26,12 @@ SPELLINGS = (  # as loggers write units, and as pint reads them
 DIRECTION = {"q_v": "vertical", "q_w": "horizontal"}
 KIND = ("displacement", "velocity", "acceleration")
 LENGTH_OF_ORDER = {0: "m", 1: "m/s", 2: "m/s^2"}
+# What most columns are in: the value in SI and the powers of m and s. pint is asked about all
+# else; it takes a quarter of a second to load.
+USUAL = {
+    "1": (1.0, 0, 0), "s": (1.0, 0, 1), "mm": (1e-3, 1, 0), "m": (1.0, 1, 0), "m/s": (1.0, 1, -1),
+    "m/s^2": (1.0, 1, -2),
+}  # fmt: skip
 
 
 class UnitError(ValueError):
@@ -60,6 +66,8 @@ def factor(unit: str, wanted: str) -> float:
     `1` is a pure number. `g` and `mg`, of an acceleration, are of that of gravity, `g_n`: no mass
     is one. Raises UnitError.
     """
+    if unit in USUAL and USUAL[unit][1:] == USUAL[wanted][1:]:
+        return USUAL[unit][0]
     import pint
 
     try:
@@ -81,6 +89,8 @@ def factor(unit: str, wanted: str) -> float:
 
 def measures(unit: str, wanted: str) -> bool:
     """Whether a unit is one of what `wanted`, an SI unit, measures."""
+    if unit in USUAL:
+        return USUAL[unit][1:] == USUAL[wanted][1:]
     try:
         return bool(unit) and factor(unit, wanted) > 0
     except UnitError:
@@ -90,7 +100,7 @@ def measures(unit: str, wanted: str) -> bool:
 def is_unit(text: str) -> bool:
     """Whether a text is a unit of something, such as `mm`; a number alone is none."""
     try:
-        return text[:1].isalpha() and bool(_parsed(text).dimensionality)
+        return text[:1].isalpha() and (text in USUAL or bool(_parsed(text).dimensionality))
     except Exception:  # pint's parser raises many kinds
         return False
 
@@ -154,6 +164,8 @@ def input_si(unit: str, _wanted: str) -> tuple[float, str]:
     A unit of SI by itself stays, and one that does not begin at zero, such as degC. Raises
     UnitError. As `factor`, but any unit is wanted.
     """
+    if unit in USUAL and USUAL[unit][0] == 1.0:
+        return 1.0, unit
     try:
         own = _registry().Quantity(1.0, "" if unit in ("1", "-") else unit)
         if not own._is_multiplicative:
@@ -174,13 +186,13 @@ def coefficient_unit(
     names: of states and inputs, as many as exponents. inputs: the unit of each, '' where it is not
     known: it then stands as [U].
     """
-    metres, seconds = _dimension(state)
+    _, metres, seconds = USUAL[state_unit(state)]
     powers = Counter(m=metres, s=seconds - 1)
     for name, power in zip(names, exponents, strict=True):
         if power and name in inputs:
             own = _symbols(inputs[name]) if inputs[name] else {f"[{name}]": 1}
         else:
-            own = dict(zip("ms", _dimension(name), strict=True))
+            own = _symbols(state_unit(name))
         powers.subtract({symbol: power * each for symbol, each in own.items()})
     parts = [f"{symbol}^{power}" for symbol, power in powers.items() if power]
     return " ".join(parts).replace("^1 ", " ").removesuffix("^1") or "1"
@@ -188,10 +200,7 @@ def coefficient_unit(
 
 def _symbols(unit: str) -> dict[str, int]:
     """Powers of the symbols in a unit."""
-    parsed = _registry().parse_units("" if unit == "1" else unit)
+    if unit in USUAL and USUAL[unit][0] == 1.0:
+        return dict(zip("ms", USUAL[unit][1:], strict=True))
+    parsed = _registry().parse_units(unit)
     return {_registry().get_symbol(name): power for name, power in parsed._units.items()}
-
-
-def _dimension(name: str) -> tuple[int, int]:
-    """Powers of m and s of a state."""
-    return {"1": (0, 0), "m": (1, 0), "m/s": (1, -1), "m/s^2": (1, -2)}[state_unit(name)]

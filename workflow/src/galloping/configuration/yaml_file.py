@@ -1,0 +1,94 @@
+"""The mapping in a YAML file, or one clear line that says why there is none."""
+
+from pathlib import Path
+
+import yaml
+from yaml.nodes import MappingNode, Node
+
+from galloping.fields import show
+
+MOST_LEVELS, MOST_VALUES = 20, 100_000
+ENDLESS = f"lists or sections are nested without end; must be at most {MOST_LEVELS} levels deep"
+
+
+class ConfigurationError(ValueError):
+    """Settings that cannot be used; its text is one line per problem."""
+
+
+def read(path: str | Path) -> dict:
+    """The mapping in a YAML file.
+
+    Raises ConfigurationError with one line that names the file, and the line in it where there
+    is one: unreadable, empty, not YAML, not a mapping, or a key given twice.
+    """
+    try:
+        content = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
+    except OSError as error:
+        raise ConfigurationError(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ConfigurationError(f"{path}: is not UTF-8 text") from None
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1
+        raise ConfigurationError(f"{path}:{line}: {error.problem}") from None
+    except (yaml.YAMLError, ValueError) as error:
+        raise ConfigurationError(f"{path}: {' '.join(str(error).split())}") from None
+    except RecursionError:
+        raise ConfigurationError(f"{path}: {ENDLESS}") from None
+    if content is None:
+        raise ConfigurationError(f"{path}: is empty; must be a mapping of keys")
+    try:
+        refuse_endless(content)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from None
+    if not isinstance(content, dict):
+        raise ConfigurationError(f"{path}: {show(content)} is not a mapping of keys")
+    return content
+
+
+def refuse_endless(content: object) -> None:
+    """Raise ConfigurationError where lists and sections are nested without end, or almost.
+
+    YAML's anchors let a short file hold itself, or a list of 10^9 items.
+    """
+    level, values, depth = [content], 0, 0
+    while level:
+        depth, values = depth + 1, values + len(level)
+        if depth > MOST_LEVELS or values > MOST_VALUES:
+            raise ConfigurationError(ENDLESS)
+        inner = []
+        for value in level:
+            if isinstance(value, dict):
+                inner += value.values()
+            elif isinstance(value, list | tuple | set):
+                inner += value
+        level = inner
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML in which a key given twice is an error, where PyYAML would keep the last one."""
+
+    def construct_object(self, node: Node, deep: bool = False) -> object:
+        try:
+            return super().construct_object(node, deep)
+        except yaml.YAMLError:
+            raise
+        except (ValueError, LookupError, AttributeError, TypeError):
+            # PyYAML's own constructors stumble over what a tag does not fit
+            kind = node.tag.rpartition(":")[2]
+            raise yaml.MarkedYAMLError(
+                problem=f"{show(node.value)} is no {kind}", problem_mark=node.start_mark
+            ) from None
+
+    def compose_mapping_node(self, anchor: str | None) -> MappingNode:
+        node = super().compose_mapping_node(anchor)
+        first: dict[str, int] = {}
+        for key, _ in node.value:
+            if key.id == "scalar" and key.value in first:
+                raise yaml.MarkedYAMLError(
+                    problem=f"key {show(key.value)} is given twice, "
+                    f"first in line {first[key.value]}",
+                    problem_mark=key.start_mark,
+                )
+            if key.id == "scalar":
+                first[key.value] = key.start_mark.line + 1
+        return node
