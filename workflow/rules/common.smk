@@ -1,15 +1,13 @@
 # The study that the settings describe, and what its rules share.
 from functools import cache
 
-from galloping.field import OUTPUTS
-from galloping.field import SHOWN as SHOWN_OF_FIELD
+from galloping.field import OUTPUTS, SHOWN as SHOWN_OF_FIELD
 from galloping.paper.claims import needed
 from galloping.reproducibility import digest
 from galloping.reproducibility.lock import OF_STUDY
 from galloping.study import shown
-from galloping.study.cells import Study
+from galloping.study.cells import Study, without
 from galloping.results import OURS_FAMILY
-from galloping.study.cells import without
 from galloping.configuration.kinds import PAPER
 
 try:
@@ -23,7 +21,8 @@ if OF_STUDY not in os.environ:  # `make` has said so itself
 LINES = [case.name for case in STUDY.cases]
 FIRST = LINES[0] if LINES else "none"  # shown where one case has to do
 CONTINUOUS = [case.name for case in STUDY.cases if case.is_continuous]
-REDRAWN = shown.redrawn_cases(STUDY)  # cases of the paper, with many draws of its own method
+DEPARTURES = shown.departures_from_paper(STUDY)  # empty without a case of the paper
+REDRAWN = [name for name, why in DEPARTURES.items() if not why]  # by many draws of its own method
 VARIED_CASE = REDRAWN[0] if REDRAWN else "none"  # with other settings of what it leaves open
 DEGREE = STUDY.settings.identification.degree
 SEED = STUDY.settings.measurement.seed

@@ -59,23 +59,25 @@ def drawn(label, function, settings=None, **reads):
     return SimpleNamespace(label=label, **vars(made(f"figures.{function}", settings, **reads)))
 
 
-def histories(label, labels, pair):
-    """Time histories of the first case by a protocol and a method, in the cells with labels."""
-    cells = {f"{FIRST}/{pair[0].name}/{name}": text for name, text in labels(pair).items()}
-    return drawn(
-        label,
-        "motions:draw_histories",
-        {"case": FIRST, **names(pair), "cells": cells, "window": WINDOW},
-        trajectory=f"<results>/trajectories/{FIRST}.npz",
-        reconstructions=every("<results>/reconstructions/{cell}.npz", cell=cells),
-    )
+def histories(number, what, cells_of):
+    """Time histories of the first case, by the paper's method and by ours where the study has it.
 
-
-def by_ours(figure, label, labels):
-    """The same by our method, where the study has it."""
-    if not shown.has_ours(STUDY):
-        return {}
-    return {f"{figure}_methods": histories(label, labels, shown.our_pair(STUDY))}
+    cells_of: the labels of the cells of a protocol and a method, by name.
+    """
+    by = {f"figure{number}": (f"{number} {what}", shown.paper_pair(STUDY))}
+    if shown.has_ours(STUDY):
+        by[f"figure{number}_methods"] = f"{number}, our method: {what}", shown.our_pair(STUDY)
+    found = {}
+    for figure, (label, pair) in by.items():
+        cells = {f"{FIRST}/{pair[0].name}/{name}": text for name, text in cells_of(pair).items()}
+        found[figure] = drawn(
+            label,
+            "motions:draw_histories",
+            {"case": FIRST, **names(pair), "cells": cells, "window": WINDOW},
+            trajectory=f"<results>/trajectories/{FIRST}.npz",
+            reconstructions=every("<results>/reconstructions/{cell}.npz", cell=cells),
+        )
+    return found
 
 
 FIGURES = {}
@@ -180,12 +182,8 @@ if LINES:
             everything | against_noise("r2") | {"values": "noise_r2.csv"},
             table=SCORES,
         ),
-        "figure08": histories("08 time histories under noise", noisy_histories, by_paper),
-        **by_ours("figure08", "08, our method: time histories under noise", noisy_histories),
-        "figure09": histories("09 time histories by amount of data", sampled_histories, by_paper),
-        **by_ours(
-            "figure09", "09, our method: time histories by amount of data", sampled_histories
-        ),
+        **histories("08", "time histories under noise", noisy_histories),
+        **histories("09", "time histories by amount of data", sampled_histories),
         "figure10": drawn(
             "10 R2 and amplitude by amount of data",
             "errors:draw_draws",

@@ -13,8 +13,6 @@ SAMPLES = "<results>/tables/paper_samples.csv"
 READINGS = "<results>/tables/paper_readings.csv"
 REGION = "results/reference/paper/paper_region.csv"  # what `make paper` found, kept
 
-DEPARTURES = shown.departures_from_paper(STUDY)  # empty without a case of the paper
-
 
 def made(function, settings=None, **reads):
     """How a table or a figure is made. settings: its own, by key, in plain values."""

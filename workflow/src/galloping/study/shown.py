@@ -80,11 +80,6 @@ def departures_from_paper(study: Study) -> dict[str, str]:
     return found
 
 
-def redrawn_cases(study: Study) -> list[str]:
-    """Names of the cases whose claims are judged by draws of the paper's own method."""
-    return [name for name, departure in departures_from_paper(study).items() if not departure]
-
-
 def sensor_protocol(study: Study) -> Protocol:
     """What a sensor gives, if the study has it."""
     sensors = (protocol for protocol in study.protocols if protocol.measures == ALL_STATES)
