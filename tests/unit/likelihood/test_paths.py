@@ -75,6 +75,7 @@ FOUND = {
     "time scale 0.25": lambda: published("cubic_damped", 0.01),
     "time scale 0.5": lambda: published("cubic_damped", 0.05),
     "few terms": lambda: published("van_der_pol", 0.2),
+    "second degree": lambda: published("lorenz", 0.2),
     "3 periods": lambda: published("rayleigh", 0.1),
     "0.75 periods": lambda: published("rayleigh", 0.2),
     "selected with the prior": lambda: random_line(18, 1, 2),

@@ -5,6 +5,7 @@ velocities and accelerations as well: that which rests at zero, without constant
 how far the middle of the motion lies from there is tried. The weak form gives the terms.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,20 +17,29 @@ from galloping.identification.likelihood.weak_gls import Start, WeakFit, rough_f
 from galloping.identification.model import BY_TERM, IdentifiedModel
 
 
-def starts_of_terms(begun: Start) -> list[tuple[str, WeakFit, float]]:
+def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
     """Of each start, in order, its name, its terms, and how dear terms are at first (see `join`).
 
     A start of few terms moves no faster than the samples tell. Measured: of twenty recordings of
     the displacements of a line, three samples a second, starts of 25 to 70 terms left fourteen
-    without a model; from 4 to 10 terms all are followed.
+    without a model; from 4 to 10 terms all are followed. A start of the second degree runs away
+    less. Measured: of 48 recordings of published systems that the other two leave without a model,
+    mostly with 500 samples or 20 % noise, it leads to exactly the true terms in 14.
     """
+    rough, problem = rough_fit(begun), begun.problem
+
+    def of(support: np.ndarray, costs: np.ndarray) -> WeakFit:
+        about = problem.chosen_about()
+        chosen = select(rough.information, rough.right, [support], costs, about)
+        free, _ = solve_support(rough.information, rough.right, chosen)
+        return replace(rough, free=free, support=chosen)
+
+    yield "weak form" if rough is begun.fit else "weak form of a telling stretch", rough, 1.0
     dear = 16.0  # times as much as terms cost
-    rough, about = rough_fit(begun), begun.problem.chosen_about()
-    support = select(rough.information, rough.right, [rough.support], dear * begun.costs, about)
-    free, _ = solve_support(rough.information, rough.right, support)
-    few = replace(rough, free=free, support=support)
-    name = "weak form" if rough is begun.fit else "weak form of a telling stretch"
-    return [(name, rough, 1.0), ("few terms", few, dear)]
+    yield "few terms", of(rough.support, dear * begun.costs), dear
+    low = problem.degrees <= 2
+    if not low.all():
+        yield "second degree", of(low, np.where(low, begun.costs, np.inf)), 1.0
 
 
 def rests_at_zero(begun: Start) -> bool:
