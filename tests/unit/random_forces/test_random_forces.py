@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from ambient import DAMPING, FREQUENCIES, STATES, two_modes
+from scipy.signal import lfilter
 
 from galloping import maximum_likelihood, summarise
 from galloping.field.summary import dynamics, forecast
@@ -282,6 +283,13 @@ def test_further_modes_that_gallop_are_named():
     rates[:, 1] = np.gradient(np.gradient(values[:, 0], time), time)
     alone = Recording(time, ("q_v", "dq_v"), np.full_like(values, np.nan), rates=rates)
     assert unmodelled([alone]) == said
+
+
+@pytest.mark.parametrize("kept", [0.8, 0.95, 0.99])
+def test_noise_of_a_slow_colour_is_no_further_mode(kept):
+    time, values = np.arange(7500) / 25, np.full((7500, 2), np.nan)
+    values[:, 0] = lfilter([1.0], [1.0, -kept], np.random.default_rng(14).standard_normal(7500))
+    assert unmodelled([Recording(time, ("q_v", "dq_v"), values)]) == ""
 
 
 def test_gaps_are_no_further_modes():

@@ -203,7 +203,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     coefficients = None
     for _ in range(1 + 3):  # after three weighings coefficients move by less than their errors
         passing("start from the weak form")
-        spend(1e-9 * sum(len(one.time) for one in smoothed) * n**2)
+        spend((6e-8 + 5e-11 * n) * n * sum(len(one.time) for one in smoothed))
         systems = [whitened_weak_form(problem, one, coefficients) for one in smoothed]
         information = sum(a.T @ a for a, _ in systems)
         right = sum(a.T @ b for a, b in systems)

@@ -24,8 +24,8 @@ from galloping.taylor import Tables, tables
 # whose slopes are told where it is expected to be.
 DIFFUSE, NEAR = 1e3, 3.0
 SUBSTEPS = 16  # of a period, in the steps of a nonlinear system
-# s, that a filter takes, a sample in a state of it, a step in a state and term, and in a slope.
-FILTER, OF_STATE, OF_TERM, OF_SLOPE = 3e-4, 6e-8, 2e-8, 1e-8
+# s, that a filter takes, a sample in a state of it, a step, in a state and term, and in a slope.
+FILTER, OF_STATE, OF_STEP, OF_TERM, OF_SLOPE = 3e-4, 6e-8, 8e-7, 1.2e-8, 4e-9
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ class Tracker:
         sensed = np.array([*channels.values, *channels.rates])
         is_rate = np.arange(len(sensed)) >= len(channels.values)
         counts = self.substeps(steps.lengths)
-        each = OF_TERM * exponents.size + OF_SLOPE * len(candidates) * len(x) ** 2
+        each = OF_STEP + OF_TERM * exponents.size + OF_SLOPE * len(candidates) * len(x) ** 2
         seconds = counts[steps.of].sum() * each
         if seconds > allowed(len(data.samples)):  # it would be counted when it is over
             raise np.linalg.LinAlgError("a motion much quicker than its samples cannot be followed")

@@ -1,6 +1,7 @@
 """Modes that a recording shows and its states leave no room for."""
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.start import ABOVE_NOISE, FLOOR, on_grids, spectra
@@ -10,6 +11,7 @@ BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at 
 MUCH = 0.2  # share of the power of its velocity there, of another motion than its own
 PERIODS = 10  # of a swing, that a recording holds at least
 LEAST_PEAK = 0.05  # of the highest of a spectrum, to be named
+AROUND, STANDS = 17, 6.0  # bins about a peak, and times their median: noise is once in a million
 LEAKS = 2.0  # times the power that gaps lay beside a swing: chance makes some of it larger
 NARROW = 0.1  # share of the faster power that is about the frequencies that are named
 NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that of the swings
@@ -26,6 +28,7 @@ def unmodelled(recordings: list[Recording]) -> str:
     order = np.argsort(omega)
     omega, power = omega[order], power[order]
     slowest = 2.0 * np.pi * PERIODS / (step * max(map(len, grids)))  # slower is a drift
+    whole = power.copy()
     power -= ABOVE_NOISE * np.median(power[int(FLOOR * len(power)) :], axis=0)
     for name in (channels.states[i] for i in channels.pairs):
         rank = next((n for n in range(3) if "d" * n + name in names), None)  # as a derivative
@@ -40,15 +43,19 @@ def unmodelled(recordings: list[Recording]) -> str:
         faster = np.where(omega > BEYOND * main, np.maximum(velocity - leaks, 0.0), 0.0)
         if faster.sum() < MUCH * velocity.sum():
             continue
+        shape = whole[:, channel] * omega**exponent
+        stands = shape > STANDS * median_filter(shape, AROUND)
         peaks: list[float] = []
         for k in np.argsort(-faster):
             if len(peaks) == NAMED or faster[k] < LEAST_PEAK * faster.max():
                 break
-            if all(abs(omega[k] - other) > APART * main for other in peaks):
+            if stands[k] and all(abs(omega[k] - other) > APART * main for other in peaks):
                 peaks.append(omega[k])
+        if not peaks:
+            continue
         near = np.abs(omega[:, None] - np.array(peaks)).min(axis=1) < APART * main
         if faster[near].sum() < NARROW * faster.sum():
-            continue  # as of a random walk, whose velocity is white
+            continue
         hz = ", ".join(f"{peak / (2.0 * np.pi):.2g}" for peak in sorted(peaks))
         said.append(f"{name}, which swings at {main / (2.0 * np.pi):.2g} Hz, moves at {hz} Hz")
     return f"more modes gallop or swing than are modelled: {'; '.join(said)}" if said else ""
