@@ -292,6 +292,15 @@ def test_noise_of_a_slow_colour_is_no_further_mode(kept):
     assert unmodelled([Recording(time, ("q_v", "dq_v"), values)]) == ""
 
 
+def test_a_further_mode_that_is_damped_well_is_named():
+    rng, time = np.random.default_rng(15), np.arange(15000) / 25
+    values, turn = np.full((15000, 2), np.nan), 2.1 * 2 * np.pi / 25
+    poles = [1.0, -2 * np.exp(-0.05 * turn) * np.cos(turn), np.exp(-0.1 * turn)]
+    mode = lfilter([1.0], poles, rng.standard_normal(15000))
+    values[:, 0] = np.sin(2 * np.pi * 0.4 * time) + 0.2 * mode / mode.std()
+    assert "moves at" in unmodelled([Recording(time, ("q_v", "dq_v"), values)])
+
+
 def test_gaps_are_no_further_modes():
     rng, time = np.random.default_rng(13), np.arange(0.0, 400.0, 0.04)
     values = np.full((len(time), 2), np.nan)

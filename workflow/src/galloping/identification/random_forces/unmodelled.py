@@ -11,7 +11,8 @@ BEYOND = 3.5  # times what a coordinate mostly swings at: cubic terms answer at 
 MUCH = 0.2  # share of the power of its velocity there, of another motion than its own
 PERIODS = 10  # of a swing, that a recording holds at least
 LEAST_PEAK = 0.05  # of the highest of a spectrum, to be named
-AROUND, STANDS = 17, 6.0  # bins about a peak, and times their median: noise is once in a million
+AROUND = 2.0  # times the frequency of the swings, on each side of a peak
+STANDS = 6.0  # times the median there that a peak is, and noise once in a million bins
 LEAKS = 2.0  # times the power that gaps lay beside a swing: chance makes some of it larger
 NARROW = 0.1  # share of the faster power that is about the frequencies that are named
 NAMED, APART = 3, 0.5  # frequencies that are named, and how far apart, in that of the swings
@@ -44,7 +45,8 @@ def unmodelled(recordings: list[Recording]) -> str:
         if faster.sum() < MUCH * velocity.sum():
             continue
         shape = whole[:, channel] * omega**exponent
-        stands = shape > STANDS * median_filter(shape, AROUND)
+        about = np.count_nonzero(omega < 2.0 * AROUND * main)  # bins
+        stands = shape > STANDS * median_filter(shape, max(about, 17))
         peaks: list[float] = []
         for k in np.argsort(-faster):
             if len(peaks) == NAMED or faster[k] < LEAST_PEAK * faster.max():
