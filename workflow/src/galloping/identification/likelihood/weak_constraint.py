@@ -165,7 +165,7 @@ class StretchFit:
         count, n = len(self.starts), len(self.free)
         m = n + self.starts.shape[1]
         information, right = np.empty((count, m, m)), np.empty((count, m))
-        residual, whitened = np.empty(condensed.targets.shape), self._whitening()
+        residual = np.empty(condensed.targets.shape)
         ends, slopes = np.empty(self.starts.shape), np.empty((*self.starts.shape, m))
         for g in range(count):  # one by one: the rows of a long recording do not fit in memory
             own = slice(segments.first[g], segments.first[g + 1])
@@ -174,6 +174,8 @@ class StretchFit:
             )
             if not (np.all(np.abs(ends[g]) < HUGE) and np.all(np.abs(slopes[g]) < HUGE)):
                 raise FloatingPointError("the model diverges within a segment")
+            if g == 0:  # most that diverge do so by then, and this takes long
+                whitened = self._whitening()
             residual[own] = condensed.targets[own] - predicted
             both = np.concatenate([rows, residual[own][..., None]], axis=3)
             spend((8e-9 + 1.5e-10 * self.misfit.shape[1]) * both.size)
