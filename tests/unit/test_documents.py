@@ -11,6 +11,7 @@ from galloping.intervals import QUANTILES_95
 from galloping.storage import read_json
 
 ROOT = Path(__file__).parents[2]
+PROCESSORS = {"znver3": "AMD Zen 3", "rocketlake": "Intel Rocket Lake"}  # as a reference has them
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
@@ -50,7 +51,7 @@ def sentences(claims):
     held = single["verdict"].isin(("reproduced", "met"))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     ended = pd.read_csv(ROOT / "examples" / "span.csv").iloc[-1, 0]
-    processor = re.search(r"znver(\d)", origin["processor"])[1]
+    (processor,) = (name for code, name in PROCESSORS.items() if code in origin["processor"])
     other = min(settings["assessment"]["open_parameters"]["release_vertical"])
     level = 100 * measured["subsets"]["level"]
     assert other < first["initial_state"]["q_v"]
@@ -59,7 +60,7 @@ def sentences(claims):
     yield f"from one recording at {first['wind']['speed']:g} m/s with {level:g} % noise"
     yield f"Python {project['requires-python'].removeprefix('>=')} or newer"
     minutes = f"{origin['core_minutes']:.0f} minutes"
-    yield f"AMD Zen {processor} processors the jobs of `make` take {minutes} of one core"
+    yield f"{processor} processors the jobs of `make` take {minutes} of one core"
     yield f"takes {smoke['core_minutes']:g} minutes of one core there"
     yield f"Of {len(single)} printed numbers and bounds {held.sum()} come out"
     yield f"of {measured['paper_draws']} draws of the noise"
