@@ -8,7 +8,7 @@ from lines import moved
 
 from galloping.measurement import BY_NAME, Noise, Protocol, measure
 from galloping.recording import Recording
-from galloping.results import generator
+from galloping.streams import generator
 from galloping.study.files import read_recordings, write_recordings
 
 NAME = ("internal_resonance", "state", "noise_0.05")

@@ -12,25 +12,25 @@ from pathlib import Path
 import pytest
 import yaml
 
-from galloping import publication
 from galloping.configuration.load import load, plain
-from galloping.publication import (
+from galloping.publication import archive
+from galloping.publication.archive import (
     MANIFEST,
     NotRestorable,
     changed_settings,
     faults,
-    files,
     is_plain,
-    obstacles,
     pack,
     restore,
     unpack,
     write_manifest,
 )
-from galloping.reproducibility import plan as planning
+from galloping.publication.publishing import files, obstacles
+from galloping.reproducibility import repair
 from galloping.reproducibility.digest import Commit, commit
-from galloping.reproducibility.plan import Audit, Plan, PlannedJob
+from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.receipts import Receipt, digest, read_receipt, write_receipt
+from galloping.reproducibility.repair import Audit
 from galloping.tables.comparison import table_differences
 
 RESULTS = "results/mine"
@@ -109,7 +109,7 @@ def test_names_that_leave_the_folder_or_hide_are_refused(tmp_path, name):
 
 def test_too_much_is_refused_and_links_become_files(tmp_path, monkeypatch):
     path = zipped(tmp_path, ("a", "123"), ("b", "456"))
-    monkeypatch.setattr(publication, "MAX_SIZE", 5)
+    monkeypatch.setattr(archive, "MAX_SIZE", 5)
     assert refused(path, tmp_path / "outside/target", "2 files of 6 bytes; at most .* of 5") == []
     link = zipfile.ZipInfo("link")
     link.create_system, link.external_attr = 3, 0o120777 << 16
@@ -171,7 +171,7 @@ def made_here():
 def told(monkeypatch):
     """The plans of which Snakemake was told to take what is there as made."""
     plans = []
-    monkeypatch.setattr(planning, "record", plans.append)
+    monkeypatch.setattr(repair, "record", plans.append)
     return plans
 
 

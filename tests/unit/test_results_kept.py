@@ -8,9 +8,8 @@ from types import SimpleNamespace
 import pytest
 from snakemake.iocontainers import InputFiles, OutputFiles, Params
 
-from galloping.reproducibility import job, lock
-from galloping.reproducibility import plan as planning
-from galloping.reproducibility.plan import Plan, PlannedJob, audit
+from galloping.reproducibility import job, lock, repair
+from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.receipts import (
     SEEN,
     Deviations,
@@ -22,6 +21,7 @@ from galloping.reproducibility.receipts import (
     remember,
     write_receipt,
 )
+from galloping.reproducibility.repair import audit
 
 RESULTS = "results/mine"
 SETTINGS = {"speed": {"wind.speed": 12.0}, "code": {"digest": "abc"}}
@@ -59,7 +59,7 @@ def plan(*paths, settings=SETTINGS, **inputs):
 
 
 def as_planned(study):
-    return sorted(planning.as_planned(study, receipts(RESULTS)))
+    return sorted(repair.as_planned(study, receipts(RESULTS)))
 
 
 @pytest.fixture(autouse=True)
@@ -72,8 +72,8 @@ def folder(tmp_path, monkeypatch):
 def adopted(monkeypatch):
     """What a repair says of a plan, and how often Snakemake was told to take what is there."""
     told = []
-    monkeypatch.setattr(planning, "record", told.append)
-    return lambda study: (list(planning.adopt(study)), len(told))
+    monkeypatch.setattr(repair, "record", told.append)
+    return lambda study: (list(repair.adopt(study)), len(told))
 
 
 def look(**options):
@@ -191,7 +191,7 @@ def test_files_are_set_aside_over_no_other():
     table = Path(make("tables/t.csv"))
     for text in ("first\n", "second\n"):
         table.write_text(text)
-        planning.set_aside(RESULTS, str(table))
+        repair.set_aside(RESULTS, str(table))
     kept = sorted(Path(RESULTS, "set_aside/tables").iterdir())
     assert [path.read_text() for path in kept] == ["first\n", "second\n"]
     left = Path(RESULTS, "models/.partial-123-b.json")

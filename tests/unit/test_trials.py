@@ -12,11 +12,11 @@ from galloping.identification.model import IdentifiedModel
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import library
 from galloping.report.printed_numbers import verdicts
-from galloping.results import generator
+from galloping.streams import generator
 from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
 from galloping.trials import published, recorded_lines
+from galloping.trials.ambient import DAMPING, FREQUENCIES, RandomMotion, decays
 from galloping.trials.attempts import claims
-from galloping.trials.real_lines import DAMPING, FREQUENCIES, RandomMotion, decays
 from galloping.trials.recorded_lines import draw
 
 TERMS = library(4, 3)

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from studies import script
 
-from galloping.publication import MANIFEST, unpack
+from galloping.publication.archive import MANIFEST, unpack
 from galloping.reproducibility.receipts import digest
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]

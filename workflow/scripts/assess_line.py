@@ -12,9 +12,10 @@ from galloping.cycles.rows import clearance_rows, measure_rows
 from galloping.physics.galerkin import STATES
 from galloping.physics.measures import measure, usual
 from galloping.reproducibility.job import run
-from galloping.results import OURS, generator
+from galloping.results import OURS
 from galloping.simulation import Simulator
 from galloping.storage import write_rows
+from galloping.streams import generator
 from galloping.study.files import read_families, write_orbits
 
 

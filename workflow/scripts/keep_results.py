@@ -15,9 +15,7 @@ import pandas as pd
 
 from galloping.configuration.load import configured, plain
 from galloping.configuration.yaml_file import ConfigurationError
-from galloping.publication import (
-    ALLOWABLE,
-    NotPublishable,
+from galloping.publication.archive import (
     NotRestorable,
     changed_settings,
     check_digest,
@@ -25,11 +23,13 @@ from galloping.publication import (
     published_settings,
     unpack,
 )
-from galloping.publication import publish as published
-from galloping.publication import restore as restored
+from galloping.publication.archive import restore as restored
+from galloping.publication.publishing import ALLOWABLE, NotPublishable
+from galloping.publication.publishing import publish as published
 from galloping.reproducibility.lock import Obstacle, locked, make_command
-from galloping.reproducibility.plan import audit, planning, remove
+from galloping.reproducibility.plan import planning
 from galloping.reproducibility.receipts import digest, inspect, receipts, remember
+from galloping.reproducibility.repair import audit, remove
 from galloping.storage import replacing, write_json
 from galloping.tables.comparison import Origin, processor, table_differences, tables
 

@@ -10,9 +10,9 @@ from galloping.cycles.ranking import damping_ratios
 from galloping.cycles.rows import prediction_rows, steady_truth
 from galloping.physics.galerkin import STATES
 from galloping.reproducibility.job import run
-from galloping.results import generator
 from galloping.simulation import Simulator
 from galloping.storage import write_rows
+from galloping.streams import generator
 from galloping.study.files import read_families
 
 simulator = cache(partial(Simulator, STATES))  # of the terms of a library

@@ -163,7 +163,8 @@ def check(results: str, configfiles: list[str], repair: str) -> list[str]:
 
 def mend(results: str, configfiles: list[str]) -> list[str]:
     """Make a study fit to go on, and say how; targets for Snakemake as of `check`."""
-    from galloping.reproducibility.plan import adopt, planning, recorded, set_aside, unlock
+    from galloping.reproducibility.plan import planning, recorded, unlock
+    from galloping.reproducibility.repair import adopt, set_aside
 
     if ended := end_orphans(results):
         print(f"ended {ended} jobs that a killed run had left running")

@@ -2,8 +2,8 @@
 
 from galloping.physics.continuous import observed
 from galloping.reproducibility.job import run
-from galloping.results import generator
 from galloping.simulation import time_grid
+from galloping.streams import generator
 from galloping.study.files import write_trajectories
 
 

@@ -21,8 +21,8 @@ from galloping.measurement import Motion, measure
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import library
 from galloping.recording import Recording
-from galloping.results import generator
 from galloping.simulation import Simulator
+from galloping.streams import generator
 from galloping.trials.real_lines import LAYOUTS, TRUTHS, combined, line_of, motion
 from galloping.trials.recorded_lines import draw
 

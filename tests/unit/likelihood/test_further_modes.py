@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from galloping.identification.likelihood.condense import condense
-from galloping.identification.likelihood.fluctuation import further_modes
+from galloping.identification.likelihood.further_modes import further_modes
 
 TIME = np.arange(0.0, 300.0, 0.02)
 STATES = ("q", "dq")

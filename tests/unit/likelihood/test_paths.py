@@ -16,8 +16,8 @@ from galloping.identification.model import IdentifiedModel
 from galloping.physics.galerkin import STATES
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
-from galloping.results import generator
 from galloping.simulation import Simulator, time_grid
+from galloping.streams import generator
 from galloping.trials.attempts import claims, measured
 from galloping.trials.published import PERIODS, SYSTEMS
 from galloping.trials.recorded_lines import TERMS, lines

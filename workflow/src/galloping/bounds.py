@@ -17,7 +17,6 @@ from galloping.measurement import Motion, Noise, measure, noises_of
 from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import Exponents, PolynomialModel, beside, design_matrix, term_name
 from galloping.recording import Input, at_times
-from galloping.results import generator
 from galloping.simulation import (
     COMPILATION,
     EQUAL_STEPS,
@@ -26,6 +25,7 @@ from galloping.simulation import (
     equations,
     most_steps,
 )
+from galloping.streams import generator
 
 MAX_STEPS = 2**16
 Places = tuple[tuple[int, int], ...]

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from galloping.recording import Recording
-from galloping.results import Motion, generator
+from galloping.results import Motion
+from galloping.streams import generator
 
 # What recordings hold: exact states with their derivatives, all states, not all of them, or
 # derivatives beside states that are not exact, if there are any.

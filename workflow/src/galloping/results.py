@@ -1,10 +1,8 @@
-"""What the stages of a study hand on beside recordings and identified models, shared names, and
-random numbers by name.
+"""What the stages of a study hand on beside recordings and identified models, and shared names.
 
 Without what computes it: files are read and written whatever becomes of that.
 """
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -64,13 +62,3 @@ class Reconstruction:
     representative: np.ndarray
     low: np.ndarray
     high: np.ndarray
-
-
-# --- streams of random numbers: each the same whatever else is drawn ---
-
-
-def generator(seed: int, *names: str | int) -> np.random.Generator:
-    """Generator of the study seed and a name such as ("noise", case, protocol, cell, replicate)."""
-    digest = hashlib.sha256("/".join(map(str, names)).encode()).digest()
-    words = np.frombuffer(digest, dtype="<u4")
-    return np.random.default_rng(np.random.SeedSequence([seed, *map(int, words)]))

@@ -88,7 +88,7 @@ KINDS = {
         ),
     ),
     "ambient": Kind(
-        "galloping.trials.real_lines:in_random_forces",
+        "galloping.trials.ambient:trial",
         MODEL_ERROR, cases=("two modes in random forces",)
     ),
     "published_terms": Kind(

@@ -10,7 +10,7 @@ from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.physics import continuous, galerkin
 from galloping.physics.galerkin import Line
-from galloping.results import generator
+from galloping.streams import generator
 
 RATE = 50  # Hz
 STEP = 0.02  # s: after 300 s within 0.1 mm of a quarter of it

@@ -9,7 +9,7 @@ from pkgutil import resolve_name
 from galloping.identification.model import NO_MODEL, IdentifiedModel
 from galloping.polynomial import Exponents
 from galloping.recording import Recording
-from galloping.results import generator
+from galloping.streams import generator
 
 
 def identify(

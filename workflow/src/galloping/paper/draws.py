@@ -21,8 +21,9 @@ from galloping.identification.sparse.regression import Regression
 from galloping.measurement import Motion, channel_scale
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import Exponents, design_matrix, extended, library
-from galloping.results import IDENTIFIED, KNOWN, NOISE, SUBSET, generator
+from galloping.results import IDENTIFIED, KNOWN, NOISE, SUBSET
 from galloping.simulation import Simulator, time_grid
+from galloping.streams import generator
 
 # --- noise ---
 

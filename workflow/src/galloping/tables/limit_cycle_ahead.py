@@ -11,7 +11,7 @@ from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement import Motion
 from galloping.physics.galerkin import Derived
-from galloping.results import generator
+from galloping.streams import generator
 
 COLUMNS = (
     "case", "protocol", "level", "method", "state", "recorded_m", "true_m", "predicted_m",

@@ -31,7 +31,7 @@ from galloping.paper.draws import Amounts, line_motion
 from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
 from galloping.paper.unknowns import BY_NAME, HIGH, LOW, NAMES, Variant
 from galloping.physics.galerkin import coefficients
-from galloping.results import generator
+from galloping.streams import generator
 
 AMOUNTS = Amounts()
 STEADY = 0.02  # relative change of amplitude between the halves of the steady window

@@ -25,8 +25,8 @@ from galloping.identification.cell import identify
 from galloping.intervals import NORMAL_95
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
-from galloping.results import generator
 from galloping.simulation import Simulator
+from galloping.streams import generator
 from galloping.terms import known_model
 from galloping.trials.attempts import Attempt, measured, trial_of
 

@@ -2,9 +2,7 @@
 
 Truths are continuous lines, steady or gusty, and the two-mode model in gusts; sensors are three
 along the span projected on the first modes, one at mid-span, or the modal states. A model is
-judged by what it says of the line: amplitude, frequencies, net damping, and forecasts. Of two modes
-that random forces keep up, recorded by displacements alone, the decays are judged, against the
-Cramér-Rao bound as well.
+judged by what it says of the line: amplitude, frequencies, net damping, and forecasts.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,19 +11,18 @@ from functools import partial
 from time import process_time
 
 import numpy as np
-from scipy.linalg import expm, solve_continuous_lyapunov
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import NORMAL_95, decay_interval, drawn
+from galloping.intervals import NORMAL_95, drawn
 from galloping.physics import continuous, galerkin
 from galloping.physics.galerkin import STATES, Line
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Input, Recording
-from galloping.results import generator
 from galloping.simulation import Simulator
+from galloping.streams import generator
 from galloping.terms import parse
 
 CASE = "internal_resonance"
@@ -316,140 +313,3 @@ def _symmetric_modes(line: continuous.Span) -> tuple[complex, complex]:
         middle = shapes[len(shapes) // 2] > 0.5 * shapes.max(axis=0)
         found.append(values[np.flatnonzero((share > 0.7) & middle)[0]])
     return found[0], found[1]
-
-
-# --- two modes in random forces ---
-
-
-FREQUENCIES, DAMPING = (0.4, 1.0), (0.003, 0.02)  # Hz; ratio to critical
-DURATIONS, RATES = (300.0, 1200.0), (5.0, 25.0)  # s, Hz
-MIXED = 0.3  # most that a mode moves the other coordinate, in its own
-APART = 1.15  # least ratio of the two frequencies
-FREE = tuple((i, np.array([j])) for i in (2, 3) for j in range(4))  # coefficients and their states
-
-
-@dataclass(frozen=True)
-class RandomMotion:
-    """dx = system x dt + white forces, x of STATES; displacements are sampled with white noise.
-
-    system, forces: (4, 4), forces the covariance in a second. noise: (2,) standard deviations.
-    """
-
-    system: np.ndarray
-    forces: np.ndarray
-    noise: np.ndarray
-    recording: Recording
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator) -> "RandomMotion":
-        """Two modes that move alike far on the average, within the ranges above."""
-        omega = np.ones(2)
-        while omega.max() < APART * omega.min():
-            omega = 2.0 * np.pi * rng.uniform(*FREQUENCIES, 2)
-        damping, shapes = rng.uniform(*DAMPING, 2), np.eye(2)
-        shapes[[0, 1], [1, 0]] = rng.uniform(-MIXED, MIXED, 2)
-        duration, rate = rng.uniform(*DURATIONS), rng.uniform(*RATES)
-        inverse, system, forces = np.linalg.inv(shapes), np.eye(4, k=2), np.zeros((4, 4))
-        system[2:, :2] = -shapes * omega**2 @ inverse
-        system[2:, 2:] = -shapes * (2.0 * damping * omega) @ inverse
-        root = shapes * np.sqrt(4.0 * damping * omega**3)  # modes that move as much as each other
-        forces[2:, 2:] = root @ root.T
-        stationary, step, moved = _discrete(system, forces, 1.0 / rate)
-        root = np.linalg.cholesky(moved)
-        states = np.empty((round(duration * rate), 4))
-        states[0] = np.linalg.cholesky(stationary) @ rng.standard_normal(4)
-        for k in range(1, len(states)):
-            states[k] = step @ states[k - 1] + root @ rng.standard_normal(4)
-        noise = NOISE * states.std(axis=0)
-        values = states + noise * rng.standard_normal(states.shape)
-        values[:, 2:] = np.nan
-        recording = Recording(np.arange(len(states)) / rate, STATES, values)
-        return cls(system, forces, noise[:2], recording)
-
-    def least_errors(self) -> np.ndarray:
-        """(2,) standard deviations of the decays, 1/s: the Cramér-Rao bound, by P. Whittle's
-        likelihood (Ark. Mat. 2, 1953), for unknown coefficients, forces and noise.
-        """
-        step = self.recording.time[1] - self.recording.time[0]
-        frequencies = np.arange(1, len(self.recording.time) // 2) / len(self.recording.time)
-        turned = np.exp(2j * np.pi * frequencies)[:, np.newaxis, np.newaxis] * np.eye(4)
-
-        def spectrum(parameters: np.ndarray) -> np.ndarray:
-            system, forces = self.system.copy(), np.zeros((4, 4))
-            system[2:] = parameters[:8].reshape(2, 4)
-            forces[2:, 2:] = parameters[[8, 9, 9, 10]].reshape(2, 2)
-            _, moves, moved = _discrete(system, forces, step)
-            response = np.linalg.inv(turned - moves)[:, :2]
-            return response @ moved @ response.conj().swapaxes(1, 2) + np.diag(parameters[11:])
-
-        forces, noise = self.forces[2:, 2:], self.noise**2
-        true = np.r_[self.system[2:].ravel(), forces[0], forces[1, 1], noise]
-        steps = np.diag(np.r_[np.full(8, 1e-5), np.full(3, forces.max()), noise])  # last linear
-        inverse = np.linalg.inv(spectrum(true))
-        slopes = [
-            inverse @ (spectrum(true + h) - spectrum(true - h)) / (2.0 * h.sum()) for h in steps
-        ]
-        information = np.einsum("afij,bfji->ab", slopes, slopes).real
-        covariance = np.linalg.inv(information)[:8, :8]
-        _, told = decays(self.system, FREE)
-        return np.sqrt(np.einsum("mi,ij,mj->m", told, covariance, told))
-
-
-def _discrete(
-    system: np.ndarray, forces: np.ndarray, step: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stationary covariance, transition over `step` s, and covariance of what forces add."""
-    stationary, transition = solve_continuous_lyapunov(system, -forces), expm(system * step)
-    return stationary, transition, stationary - transition @ stationary @ transition.T
-
-
-def in_random_forces(
-    seed: int, case: str, replicates: Sequence[int], methods: Mapping[str, Mapping]
-) -> Iterator[dict[str, object]]:
-    """A row for each replicate and method, as of `trial`, of two modes in random forces.
-
-    Their frequencies, damping, shapes, duration and rate of sampling are drawn by number.
-
-    The slower mode is the vertical one. intervals_held: of the decays of both modes; nothing is
-    judged where no random forces are answered. Seconds are those of the processor.
-    """
-    for replicate in replicates:
-        motion = RandomMotion.drawn(generator(seed, "ambient", case, replicate))
-        (true, _), bound = decays(motion.system, ()), motion.least_errors()
-        for method, settings in methods.items():
-            terms, name = library(len(STATES), DEGREE), ("ambient", case, str(replicate))
-            found, row = identified_by({method: settings}, [[motion.recording]], terms, name)
-            row |= {"truth": case, "sensors": "displacements", "replicate": replicate, "seed": seed}
-            if found.is_forced:
-                places = np.argwhere(found.support)
-                exponents = np.array(found.model.terms)[places[:, 1]]
-                moved = [
-                    (i, np.flatnonzero(e)) for (i, _), e in zip(places, exponents, strict=True)
-                ]
-                said, slopes = decays(found.model.jacobian(np.zeros((1, 4)))[0], moved)
-                errors = np.sqrt(np.einsum("mi,ij,mj->m", slopes, found.covariance, slopes))
-                lasted, held = found.diagnostics["duration"], []
-                row["terms"] = len(places)
-                for k, direction in enumerate("vw"):
-                    low, high = decay_interval(-said[k].real, errors[k], lasted)
-                    held.append(low <= -true[k].real <= high)
-                    row[f"damping_{direction}_bound_percent"] = -100.0 * bound[k] / true[k].real
-                    for quantity, part in (("damping", np.real), ("frequency", np.imag)):
-                        off = 100.0 * (part(said[k]) / part(true[k]) - 1.0)
-                        row[f"{quantity}_{direction}_error_percent"] = float(off)
-                row["intervals_held"] = float(np.mean(held))
-            yield row
-
-
-def decays(
-    system: np.ndarray, places: Sequence[tuple[int, np.ndarray]]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues of the modes, 1/s, by frequency, and slopes (n_modes, n_places) of their decays.
-
-    places: of each coefficient its equation and the state that it is of, none of a constant.
-    """
-    values, right = np.linalg.eig(system)
-    left, own = np.linalg.inv(right), np.flatnonzero(values.imag > 0.0)
-    own = own[np.argsort(values[own].imag)]
-    slopes = [[-(left[m, i] * right[j, m].sum()).real for i, j in places] for m in own]
-    return values[own], np.array(slopes)

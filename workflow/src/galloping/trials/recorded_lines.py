@@ -29,8 +29,8 @@ from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.physics.gusts import wind_speed
 from galloping.polynomial import PolynomialModel, design_matrix, library
 from galloping.recording import Recording
-from galloping.results import generator
 from galloping.simulation import Simulator, time_grid
+from galloping.streams import generator
 from galloping.trials.attempts import Attempt, at_the_bound, measured, trial_of
 
 DEFAULT, RANDOM, LONG_AND_STEADY = "default line", "random lines", "long and steady"  # groups

@@ -17,12 +17,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import stdtrit
 
-from galloping.identification.likelihood.fluctuation import (
-    chosen,
-    fluctuating,
-    further_modes,
-    modes_in_words,
-)
+from galloping.identification.likelihood.fluctuation import chosen, fluctuating
+from galloping.identification.likelihood.further_modes import further_modes, in_words
 from galloping.identification.likelihood.plausible import detection_limits
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import added_deviation, solve_support
@@ -158,7 +154,7 @@ def stated(
         sigma=sigma,
         chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
         status="approximate",
-        reason=f"{reason} {left}" + modes_in_words(besides),
+        reason=f"{reason} {left}" + in_words(besides),
         further_modes=besides,
         diagnostics={
             "forecast_r2": made.skill,

@@ -2,13 +2,11 @@
 
 A state and its measured velocity are smoothed apart where samples are plenty, so that the
 identity between them stays available as information; together, as one curve and its derivative,
-where samples are few, or where one of them is not measured or has gaps. What is no measurement of
-the state goes before: samples of stuck and saturated sensors and outliers become NaN, which every
-later stage treats as missing.
+where samples are few, or where one of them is not measured or has gaps.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from math import factorial
 
@@ -289,74 +287,3 @@ def _add_roughness(bands: np.ndarray, weight: float) -> None:
     for a in range(4):
         for b in range(a, 4):
             bands[b - a, a : a + n - 3] += weight * stencil[a] * stencil[b]
-
-
-# --- what is no measurement ---
-
-
-def without_faults(recording: Recording, period: float) -> Recording:
-    """The recording without constant channels and without saturated stretches.
-
-    A channel is saturated where many samples equal its largest or its smallest value exactly;
-    those samples go, with their neighbours within a grid step (period/24), whose noise the limit
-    cuts off too.
-    """
-    values = recording.values.copy()
-    for channel in values.T:
-        good = np.isfinite(channel)
-        if not good.any():
-            continue
-        least = max(5, 5e-4 * good.sum())  # a digital channel repeats some by chance
-        extremes = (np.nanmin(channel), np.nanmax(channel))
-        if extremes[0] == extremes[1]:
-            channel[:] = np.nan
-            continue
-        for extreme in extremes:
-            at = np.flatnonzero(channel == extreme)
-            if len(at) >= least:
-                distance = distance_to(recording.time[at], recording.time)
-                channel[distance <= period / GRID_PER_PERIOD] = np.nan
-    return replace(recording, values=values)
-
-
-def smooth_without_outliers(recording: Recording, period: float) -> tuple[Recording, Smooth]:
-    """The recording without the samples far from a smooth curve, and that curve.
-
-    Far is 5.5 robust standard deviations, which Gaussian noise exceeds once in 30 million samples,
-    and well above the accuracy of the curve itself; the curve is fitted again until none is left.
-    The deviation is that of the channel and also that of the samples within some four periods, as
-    noise may grow and shrink with the signal. Raises ValueError where more than a tenth of the
-    samples of a channel would go.
-    """
-    before = np.isfinite(recording.values).sum(axis=0)
-    smoothed = smooth(recording, period)
-    floor = 1e-3 * np.abs(smoothed.states).max(axis=0)  # while outliers still pull the curve
-    while True:
-        far = np.zeros(recording.values.shape, bool)
-        for k, gap in enumerate(np.abs(smoothed.residual.T)):
-            good = np.isfinite(gap)
-            if not good.any():
-                continue
-            limit = 5.5 * np.maximum(1.4826 * np.median(gap[good]), floor[k])
-            far[good, k] = gap[good] > limit
-            if far[:, k].any():
-                near = _local_median(recording.time[good], gap[good], 4.0 * period)
-                far[good, k] &= gap[good] > 5.5 * 1.4826 * near
-        if not far.any():
-            return recording, smoothed
-        recording = replace(recording, values=np.where(far, np.nan, recording.values))
-        left = np.isfinite(recording.values).sum(axis=0)
-        for name, was, now in zip(recording.states, before, left, strict=True):
-            if now < 0.9 * was:
-                raise Unusable(f"more than a tenth of the samples of {name} are outliers")
-        smoothed = smooth(recording, period)
-
-
-def _local_median(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
-    """(n,) median of the values within stretches of about `length` s, interpolated between them.
-
-    All stretches have as many samples: one of a few would take its outliers for its noise.
-    """
-    count = max(int((time[-1] - time[0]) / length), 1)
-    centres = [part.mean() for part in np.array_split(time, count)]
-    return np.interp(time, centres, [np.median(part) for part in np.array_split(values, count)])

@@ -28,7 +28,7 @@ def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
     """
     rough, problem = rough_fit(begun), begun.problem
 
-    def of(support: np.ndarray, costs: np.ndarray) -> WeakFit:
+    def best(support: np.ndarray, costs: np.ndarray) -> WeakFit:
         about = problem.chosen_about()
         chosen = select(rough.information, rough.right, [support], costs, about)
         free, _ = solve_support(rough.information, rough.right, chosen)
@@ -36,10 +36,10 @@ def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
 
     yield "weak form" if rough is begun.fit else "weak form of a telling stretch", rough, 1.0
     dear = 16.0  # times as much as terms cost
-    yield "few terms", of(rough.support, dear * begun.costs), dear
+    yield "few terms", best(rough.support, dear * begun.costs), dear
     low = problem.degrees <= 2
     if not low.all():
-        yield "second degree", of(low, np.where(low, begun.costs, np.inf)), 1.0
+        yield "second degree", best(low, np.where(low, begun.costs, np.inf)), 1.0
 
 
 def rests_at_zero(begun: Start) -> bool:

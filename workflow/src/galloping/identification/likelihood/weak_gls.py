@@ -18,13 +18,12 @@ from galloping.arrays import one_thread
 from galloping.identification.likelihood.inputs import asked, checked_recordings, driven
 from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.problem import Problem, largest
+from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.smoothing import (
     GRID_PER_PERIOD,
     Smooth,
     shortest_period,
-    smooth_without_outliers,
-    without_faults,
 )
 from galloping.identification.likelihood.verdict import Regression, judged, refused, with_inputs
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable

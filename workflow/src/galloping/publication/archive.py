@@ -1,7 +1,5 @@
-"""From a finished study to a folder and an archive of it that others can verify and restore.
-
-Archives have the same bytes for the same files, and are read without trust in who made them:
-whether one is whole and agrees with a study here, and its results put in place.
+"""Archives of publications: the same bytes for the same files, and read without trust in who made
+them: whether one is whole and agrees with a study here, and its results put in place.
 
 A manifest has the SHA-256 of every file of a folder, in the format of `sha256sum --check`.
 """
@@ -15,20 +13,15 @@ import tempfile
 import time
 import zipfile
 import zlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
-import yaml
 from pydantic import TypeAdapter, ValidationError
-from rocrate.model.contextentity import ContextEntity
-from rocrate.model.entity import Entity
-from rocrate.rocrate import ROCrate
 
 from galloping.configuration.load import load, plain
 from galloping.configuration.yaml_file import ConfigurationError, read
-from galloping.reproducibility.digest import Commit, commit, environment
-from galloping.reproducibility.plan import Audit, Plan, adopt, audit, set_aside
+from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import (
     Receipt,
     digest,
@@ -37,7 +30,8 @@ from galloping.reproducibility.receipts import (
     receipts,
     write_receipt,
 )
-from galloping.storage import partial_prefix, write_json, write_text
+from galloping.reproducibility.repair import adopt, audit, set_aside
+from galloping.storage import partial_prefix, write_text
 from galloping.tables.comparison import flat, table_differences
 
 CONFIGURATION, RECEIPTS, MANIFEST = "configuration.yaml", "receipts.json", "manifest.sha256"
@@ -260,218 +254,3 @@ def _present(plan: Plan) -> list[str]:
     """The files of the study that are in place: planned, or made."""
     known = {*plan.maker, *receipts(plan.results)}
     return sorted(path for path in known if Path(path).exists())
-
-
-# --- published ---
-
-
-METADATA = "ro-crate-metadata.json"
-WORKFLOW = "workflow/Snakefile"
-PROFILES = {
-    "https://w3id.org/ro/wfrun/process/0.5": "Process Run Crate",
-    "https://w3id.org/ro/wfrun/workflow/0.5": "Workflow Run Crate",
-    "https://w3id.org/workflowhub/workflow-ro-crate/1.0": "Workflow RO-Crate",
-}
-DESCRIPTIONS = {
-    CONFIGURATION: "all settings of the run, defaults included",
-    "environment.json": "versions of Python and of all packages, and the machine",
-    "publication.json": "version, commit, and what was not as it should be at publication",
-    RECEIPTS: "settings, code, inputs, seconds of work and SHA-256 of every file of the "
-    "study, also of those that are not in this archive",
-    "report.html": "the report: what was found, figures and tables in one page",
-}
-FORMATS = {
-    ".csv": "text/csv",
-    ".html": "text/html",
-    ".json": "application/json",
-    ".md": "text/markdown",
-    ".png": "image/png",
-    ".svg": "image/svg+xml",
-    ".yaml": "application/yaml",
-}
-
-
-def write_crate(
-    folder: Path,
-    results: str,
-    citation: Mapping,
-    commit: Commit | None,
-    remarks: Sequence[str],
-    versions: Mapping,
-) -> None:
-    """Describe all files in `folder` in a metadata file beside them.
-
-    results: the results folder in it. citation: the content of CITATION.cff. remarks: what was not
-    as it should be. versions: of Python and packages.
-    """
-    crate = ROCrate(version="1.1")
-    root = crate.root_dataset
-    text = " ".join(citation["abstract"].split())
-    if remarks:
-        text += f" Published although: {'; '.join(remarks)}."
-    root["name"], root["description"] = citation["title"], text
-    root["version"] = citation["version"]
-    root["datePublished"] = commit.date if commit else str(citation["date-released"])
-    root["keywords"] = ", ".join(citation["keywords"])
-    licence = f"https://spdx.org/licenses/{citation['license']}"
-    root["license"] = _add(crate, licence, "CreativeWork", name=citation["license"])
-    authors = []
-    for author in citation["authors"]:  # persons or, with the key `name`, organisations
-        name = author.get("name") or f"{author['given-names']} {author['family-names']}"
-        identifier = author.get("orcid") or f"#{name.lower().replace(' ', '-')}"
-        kind = "Organization" if "name" in author else "Person"
-        authors.append(_add(crate, identifier, kind, name=name))
-    root["author"] = authors[0] if len(authors) == 1 else authors  # 1.1 wants no list of one
-    root["conformsTo"] = [
-        _add(crate, uri, "CreativeWork", name=name, version=uri.rsplit("/", 1)[1])
-        for uri, name in PROFILES.items()
-    ]
-    crate.metadata["conformsTo"] = [
-        {"@id": "https://w3id.org/ro/crate/1.1"},
-        {"@id": "https://w3id.org/workflowhub/workflow-ro-crate/1.0"},
-    ]
-    workflow = crate.add_workflow(
-        folder / WORKFLOW,
-        WORKFLOW,
-        main=True,
-        lang="snakemake",
-        lang_version=versions["packages"]["snakemake"],
-        properties=_properties(folder, WORKFLOW),
-    )
-    workflow["name"] = citation["title"]
-    workflow["version"] = commit.described if commit else citation["version"]
-    files = {
-        path: crate.add_file(folder / path, path, properties=_properties(folder, path))
-        for path in files_of(folder)
-        if path not in (WORKFLOW, METADATA)
-    }
-    files["README.md"]["about"] = root
-    shown = tuple(f"{results}/{part}" for part in ("tables/", "figures/", "report.html"))
-    root["mentions"] = _add(
-        crate,
-        "#run",
-        "CreateAction",
-        name="The run that made the results",
-        description="All jobs of the study, by Snakemake",
-        instrument=workflow,
-        agent=root["author"],
-        object=files[CONFIGURATION],
-        result=[entity for path, entity in files.items() if path.startswith(shown)],
-        actionStatus="http://schema.org/CompletedActionStatus",
-    )
-    write_json(folder / METADATA, crate.metadata.generate())
-
-
-def _properties(folder: Path, path: str) -> dict[str, str]:
-    """Name, description (the caption in the report, if it has one), format, size and digest."""
-    file = folder / path
-    text = DESCRIPTIONS.get(path) or DESCRIPTIONS.get(file.name) or file.stem
-    caption = folder / "workflow" / "report" / file.parent.name / f"{file.stem}.rst"
-    if caption.exists():
-        text = " ".join(caption.read_text(encoding="utf-8").replace("``", "").split())
-    return {
-        "name": file.name,
-        "description": text,
-        "encodingFormat": FORMATS.get(file.suffix, "text/plain"),
-        "contentSize": str(file.stat().st_size),
-        "sha256": digest(file),
-    }
-
-
-def _add(crate: ROCrate, identifier: str, kind: str, **properties: object) -> Entity:
-    entity = ContextEntity(crate, identifier, {"@type": kind})
-    for name, value in properties.items():
-        entity[name] = value
-    return crate.add(entity)
-
-
-PUBLICATION = "publication"
-SOURCES = (
-    "CITATION.cff", "LICENSE", "Makefile", "README.md", "Snakefile", "pyproject.toml",
-    "requirements.lock", "config", "workflow",
-)  # fmt: skip
-ALLOWABLE = ("dirty", "incomplete", "outdated")
-
-
-class NotPublishable(ValueError):
-    """A study that is not published as it is; one line a reason."""
-
-
-def publish(plan: Plan, allowed: Collection[str] = ()) -> Path:
-    """Write the publication of a study into its results folder; the path of the archive.
-
-    allowed: obstacles (of `ALLOWABLE`) that are recorded in the archive instead of refused. The
-    same study, commit and environment give the same bytes. Raises NotPublishable.
-    """
-    results = Path(plan.results)
-    present = commit()
-    found = list(obstacles(present, audit(plan), results))
-    if refused := [f"{kind}: {text}" for kind, text in found if kind not in allowed]:
-        raise NotPublishable("\n".join(refused))
-    citation = yaml.safe_load(Path("CITATION.cff").read_text(encoding="utf-8"))
-    with tempfile.TemporaryDirectory(prefix=partial_prefix(), dir=results) as temporary:
-        folder = Path(temporary, PUBLICATION)
-        for path in files(plan):
-            (folder / path).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, folder / path)
-        # all in a publication that is not a copy of a file
-        remarks, versions = [text for _, text in found], environment()
-        made = [asdict(each) for path, each in receipts(plan.results).items() if path in plan.maker]
-        text = yaml.safe_dump(plan.settings, sort_keys=False, allow_unicode=True)
-        write_text(folder / CONFIGURATION, text)
-        write_json(folder / "environment.json", versions)
-        write_json(folder / RECEIPTS, made)
-        told = {"version": citation["version"], "commit": asdict(present) if present else None}
-        write_json(folder / "publication.json", told | {"remarks": remarks})
-        write_crate(folder, plan.results, citation, present, remarks, versions)
-        write_manifest(folder)
-        archive = folder / f"galloping-{citation['version']}.zip"
-        pack(folder, Path(temporary, archive.name))
-        Path(temporary, archive.name).replace(archive)
-        if (results / PUBLICATION).exists():
-            (results / PUBLICATION).replace(Path(temporary, "earlier"))
-        folder.replace(results / PUBLICATION)
-    return results / PUBLICATION / archive.name
-
-
-def obstacles(present: Commit | None, checked: Audit, results: Path) -> Iterator[tuple[str, str]]:
-    """What speaks against publishing, each with its kind; `ALLOWABLE` says which can be allowed."""
-    shown = [*results.glob("tables/*"), *results.glob("figures/*")]
-    if present is None:
-        yield "dirty", "git knows no commit of this folder"
-    for kind, paths, fault in (
-        ("dirty", present.changes if present else (), "not as in the commit"),
-        ("incomplete", checked.missing, "not here"),
-        ("incomplete", checked.unknown, "without a receipt of how it was made"),
-        ("outdated", checked.outdated, "made with other settings, code or inputs"),
-        ("damaged", checked.damaged, "not what its job wrote"),
-        ("empty", () if shown else (str(results),), "no table or figure is made yet"),
-    ):
-        if paths:
-            more = f" and {len(paths) - 1} more" if paths[1:] else ""
-            yield kind, f"{paths[0]}{more}: {fault}"
-
-
-def files(plan: Plan) -> list[Path]:
-    """What goes into a publication of what the working folder holds.
-
-    The workflow; tables, figures and report; and what these are directly made from, as far as it
-    lies in the working folder, so that they can be made again without computing anything else.
-    What recordings from the field gave goes in, their files only where they say so.
-    """
-    maker, results = plan.maker, plan.results
-    fields = plan.settings["recordings"]
-    told = (f"{results}/recordings/{name}/" for name in fields)
-    shown = (f"{results}/tables/", f"{results}/figures/", f"{results}/report.html", *told)
-    final = [path for path in maker if path.startswith(shown)]
-    needed = {path for made in final for path in maker[made].inputs if is_plain(path)}
-    wanted = [Path(path) for path in (*final, *needed, *SOURCES)]
-    for folder in filter(Path.is_dir, map(Path, SOURCES)):
-        wanted += [folder / p for p in files_of(folder) if is_plain(p) and "__pycache__" not in p]
-    private = {
-        Path(path).resolve()
-        for recordings in fields.values()
-        if not recordings["publish"]
-        for path in recordings["files"]
-    }
-    return sorted({p for p in wanted if p.is_file() and p.resolve() not in private})

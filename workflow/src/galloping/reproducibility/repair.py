@@ -1,0 +1,115 @@
+"""What is wrong, missing or left over in a study's results, and how it is made fit to go on."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from galloping.reproducibility.plan import Plan, as_planned, record
+from galloping.reproducibility.receipts import (
+    Receipt,
+    consistent,
+    inspect,
+    receipt_path,
+    receipts,
+)
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Files by state; each planned file is in exactly one of all but the last.
+
+    sound: as planned and as written. elsewhere: the same, but the file was left elsewhere on
+    purpose. damaged: not what its job wrote. missing: never made, or gone. outdated: made with
+    other settings or code, or from other inputs. unknown: without a receipt. left_over: made, no
+    longer planned.
+    """
+
+    sound: tuple[str, ...] = ()
+    elsewhere: tuple[str, ...] = ()
+    damaged: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    outdated: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()
+    left_over: tuple[Receipt, ...] = ()
+
+
+def audit(plan: Plan) -> Audit:
+    """Read every file of a study and compare it with its receipt, its settings and its inputs."""
+    known, maker = receipts(plan.results), plan.maker
+    planned = {path: receipt for path, receipt in known.items() if path in maker}
+    findings = inspect(plan.results, planned, thorough=True)
+
+    def state(path: str) -> str:
+        if path not in known:
+            return "unknown" if Path(path).exists() else "missing"
+        if path in findings.missing:
+            return "missing"
+        if path in findings.damaged:
+            return "damaged"
+        if not (maker[path].made(known[path]) and consistent(known[path], known)):
+            return "outdated"
+        return "sound" if Path(path).exists() else "elsewhere"
+
+    states: dict[str, list[str]] = {}
+    for path in sorted(maker):
+        states.setdefault(state(path), []).append(path)
+    return Audit(
+        **{name: tuple(paths) for name, paths in states.items()},
+        left_over=tuple(receipt for path, receipt in known.items() if path not in maker),
+    )
+
+
+def remove(receipt: Receipt) -> list[Path]:
+    """Remove a file with its receipt, log and benchmark; those that there were."""
+    log = Path(receipt.log)
+    parts = ["benchmarks" if part == "logs" else part for part in log.parts]
+    benchmark = Path(*parts).with_suffix(".tsv")
+    files = [Path(receipt.path), receipt_path(receipt.path), log, benchmark]
+    present = [file for file in files if file.exists()]
+    for file in present:
+        file.unlink()
+        with suppress(OSError):  # not empty
+            file.parent.rmdir()
+    return present
+
+
+SET_ASIDE = "set_aside"
+
+
+def adopt(plan: Plan) -> Iterator[str]:
+    """Let Snakemake take files as made that are exactly those of the plan.
+
+    For results of which Snakemake lacks records. A file counts if its receipt names the same
+    settings and code as the plan, and the same inputs as the receipts of those, and so on back to
+    the first files; the caller has made sure that files are as in their receipts. Others are set
+    aside, to be made again.
+    """
+    known = receipts(plan.results)
+    maker = plan.maker
+    kept = {path for path in as_planned(plan, known) if Path(path).exists()}
+    others = [p for p in sorted({*maker, *known} - kept) if Path(p).exists()]
+    for path in others:
+        set_aside(plan.results, path)
+    for path in known.keys() - maker.keys():
+        receipt_path(path).unlink()  # else the file would be missed
+    record(plan)
+    if kept:
+        yield f"{len(kept)} files are as their receipts say and made as configured now: kept"
+    if others:
+        yield (
+            f"{len(others)} files were made otherwise than configured now: set aside in "
+            f"{plan.results}/{SET_ASIDE}"
+        )
+
+
+def set_aside(results: str, path: str) -> Path:
+    """Move a file of the results out of the way, over no other one; where to."""
+    base = Path(results) / SET_ASIDE / Path(path).relative_to(results)
+    target, number = base, 1
+    while target.exists():
+        number += 1
+        target = base.with_name(f"{base.name}.{number}")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    Path(path).replace(target)
+    return target
