@@ -111,41 +111,31 @@ CASE = "cases.a"
 REFUSED = [
     # unknown keys
     (f"{CASE}.wnd", {"speed": 3}, "unknown key", "'wind'"),
-    (f"{CASE}.line.Span", 3, "'span'"),
     (f"{CASE}.span", 3, "'cases.<name>.line.span'"),
-    ("wind", {}, "'cases.<name>.wind'"),
     ("figures.zzz", 1, "unknown key", "allowed: dpi, font_size"),
-    ("identification.laso", {"threshold": 1}, "unknown key", "'lasso'"),
     # wrong types
     (f"{CASE}.line.span", "12 m", "'12 m' is text, not a number", "1..10000 m"),
     *((f"{CASE}.line.span", value, shown, "is not a number", "1..10000 m")
       for value, shown in ((True, "true"), (None, "null"), ([1], "[1]"))),
     *((f"{CASE}.line.span", value, "not finite", "1..10000 m") for value in (math.inf, "1e400")),
     ("measurement.replicates", 2.5, "2.5 is not a whole number", "a whole number 1..10000"),
-    ("measurement.replicates", "25e-1", "'25e-1' is not a whole number"),
     ("measurement.protocols", "state", "'state' is not a list", "one or more of derivative"),
     ("figures", None, "null is not a section (write {} for its defaults)", "dpi, font_size"),
     # names
     ("identification.methods", ["stlq"], "unknown method 'stlq'", "'stlsq'", METHOD_NAMES),
-    ("measurement.protocols", ["stat"], "unknown protocol 'stat'", "'state'", "displacement"),
     (f"{CASE}.line.mode_shape", "irvin", "mode shape 'irvin'", "'irvine'?", "irvine, sine"),
     (f"{CASE}.ice.reading", 7, "unknown reading 7; allowed: swapped, milli, custom"),
-    ("trials.a.kind", "random_line", "'random_line'", "'random_lines'", "systems"),
     *((f"cases.{name}", {}, repr(name), f"not allowed as a name; must be {NAME_RULE}")
       for name in ("North", "3rd", "a-b", "_x", "a" * 41)),
     # ranges
     (f"{CASE}.line.span", 0, "0 is not allowed; must be 1..10000 m"),
-    (f"{CASE}.line.span", "-1e-3", "'-1e-3' is not allowed"),
     (f"{CASE}.damping.vertical", 1, "must be >= 0 and < 1"),
     (f"{CASE}.wind.speed", 1e300, "1e+300 is not allowed", "0.1..120 m/s"),
     (f"{CASE}.line.tension", 1e308, "1e+308", "N, with a sag of at most a quarter of the span"),
-    (f"{CASE}.bundle.subconductors", 1e24, "1e+24", "a whole number 1..24"),
     ("measurement.levels", [0, -0.1], "-0.1 is not allowed; each must be >= 0 and < 10"),
     ("measurement.levels", [], "[] is empty; must hold at least one"),
     ("measurement.levels", [0.1, "1e-1"], "0.1 is given twice; must be distinct"),
     ("measurement.levels", [0.1, 0.10000000000001], "0.10000000000001 and 0.1 agree", "distinct"),
-    ("measurement.subsets.points", [99], "each must be a whole number >= 100 samples"),
-    ("identification.lasso.threshold", 0, "must be null or > 0"),
     # folders
     *(("results", folder, repr(folder), FOLDER_RULE)
       for folder in ("", "/tmp/x", "../x", "a/../b", "a//b", "a b", ".git", "a\n", "{x}", "~/x")),
@@ -245,12 +235,6 @@ def test_many_problems_are_a_few_lines():
     assert many[-1] == "configuration: and 2980 more problems"
 
 
-def test_sections_without_end_are_one_line():
-    endless = {}
-    endless["cases"] = {"a": endless}
-    assert complaint(endless) == ENDLESS
-
-
 EXTREMES = (
     1e300, -1e300, 1e308, 1e-300, 5e-324, 10**400, 1e24, 0, -1, math.nan, -math.inf, "1e999",
 )  # fmt: skip
@@ -328,9 +312,7 @@ def test_any_value_anywhere_loads_or_is_refused_in_lines_that_name_a_key(path, n
 
 FILES = [
     ("", "{path}: is empty; must be a mapping of keys"),
-    ("# nothing\n", "{path}: is empty; must be a mapping of keys"),
     ("- 1\n", "{path}: [1] is not a mapping of keys"),
-    ("text\n", "{path}: 'text' is not a mapping of keys"),
     ("cases:\n  a:\n    gravity: 9\n    wind: {}\n    gravity: 10\n",
      "{path}:5: key 'gravity' is given twice, first in line 3"),
     ("a: {b: 1, b: 2}\n", "{path}:1: key 'b' is given twice, first in line 1"),
@@ -339,12 +321,10 @@ FILES = [
     ("a: 1\n--- \nb: 1\n", "{path}:2: but found another document"),
     ("? [1]\n: 2\n", "{path}:1: found unhashable key"),
     ("a: 2026-13-01\n", "{path}:1: '2026-13-01' is no timestamp"),
-    ("a: !!timestamp abc\n", "{path}:1: 'abc' is no timestamp"),
     ("a: !!int x\n", "{path}:1: 'x' is no int"),
     ("a: &a [*a]\n", "{path}: " + ENDLESS),
     ("a: &a {b: *a}\n", "{path}: " + ENDLESS),
     ("a: " + "[" * 2000 + "]" * 2000, "{path}: " + ENDLESS),
-    ("a: " + "[" * 30 + "]" * 30, "{path}: " + ENDLESS),
     ("a: &a [x, x, x, x, x, x, x, x]\n"
      + "".join(f"{b}: &{b} [{f'*{a}, ' * 8}]\n" for a, b in pairwise("abcdefgh")),
      "{path}: " + ENDLESS),

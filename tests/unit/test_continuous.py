@@ -5,7 +5,10 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.signal import welch
 
+from galloping.configuration.load import load, plain
 from galloping.evaluation import reduction as trial
+from galloping.evaluation.score import Truth, evaluate
+from galloping.identification.model import IdentifiedModel
 from galloping.physics import galerkin
 from galloping.physics.continuous import (
     QUARTERS,
@@ -14,13 +17,14 @@ from galloping.physics.continuous import (
     equilibrium,
     first_modes,
     natural_modes,
+    observed,
     readings,
     release,
     shapes_at,
     simulate,
     span,
 )
-from galloping.physics.galerkin import Line
+from galloping.physics.galerkin import STATES, Line, coefficients, model
 from galloping.physics.gusts import SPECTRA, wind_speed
 
 TIME = np.arange(30001) / 100
@@ -204,3 +208,48 @@ def test_table_of_the_two_mode_model_and_lines(case, short):
     assert (three["antisymmetric_m"] < 1e-9).all()
     assert table.loc[("disturbed", "vertical"), "antisymmetric_m"] > 0.1
     assert not np.allclose(table.loc["gusty", "amplitude_m"], three["amplitude_m"], rtol=1e-3)
+
+
+# --- as the truth of a case: its motion as sensors see it, and how it is judged ---
+
+SHORT = TIME[:3001]
+REST = dict.fromkeys(STATES, 0.0)
+
+
+def settings(**truth):
+    return load({"cases": {"line": {"truth": {"model": "continuous", **truth}}}})
+
+
+def seen(**truth):
+    case = plain(settings(**truth))["cases"]["line"]
+    start = {**REST, "q_v": 0.5, "q_w": 0.5, "dq_w": 0.2}
+    return observed(case, case["truth"], start, SHORT, np.random.default_rng(1))
+
+
+def test_first_modes_of_the_line_as_three_sensors_see_them():
+    found = seen(modes=3, antisymmetric=0.3)
+    assert found.status == "ok" and found.names == STATES
+    # the sagging line swings vertically in more than half a sine
+    assert found.states[0] == pytest.approx([0.42, 0.5, 0.0, 0.2], abs=0.01)
+    assert np.array_equal(found.states[:, 2:], found.derivatives[:, :2])
+    slope = np.gradient(found.states, SHORT[1], axis=0)[1:-1]
+    assert found.derivatives[1:-1] == pytest.approx(slope, abs=2e-3 * np.abs(slope).max())
+    # one sensor at a quarter of the span cannot tell the antisymmetric mode from the first
+    blind = seen(modes=3, antisymmetric=0.3, sensors=[0.25])
+    assert np.abs(blind.states - found.states)[:, 0].max() > 0.2
+
+
+def test_gusts_are_drawn_and_count():
+    steady, gusty = seen(modes=1), seen(modes=1, gusts={"intensity": 0.05})
+    assert np.abs(gusty.states - steady.states)[-1].max() > 1e-3
+
+
+def test_no_coefficient_is_true_but_the_motion_is_judged(cases):
+    line = model(coefficients(cases["internal_resonance"]))
+    found = seen(modes=3)
+    truth = Truth(line, SHORT, found.states, (20.0, 30.0), is_own_model=False)
+    unbounded = np.full((1, *line.coefficients.shape), np.nan)
+    (row,), _ = evaluate(truth, {"any": [IdentifiedModel(line, "ok")]}, unbounded)
+    assert np.isnan([row["e2"], row["missing"], row["mean_error_linear_percent"]]).all()
+    assert row["motion"] == "ok" and row["r2_q_v"] > 0.9
+    assert np.isfinite(row["amplitude_error_q_w_percent"])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lines import recorded
 
 from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.motion import summarise as summarise_motions
@@ -21,7 +22,7 @@ from galloping.evaluation.score import (
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
-from galloping.measurement import Motion, measure
+from galloping.measurement import Motion
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import PolynomialModel, extended, library
 from galloping.simulation import Simulator, Trajectory
@@ -79,13 +80,14 @@ def found(**changes):
     return values
 
 
-def test_errors_by_order():
+def test_errors_by_order_and_in_the_norm():
     values = found(at_1_1=2.2, at_1_4=3.0, at_1_9=0.0)
     assert mean_error_by_order(TRUE, values, (1,)) == pytest.approx(
         {"linear": 0.1, "quadratic": 0.25, "cubic": 1.0}
     )
     assert mean_error_by_order(TRUE, values, (0, 1))["linear"] == pytest.approx(0.05)
     assert mean_error_by_order(TRUE, values, (0,)) == {"linear": 0.0}
+    assert relative_norm_error(TRUE, found(at_0_0=3.0)) == pytest.approx(3 / np.sqrt(46))
 
 
 @pytest.mark.parametrize(
@@ -93,18 +95,12 @@ def test_errors_by_order():
     [
         (TRUE.coefficients, 0, 0, 1.0),
         (found(at_1_9=0.0, at_0_0=1e-9, at_0_5=7.0), 1, 2, 3 / 6),
-        (np.full((2, 10), np.nan), 4, 0, 0.0),
     ],
 )
 def test_support_scores(values, missing, spurious, ratio):
     assert support_scores(TRUE, values) == {
         "missing": missing, "spurious": spurious, "true_positive_ratio": ratio,
     }  # fmt: skip
-
-
-def test_norm_error():
-    assert relative_norm_error(TRUE, found(at_0_0=3.0)) == pytest.approx(3 / np.sqrt(46))
-    assert relative_norm_error(TRUE, np.full((2, 10), np.nan)) == INF
 
 
 def test_efficiency_is_the_error_over_the_bound_where_there_is_one():
@@ -247,12 +243,8 @@ def test_a_line_that_diverges_is_a_row_with_its_reason(cases):
     time, states = np.arange(2001) / 100, np.full((2001, 4), np.nan)
     truth = Truth(line, time, states, (10, 20), "diverged: |x| exceeded 1000 at t = 3 s")
     with np.errstate(invalid="raise"):
-        recordings = measure(
-            [Motion(line.states, time, states, line(states), truth.status)], protocol="state",
-            level=0.1, samples=len(time), relative=True, seed=1, name=(), recordings=1,
-            replicates=2,
-        )  # fmt: skip
-        reduced = reduce(recordings[0], library(4, 3))
+        motion = Motion(line.states, time, states, line(states), truth.status)
+        reduced = reduce(recorded(motion), library(4, 3))
     with pytest.raises(ValueError):  # which makes a row of it
         normalised(reduced, threshold=None, path_length=5)
     failed = IdentifiedModel.refused(line.states, line.terms, "stlsq: no data")

@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 from drawing import drawn
 from lines import RESONANT
-from matplotlib.text import Text
 
 from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import Reconstruction
@@ -25,7 +24,7 @@ from galloping.figures.errors import (
 )
 from galloping.figures.motions import draw_histories, draw_recovery
 from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_line
-from galloping.figures.style import METHODS, method_style, styled, write_figure
+from galloping.figures.style import METHODS, method_style, write_figure
 from galloping.figures.verdicts import draw_reduction, draw_trust
 from galloping.identification.model import IdentifiedModel
 from galloping.measurement import BY_NAME as PROTOCOLS
@@ -179,63 +178,6 @@ def identifiable(t, recordings=(1, 2)):
 def test_identifiability_of_any_size(table):
     settings = {"cases": ["line", "other"], "protocols": ["state", "derivative"], "level": 0.05}
     drawn(lambda: draw_identifiability(table, settings))
-
-
-MANY = [f"line {k} with quite a long name" for k in range(8)]
-LEVELS = (0, 0.01, 0.03, 0.05, 0.1, 0.15)
-
-
-def of_many(table):
-    """The rows of a table for each of MANY and each protocol."""
-    for name, options in {"case": MANY, "protocol": list(PROTOCOLS)}.items():
-        table = pd.concat([table.assign(**{name: option}) for option in options])
-    return table
-
-
-def boxes(figure):
-    """(text, bounding box in pixels) of every label, title and legend of a drawn figure."""
-    texts = [*figure.texts, *(text for block in figure.subfigs for text in block.texts)]
-    for axes in figure.axes:
-        texts += [child for child in axes.get_children() if isinstance(child, Text)]
-        for axis in (axes.xaxis, axes.yaxis):
-            low, high = sorted(axis.get_view_interval())
-            ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
-            texts += [axis.label, *(tick.label1 for tick in ticks)]
-    shown = [text for text in texts if text.get_visible() and text.get_text()]
-    drawn = [(text.get_text(), text.get_window_extent()) for text in shown]
-    return [*drawn, *(("legend", legend.get_window_extent()) for legend in figure.legends)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("draw", "table"),
-    [
-        (draw_methods, lambda: of_many(scores(LEVELS))),
-        (draw_efficiency, lambda: of_many(efficiencies(levels=LEVELS[1:]))),
-        (draw_identifiability, lambda: of_many(identifiable(7.6))),
-        (draw_recovery, None),
-    ],
-)
-def test_eight_cases_keep_to_a_page_without_labels_upon_each_other(draw, table, swing):
-    settings = {**NAMES, "cases": MANY, "protocols": list(PROTOCOLS), "protocol": "state",
-                "methods": ["weak", "maximum_likelihood", "bound"], "method": "weak",
-                "level": 0.05, **NOISE}  # fmt: skip
-    with styled(8):
-        if table:
-            figure = draw(table(), settings)
-        else:
-            motions = {case: {"weak": motion(swing.states)} for case in MANY}
-            figure = draw({case: [swing] for case in MANY}, motions, settings)
-        figure.set_dpi(200)
-        figure.draw_without_rendering()
-        placed = [(text, box.padded(-2)) for text, box in boxes(figure)]
-    assert figure.bbox.height <= 2400
-    titles = " ".join(text.replace("\n", " ") for text, _ in placed)
-    assert all(name in titles for name in MANY)  # drawn, or named as left out
-    upon = [(a, b) for (a, one), (b, two) in combinations(placed, 2) if one.overlaps(two)]
-    outside = [text for text, box in placed if not figure.bbox.padded(2).contains(*box.min)
-               or not figure.bbox.padded(2).contains(*box.max)]  # fmt: skip
-    assert len(placed) > 20 and upon == [] and outside == []
 
 
 @pytest.mark.parametrize(

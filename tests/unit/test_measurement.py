@@ -7,7 +7,6 @@ import pytest
 from lines import moved
 
 from galloping.measurement import BY_NAME, Noise, Protocol, measure
-from galloping.recording import Recording
 from galloping.streams import generator
 from galloping.study.files import read_recordings, write_recordings
 
@@ -129,22 +128,6 @@ def test_recordings_come_back_from_files(resonant, tmp_path, protocol, samples):
     assert all(same(a, b) for a, b in zip(read, written, strict=True))
     as_file(written, tmp_path / "b.npz")
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
-
-
-def test_what_replicates_share_is_stored_once(resonant, tmp_path):
-    as_file(record(resonant, protocol="derivative", replicates=3), tmp_path / "a.npz")
-    with np.load(tmp_path / "a.npz") as file:
-        shapes = {name: file[name].shape for name in file}
-    assert shapes["time_0"] == (1, 30001)
-    assert shapes["values_0"] == (1, 30001, 4)
-    assert shapes["derivatives_0"] == (3, 30001, 4)
-
-
-def test_missing_samples_and_equal_replicates_survive_files(tmp_path):
-    values = np.array([[0.0, np.nan], [1.0, 2.0], [np.nan, 3.0]])
-    written = [Recording(np.arange(3.0), ("a", "b"), values)] * 2
-    read = as_file(written, tmp_path / "a.npz")
-    assert len(read) == 2 and all(map(same, read, written))
 
 
 def test_several_releases_in_one_replicate(resonant, tmp_path):

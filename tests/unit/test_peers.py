@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pysindy as ps
 import pytest
-from lines import moved
+from lines import moved, recorded
 
 from galloping.evaluation.oracle import PATHS, alternatives, oracles
 from galloping.figures.errors import beaten_at
@@ -13,7 +13,6 @@ from galloping.identification.sparse.evidence import Regressions, reduce
 from galloping.identification.sparse.regression import FOLDS, Judged, Regression, judge
 from galloping.identification.sparse.supports import forward_models
 from galloping.identification.sparse.tuning import Filtered, savitzky_golay, seeded, weak_form
-from galloping.measurement import measure
 from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import PolynomialModel, library
 from galloping.tables.scores import CHOSEN, ORACLE, peers
@@ -129,12 +128,8 @@ def test_the_sparsest_within_one_standard_error_is_chosen():
 
 @pytest.fixture
 def line(resonant):
-    (model, _), motion = resonant, moved(*resonant)
-    ((recording,),) = measure(
-        [motion], protocol="state", level=0.05, relative=True, samples=len(motion.time),
-        recordings=1, replicates=1, seed=71, name=("a_case", "state", "a_cell"),
-    )  # fmt: skip
-    return model.on_library(TERMS), reduce([recording], TERMS)
+    (recording,) = recorded(moved(*resonant), seed=71)
+    return resonant[0].on_library(TERMS), reduce([recording], TERMS)
 
 
 def error(true, coefficients):

@@ -19,7 +19,6 @@ from galloping.publication.archive import (
     NotRestorable,
     changed_settings,
     faults,
-    is_plain,
     pack,
     restore,
     unpack,
@@ -31,7 +30,6 @@ from galloping.reproducibility.digest import Commit, commit
 from galloping.reproducibility.plan import Plan, PlannedJob
 from galloping.reproducibility.receipts import Receipt, digest, read_receipt, write_receipt
 from galloping.reproducibility.repair import Audit
-from galloping.tables.comparison import table_differences
 
 RESULTS = "results/mine"
 TABLE, MODEL, RECORDING = (f"{RESULTS}/{name}" for name in ("tables/t.csv", "m.json", "r.npz"))
@@ -64,23 +62,64 @@ def here(tmp_path, monkeypatch):
 # zip files
 
 
-def zipped(tmp_path, *entries):
+def zipped(path, *entries):
     """A zip of (name, content), names as they are."""
-    path = tmp_path / "a.zip"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
         for name, content in entries:
             entry = zipfile.ZipInfo("x")
             entry.filename = entry.orig_filename = name
             file.writestr(entry, content, zipfile.ZIP_DEFLATED)
-    return path
 
 
-def refused(path, target, reason="not a sound zip file"):
+def bomb(path):
+    """Declares 100 bytes of its sixteen million."""
+    zipped(path, ("bomb", bytes(2**24)))
+    content = bytearray(path.read_bytes())
+    for signature, offset in ((b"PK\3\4", 22), (b"PK\1\2", 24)):
+        struct.pack_into("<L", content, content.index(signature) + offset, 100)
+    path.write_bytes(content)
+
+
+def cut(path):
+    zipped(path, ("a", "1"))
+    path.write_bytes(path.read_bytes()[:-30])
+
+
+NAMES = (
+    "/etc/passwd",
+    "../a",
+    "a/../../b",
+    "a//b",
+    "a/",
+    "C:/a",
+    "a\\b",
+    "a/.git",
+    "naïve",
+    "a\0b",
+)
+REFUSED = [
+    *((lambda p, n=n: zipped(p, (n, "1"), ("fine", "1")), "not a plain path", 0) for n in NAMES),
+    (lambda p: zipped(p, ("a", "123"), ("b", "456")), "2 files of 6 bytes; at most .* of 5", 0),
+    (lambda p: zipped(p, ("a", "1"), ("a/b", "1")), "not a sound zip file", 1),
+    (bomb, "not a sound zip file", 100),
+    (cut, "not a sound zip file", 0),
+    (lambda p: p.write_bytes(b"no zip" * 100), "not a sound zip file", 0),
+]
+
+
+@pytest.mark.parametrize(("make", "reason", "most"), REFUSED)
+def test_an_archive_that_reaches_outside_lies_or_is_none_is_refused(
+    tmp_path, monkeypatch, make, reason, most
+):
+    monkeypatch.setattr(archive, "MAX_SIZE", 5 if "of 5" in reason else archive.MAX_SIZE)
+    path, target = tmp_path / "a.zip", tmp_path / "outside/target"
+    make(path)
     target.mkdir(parents=True)
     with pytest.raises(NotRestorable, match=reason) as error:
         unpack(path, target)
     assert "\n" not in str(error.value) and str(error.value).startswith(f"{path}: ")
-    return [path for path in target.parent.rglob("*") if path != target]
+    assert [each for each in target.parent.rglob("*") if target not in (each, *each.parents)] == []
+    assert sum(each.stat().st_size for each in target.rglob("*")) <= most
 
 
 def test_same_files_same_bytes_and_they_come_back(tmp_path):
@@ -93,66 +132,16 @@ def test_same_files_same_bytes_and_they_come_back(tmp_path):
         (folder / name).chmod(0o700)
     pack(folder, tmp_path / "b.zip")
     assert (tmp_path / "a.zip").read_bytes() == (tmp_path / "b.zip").read_bytes()
-    unpack(tmp_path / "a.zip", tmp_path / "back")
-    assert present(tmp_path / "back") == CONTENT
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["/etc/passwd", "../a", "a/../../b", "a//b", "a/", "C:/a", "a\\b", "a/.git", "naïve", "a\0b"],
-)
-def test_names_that_leave_the_folder_or_hide_are_refused(tmp_path, name):
-    assert not is_plain(name)
-    path = zipped(tmp_path, (name, "1"), ("fine", "1"))
-    assert refused(path, tmp_path / "outside/target", "not a plain path") == []
-
-
-def test_too_much_is_refused_and_links_become_files(tmp_path, monkeypatch):
-    path = zipped(tmp_path, ("a", "123"), ("b", "456"))
-    monkeypatch.setattr(archive, "MAX_SIZE", 5)
-    assert refused(path, tmp_path / "outside/target", "2 files of 6 bytes; at most .* of 5") == []
     link = zipfile.ZipInfo("link")
     link.create_system, link.external_attr = 3, 0o120777 << 16
-    with zipfile.ZipFile(tmp_path / "l.zip", "w") as file:
+    with zipfile.ZipFile(tmp_path / "a.zip", "a") as file:
         file.writestr(link, "/etc")
-    unpack(tmp_path / "l.zip", tmp_path / "fine")
-    assert not (tmp_path / "fine/link").is_symlink()
-
-
-def test_a_bomb_that_lies_about_its_size_is_stopped_at_what_it_declared(tmp_path):
-    path = zipped(tmp_path, ("bomb", bytes(2**24)))
-    content = bytearray(path.read_bytes())
-    for signature, offset in ((b"PK\3\4", 22), (b"PK\1\2", 24)):
-        struct.pack_into("<L", content, content.index(signature) + offset, 100)
-    path.write_bytes(content)
-    refused(path, tmp_path / "outside/target")
-    assert (tmp_path / "outside/target/bomb").stat().st_size <= 100
-
-
-@pytest.mark.filterwarnings("ignore:Duplicate name")
-def test_names_that_clash_and_what_is_no_zip_are_refused(tmp_path):
-    for number, names in enumerate([("a", "a"), ("a", "a/b"), ("a/b", "a")]):
-        path = zipped(tmp_path, *((name, "1") for name in names))
-        refused(path, tmp_path / f"{number}/target")
-    for number, harm in enumerate([lambda c: c[:-30], lambda c: b"", lambda c: b"no zip" * 100]):
-        path = zipped(tmp_path, ("a", "1"))
-        path.write_bytes(harm(path.read_bytes()))
-        refused(path, tmp_path / f"harm{number}/target")
+    unpack(tmp_path / "a.zip", tmp_path / "back")
+    assert present(tmp_path / "back") == CONTENT | {"link": "/etc"}  # a file, no link
+    assert not (tmp_path / "back/link").is_symlink()
 
 
 # publications
-
-
-@pytest.mark.parametrize("publish", [False, True])
-def test_files_of_the_field_are_published_only_where_they_may(publish):
-    told = f"{RESULTS}/recordings/span/summary.md"
-    write(Path(), {told: "# Summary", "config/span.csv": "t", "span.yaml": "time: t"})
-    recordings = {"files": ["config/span.csv"], "mapping": "span.yaml", "publish": publish}
-    job = PlannedJob("identify_recordings", {}, ("config/span.csv", "span.yaml"), (told,))
-    settings = plain(load({"results": RESULTS, "recordings": {"span": recordings}}))
-    chosen = {path.as_posix() for path in files(Plan(settings, (job,)))}
-    assert chosen - {"config/span.csv"} == {told, "span.yaml"}
-    assert ("config/span.csv" in chosen) == publish
 
 
 def made_here():
@@ -249,15 +238,7 @@ def test_results_that_contradict_their_records_are_named(published):
     assert next(faults(published)).startswith("configuration.yaml: measurement.replicates")
 
 
-def test_numbers_and_settings_of_two_studies_are_compared(published):
-    write(Path(), CONTENT)
-    assert list(table_differences(published / RESULTS, RESULTS)) == []
-    rows = "".join(f"{name},{{}}\n" for name in "abcdefghijkl")
-    write(published, {TABLE: "case,r2\n" + rows.replace("{}", "1")})
-    write(Path(), {TABLE: "case,r2\n" + rows.replace("{}", "2"), f"{RESULTS}/tables/u.csv": ""})
-    lines = list(table_differences(published / RESULTS, RESULTS))
-    assert lines[0] == "tables/t.csv: case=a, r2: reference 1, found 2 (allowed 0.001)"
-    assert lines[-2:] == ["tables/t.csv: 2 more differences", "tables/u.csv: not in the archive"]
+def test_settings_of_two_studies_are_compared():
     one, other = plain(load({})), plain(load({"results": "results/other"}))
     assert list(changed_settings(one, other)) == []
     other["measurement"]["replicates"] = 7
@@ -284,11 +265,19 @@ def test_what_speaks_against_publishing():
     assert ("empty", f"{RESULTS}: no table or figure is made yet") in said()
 
 
-def test_tables_are_published_with_what_they_are_directly_made_from():
+@pytest.mark.parametrize("publish", [False, True])
+def test_tables_are_published_with_what_they_are_directly_made_from(publish):
+    """Files of the field only where they may be."""
     source = {"workflow/a.py": "", "workflow/__pycache__/a.pyc": "", "workflow/.hidden": ""}
-    write(Path(), {**CONTENT, **source, RECORDING: "", f"{RESULTS}/notes.txt": "mine"})
-    found = [path.as_posix() for path in files(plan())]
-    assert found == [MODEL, RECORDING, f"{RESULTS}/report.html", TABLE, "workflow/a.py"]
+    told, field = f"{RESULTS}/recordings/span/summary.md", {"config/span.csv": "", "span.yaml": ""}
+    write(Path(), {**CONTENT, **source, RECORDING: "", f"{RESULTS}/notes.txt": "mine", told: ""})
+    write(Path(), field)
+    recordings = {"files": ["config/span.csv"], "mapping": "span.yaml", "publish": publish}
+    settings = plain(load({"results": RESULTS, "recordings": {"span": recordings}}))
+    study = Plan(settings, (*plan().jobs, PlannedJob("b", {}, tuple(field), (told,))))
+    wanted = {MODEL, RECORDING, REPORT, TABLE, "workflow/a.py", told, "span.yaml"}
+    wanted |= {"config/span.csv"} if publish else set()
+    assert [path.as_posix() for path in files(study)] == sorted(wanted)
 
 
 def test_an_installation_leaves_the_commit_clean(here, root):

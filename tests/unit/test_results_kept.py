@@ -1,4 +1,4 @@
-"""Receipts, what is made of them at the start of a run, audit and repair; without Snakemake."""
+"""Receipts, what is made and said of them before a run, audit and repair; without Snakemake."""
 
 import os
 from dataclasses import replace
@@ -9,10 +9,9 @@ import pytest
 from snakemake.iocontainers import InputFiles, OutputFiles, Params
 
 from galloping.reproducibility import job, lock, repair
-from galloping.reproducibility.plan import Plan, PlannedJob
+from galloping.reproducibility.plan import Plan, PlannedJob, duration_in_words, outlook
 from galloping.reproducibility.receipts import (
     SEEN,
-    Deviations,
     digest,
     inspect,
     read_receipt,
@@ -45,7 +44,7 @@ def make(path, content="1\n", inputs=(), settings=SETTINGS):
     described = script(path, inputs, settings)
     target = Path(described.output[0])
     target.parent.mkdir(parents=True, exist_ok=True)
-    job.run(lambda made, speed, case: Path(made).write_text(content), described)
+    job.run(lambda made, case, **_: Path(made).write_text(content), described)
     return str(target)
 
 
@@ -157,22 +156,6 @@ def test_what_is_not_as_its_receipt_says_is_named(harm):
     assert (findings.damaged, findings.unknown, findings.new) == ((model,), (), (model,))
 
 
-def test_only_what_changed_is_read_again(monkeypatch):
-    make("models/a.json")
-    model = make("models/b.json")
-    remember(RESULTS, look())
-    read = []
-    monkeypatch.setattr(
-        "galloping.reproducibility.receipts.digest", lambda path: read.append(path) or digest(path)
-    )
-    look()
-    assert read == []
-    Path(model).touch()
-    assert look().damaged == () and read == [model]
-    look(thorough=True)
-    assert len(read) == 3
-
-
 def test_after_a_kill_only_a_repair_may_lock_a_study():
     with pytest.raises(lock.Killed), lock.locked(RESULTS, "mend"):
         raise lock.Killed
@@ -273,11 +256,45 @@ def test_each_file_has_one_state():
     assert audit(plan("models/b.json")).missing == (f"{RESULTS}/models/b.json",)
 
 
-def test_a_study_in_the_folder_of_another_is_its_own():
-    inner = Path("results/smoke/a.csv")
-    inner.parent.mkdir(parents=True)
-    inner.touch()
-    kept = Deviations((), (), (), (), {str(inner): [1, 2, 3, 4, "digest"]})
-    remember("results/smoke", kept)
-    assert inspect("results", {}).unknown == ()
-    assert inspect("results/smoke", {}).unknown == (str(inner),)
+# what a run says before it begins
+
+STUDY = {"results": RESULTS, "wind": {"speed": 12.0}}
+REPORT = {"study": {"study": STUDY}, "code": {"digest": "abc"}}
+NAMES = ("models/a.json", "tables/t.csv")
+
+
+@pytest.fixture
+def timed():
+    """A model that took a minute, a table of it that took two, and a report of the study."""
+    made = make(NAMES[0]), make(NAMES[1], inputs=NAMES[:1]), make("report.html", settings=REPORT)
+    for path, seconds in zip(made, (58.5, 118.5, 1.0), strict=True):
+        write_receipt(replace(read_receipt(path), seconds=seconds))
+
+
+def told(model=SETTINGS, study=STUDY, cores=2):
+    """What is said where the model is planned with these settings."""
+    planned = (plan(NAMES[0], settings=model), plan(NAMES[1], t=NAMES[:1]))
+    jobs = (*planned[0].jobs, *planned[1].jobs, *plan("report.html", settings=REPORT).jobs)
+    return list(outlook(Plan(study, jobs), receipts(RESULTS), cores))
+
+
+def test_an_edit_is_named_with_what_runs_again_and_about_how_long(timed):
+    assert told() == []
+    edited = {**STUDY, "wind": {"speed": 13.0}}
+    assert told(OTHER, edited) == [
+        "2 of 3 jobs will run, about 2 min on 2 cores",
+        "Edited since they last ran: wind.speed from 12.0 to 13.0.",
+    ]
+    assert told(OTHER, edited, None)[0] == "2 of 3 jobs will run, about 3 min of work"
+    code = told(SETTINGS | {"code": {"digest": "b"}})
+    assert code[1:] == ["Code or libraries changed behind: make."]
+
+
+def test_the_first_run_has_the_reference_alone_to_tell_times_by(folder):
+    first = "3 of 3 jobs will run, for the first time:"
+    assert told() == [f"{first} how long is not known yet"]
+    (folder / "origin.json").write_text('{"core_minutes": 30.2}')
+    compared = {**STUDY, "reference": str(folder)}
+    assert told(study=compared) == [f"{first} the reference took a core 30 min"]
+    said = map(duration_in_words, (4.2, 89, 600, 9000))
+    assert list(said) == ["4 s", "89 s", "10 min", "2 h"]

@@ -1,19 +1,13 @@
 """Scripts are functions, which can be called without Snakemake."""
 
 import importlib.util
-import re
-from inspect import signature
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from galloping.reproducibility import job
 from galloping.study.files import read
 
 ROOT = Path(__file__).parents[2]
-RULES = "".join(path.read_text("utf-8") for path in (ROOT / "workflow" / "rules").glob("*.smk"))
-NAMES = sorted(set(re.findall(r'"\.\./scripts/(\w+)\.py"', RULES)))
 
 
 def script(name):
@@ -23,27 +17,6 @@ def script(name):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return getattr(module, name)
-
-
-def named(rule, section):
-    """The names that a rule gives in one of its sections, and the wildcards of its outputs."""
-    text = re.search(rf"^rule {rule}:\n(.*?)(?=^\S|\Z)", RULES, re.MULTILINE | re.DOTALL)[1]
-    found = re.search(rf"^    {section}:\n(.*?)(?=^    \w)", text, re.MULTILINE | re.DOTALL)
-    body = found[1] if found else ""
-    return set(re.findall(r"^        (\w+)=", body, re.MULTILINE)), body
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_script_takes_what_its_rule_names(name):
-    (inputs, _), (outputs, written), (params, _) = (
-        named(name, section) for section in ("input", "output", "params")
-    )
-    parameters = signature(script(name)).parameters
-    takes = {each for each, of in parameters.items() if of.kind != of.VAR_KEYWORD}
-    given = inputs | outputs | (params - {job.CODE})
-    assert outputs and given <= takes
-    needed = {each for each in takes - given if parameters[each].default is parameters[each].empty}
-    assert needed <= set(re.findall(r"{(\w+)}", written))  # wildcards, where they are asked for
 
 
 def test_from_a_line_to_recordings_without_snakemake(cases, tmp_path):

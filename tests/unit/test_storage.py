@@ -6,8 +6,6 @@ import pytest
 from galloping.storage import (
     replacing,
     replacing_folder,
-    write_arrays,
-    write_json,
     write_rows,
     write_text,
 )
@@ -51,29 +49,6 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path, place, end):
         assert not end and (tmp_path / place / "a").read_text() == "new"
         assert (tmp_path / "old" / "mine").read_text() == "mine"
         assert files(tmp_path / place) == (["a", "mine"] if place == "old" else ["a"])
-
-
-@pytest.mark.parametrize(
-    "write",
-    [
-        lambda path: write_json(path, {"a": float("nan")}),
-        lambda path: write_rows(path, [{"a": 1}, {"b": 2}]),
-        lambda path: write_arrays(path, a=Unwritable()),
-    ],
-    ids=["json", "rows", "arrays"],
-)
-def test_content_that_cannot_be_written_leaves_the_old_file(tmp_path, write):
-    path = tmp_path / "file"
-    path.write_text("old")
-    with pytest.raises((ValueError, RuntimeError)):
-        write(path)
-    assert path.read_text() == "old"
-    assert files(tmp_path) == ["file"]
-
-
-class Unwritable:
-    def __array__(self, *_, **__):
-        raise RuntimeError("cannot be written")
 
 
 def test_rows(tmp_path):

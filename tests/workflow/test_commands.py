@@ -12,24 +12,6 @@ from galloping.reproducibility.receipts import Receipt, receipt_path
 from galloping.storage import write_json
 
 
-def test_an_environment_that_is_a_link_is_refused_and_its_target_left_alone(root, tmp_path):
-    clone, theirs = tmp_path / "clone", tmp_path / "theirs"
-    clone.mkdir()
-    theirs.mkdir()
-    (theirs / "file").touch()
-    for name in ("Makefile", "requirements.lock"):
-        shutil.copy(root / name, clone)
-    (clone / ".venv").symlink_to(theirs)
-    command = ["make", "--no-print-directory", f"PYTHON={sys.executable}"]
-    run = subprocess.run(command, cwd=clone, capture_output=True, text=True)
-    assert run.returncode != 0
-    assert run.stdout == (
-        ".venv is a link, and the environment would be made in the folder that it points to: "
-        "remove the link, and run again\n"
-    )
-    assert [path.name for path in theirs.iterdir()] == ["file"]
-
-
 @pytest.mark.parametrize("cores", ["0", "1.5"])
 def test_a_number_of_cores_that_is_none_is_one_line(root, cores):
     assert script(root, "run_study", "--cores", cores) == (
@@ -61,13 +43,6 @@ def test_pruning_shows_what_it_would_remove(fresh, tmp_path):
     assert (status, said) == (
         0, ["results/smoke: nothing is left over; the settings ask for every result"]
     )  # fmt: skip
-
-
-def test_help_names_every_variable_with_a_line_each(root):
-    run = subprocess.run(["make", "help"], cwd=root, capture_output=True, text=True, check=True)
-    first = [line.partition(" ")[0].partition("=")[0] for line in run.stdout.splitlines()]
-    for name in ("CONFIG", "CORES", "PROFILE", "ALLOW", "SHA256", "REPLACE", "DELETE"):
-        assert first.count(name) == 1, name
 
 
 @pytest.mark.parametrize(

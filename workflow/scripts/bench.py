@@ -17,7 +17,6 @@ import time
 from functools import partial
 from pathlib import Path
 
-import heyoka as hy
 import numpy as np
 import pandas as pd
 import pysindy as ps
@@ -25,20 +24,17 @@ import yaml
 from scipy.integrate import solve_ivp
 
 from galloping.configuration.load import load
-from galloping.identification.likelihood.condense import ORDER
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.problem import posed
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.sparse.evidence import reduce
 from galloping.identification.sparse.stlsq import normalised
 from galloping.measurement import measure
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
-from galloping.simulation import Simulator, equations, time_grid
+from galloping.simulation import Simulator
 from galloping.storage import write_rows
 from galloping.study.cells import Study
 from galloping.study.files import read_model, read_trajectories
-from galloping.taylor import integrate, system, tables
 
 ROOT = Path(__file__).parents[2]
 CASE = "internal_resonance"
@@ -62,83 +58,52 @@ def row(quantity: str, value: float, unit: str, peer: str = "", ratio: float = n
 
 
 def simulation(results: Path) -> list[dict]:
-    """A re-simulation of an identified model against pysindy's, and integrators compared."""
+    """A re-simulation of an identified model against pysindy's: its time and its error."""
     line = read_model(results / f"models/{CASE}.json").model
-    terms = library(len(line.states), 3)
-    full = line.on_library(terms)
     motion = read_trajectories(results / f"trajectories/{CASE}.npz")[0]
-    grid, exact = motion.time, motion.states
-    simulator = Simulator(full.states, terms)
-    ours = seconds(lambda: simulator(full, exact[0], grid), 15)
-
+    grid, exact, terms = motion.time, motion.states, library(len(line.states), 3)
     sindy = ps.SINDy(
         optimizer=ps.STLSQ(threshold=1e-3), feature_library=ps.PolynomialLibrary(degree=3)
     )
     sindy.fit(exact, t=grid, x_dot=line(exact), feature_names=list(line.states))
+    same = PolynomialModel(line.states, terms, np.asarray(sindy.coefficients()))
+    simulator = Simulator(line.states, terms)
+    ours = seconds(lambda: simulator(same, exact[0], grid), 15)
     start = time.perf_counter()
     theirs = sindy.simulate(exact[0], grid)
     peer = time.perf_counter() - start
-    same = PolynomialModel(full.states, terms, np.asarray(sindy.coefficients()))
-    reference = _solve(same, exact[0], grid, 3e-14)  # the strictest that scipy allows
-    error = np.abs(simulator(same, exact[0], grid).states - reference).max()
-    peer_error = np.abs(theirs - reference).max()
-
-    dop = seconds(lambda: _solve(line, exact[0], grid, 1e-10), 1)
-    own = Simulator(line.states, line.terms)
+    strict = solve_ivp(
+        lambda _, x: same(x[np.newaxis])[0], (grid[0], grid[-1]), exact[0],
+        method="DOP853", t_eval=grid, rtol=3e-14, atol=3e-14,  # the strictest that scipy allows
+    ).y.T  # fmt: skip
+    error, peers = (
+        np.abs(states - strict).max() for states in (simulator(same, exact[0], grid).states, theirs)
+    )
     return [
         row("re-simulation of an identified model, 300 s", ours, "s",
             "pysindy simulate", peer / ours, ">= 1000"),
         row("largest error of that re-simulation", error, "SI",
-            "pysindy simulate", peer_error / error, ">= 1"),
-        row("simulation of the line, heyoka", seconds(lambda: own(line, exact[0], grid), 15), "s",
-            "scipy DOP853 at 1e-10", dop / ours),
-        row("compilation of the simulator", seconds(lambda: Simulator(full.states, terms), 3), "s"),
+            "pysindy simulate", peers / error, ">= 1"),
     ]  # fmt: skip
-
-
-def _solve(line, x0, grid, tolerance):
-    return solve_ivp(
-        lambda _, x: line(x[np.newaxis])[0], (grid[0], grid[-1]), x0,
-        method="DOP853", t_eval=grid, rtol=tolerance, atol=tolerance,
-    ).y.T  # fmt: skip
 
 
 def identification(results: Path) -> list[dict]:
-    """Reduction and stlsq with threshold selection against one plain fit; growth with samples."""
+    """Reduction and stlsq with threshold selection against one fit of pysindy's at a threshold."""
     recording = recordings(results, "derivative")[0][0]
     terms = library(len(recording.states), 3)
-
-    def fit(one: Recording) -> None:
-        normalised(reduce([one], terms), threshold=None, path_length=30)
-
-    def plain(optimizer: ps.STLSQ) -> float:
-        sindy = ps.SINDy(optimizer=optimizer, feature_library=ps.PolynomialLibrary(degree=3))
-        given = {"t": recording.time, "x_dot": recording.derivatives}
-        return seconds(lambda: sindy.fit(recording.values, **given), 7)
-
-    ours = seconds(lambda: fit(recording), 31)
-    same = plain(ps.STLSQ(threshold=0.01, normalize_columns=True))
-    raw = plain(ps.STLSQ(threshold=0.001))
-    rows = [
+    sindy = ps.SINDy(
+        optimizer=ps.STLSQ(threshold=0.01, normalize_columns=True),
+        feature_library=ps.PolynomialLibrary(degree=3),
+    )
+    given = {"t": recording.time, "x_dot": recording.derivatives}
+    peer = seconds(lambda: sindy.fit(recording.values, **given), 7)
+    ours = seconds(
+        lambda: normalised(reduce([recording], terms), threshold=None, path_length=30), 31
+    )
+    return [
         row("stlsq with threshold selection, 30,001 x 4", ours, "s",
-            "pysindy SINDy.fit of the same method at one threshold", same / ours, ">= 10"),
-        row("stlsq with threshold selection, 30,001 x 4", ours, "s",
-            "pysindy SINDy.fit on raw columns at one threshold", raw / ours, ">= 10"),
+            "pysindy SINDy.fit of the same method at one threshold", peer / ours, ">= 10"),
     ]  # fmt: skip
-    line = read_model(results / f"models/{CASE}.json").model
-    simulator = Simulator(line.states, line.terms)
-    previous = None
-    for n in (10_000, 100_000, 1_000_000):
-        grid = time_grid(300.0, n / 300.0)
-        states = simulator(line, np.array([0.1, 0.1, 0, 0]), grid).states
-        rng = np.random.default_rng(0)
-        noisy = line(states) + 0.05 * rng.standard_normal(states.shape)
-        recording = Recording(grid, line.states, states, noisy)
-        cost = seconds(partial(fit, recording), 3)
-        peer = ("a tenth of the samples", cost / previous, "about 10") if previous else ()
-        rows.append(row(f"the same, {n} x 4", cost, "s", *peer))
-        previous = cost
-    return rows
 
 
 def limit(results: Path) -> list[dict]:
@@ -177,41 +142,6 @@ def command() -> list[dict]:
     ours = cost(default)
     what = "galloping identify on the example, of a core"
     return [row(what, ours, "s", "the same with one thread", one / ours, "<= 8")]
-
-
-def sensitivity(results: Path) -> list[dict]:
-    """The compiled Taylor integrator with its projections beside heyoka's variational equations.
-
-    Both of the whole library's free coefficients and of the initial state, over 300 s.
-    """
-    line = read_model(results / f"models/{CASE}.json").model.on_library(library(4, 3))
-    start = read_trajectories(results / f"trajectories/{CASE}.npz")[0].states[0]
-    free, steps = posed(line.states, line.terms).candidates, 2048
-    compiled = system(tables(line.terms, len(line.states)), line.coefficients, free)
-    functionals = np.ones((steps, len(line.states), 2, ORDER + 1))
-    ours = partial(
-        integrate, compiled, 300.0 / steps, np.array([0, steps]), start[np.newaxis], functionals,
-        np.arange(len(line.states)), np.zeros((steps, 1, 0)), sensitive=True,
-    )  # fmt: skip
-    ours()
-
-    support = line.support
-    support[tuple(free.T)] = True
-    places, rates = np.argwhere(support).tolist(), equations(line.states, line.terms, support)
-    by = [*(v for v, _ in rates), *(hy.par[places.index(place)] for place in free.tolist())]
-    integrator = hy.taylor_adaptive(
-        hy.var_ode_sys(rates, by, order=1), list(start), pars=list(line.coefficients[support]),
-        tol=1e-9, compact_mode=True,
-    )  # fmt: skip
-    begin = integrator.state.copy()
-
-    def theirs() -> None:
-        integrator.time, integrator.state[:] = 0.0, begin
-        integrator.propagate_until(300.0)
-
-    mine, peer = seconds(ours, 15), seconds(theirs, 15)
-    what = f"sensitivities to {len(free)} coefficients with projections, 300 s"
-    return [row(what, mine, "s", "heyoka's variational equations without output", peer / mine)]
 
 
 def recordings(results: Path, protocol: str) -> list[tuple[Recording, ...]]:
@@ -290,7 +220,7 @@ def whole_runs() -> list[dict]:
 
 
 def main(results: str, output: str, older: str | None = None) -> None:
-    folder, measured = Path(results), (simulation, identification, limit, sensitivity)
+    folder, measured = Path(results), (simulation, identification, limit)
     rows = jobs(folder, Path(older) if older else None)
     rows += [each for measure in measured for each in measure(folder)]
     write_rows(output, [*rows, *command(), *whole_runs()])

@@ -3,13 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
-from lines import RESONANT
+from lines import RESONANT, recorded
 from scipy.stats import ks_2samp
 
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification import cell, registry
 from galloping.identification.sparse.evidence import reduce
-from galloping.measurement import measure
 from galloping.paper import draws
 from galloping.polynomial import extended, library
 from galloping.results import NOISE, PAPER_METHOD, SUBSET
@@ -25,19 +24,16 @@ def line():
     return draws.line_motion(CASE, AMOUNTS.duration, AMOUNTS.sampling_rate)
 
 
-def recorded(line, *, level, points, replicates):
-    motion, _ = line
-    return measure(
-        [motion], protocol="derivative", level=level, relative=False, samples=points, recordings=1,
-        replicates=replicates, seed=3, name=("test",),
-    )  # fmt: skip
+def items(line, **options):
+    options |= {"protocol": "derivative", "relative": False, "name": ("test",)}
+    return [(recording,) for recording in recorded(line[0], **options)]
 
 
 def standard_scores(line, *, level, points, replicates):
     """Scores by the way that the study goes: recordings, the method, its evaluation."""
     motion, model = line
     terms = library(4, 3)
-    recordings = recorded(line, level=level, points=points, replicates=replicates)
+    recordings = items(line, level=level, samples=points, replicates=replicates)
     method = registry.BY_NAME[PAPER_METHOD]
     settings = method.settings({"degree": 3, "paper": {"threshold": 0.003, "path_length": 30}}, 0)
     models = cell.identify({PAPER_METHOD: settings}, recordings, terms, ("test",))
@@ -47,7 +43,7 @@ def standard_scores(line, *, level, points, replicates):
 
 
 def test_one_recording_gives_one_model_by_either_way(line):
-    ((recording,),) = recorded(line, level=0.05, points=3001, replicates=1)
+    ((recording,),) = items(line, samples=3001)
     ours = draws.identify(reduce([recording], library(4, 3)).plain, **SETTING)
     standard = cell.identify(
         {"paper": registry.BY_NAME["paper"].settings(

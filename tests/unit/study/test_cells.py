@@ -37,28 +37,6 @@ def test_without_noise_replicates_are_one_and_draw_nothing(default):
     assert seeded.measurement == cell.measurement
 
 
-@pytest.mark.parametrize(
-    ("settings", "reads"),
-    [
-        ({"measurement": {"state_noise": "absolute"}}, {"state", "displacement"}),
-        ({"measurement": {"replicates": 3}}, {"derivative", "state", "displacement"}),
-        ({"identification": {"stlsq": {"threshold": 0.1}}}, set()),
-    ],
-)
-def test_recordings_depend_on_nothing_but_their_own_settings(default, settings, reads):
-    cells = [("internal_resonance", p.name, "noise_0.05") for p in default.protocols]
-    other = study(**settings)
-    changed = {c[1] for c in cells if default.cell(*c).measurement != other.cell(*c).measurement}
-    assert changed == reads
-
-
-def test_the_order_of_methods_is_of_no_concern_to_a_cell(default):
-    named = [method.name for method in default.methods]
-    other = study(identification={"methods": named[::-1]})
-    assert [m.name for m in other.methods] == named[::-1]
-    assert [cell.methods for cell in other.cells] == [cell.methods for cell in default.cells]
-
-
 def test_more_replicates_of_a_trial_are_further_batches():
     def batches(replicates):
         trial = {"kind": "sensor_faults", "cases": ["late channels"], "replicates": replicates}

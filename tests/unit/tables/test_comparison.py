@@ -19,6 +19,7 @@ from galloping.tables.comparison import (
     compare_tables,
     describe,
     read_origin,
+    table_differences,
 )
 
 TABLE = """case,method,level,r2,value,verdict
@@ -103,6 +104,19 @@ def test_a_difference_in_words_and_rows_about_the_same_by_their_order():
     twice = TABLE.replace("lasso", "stlsq")
     found = compare_tables(table(twice), table(twice.replace("0.8,1", "0.7,1")))
     assert found["row"].tolist() == ["case=a, method=stlsq, level=0.05, row 2"]
+
+
+def test_the_first_differences_of_two_folders_are_told(tmp_path):
+    rows = "".join(f"{name},{{}}\n" for name in "abcdefghijkl")
+    archived, here = tmp_path / "archived", tmp_path / "here"
+    for folder, value in ((archived, "1"), (here, "2")):
+        (folder / "tables").mkdir(parents=True)
+        (folder / "tables/t.csv").write_text("case,r2\n" + rows.replace("{}", value))
+    assert list(table_differences(here, here)) == []
+    (here / "tables/u.csv").touch()
+    lines = list(table_differences(archived, here))
+    assert lines[0] == "tables/t.csv: case=a, r2: reference 1, found 2 (allowed 0.001)"
+    assert lines[-2:] == ["tables/t.csv: 2 more differences", "tables/u.csv: not in the archive"]
 
 
 # beside the reference

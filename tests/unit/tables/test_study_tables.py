@@ -71,13 +71,6 @@ def study_scores(replicates=4):
     return pd.DataFrame(rows)
 
 
-@pytest.mark.parametrize("table", [noise_coefficients, noise_r2, data_amount])
-def test_tables_do_not_depend_on_the_order_of_replicates(table):
-    scores = study_scores()
-    shuffled = scores.sample(frac=1, random_state=1, ignore_index=True)
-    pd.testing.assert_frame_equal(table(shuffled), table(scores))
-
-
 def test_noise_tables_hold_whole_records_with_failures_counted():
     scores = study_scores()
     errors, r2 = noise_coefficients(scores), noise_r2(scores)

@@ -282,7 +282,7 @@ def _read(opened, lines, encoding, decimal, time, rows):  # as `_read_text`
                 nrows=rows,
             )  # fmt: skip
     except (pd.errors.ParserWarning, pd.errors.ParserError) as error:
-        raise FileError(_uneven(opened, encoding, layout)) from error
+        raise FileError(_uneven(error, layout)) from error
     except pd.errors.EmptyDataError as error:
         raise FileError("no rows of data") from error
     notes = list(layout.notes)
@@ -436,17 +436,14 @@ def _is_data(cells: list[str], decimal: str) -> bool:
     return True
 
 
-def _uneven(opened: Callable[[], BinaryIO], encoding: str, layout: _Layout) -> str:
-    """What is wrong with the first row that has more cells than the header."""
-    with io.TextIOWrapper(opened(), encoding, errors="replace", newline="") as file:
-        before = 0
-        for k, line in enumerate(file):
-            cells = _cells(line, layout.separator) if k >= layout.first else []
-            if line.count('"') % 2:
-                before = before or k + 1
-            if len(cells) > len(layout.header):
-                return f"row {k + 1} has {len(cells)} cells, the header {len(layout.header)}"
-    return f"row {before}: a quotation mark is not closed" if before else "rows differ in length"
+def _uneven(error: Exception, layout: _Layout) -> str:
+    """What pandas says is wrong with the first row that has more cells than the header."""
+    cells = f"the header {len(layout.header)}"
+    if found := re.search(r"in line (\d+), saw (\d+)", str(error)):
+        return f"row {found[1]} has {found[2]} cells, {cells}"
+    if found := re.search(r"EOF inside string starting at row (\d+)", str(error)):
+        return f"row {int(found[1]) + 1}: a quotation mark is not closed"
+    return f"row {layout.first + 1} has more cells than {cells}"
 
 
 def _described_units(path: Path, own: Mapping[str, str]) -> dict[str, str]:

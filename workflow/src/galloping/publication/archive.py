@@ -6,7 +6,6 @@ A manifest has the SHA-256 of every file of a folder, in the format of `sha256su
 
 import os
 import re
-import shutil
 import stat
 import struct
 import tempfile
@@ -41,7 +40,7 @@ MAX_SIZE = 4 * 2**30  # bytes, of all files together
 
 EARLIEST = (1980, 1, 1, 0, 0, 0)  # the time that every entry has; a zip knows none before
 PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+=-]*(/[A-Za-z0-9_][A-Za-z0-9_.+=-]*)*")
-# what is raised for what is no zip file, a broken one, or one with a name twice
+# what is raised for what is no zip file, a broken one, or one in which a file is a folder too
 UNSOUND = (
     zipfile.BadZipFile, zlib.error, struct.error, EOFError, ValueError, RuntimeError,
     FileExistsError, NotADirectoryError, IsADirectoryError,
@@ -99,11 +98,7 @@ def unpack(archive: Path, folder: Path) -> None:
                         f"{archive}: {entry.orig_filename!r} is not a plain path (letters, digits "
                         "and _.+=-, with '/', no part beginning with a dot)"
                     )
-            for entry in entries:
-                target = folder / entry.filename
-                target.parent.mkdir(parents=True, exist_ok=True)
-                with content.open(entry) as source, target.open("xb") as sink:
-                    shutil.copyfileobj(source, sink)  # never more than declared
+            content.extractall(folder)  # of each entry never more than declared
     except UNSOUND as error:
         raise NotRestorable(f"{archive}: not a sound zip file ({error})") from None
 

@@ -27,8 +27,6 @@ PACKAGE = Path(__file__).parents[1].name
 # Logs, receipts, messages and progress: no number depends on them.
 UNCOUNTED = (f"{PACKAGE}.reproducibility.job", f"{PACKAGE}.passes")
 DOCUMENTED = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
-# Distributions that are not named as what is imported of them.
-DISTRIBUTIONS = {"sklearn": "scikit-learn", "yaml": "PyYAML"}
 
 
 @cache
@@ -131,9 +129,12 @@ def versions(imported: Iterable[str]) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for name in imported:
-        distribution = canonicalize_name(DISTRIBUTIONS.get(name, name))
-        found |= _with_requirements(distribution)
+        for distribution in _provided().get(name, ()):
+            found |= _with_requirements(canonicalize_name(distribution))
     return {"python": ".".join(platform.python_version_tuple()[:2]), **dict(sorted(found.items()))}
+
+
+_provided = cache(metadata.packages_distributions)  # by what is imported of them
 
 
 @cache

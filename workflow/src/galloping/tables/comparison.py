@@ -158,13 +158,12 @@ def _values(*sides: pd.DataFrame) -> pd.DataFrame:
         difference = np.where(first == second, 0.0, second - first)
     size = np.where(np.isinf(first), 0.0, np.abs(first))  # only infinity agrees with infinity
     tolerance = np.maximum(ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE * size)
-    close = np.isclose(second, first, RELATIVE_TOLERANCE, 0) | np.isclose(
-        second, first, 0, ABSOLUTE_TOLERANCE
-    )
     return values.assign(
         difference=np.where(numbers, difference, np.nan),
         tolerance=np.where(numbers, tolerance, np.nan),
-        agrees=np.where(numbers, close, values["reference"] == values["found"]),
+        agrees=np.where(
+            numbers, np.abs(difference) <= tolerance, values["reference"] == values["found"]
+        ),
     )
 
 
