@@ -39,7 +39,7 @@ CELL = {"case": "line", "protocol": "state", "method": "weak"}
 
 
 NOISE = {"kind": "noise", "x": "level", "labels": dict.fromkeys(PROTOCOLS, "noise"),
-         "quantities": ["coefficients"], "values": "noise_coefficients.csv"}  # fmt: skip
+         "quantities": ["coefficients"]}  # fmt: skip
 AMOUNT = {**NOISE, "kind": "points", "x": "points", "quantities": ["r2", "amplitude"]}
 COLUMNS = [column for quantity in QUANTITIES.values() for column in quantity.columns]
 

@@ -78,11 +78,14 @@ def test_claims_that_do_not_hold(result, fault):
     assert not claims(true, replace(wrong, status="not identifiable"))["ok_and_wrong"]
 
 
+def of_a_random_line(seed, number, **options):
+    """The fits to its two recordings, one after the other."""
+    given = {"protocols": ["state"], "levels": [0.05]} | options
+    return recorded_lines.of_random_lines(seed, "all", [number], METHODS, **given)
+
+
 def test_random_lines_and_their_table():
-    levels = {"protocols": ["state"], "levels": [0.05]}
-    fits = pd.DataFrame(
-        recorded_lines.of_random_lines(5, "all", [0], METHODS, **levels, duration=60.0)
-    )
+    fits = pd.DataFrame(of_a_random_line(5, 0, duration=60.0))
     assert list(fits["release"]) == [0, 1]
     table = trust(fits)
     line = table[table["case"] == "all"].to_dict("records")[0]
@@ -102,27 +105,20 @@ def test_random_lines_and_their_table():
 
 
 def test_a_chaotic_system_is_followed_in_short_segments_where_long_ones_lead_astray():
-    fit = next(iter(published.systems(4711, "lorenz", [0], METHODS, samples=[2000], levels=[0.1])))
+    fit = next(published.systems(4711, "lorenz", [0], METHODS, samples=[2000], levels=[0.1]))
     assert fit["status"] == "ok" and fit["exact"]
 
 
 def test_a_weak_term_that_is_left_out_is_no_drift_of_a_sensor():
     """Without dq_v^2, too weak to be chosen, what remains looks like a slow drift of q_v."""
-    drawn_lines = recorded_lines.of_random_lines(
-        910213, "all", [9], METHODS, protocols=["state"], levels=[0.05]
-    )
-    fit = next(iter(drawn_lines))
+    fit = next(of_a_random_line(910213, 9))
     assert fit["status"] == "ok" and not fit["ok_and_wrong"]
 
 
 @pytest.mark.slow
 def test_terms_that_do_not_settle_are_never_ok_and_wrong():
     """The second recording settled when there were 40 passes; now the budget ends before."""
-    fits = list(
-        recorded_lines.of_random_lines(
-            14959787, "all", [295], METHODS, protocols=["state"], levels=[0.05]
-        )
-    )
+    fits = list(of_a_random_line(14959787, 295))
     assert not any(fit["ok_and_wrong"] for fit in fits)
     assert fits[0]["status"] == "ok" and fits[0]["exact"]
 
@@ -130,24 +126,16 @@ def test_terms_that_do_not_settle_are_never_ok_and_wrong():
 @pytest.mark.slow
 def test_terms_that_make_up_others_are_followed_from_few_on_but_not_on_a_limit_cycle():
     """Both recordings leave mixtures of terms unseen: the first fewer than its model has terms."""
-    fit = next(
-        iter(
-            recorded_lines.of_random_lines(
-                3316624, "all", [314], METHODS, protocols=["state"], levels=[0.05]
-            )
-        )
-    )
+    fit = next(of_a_random_line(3316624, 314))
     assert fit["status"] in ("ok", "not identifiable") and not fit["ok_and_wrong"]
     settled = recorded_lines.of_long_and_steady_motions(
         3162278, "limit cycle, random lines", [9], METHODS, levels=[0.05]
     )
-    assert next(iter(settled))["status"] == "not identifiable"
+    assert next(settled)["status"] == "not identifiable"
 
 
 def test_a_system_is_compared_with_its_bound():
-    system = next(
-        iter(published.systems(5, "van_der_pol", [0], METHODS, samples=[500], levels=[0.01]))
-    )
+    system = next(published.systems(5, "van_der_pol", [0], METHODS, samples=[500], levels=[0.01]))
     assert system["exact"] and 0.2 < system["error_over_bound"] < 3.0
     assert np.isnan(system["cause_named"])
 
@@ -155,7 +143,7 @@ def test_a_system_is_compared_with_its_bound():
 @pytest.mark.parametrize(("fault", "size"), [("late channels", 0.0), ("clock", 0.001)])
 def test_a_fault_is_named(fault, size):
     """Late channels also where the data are followed in pieces only."""
-    fit = next(iter(recorded_lines.of_faulty_recordings(4711, fault, [0], METHODS, levels=[0.05])))
+    fit = next(recorded_lines.of_faulty_recordings(4711, fault, [0], METHODS, levels=[0.05]))
     assert fit["cause_named"] and fit["status"] != "ok" and fit["size"] >= size
 
 

@@ -170,7 +170,7 @@ if LINES:
         "figure06_methods": drawn(
             "06, all methods: coefficient error against noise",
             "errors:draw_methods",
-            everything | against_noise("coefficients") | {"values": "noise_coefficients.csv"},
+            everything | against_noise("coefficients"),
             table=SCORES,
         ),
         "figure07": drawn(
@@ -179,7 +179,7 @@ if LINES:
         "figure07_methods": drawn(
             "07, all methods: R2 against noise",
             "errors:draw_methods",
-            everything | against_noise("r2") | {"values": "noise_r2.csv"},
+            everything | against_noise("r2"),
             table=SCORES,
         ),
         **histories("08", "time histories under noise", noisy_histories),
@@ -193,7 +193,7 @@ if LINES:
         "figure10_methods": drawn(
             "10, all methods: amplitude by amount of data",
             "errors:draw_methods",
-            everything | against_points("amplitude") | {"values": "data_amount.csv"},
+            everything | against_points("amplitude"),
             table=SCORES,
         ),
         "claims": drawn(

@@ -27,6 +27,7 @@ from galloping.cycles.rows import (
 from galloping.figures.against_paper import draw_reproduction
 from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
 from galloping.figures.motions import draw_limit_cycles, draw_prediction, draw_resonance_map
+from galloping.figures.parts import TALLEST
 from galloping.physics.measures import (
     FOOT,
     Ellipse,
@@ -96,9 +97,6 @@ def test_map_and_orbits(case):
     angle = np.linspace(0, 6.28, 50)
     orbits = {"line": {8.0: np.column_stack([np.cos(angle), np.sin(2 * angle)])}}
     drawn(lambda: draw_orbits(orbits, {"cases": {"line": case}}))
-    many = [f"line {k}" for k in range(11)]
-    figure = draw_orbits(dict.fromkeys(many, orbits["line"]), {"cases": dict.fromkeys(many, case)})
-    assert figure.get_figheight() <= 12
 
 
 def test_clearance_and_measures(case):
@@ -120,7 +118,7 @@ def test_clearance_and_measures(case):
     drawn(lambda: draw_measures(table, {"cases": ["line"]}))
     many = [f"line {k}" for k in range(20)]
     tall = draw_measures(pd.concat([table.assign(case=name) for name in many]), {"cases": many})
-    assert tall.get_figheight() <= 12 and "line 19" in tall.get_supxlabel()
+    assert len(tall.axes) == 3 * len(many) and tall.get_figheight() <= TALLEST
 
 
 def test_prediction(case):

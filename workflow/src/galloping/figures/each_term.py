@@ -136,10 +136,9 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
     terms = [term for term in SYMBOLS if term in present]
     if not terms:
         return parts.nothing_at_all("this study has no bound on noisy recordings")
-    count = -(-len(settings["cases"]) // ACROSS)
-    rows, height = parts.fitting(range(count), 1.2, 0.24 * max(len(terms), 6))
-    cases = settings["cases"][: ACROSS * len(rows)]
-    across = -(-len(cases) // len(rows))
+    cases = settings["cases"]
+    rows = -(-len(cases) // ACROSS)
+    height, across = parts.height(1.2, 0.24 * max(len(terms), 6), rows), -(-len(cases) // rows)
     figure, grid = parts.wrapped_grid(len(cases), across, height, sharex=True, sharey=True)
     reach = (max(whole["t"].min(), IDENTIFIABLE / LEAST), whole["t"].max())
     monomials = [term.replace("dq_", r"\dot{q}_").replace(" ", r"\,") for _, term in terms]
@@ -178,7 +177,6 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
     text = f"not identifiable ($t$ ≤ {IDENTIFIABLE:g})"
     keys.append(Patch(facecolor=UNTOLD, edgecolor=PAPER, lw=0.6, label=text))
     parts.legend(figure, *keys, columns=3)
-    parts.note_left_out(figure, settings["cases"][len(cases) :], "identifiability.csv")
     return figure
 
 

@@ -47,19 +47,17 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
     """
     names = list(settings["cases"])
     columns = min(len(names), COLUMNS)
-    rows, height = parts.fitting(range(-(-len(names) // columns)), 0.6, 3.6)
-    shown = names[: len(rows) * columns]
-    figure, grid = parts.wrapped_grid(len(shown), columns, height, sharex=True, sharey=True)
+    height = parts.height(0.6, 3.6, -(-len(names) // columns))
+    figure, grid = parts.wrapped_grid(len(names), columns, height, sharex=True, sharey=True)
     drawn = [places for of_case in orbits.values() for places in of_case.values()]
-    for name in shown:
+    for name in names:
         drawn += [each.outline() for each in design_ellipses(settings["cases"][name]).values()]
     reach = 1.35 * max(np.max(np.abs(each[:, 0])) for each in drawn)
-    for k, (axes, name) in enumerate(zip(grid, shown, strict=True)):
+    for k, (axes, name) in enumerate(zip(grid, names, strict=True)):
         parts.letter(axes, k, spoken(name))
         _orbits(axes, settings["cases"][name], orbits[name], reach)
         axes.set_ylabel("" if k % columns else "vertical, m from rest")
     parts.legend(figure, columns=6, loc="outside lower center")
-    parts.note_left_out(figure, names[len(shown) :], "clearance.csv")
     return figure
 
 
@@ -101,7 +99,7 @@ def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
     """
     most = table[table["case"].isin(settings["cases"])]["case"].value_counts().max()
     figure, grids = parts.case_grids(
-        settings["cases"], 1, len(MEASURED), 0.4, 0.7 + 0.26 * most, "measures.csv", sharex=False
+        settings["cases"], 1, len(MEASURED), 0.4, 0.7 + 0.26 * most, sharex=False
     )
     for row, (case, grid) in enumerate(grids.items()):
         of_case = table[table["case"] == case].sort_values("rank")

@@ -186,12 +186,11 @@ def draw_methods(table: pd.DataFrame, settings: Mapping) -> Figure:
     quantity, a column for each protocol.
 
     table: scores.csv. settings: cases, protocols, methods in the study's order; kind of cells; x,
-    `level` or `points`, and its labels by protocol; quantities, names of QUANTITIES; values, where
-    the values of cases not drawn are.
+    `level` or `points`, and its labels by protocol; quantities, names of QUANTITIES.
     """
     x, rows = settings["x"], [QUANTITIES[name] for name in settings["quantities"]]
     table = table[(table["kind"] == settings["kind"]) & (table[x] > 0)]
-    figure, grid = parts.method_grid(settings, len(rows), 2.1, settings["values"])
+    figure, grid = parts.method_grid(settings, len(rows), 2.1)
     places = parts.LogAxis.of(table[x])
     shift = parts.shifts(parts.in_order(table, "method", settings["methods"]), METHODS_APART)
     drawn = set()
@@ -226,7 +225,7 @@ def draw_efficiency(table: pd.DataFrame, settings: Mapping) -> Figure:
     labels of the noise by protocol.
     """
     whole = table[table["points"] == table["points"].max()]
-    figure, grid = parts.method_grid(settings, 1, 2.2, "efficiency.csv")
+    figure, grid = parts.method_grid(settings, 1, 2.2)
     for (case, _, protocol), axes in grid.items():
         of_case = whole[whole["case"] == case]
         chosen = of_case[of_case["protocol"] == protocol]

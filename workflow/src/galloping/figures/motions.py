@@ -33,8 +33,9 @@ def draw_recovery(
     trajectories: motions by case, of which the first counts. reconstructions: by case and method,
     of the cell at the lowest level. settings: cases, protocol, method and level.
     """
-    cases, height = parts.fitting(settings["cases"], 0.6, 2.9)
-    figure = Figure(figsize=(style.DOUBLE, height), layout="constrained")
+    cases = settings["cases"]
+    size = style.DOUBLE, parts.height(0.6, 2.9, len(cases))
+    figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(2 * len(cases), 3, squeeze=False, width_ratios=(2, 2, 1.25))
     for k, row in enumerate(grid):
         case, (j, state) = cases[k // 2], (k % 2, list(style.STATE_LABELS)[k % 2])
@@ -66,8 +67,6 @@ def draw_recovery(
     )
     keys = parts.key("true", **TRUE_LINE), parts.key(by, **MODEL_LINE)
     parts.legend(figure, *keys, columns=2)
-    left = settings["cases"][len(cases) :]
-    parts.note_left_out(figure, left, "scores.csv, and trajectories/ in the results")
     return figure
 
 
@@ -164,9 +163,7 @@ def draw_limit_cycles(
     """
     if cycles.empty:
         return parts.nothing_at_all("this study varies no single parameter")
-    figure, grids = parts.case_grids(
-        list(settings["cases"]), 1, len(STATES), 0.9, 2.2, "limit_cycles.csv"
-    )
+    figure, grids = parts.case_grids(list(settings["cases"]), 1, len(STATES), 0.9, 2.2)
     for row, (case, grid) in enumerate(grids.items()):
         of_case = [
             table[(table["case"] == case) & (table["parameter"] == settings["parameter"])]

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from textwrap import fill
 
 import numpy as np
 import pandas as pd
@@ -14,10 +13,8 @@ from matplotlib.ticker import NullFormatter, NullLocator
 
 from galloping.figures.style import BAND, DOUBLE, FAINT, QUIET, STATE_LABELS, method_style, spoken
 
-TALLEST = 12.0  # inches: what a page of a report shows at once
-SHRUNK = 0.8  # of its wanted height has a case at least, where there are many
+TALLEST = 40.0  # inches: a PNG of 1,200 px/inch can hardly be taller
 BEYOND = "beyond the axis"  # label of what stands at a limit as an open triangle
-NOTE_WIDTH = 135  # letters in a line of the double width
 R2_LIMITS = (0.0, 0.9999)
 R2_TICKS = (0.0, 0.9, 0.95, 0.99, 0.999, 0.9999)
 
@@ -51,52 +48,32 @@ def typeset(text: str) -> str:
     return text
 
 
-def fitting(cases: Sequence[str], head: float, each: float) -> tuple[Sequence[str], float]:
-    """The first cases, as many as fit into one figure, and its height in inches.
-
-    head: height without any case. each: wanted height of one, of which SHRUNK is the least.
-    """
-    room = TALLEST - head
-    shown = cases[: max(1, int(room / (SHRUNK * each)))]
-    return shown, head + min(each * len(shown), room)
-
-
-def note_left_out(figure: Figure, left: Sequence[str], where: str) -> None:
-    """A line below the panels that names the cases without any. where: what holds their values."""
-    if left:
-        names = ", ".join(map(spoken, left))
-        text = fill(f"Not drawn, for want of room: {names}. Their values: {where}.", NOTE_WIDTH)
-        figure.supxlabel(text, x=0.01, ha="left", size=0.85 * rcParams["font.size"])
+def height(head: float, each: float, count: int) -> float:
+    """Of a figure, in inches: `each` for so many rows below its head, less where there are many."""
+    return head + min(each * count, TALLEST - head)
 
 
 def case_grids(
-    cases: Sequence[str], rows: int, columns: int, head: float, each: float, where: str,
-    sharex: bool = True,
+    cases: Sequence[str], rows: int, columns: int, head: float, each: float, sharex: bool = True
 ) -> tuple[Figure, dict[str, np.ndarray]]:  # fmt: skip
-    """A headed block of rows x columns panels for each case that fits, heights shared along a row.
-
-    head, each: as of `fitting`. where: what holds the values of the other cases.
-    """
-    shown, height = fitting(cases, head, each)
-    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
-    blocks, grids = figure.subfigures(len(shown), 1, squeeze=False)[:, 0], {}
-    for case, block in zip(shown, blocks, strict=True):
+    """A headed block of rows x columns panels for each case. head, each: as of `height`."""
+    figure = Figure(figsize=(DOUBLE, height(head, each, len(cases))), layout="constrained")
+    blocks, grids = figure.subfigures(len(cases), 1, squeeze=False)[:, 0], {}
+    for case, block in zip(cases, blocks, strict=True):
         block.suptitle(spoken(case), x=0.01, ha="left", weight="bold", size=rcParams["font.size"])
         grids[case] = block.subplots(rows, columns, squeeze=False, sharex=sharex, sharey="row")
-    note_left_out(figure, cases[len(shown) :], where)
     return figure, grids
 
 
 def method_grid(
-    settings: Mapping, rows: int, each: float, where: str
+    settings: Mapping, rows: int, each: float
 ) -> tuple[Figure, dict[tuple[str, int, str], Axes]]:
     """Panels by case, row and protocol: a headed block for each case, a column for each protocol.
 
-    settings: cases and protocols, of which the cases that fit are drawn. each: height of a row, in
-    inches. where: what holds the values of the other cases.
+    settings: cases and protocols. each: height of a row, in inches.
     """
     protocols = settings["protocols"]
-    figure, grids = case_grids(settings["cases"], rows, len(protocols), 0.8, each * rows, where)
+    figure, grids = case_grids(settings["cases"], rows, len(protocols), 0.8, each * rows)
     grid = {
         (case, row, protocol): axes
         for case, block in grids.items()
