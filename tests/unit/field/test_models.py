@@ -11,13 +11,12 @@ import pytest
 from lines import RESONANT, simulate
 
 from galloping.field.advice import advice
-from galloping.field.analysis import Question, analyse, read_field
+from galloping.field.analysis import read_field
 from galloping.field.mapping import validated
 from galloping.field.recordings import PERIODS, STRETCHES, excerpts
 from galloping.field.summary import hold_out, longest_period
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.smoothing import shortest_period
-from galloping.measurement import Motion, measure
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import library
 from galloping.recording import Recording
@@ -56,24 +55,6 @@ def field(tmp_path_factory):
     _, motion = simulate("internal_resonance")
     path = tmp_path_factory.mktemp("field") / "a.csv"
     return read_field([recorded(path, motion.time[::20], motion.states[::20])], mapping())
-
-
-@pytest.mark.slow
-def test_a_recording_of_the_study_gives_the_same_numbers_through_a_file(tmp_path):
-    line, motion = simulate("internal_resonance")
-    time, states = motion.time[:10001], motion.states[:10001]
-    ((cell,),) = measure(
-        [Motion(STATES, time, states, line(states))], protocol="displacement", level=0.05,
-        relative=True, samples=len(time), recordings=1, replicates=1, seed=1, name=("a",),
-    )  # fmt: skip
-    frame = pd.DataFrame({"t": cell.time, **dict(zip(STATES[:2], cell.values.T, strict=False))})
-    frame.to_csv(tmp_path / "a.csv", index=False)
-    ours = analyse(read_field([tmp_path / "a.csv"], mapping()), Question(), tmp_path / "out")
-    studys = maximum_likelihood(cell, TERMS)
-    for name in ("standard_errors", "unconditional_errors", "sigma", "initial_states"):
-        np.testing.assert_allclose(getattr(ours, name), getattr(studys, name), rtol=1e-9)
-    np.testing.assert_allclose(ours.model.coefficients, studys.model.coefficients, rtol=1e-9)
-    assert ours.verdict == studys.verdict
 
 
 def test_a_span_gives_the_same_numbers_through_a_file_as_its_projected_sensors(tmp_path):

@@ -4,6 +4,7 @@ import shutil
 import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from mimetypes import MimeTypes
 from pathlib import Path
 
 import yaml
@@ -40,15 +41,9 @@ DESCRIPTIONS = {
     "study, also of those that are not in this archive",
     "report.html": "the report: what was found, figures and tables in one page",
 }
-FORMATS = {
-    ".csv": "text/csv",
-    ".html": "text/html",
-    ".json": "application/json",
-    ".md": "text/markdown",
-    ".png": "image/png",
-    ".svg": "image/svg+xml",
-    ".yaml": "application/yaml",
-}
+FORMATS = MimeTypes()  # of Python alone, whatever a machine knows besides
+FORMATS.add_type("application/yaml", ".yaml")
+FORMATS.add_type("text/markdown", ".md")
 
 
 def write_crate(
@@ -132,7 +127,7 @@ def _properties(folder: Path, path: str) -> dict[str, str]:
     return {
         "name": file.name,
         "description": text,
-        "encodingFormat": FORMATS.get(file.suffix, "text/plain"),
+        "encodingFormat": FORMATS.guess_type(file.name)[0] or "text/plain",
         "contentSize": str(file.stat().st_size),
         "sha256": digest(file),
     }

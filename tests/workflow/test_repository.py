@@ -1,0 +1,225 @@
+"""The repository itself: its style, the order of its rooms, and what its pages say."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+from studies import run
+
+from galloping.storage import read_json
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "workflow" / "src" / "galloping"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("ruff", "check", "--no-cache"),
+        ("ruff", "format", "--check", "--no-cache"),
+        ("snakefmt", "--check", "Snakefile", "workflow/Snakefile", "workflow/rules"),
+        ("snakemake", "--lint"),
+    ],
+    ids=["ruff-check", "ruff-format", "snakefmt", "snakemake-lint"],
+)
+def test_style(root, command):
+    done = run(root, "-m", *command)
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_profiles_agree_and_that_for_slurm_names_every_rule(fresh):
+    listed = fresh.snakemake("--list-rules", "--quiet", "all")
+    assert listed.returncode == 0, listed.stdout
+    default, slurm = (
+        yaml.safe_load((fresh.folder / f"workflow/profiles/{name}/config.yaml").read_text())
+        for name in ("default", "slurm")
+    )
+    rules = set(slurm["groups"])
+    assert rules == set(slurm["set-resources"])
+    assert rules | {"all"} == {line for line in listed.stdout.splitlines() if line.isidentifier()}
+    shared = default.keys() & slurm.keys() - {"cores"}
+    assert len(shared) > 3 and {key: default[key] for key in shared} == {
+        k: slurm[k] for k in shared
+    }
+
+
+# --- the order of the rooms in docs/architecture.md is the order of imports ---
+
+
+def rooms():
+    """In the order of the table, the ground first."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    table = page.split("## Who may import whom")[1].split("\n## ")[0]
+    rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    return [name for row in rows for name in re.findall(r"`(\w+)`", row)]
+
+
+def imported(path):
+    """The rooms that a module imports, wherever in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        parts = (name.split(".") for name in names)
+        yield from (own[1] for own in parts if own[0] == SOURCE.name and own[1:])
+
+
+def room_of(path):
+    return path.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def test_every_room_has_its_place():
+    there = {room_of(path) for path in SOURCE.rglob("*.py")} - {"__init__"}
+    assert sorted(rooms()) == sorted(there)
+
+
+def test_a_room_imports_none_below_it():
+    order = rooms()
+    wrong = {
+        f"{path.relative_to(SOURCE)} imports {name}"
+        for path in SOURCE.rglob("*.py")
+        for name in imported(path)
+        if room_of(path) in order
+        and name not in {*order[: order.index(room_of(path)) + 1], "__version__"}
+    }
+    assert not wrong
+
+
+def test_modules_have_names_of_their_own_and_at_most_500_lines():
+    paths = [path for path in SOURCE.parents[1].rglob("*.py") if path.stem != "__init__"]
+    names = sorted(path.stem for path in paths)
+    assert names == sorted(set(names))
+    assert [p.stem for p in paths if len(p.read_text(encoding="utf-8").splitlines()) > 500] == []
+
+
+HEAVY = {"numpy", "scipy", "heyoka", "numba", "pandas", "matplotlib", "pysindy", "snakemake"}
+
+
+@pytest.mark.parametrize(
+    ("imports", "heavy"),
+    [
+        ("galloping", HEAVY | {"pydantic"}),
+        ("galloping.cli", HEAVY),
+        ("galloping.configuration.load", HEAVY - {"numpy"}),
+        ("galloping.study.cells, galloping.study.cells, galloping.study.shown, galloping.field, "
+         "galloping.paper.claims", HEAVY - {"numpy", "scipy"}),
+    ],
+)  # fmt: skip
+def test_what_is_imported_often_imports_nothing_heavy(imports, heavy):
+    code = f"import sys, {imports}; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert set(run.stdout.split()) & heavy == set()
+
+
+# --- pages: their tables are those of the reference, their links lead somewhere ---
+
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def rows(claims):
+    """The lines of the README's table of the paper's claims, from `paper.csv`."""
+    for claim in claims.itertuples():
+        if claim.verdict in ("reproduced", "better", "worse"):
+            ours = f"{claim.median:.3g} % ({claim.low:.2g} to {claim.high:.3g})"
+            yield f"| {claim.claim} | {claim.printed:g} % | {ours} | {claim.verdict} |"
+        elif claim.claim.startswith("R2 of"):
+            share = f"{100 * claim.share_of_draws:.0f} %"
+            ours = f"{claim.median:.3f}, above the bound in {share} of the draws"
+            yield f"| {claim.claim} | > {claim.printed:g} | {ours} | {claim.verdict} |"
+
+
+def test_the_readme_has_the_claims_of_the_reference():
+    claims = pd.read_csv(ROOT / "results" / "reference" / "paper.csv")
+    shown = [*rows(claims[~claims["claim"].str.contains("abstract", na=False)])]
+    lines = (ROOT / "README.md").read_text().splitlines()
+    first = lines.index(shown[0])
+    assert lines[first : first + len(shown)] == shown
+
+
+def test_the_readme_says_what_the_reference_measured():
+    claims = pd.read_csv(ROOT / "results" / "reference" / "paper.csv")
+    single = claims[claims["printed"].notna()]
+    held = single["verdict"].isin(("reproduced", "met")).sum()
+    whole, smoke = (
+        read_json(ROOT / "results" / "reference" / folder / "origin.json")["core_minutes"]
+        for folder in ("", "smoke")
+    )
+    text = " ".join((ROOT / "README.md").read_text().split())
+    for said in (f"take {whole:.0f} minutes of one core", f"takes {smoke:g} minutes of one core",
+                 f"Of {len(single)} printed numbers and bounds {held} come out"):  # fmt: skip
+        assert said in text
+
+
+def errors_of_models():
+    """The lines of the table of limits, from `make reality`."""
+    found = pd.read_csv(ROOT / "results" / "reference" / "reality" / "model_error.csv")
+    for row in found[found["method"] == "maximum_likelihood"].to_dict("records"):
+        cells = [
+            "no cycle"
+            if pd.isna(row[f"{what}_v_error_percent"])
+            else f"{max(row[f'{what}_{d}_error_percent'] for d in 'vw'):.2g} % "
+            f"({float(format(max(row[f'{what}_{d}_worst_percent'] for d in 'vw'), '.2g')):g})"
+            for what in ("amplitude", "damping", "frequency")
+        ]
+        held = f"{row['coverage_95_percent']:.0f} %"
+        yield f"| {row['truth']}, {row['sensors']} | {' | '.join(cells)} | {held} |"
+
+
+def exact_terms():
+    """The lines of the table beside published methods, from `make published`."""
+    found = pd.read_csv(ROOT / "results" / "reference" / "published" / "published_terms.csv")
+    lorenz = found[found["system"] == "lorenz"]
+    few = lorenz["level"].isin([0.1, 0.2, 0.3, 0.4]) & lorenz["duration"].isin([4, 7, 10])
+    for name, cells in (
+        ("mean of all 112 cells: noise 2.5 to 40 %, 4 to 10 s", lorenz),
+        ("noise 10, 20, 30, 40 % and 4, 7, 10 s", lorenz[few]),
+        ("noise up to 12.5 %", lorenz[lorenz["level"] <= 0.125]),
+        ("noise from 22.5 %", lorenz[lorenz["level"] >= 0.225]),
+        ("4 s", lorenz[lorenz["duration"] == 4]),
+        ("10 s", lorenz[lorenz["duration"] == 10]),
+    ):
+        shares = cells[["exact", "odr_bindy", "jsindy", "ensemble_weak_sindy"]].mean()
+        yield f"| {name} | {' | '.join(f'{100 * share:.1f}' for share in shares)} |"
+
+
+def test_the_limits_are_those_of_the_reference():
+    lines = (ROOT / "docs" / "trust.md").read_text().splitlines()
+    assert [line for line in [*errors_of_models(), *exact_terms()] if line not in lines] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    links = re.findall(r"\]\((?!https?:)([^)#]*)(?:#[^)]*)?\)", page.read_text())
+    missing = [link for link in links if link and not (page.parent / link).exists()]
+    assert not missing
+
+
+@pytest.mark.slow
+def test_pages_are_whole(tmp_path):
+    build = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", tmp_path / "cache"]
+    run = subprocess.run(
+        [*build, ROOT / "docs", tmp_path / "pages"],
+        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(ROOT / "workflow/src")},
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stderr
+    pages = sorted((tmp_path / "pages").glob("*.html"))
+    assert len(pages) > 15
+    for page in pages:
+        for kind, target in re.findall(r'(href|src)="([^"#?]+)', page.read_text()):
+            if target.startswith(("http", "mailto")):
+                assert kind == "href", f"{page.name} loads {target}"
+            else:
+                assert (page.parent / target).exists(), f"{page.name}: {target}"
+    summary = (tmp_path / "pages" / "tutorial_recording.html").read_text()
+    assert "limit cycle" in summary
