@@ -235,10 +235,10 @@ def propagate(
     size = np.zeros(n_states)
     truncation = np.zeros(n_states)
     for g in range(n_segments):
-        x[0] = starts[g]
-        if sensitive:
-            s[0] = 0.0
-            for i in range(n_states):
+        for i in range(n_states):  # assigning slices would double the time of compilation
+            x[0, i] = starts[g, i]
+            if sensitive:
+                s[0, i, :] = 0.0
                 s[0, i, n_free + i] = 1.0
         for w in range(first[g], first[g + 1]):
             _jets(x, inputs[w], theta, order, h, parent, factor, rates, rate_values)
@@ -248,7 +248,7 @@ def propagate(
             if sensitive:
                 jac[:] = 0.0
                 for e in range(len(jacobian_values)):
-                    i, state, m = jacobian[e]
+                    i, state, m = jacobian[e, 0], jacobian[e, 1], jacobian[e, 2]
                     for k in range(order):
                         jac[k, i, state] += jacobian_values[e] * theta[k, m]
                 _sensitivity_jets(s, jac, kind, theta, order, h, columns, weights)
@@ -270,9 +270,10 @@ def propagate(
                     if sensitive:
                         for c in range(n_columns):
                             s[0, i, c] += s[k, i, c]
-        ends[g] = x[0]
-        if sensitive:
-            end_derivatives[g] = s[0, :, :n_columns]
+        for i in range(n_states):
+            ends[g, i] = x[0, i]
+            for c in range(n_columns):
+                end_derivatives[g, i, c] = s[0, i, c]
     relative = 0.0
     for i in range(n_states):
         if truncation[i] > 0.0:
