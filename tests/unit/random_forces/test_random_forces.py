@@ -130,6 +130,15 @@ def test_intervals_hold_of_recordings_as_they_are(ambient, how):
     assert all(held(found, recording))
 
 
+def test_noise_as_large_as_the_motion_hides_no_forces(ambient):
+    recording, _, _ = ambient
+    values, rng = recording.values.copy(), np.random.default_rng(8)
+    values[:, :2] += values[:, :2].std(axis=0) * rng.standard_normal((len(values), 2))
+    found = maximum_likelihood(replace(recording, values=values), library(4, 3))
+    assert found.is_forced
+    assert all(held(found, recording))
+
+
 @pytest.mark.parametrize("kind", ["velocities", "all", "mixed", "means"])
 def test_any_mix_of_channels(kind):
     recording, states, system = two_modes(3)

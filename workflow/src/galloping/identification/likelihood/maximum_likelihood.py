@@ -36,6 +36,7 @@ from galloping.identification.likelihood.trajectory_fit import (
     CLOSE,
     DIVERGES,
     JoinedFit,
+    follows_in_segments,
     free_fit,
     join,
     prepare,
@@ -53,7 +54,11 @@ from galloping.identification.likelihood.verdict import (
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import Start, begin
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
-from galloping.identification.random_forces.random_forces import moved_at_random, random_forces
+from galloping.identification.random_forces.random_forces import (
+    may_be_moved_at_random,
+    moved_at_random,
+    random_forces,
+)
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.identification.work import ENDED, is_spent, limited, portion
 from galloping.polynomial import Exponents, PolynomialModel
@@ -139,7 +144,9 @@ def _at_time_scale(
 ) -> IdentifiedModel:
     """The model from the starts of one time scale. Raises NO_MODEL where none leads to one."""
     begun = replace(begun, problem=problem) if begun else begin(problem, recordings, share)
-    if share == 1.0 and (forced := moved_at_random(problem, begun)) is not None:
+    given, doubted = begun, share == 1.0 and may_be_moved_at_random(begun)
+    later = doubted and not rests_at_zero(begun) and follows_in_segments(begun)
+    if doubted and not later and (forced := moved_at_random(given)) is not None:
         return forced
     rescaled = scaled(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
@@ -159,14 +166,15 @@ def _at_time_scale(
             raise objections[0]
         identified = with_constants(problem, best_of(found))
     else:
-        identified = _identified(begun)
+        identified = _identified(begun, given if later else None)
     told = scales_told(recordings, rescaled)
     return replace(identified, diagnostics={**identified.diagnostics, **told})
 
 
-def _identified(begun: Start) -> IdentifiedModel:
+def _identified(begun: Start, doubted: Start | None = None) -> IdentifiedModel:
     """The model that follows the data to the noise, or one that is near where none does.
 
+    doubted: the start of a recording that random forces may have moved, which is then asked first.
     Raises FloatingPointError where there is neither.
     """
     try:
@@ -174,7 +182,10 @@ def _identified(begun: Start) -> IdentifiedModel:
             found = _followed(begun)
     except FloatingPointError as error:
         found = str(error)
-    return _near(begun, found) if isinstance(found, str) else found
+    if not isinstance(found, str):
+        return found
+    forced = moved_at_random(doubted) if doubted else None
+    return forced or _near(begun, found)
 
 
 def _near(begun: Start, objection: str) -> IdentifiedModel:

@@ -88,32 +88,57 @@ class JoinedFit:
 
 def free_fit(begun: Start, start: WeakFit) -> Step | None:
     """The last step of a fit in which each segment has a first state of its own: in the longest
-    with which it is close, or else those to which halving halved the misfit; None where all
-    diverge.
+    with which it is close, or else the longest; None where all diverge.
 
     From a rough start, that of a sensitive system above all, long segments lead astray; ones that
     are shorter than they need be hide what the recording may have wrong.
     """
-    best, improving, periods = None, True, float(PERIODS_PER_SEGMENT)
+    best, periods = None, float(PERIODS_PER_SEGMENT)
     for _ in range(4):
         if is_spent():
             break
         try:
-            before = fit = prepare(begun, start, periods)
-            windows = np.median(np.diff(fit.record.segments.first))
-            periods = windows * fit.record.condensed.step / begun.period
-            for _ in range(5):  # then segments are joined, however bad the fit
-                step = guarded_step(before, fit, 1, None)
-                before, fit = step.before, step.fit
-                if fit.misfit < CLOSE:
-                    return step
+            fit = prepare(begun, start, periods)
+            periods = _periods(fit, begun)
+            step = _in_segments(fit)
         except FloatingPointError:
             continue
         finally:
             periods /= 2.0
-        improving = best is None or (improving and fit.chi2 <= best.fit.chi2 / 2.0)
-        best = step if improving else best
+        if step.fit.misfit < CLOSE:
+            return step
+        best = best or step
     return best
+
+
+def follows_in_segments(begun: Start) -> bool:
+    """Whether a model follows the data to the noise through three periods or more from each of
+    many first states, as it does not where random forces move the system.
+    """
+    try:
+        fit = prepare(begun, begun.fit, PERIODS_PER_SEGMENT)
+        return (
+            _periods(fit, begun) >= PERIODS_PER_SEGMENT / 2 and _in_segments(fit).fit.misfit < CLOSE
+        )
+    except FloatingPointError:
+        return False
+
+
+def _periods(fit: Fit, begun: Start) -> float:
+    """The length of a segment."""
+    windows = np.median(np.diff(fit.record.segments.first))
+    return float(windows * fit.record.condensed.step / begun.period)
+
+
+def _in_segments(fit: Fit) -> Step:
+    """The last step in segments that stay apart. Raises FloatingPointError where one diverges."""
+    before = fit
+    for _ in range(5):  # then segments are joined, however bad the fit
+        step = guarded_step(before, fit, 1, None)
+        before, fit = step.before, step.fit
+        if fit.misfit < CLOSE:
+            break
+    return step
 
 
 def prepare(begun: Start, start: WeakFit, periods: float) -> Fit:

@@ -43,7 +43,6 @@ from galloping.polynomial import Exponents, PolynomialModel, design_matrix, velo
 from galloping.recording import Recording, at_times, mean_inputs
 
 SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the modes, rad/s
-SLOWER = 4.0  # times the period of the swings, at which a start then follows something else
 TRIED_PER_PERIOD = 16  # samples a shortest period, at which it is tried whether forces are random
 COUPLED_RATE = 0.01  # of uncoupled coordinates that are taken for coupled ones
 LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
@@ -88,16 +87,22 @@ def random_forces(
         return by(["random forces"], refused(problem, str(error)))
 
 
-def moved_at_random(problem: Problem, start: Start) -> IdentifiedModel | None:
+def may_be_moved_at_random(start: Start) -> bool:
+    """Whether random forces may have moved a recording: a motion that follows from its first state
+    leaves little in the weak form, unless noise hides that, and its size wavers rarely.
+
+    start: the start of all methods.
+    """
+    return start.fit.misfit >= MOST_MISFIT or wavers(start.recordings, start.period)
+
+
+def moved_at_random(start: Start) -> IdentifiedModel | None:
     """The model of a recording that random forces moved, None where it may be another motion.
 
-    start: the start of all methods. A motion that follows from its first state leaves little in the
-    weak form, and one that repeats leaves its harmonics in the innovations.
+    start: the start of all methods. A motion that repeats leaves its harmonics in the innovations.
     """
     try:
-        may_be_slow = wavers(start.recordings, start.period)
-        if start.fit.misfit < MOST_MISFIT and not (may_be_slow and _is_slow(start)):
-            return None
+        problem, may_be_slow = start.problem, wavers(start.recordings, start.period)
         forced, rescaled = problem.unknown, scaled(start.recordings, start.period)
         with limited(start.recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
             question, whole, left = fitted_to_some(problem, rescaled, forced, may_be_slow)
@@ -133,12 +138,6 @@ def _thinned(recordings: list[Recording]) -> list[Recording]:
     step, grids = on_grids(recordings)
     every = max(int(shortest(grids, step) / TRIED_PER_PERIOD / step), 1)
     return [each[::every] for each in recordings]
-
-
-def _is_slow(begun: Start) -> bool:
-    """Whether what the start follows is mostly slower than the swings, as in slow forces."""
-    step, grids = on_grids(begun.recordings)
-    return shortest(grids, step) < begun.period / SLOWER
 
 
 def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:
