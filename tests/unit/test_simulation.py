@@ -8,6 +8,7 @@ from lines import CASES, RESONANT, START, edited
 
 from galloping.evaluation.motion import steady_amplitude
 from galloping.physics.galerkin import Line, coefficients, frequencies, integrate, model, modes
+from galloping.polynomial import PolynomialModel
 from galloping.simulation import Simulator, time_grid
 
 TIME = time_grid(300, 100)
@@ -89,6 +90,16 @@ def test_diverging_model_ends_early_and_leaves_the_simulator_usable(resonant):
     again = simulator(line, START, TIME)
     assert again.status == "ok"
     assert np.array_equal(again.states, trajectory.states)
+
+
+@pytest.mark.parametrize("inputs", [(), ("u",)])
+def test_motions_in_small_units_do_not_count_as_diverged(inputs):
+    terms = tuple(powers + (0,) * len(inputs) for powers in ((1, 0), (0, 1)))
+    oscillator = PolynomialModel(("y", "dy"), terms, [[0.0, 1.0], [-200_000.0, -20.0]], inputs)
+    simulator = Simulator(oscillator.states, terms, inputs=inputs)
+    moved = simulator(oscillator, [45.0, 17_000.0], time_grid(0.1, 600), dict.fromkeys(inputs, 0.0))
+    assert moved.status == "ok"
+    assert np.abs(moved.states).max() > 10_000
 
 
 @pytest.mark.parametrize(

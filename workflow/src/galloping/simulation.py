@@ -16,8 +16,9 @@ from galloping.arrays import Immutable
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Input
 
-# Far beyond any span's clearance: a model that gets here has lost its limit cycle.
-DIVERGENCE_LIMIT = 1e3
+# Far beyond any span's clearance: a model that gets here has lost its limit cycle. Of a system in
+# other units, such as mV, so it has where it is as many times as far as it began.
+DIVERGENCE_LIMIT, TIMES_THE_START = 1e3, 100.0
 # Galloping takes 4 steps a second, and samples that show a motion are no further apart than steps:
 # a model that needs more than both of these is far too fast to be the line's or the system's.
 MAX_STEPS_PER_SECOND, MAX_STEPS_PER_SAMPLE = 100, 2
@@ -73,11 +74,12 @@ class Simulator:
         if inputs:
             return
         system = equations(states, terms, self._support)
-        size = hy.sum([v * v for v, _ in system]) - DIVERGENCE_LIMIT**2
+        coefficients = int(self._support.sum())
+        size = hy.sum([v * v for v, _ in system]) - hy.par[coefficients] ** 2.0
         self._integrator = hy.taylor_adaptive(
             system,
             [0.0] * len(states),
-            pars=[0.0] * int(self._support.sum()),
+            pars=[0.0] * (coefficients + 1),
             t_events=[hy.t_event(size)],
             **COMPILATION,
         )
@@ -102,7 +104,8 @@ class Simulator:
             own = check_inputs(model, inputs or {}, time)
             return self._driven(model, x0, time, own, EQUAL_STEPS * steps)
         ta = self._integrator
-        ta.pars[:] = model.coefficients[self._support]
+        limit = _farthest(x0)
+        ta.pars[:] = [*model.coefficients[self._support], limit]
         ta.time, ta.state[:] = time[0], x0
         ta.reset_cooldowns()
         outcome, *_, states = ta.propagate_grid(time, max_steps=steps)
@@ -115,7 +118,7 @@ class Simulator:
         elif outcome == hy.taylor_outcome.err_nf_state:
             status = f"diverged: not finite at t = {ta.time:.4g} s"
         else:
-            status = f"diverged: |x| exceeded {DIVERGENCE_LIMIT:g} at t = {ta.time:.4g} s"
+            status = f"diverged: |x| exceeded {limit:g} at t = {ta.time:.4g} s"
         return Trajectory(time, full, status)
 
     def _driven(
@@ -144,14 +147,20 @@ class Simulator:
             return Trajectory(
                 time, np.full((len(time), len(self.states)), np.nan), f"stopped: {error}"
             )
+        limit = _farthest(x0)
         with np.errstate(over="ignore", invalid="ignore"):
-            far = ~(np.sum(states**2, axis=1) < DIVERGENCE_LIMIT**2)
+            far = ~(np.sum(states**2, axis=1) < limit**2)
         if not far.any():
             return Trajectory(time, states, "ok")
         at = int(np.argmax(far))
         states = np.where(np.arange(len(time))[:, None] < at, states, np.nan)
-        status = f"diverged: |x| exceeded {DIVERGENCE_LIMIT:g} at t = {time[at]:.4g} s"
+        status = f"diverged: |x| exceeded {limit:g} at t = {time[at]:.4g} s"
         return Trajectory(time, states, status)
+
+
+def _farthest(x0: NDArray[np.float64]) -> float:
+    """How far from zero a motion from x0 (n_states,) may get before it counts as diverged."""
+    return max(DIVERGENCE_LIMIT, TIMES_THE_START * float(np.linalg.norm(x0)))
 
 
 def most_steps(time: NDArray[np.float64]) -> int:

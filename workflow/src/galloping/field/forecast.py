@@ -147,8 +147,10 @@ class Following:
             n = max(int(stage * len(self.time)), min(len(self.time), 2 * len(guess)))
             for _ in range(ITERATIONS if slopes is None else NEARBY):
                 motion = self.motion(model, start, self.time[:n])
+                if not np.isfinite(motion).all():
+                    return None
                 own = self.slopes(model, start, motion) if slopes is None else slopes
-                if not (np.all(np.isfinite(motion)) and np.all(np.isfinite(own))):
+                if not np.isfinite(own).all():
                     return None
                 left = ((target[:n] - motion) * weight[:n]).ravel()
                 design = (own * weight[:n]).reshape(len(start), -1).T

@@ -145,7 +145,8 @@ def _in_order(
         if len(strange):
             raise FileError(
                 f"{table.path}: row {rows[strange[0]]}: a time that was there before, with other "
-                "values: a clock with a coarse step, or two recordings in one file"
+                "values: a clock with a coarse step, where each row needs a time of its own, or "
+                "two recordings, where each needs a file of its own"
             )
         notes.append(f"{len(again)} repeated rows were dropped, first row {rows[again[0]]}")
         values = of_time.first().to_numpy()

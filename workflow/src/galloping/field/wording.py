@@ -35,12 +35,15 @@ ENDS = {
     "rest": "the motion dies out",
     "forced": "random forces keep it moving",
     "irregular": "the motion never repeats, or settles too slowly to tell",
+    "stopped": "the model does not tell where the motion ends: it is too fast to be followed",
 }
 TECHNICAL = "## Technical part"
 HELPS = {
     "wind": "the wind speed, recorded beside the motion (`--input`)",
     "places": "sensors at more places along the span, which tell its modes apart (`position` in a "
     "mapping)",
+    "directions": "sensors in both directions",
+    "fewer": "fewer candidate terms (`--library`, `--degree`)",
     "clocks": "one clock for all sensors, and samples at regular times",
 }
 WIND, PLACES = HELPS["wind"], HELPS["places"]
@@ -78,6 +81,7 @@ def summary_text(
         "of": of, "found": found, "known": known, "trial": trial, "ends": ENDS,
         "rounding": ROUNDING, "technical": TECHNICAL, "most_problems": MOST_PROBLEMS,
         "refused": found.status == "refused",
+        "sure": bool(np.any(found.standard_errors > 0.0)),
         "of_span": _of_span(found),
         "exact": [n for n in found.model.inputs if not of.recordings[-1].inputs[n].error],
         "odd": any("is the unit" in problem for problem in problems),
@@ -265,6 +269,7 @@ def _of_trial(of: HeldOut) -> dict:
     """How a forecast of the end of the recording went, which was hidden from the method."""
     ahead = of.forecast
     factors = dict(zip(ahead.names, of.factors, strict=True))
+    length = ahead.time[-1] - ahead.time[0]
     told = [
         (name, meaning(name).replace("displacement", "motion") or name, skill, 100 * held, least)
         for name, skill, held, least in zip(
@@ -273,7 +278,7 @@ def _of_trial(of: HeldOut) -> dict:
         if np.isfinite(skill)
     ]
     return {
-        "held_seconds": f"{ahead.time[-1] - ahead.time[0]:.0f}",
+        "held_seconds": f"{length:.0f}" if length >= 1.0 else f"{length:.1g}",
         "missed": [
             f"{100 * np.sqrt(1.0 - min(skill, 1.0)):.0f} % of the {what}"
             for _, what, skill, *_ in told
@@ -338,7 +343,11 @@ def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     if of.found.model.inputs or not span:  # which were recorded; no wind drives other systems
         helps = [each for each in helps if WIND not in each]
     if not span:
-        helps = [each for each in helps if PLACES not in each]
+        helps = [
+            each.replace(HELPS["directions"], HELPS["fewer"])
+            for each in helps
+            if PLACES not in each
+        ]
     for name in of.found.model.inputs:
         if ends := of.found.recorded(name):
             helps.append(f"recordings with {name} below {ends[0]:.3g} or above {ends[1]:.3g}, if "
