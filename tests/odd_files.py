@@ -247,7 +247,7 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "other_time.csv": (lines("when,v,w"), (*BY_NAME, "--unit", "m"), ("say --time 'when'",)),
     "no_time.csv": (lines("v [m],w [m]", columns=(V, W)), (), ("no column of times", "--time")),
     "channels.csv": (lines("t [s],ch1 [m],ch2 [m]"), (),
-        ("what column 'ch1' measures is not plain", "--write-map", "--measure 'q_v=ch1 [mm]'")),
+        ("what column 'ch1' measures is not plain", "--write-map", "--measure 'q_v=ch1'")),
     "two_places.csv": (lines("t [s],left vertical [m],right vertical [m]", columns=(TIME, V, W)),
         (), ("'left vertical' and 'right vertical' are each the vertical displacement",)),
     "winds.csv": (lines("t [s],vertical wind [m/s],horizontal wind [m/s]"), (),

@@ -102,11 +102,14 @@ class Proposal:
 
     def sure(self, file: str) -> list[dict]:
         """The channels, where the names of the columns tell them. Raises ValueError."""
+        measures = {channel["column"]: channel["measures"] for channel in self.channels}
         for column, doubt in self.doubts.items():
             if doubt != NO_UNIT and self.channels:  # which whoever reads the column says
+                unit = "" if self.columns.get(column) else " [mm]"
                 raise ValueError(
                     f"{file}: what column {column!r} measures is not plain ({doubt}): say so, such "
-                    f"as --measure 'q_v={column} [mm]', or check and edit the mapping that "
+                    f"as --measure '{measures.get(column, 'q_v')}={column}{unit}', or check and "
+                    "edit the mapping that "
                     f"`galloping inspect {file} --write-map map.yaml` writes"
                 )
         if not self.channels:
