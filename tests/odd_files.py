@@ -344,6 +344,12 @@ QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
     "complex.mat": (lambda path: savemat(path, {"t": TIME, "v": V, "w": W, "z": 1j * V}), PLAIN,
         ("no columns of numbers or text, left out: z (1 x 1000)",)),
     "clipped.csv": (lines(columns=(TIME, np.clip(V, -0.3, 2), W)), PLAIN, ("clipped at -0.3",)),
+    "stuck.csv": (lines(columns=(TIME, np.where(TIME > 20.0, V[500], V), W)), PLAIN,
+        ("column 'v': 499 samples of a sensor that was stuck, from row 503 on, were left out",)),
+    "moved.csv": (lines(columns=(TIME, V + 0.5 * (TIME > 20.0), W)), PLAIN,
+        ("v, row 503: jumps by 0.4",)),
+    "coarse.csv": (lines(columns=(TIME, np.round(V, 1), W)), PLAIN,
+        ("v, row 2: only 21 different values",)),
 }  # fmt: skip
 
 

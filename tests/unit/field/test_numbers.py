@@ -101,6 +101,15 @@ def test_a_clock_that_jumps_parts_a_recording(tmp_path, jump):
     assert "part it into recordings" in report["notes"][-1]
 
 
+def test_a_sensor_that_dies_leaves_the_recording_up_to_then(tmp_path):
+    time, states = files.motion(duration=120.0)
+    values = files.seen(states, 1)
+    values[time > 70.0, 1] = np.nan
+    field = read(files.write(tmp_path / "a.csv", time, values))
+    assert [np.ptp(one.time) for one in field.recordings] == pytest.approx([70.0])
+    assert "of one sensor alone longer than 6" in field.reports[0]["notes"][-1]
+
+
 def test_a_clock_that_starts_again_parts_a_recording_and_rows_out_of_order_do_not(tmp_path):
     field = read(files.restarted(tmp_path / "a.csv"))
     assert [np.ptp(one.time) for one in field.recordings] == pytest.approx([150.0, 150.0])
@@ -207,7 +216,7 @@ def test_recordings_differ_where_models_of_each_miss_much_less(together, alone, 
 
     models = iter([found(*each) for each in alone])
     parts = [recorded(seed=1), recorded(seed=2)]
-    result = difference(found(*together), parts, lambda _: next(models))
+    result, _ = difference(found(*together), parts, lambda _: next(models))
     assert ("by itself miss" in result) == bool(result) == differs
 
 

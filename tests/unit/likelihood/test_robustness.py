@@ -125,6 +125,24 @@ def test_gaps() -> None:
     assert_good(identify(values))
 
 
+def test_gaps_of_each_channel_by_itself() -> None:
+    """Displacements alone, each gone for 40 % of the time, in stretches of some periods."""
+    values = measured()
+    values[:, 2:] = np.nan
+    for channel, cycle in ((0, 2000), (1, 2300)):
+        values[np.arange(len(TIME)) % cycle > 0.6 * cycle, channel] = np.nan
+    assert_good(identify(values))
+
+
+@pytest.mark.parametrize("bits", [5, 7])
+def test_a_coarse_resolution_is_no_saturation(bits: int) -> None:
+    values = measured()
+    step = np.ptp(values, axis=0) / 2**bits
+    found = identify(step * np.round(values / step))
+    assert found.status == "ok", found.reason
+    assert found.diagnostics["removed_share"] < 0.01
+
+
 @pytest.mark.parametrize("seconds", [4, 10, 20])  # of some two periods and more
 def test_a_few_periods_are_answered_in_words(seconds: int) -> None:
     few = round(seconds / TIME[1])

@@ -12,6 +12,7 @@ from galloping.field.dynamics import Surroundings
 from galloping.field.forecast import Sensed, simulator_of
 from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, state_unit
+from galloping.identification.likelihood.instrument import DRIFTS
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.start import wavers
@@ -63,7 +64,7 @@ def objected(
     objection = _forced(identified, recordings, period)
     if objection:
         objection = more or objection
-    elif found := difference(identified, recordings, identify):
+    elif found := difference(identified, recordings, identify)[0]:
         objection = f"{', '.join(names)} do not share one model: {found}; {BY_ITSELF}"
     if objection or identified.status == "refused":
         reason = "; ".join([*faults, objection or identified.reason])
@@ -105,12 +106,14 @@ def _changing(
         return ""
     edges = np.searchsorted(time, np.linspace(time[0], time[-1], THIRDS + 1))
     parts = [recording[a:b] for a, b in pairwise(edges)]
-    if not (found := difference(identified, parts, identify)):
+    found, missed = difference(identified, parts, identify)
+    drifts = missed > 0.0 and DRIFTS in identified.reason  # which part by part it does as well
+    if drifts or not found:
         return ""
     spans = ", ".join(f"{part.time[0]:.0f} to {part.time[-1]:.0f} s" for part in parts)
     return (
         f"the parts of the recording ({spans}) do not share one model, as where a wind changes or "
-        f"gusts: {found}; {BY_ITSELF}"
+        f"gusts, or a sensor's zero moves: {found}; {BY_ITSELF}"
     )
 
 
@@ -150,18 +153,21 @@ def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> boo
     return bool(kept) and all(kept)
 
 
-def difference(together: IdentifiedModel, parts: Sequence[Recording], identify: Identify) -> str:
-    """What sets parts of recordings apart that were identified together, '' where nothing does.
+def difference(
+    together: IdentifiedModel, parts: Sequence[Recording], identify: Identify
+) -> tuple[str, float]:
+    """What sets parts of recordings apart that were identified together, '' where nothing does, and
+    what share of the motion models of each miss.
 
     A model that is exact misses nothing, and what is followed by one is one system. Told is of the
     channel of which it is plainest, what share of its motion forecasts miss: by the one model, and
     at the median by those of the parts.
     """
     if together.status not in ("approximate", "refused") or len(parts) < 2:
-        return ""
+        return "", 0.0
     alone = [identify([part]) for part in parts]
     if any(each.status == "refused" for each in alone):
-        return ""
+        return "", 0.0
     told = {key for each in (together, *alone) for key in each.diagnostics if SHARE in key}
     found = []
     for key in sorted(told) or [SHARE + together.model.states[0]]:
@@ -169,11 +175,12 @@ def difference(together: IdentifiedModel, parts: Sequence[Recording], identify: 
         own = float(np.median([each.diagnostics.get(key, 0.0) for each in alone]))
         miss = f"{own:.1%}" if own else "nothing but noise"
         if together.status == "refused" and own < RELEVANT:
-            found.append((0.0, f"none follows all; models of each by itself miss {miss} of {name}"))
+            both = f"none follows all; models of each by itself miss {miss} of {name}"
+            found.append((0.0, both, own))
         elif missed > max(RELEVANT, WORSE * own):
             both = f"its forecasts miss {missed:.1%} of {name}, and models of each by itself"
-            found.append((missed, f"{both} miss {miss}"))
-    return max(found, key=lambda each: each[0], default=(0.0, ""))[1]
+            found.append((missed, f"{both} miss {miss}", own))
+    return max(found, key=lambda each: each[0], default=(0.0, "", 0.0))[1:]
 
 
 FARTHER = 1.5  # times the largest displacement from rest that was recorded

@@ -11,9 +11,16 @@ from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
 from galloping.field.forecast import Forecast, Sensed
 from galloping.field.mapping import ColumnMapping
-from galloping.field.quality import described, quality
+from galloping.field.quality import JUMPS, described, quality
 from galloping.field.read import Series, check_apart, read_series
-from galloping.field.recordings import LEAST, by_excerpts, input_notes, parted, recording
+from galloping.field.recordings import (
+    LEAST,
+    SILENT,
+    by_excerpts,
+    input_notes,
+    parted,
+    recording,
+)
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
 from galloping.field.terminal import SEARCHED
 from galloping.field.units import NONE, coefficient_unit, state_unit
@@ -109,13 +116,16 @@ class Field:
 
     @property
     def faults(self) -> list[str]:
-        """Why there may be no model, as reasons: channels that are cut off, or mostly noise."""
+        """Why there may be no model, as reasons: channels that are cut off, jump, or are mostly
+        noise.
+        """
         return [
-            f"{problem['column']} of {report['file']} is {problem['what']}, from row "
+            f"{problem['column']} of {report['file']} "
+            f"{'' if JUMPS in problem['what'] else 'is '}{problem['what']}, from row "
             f"{problem['row']} on"
             for report in self.reports
             for problem in report["problems"]
-            if problem["what"].startswith(("clipped", "hardly more than noise"))
+            if problem["what"].startswith(("clipped", "hardly more than noise", JUMPS))
         ]
 
 
@@ -138,8 +148,9 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
         if len(parts) > 1 or len(parts[0].time) < len(of_file.time):
             kept = sum(np.ptp(each.time) for each in parts)
             report["notes"].append(
-                f"gaps longer than a period of {period:.3g} s part it into recordings of their "
-                f"own: {len(parts)} of {LEAST} periods or more, {kept:.1f} s in all"
+                f"gaps longer than a period of {period:.3g} s, or of one sensor alone longer than "
+                f"{SILENT}, part it into recordings of their own: {len(parts)} of {LEAST} periods "
+                f"or more, {kept:.1f} s in all"
             )
         recordings += parts
         names += [

@@ -73,8 +73,9 @@ def target(header: str, unit: str = "") -> str:
     of = [axis for axis, (stems, whole) in DIRECTIONS.items() if _among(words, stems, whole)]
     if len(of) != 1 or _among(words, *OTHERS):
         return ""
-    said = [k for k, (stems, whole) in enumerate(KINDS) if _among(words, stems, whole)]
     told = [k for k, si in enumerate(ORDERS) if measures(unit, si)]
+    kind = {word for word in words if len(word) > 1 or not told}  # A may number a sensor
+    said = [k for k, (stems, whole) in enumerate(KINDS) if _among(kind, stems, whole)]
     letter_alone = not _among(words, DIRECTIONS[of[0]][0], DIRECTIONS[of[0]][1] - LETTERS)
     if len(said) > 1 or (unit and not told) or (letter_alone and told == [1] and said != [1]):
         return ""

@@ -5,14 +5,18 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from galloping.field.units import state_unit
+from galloping.identification.likelihood.screening import piled
 
 if TYPE_CHECKING:
     from galloping.field.mapping import ColumnMapping, InputColumn
     from galloping.field.read import Series
 
+NEIGHBOURS = 5  # samples of which the median is taken
+JUMPS, JUMP = "jumps by", 0.05  # of its range, that a channel jumps at least
 OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
 GAP = 3.0  # median steps without a sample
 CLIPPED = 5  # equal samples in a row at an end of the range
@@ -20,6 +24,7 @@ PERIODS = 10  # fewer tell no damping
 PER_PERIOD = 10  # samples: where there are fewer, nothing here tells noise from motion
 APART = 0.02  # of the time with samples: gaps that are longer part what lies on their sides
 MISSED = 0.1  # of the time of other columns, in gaps of a channel
+DIFFERENT = 32  # values: fewer resolve a motion to no better than a tenth of its deviation
 SIGNAL = 3.0  # motion over noise below which terms can hardly be told
 # What no span does; beyond it a unit is most likely wrong. From the lowest to the highest sample:
 RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
@@ -56,8 +61,9 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
         "notes": list(series.notes),
     }
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
-        described, problems = _channel(time, values, step, series.rows)
-        unlikely = _unlikely(described, state_unit(channel.measures))
+        unit = state_unit(channel.measures)
+        described, problems = _channel(time, values, step, series.rows, unit)
+        unlikely = _unlikely(described, unit)
         report["channels"][channel.column] = {"measures": channel.measures, **described}
         report["problems"] += [
             {"column": channel.column, "row": int(row), "what": what}
@@ -117,7 +123,7 @@ def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _channel(
-    time: np.ndarray, values: np.ndarray, step: float, rows: np.ndarray
+    time: np.ndarray, values: np.ndarray, step: float, rows: np.ndarray, unit: str
 ) -> tuple[dict, list[tuple[int, str]]]:
     """What a channel is like, and its problems: the row where each begins, and what it is."""
     known = np.isfinite(values)
@@ -128,7 +134,8 @@ def _channel(
     around, peaks = peaks_of(share)
     turn = 2.0 * np.pi * step * frequency[peaks].max(initial=0.0)
     bend = (np.cos(turn / 2.0) - np.cos(1.5 * turn)) / 2.0  # of its range, from such a median
-    outliers = np.abs(y - median_filter(y, 5)) > OUTLIER * scale + np.ptp(y) * max(bend, 0.05)
+    apart = OUTLIER * scale + np.ptp(y) * max(bend, 0.05)
+    outliers = np.abs(y - median_filter(y, NEIGHBOURS)) > apart
     after = np.flatnonzero(np.diff(t) > GAP * np.median(np.diff(t))) + 1
     ends = np.concatenate([[0, len(t)], after])  # where a median has no neighbours on one side
     outliers[np.add.outer((-2, -1, 0, 1), ends) % len(t)] = False
@@ -149,11 +156,16 @@ def _channel(
         problems.append((row[outliers][0], f"{outliers.sum()} outliers"))
     if (flat := _clipped(y)) is not None:
         problems.append((row[flat], f"clipped at {y[flat]:g}"))
+    elif (jumps := _jumps(t, y, turn / step)) is not None:
+        at, by = jumps
+        problems.append((row[at], f"{JUMPS} {by:.3g} {unit}".strip()))
     if len(peaks) and sampled(t) * frequency[peaks[0]] < PERIODS:
         problems.append((row[0], f"less than {PERIODS} periods of the motion"))
     if (missed := 1.0 - sampled(t) / sampled(time)) > MISSED:
         last = row[after[0] - 1] if len(after) else row[-1]
         problems.append((last, f"no samples for {missed:.0%} of the time"))
+    if (different := len(np.unique(y))) < DIFFERENT:
+        problems.append((row[0], f"only {different} different values"))
     if motion < SIGNAL * sigma and not coarse:
         problems.append((row[0], "hardly more than noise"))
     if coarse:
@@ -162,6 +174,26 @@ def _channel(
     if np.ptp(means) > max(motion, 10 * sigma):
         problems.append((row[0], "the mean drifts by more than the motion"))
     return described, problems
+
+
+def _jumps(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, float] | None:
+    """Where a channel jumps most, and by how much, where no motion and no noise does.
+
+    A polynomial in time and a step are fitted to each half of a period. omega: the highest of the
+    motion, rad/s.
+    """
+    step = float(np.median(np.diff(time)))
+    half = int(np.pi / 2.0 / omega / step) if omega else 0
+    if half < NEIGHBOURS or len(time) < 4 * half:
+        return None
+    place = (np.arange(2 * half) - half + 0.5) / half
+    shape = np.column_stack([legvander(place, 4), place > 0])
+    jump = np.correlate(median_filter(values, NEIGHBOURS), np.linalg.pinv(shape)[-1], "valid")
+    jump[time[2 * half - 1 :] - time[: len(jump)] > (2 * half - 0.5) * step] = 0.0  # with gaps
+    at, size = int(np.argmax(np.abs(jump))), np.abs(jump)
+    if size[at] <= max(OUTLIER * np.median(size) / 0.6745, JUMP * np.ptp(values)):
+        return None
+    return at + half, float(jump[at])
 
 
 def _extent(values: np.ndarray) -> dict[str, float]:
@@ -196,7 +228,7 @@ def _unlikely(described: dict, unit: str) -> list[str]:
 
 def _clipped(values: np.ndarray) -> int | None:
     """Where a run of equal samples at an end of the range begins."""
-    at_end = (values == values.max()) | (values == values.min())
+    at_end = np.isin(values, piled(values))
     run = np.convolve(at_end, np.ones(CLIPPED), mode="valid") >= CLIPPED
     return int(np.argmax(run)) if run.any() else None
 

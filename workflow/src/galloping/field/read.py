@@ -31,6 +31,7 @@ HOURS += [hours.replace(".%f", ":%f") for hours in HOURS]
 WHOLE = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # seconds, which may stand among fractions of them
 FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
 HELD = 2  # rows, that a logger repeats a slower sample for at least
+STUCK = 20  # times as long as nearly all runs of one value is that of a sensor that was stuck
 SAME = 1e-9  # less than full correlation, of two channels that are one
 ALIKE, VARIED = 20, 5  # rows of a block, and values in it, that no two recordings share by chance
 
@@ -80,6 +81,12 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
             "left out"
             for code, count in codes.items()
         ]
+        if isinstance(one, Channel) and (stuck := _stuck(column)).any():
+            column = np.where(stuck, np.nan, column)
+            notes.append(
+                f"column {one.column!r}: {stuck.sum()} samples of a sensor that was stuck, from "
+                f"row {np.argmax(stuck) + table.first_row} on, were left out"
+            )
         if len(column) != len(time):
             raise FileError(
                 f"{table.at(one.column)} has {len(column)} rows, the times "
@@ -285,6 +292,17 @@ def _column(table: FileTable, name: str, mapping: ColumnMapping) -> np.ndarray:
         else:
             hint = "--measure STATE=COLUMN says which column measures what (channels: in a mapping)"
         raise FileError(f"{error}; {hint}") from None
+
+
+def _stuck(values: np.ndarray) -> np.ndarray:
+    """(n,) boolean: samples that repeat the one before, in a row that is STUCK times as long as
+    nearly all others. Of a column that is one value throughout none are.
+    """
+    changes = np.append(True, np.diff(values) != 0.0)
+    runs = np.diff(np.append(np.flatnonzero(changes), len(values)))
+    least = STUCK * np.quantile(runs, 0.99, method="lower")
+    length = np.repeat(runs, runs)
+    return ~changes & (length >= max(least, STUCK)) & (len(runs) > 1)
 
 
 def _without_codes(values: np.ndarray) -> tuple[np.ndarray, dict[float, int]]:

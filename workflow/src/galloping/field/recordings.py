@@ -11,14 +11,16 @@ from galloping.identification.likelihood.inputs import FEWEST
 from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import PolynomialModel
+from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import GAP, Input, Recording
 
 if TYPE_CHECKING:
     from galloping.field.mapping import Channel, ColumnMapping
     from galloping.field.read import Series
 
-LEAST = 3  # of the motion, that a part of a recording holds at least
+# Longest periods of the motion.
+LEAST = 3  # that a part of a recording holds at least
+SILENT = 6  # that a sensor may be silent while others go on: longer, its curve is not told
 
 
 def recording(series: "Series", mapping: "ColumnMapping") -> Recording:
@@ -62,25 +64,26 @@ def parted(recording: Recording, period: float) -> list[Recording]:
     """The recording between gaps longer than a period of the motion, s, each part by itself.
 
     Over such a gap nothing tells how the motion went on, nor whether the clock did. A part ends as
-    well where an input is not known. Parts of fewer than FEWEST samples or LEAST are left out,
-    but where no part is longer and the inputs are known throughout. Raises ValueError where no part
-    is left.
+    well where an input is not known, or a sensor that others outlast is silent for long. Parts of
+    fewer than FEWEST samples or LEAST are left out, but where no part is longer and the inputs are
+    known throughout. Raises ValueError where no part is left.
     """
     measured = np.isfinite(recording.values).any(axis=1)
     if recording.rates is not None:
         measured |= np.isfinite(recording.rates).any(axis=1)
     known = (one.covered(recording.time) for one in recording.inputs.values())
     driven = np.all([np.ones(len(measured), bool), *known], axis=0)
-    rows = np.flatnonzero(measured & driven)
+    told = driven & ~_silent(recording, SILENT * period)
+    rows = np.flatnonzero(measured & told)
     apart = np.diff(recording.time[rows]) > period
-    apart |= np.diff(np.cumsum(~driven)[rows]) > 0
+    apart |= np.diff(np.cumsum(~told)[rows]) > 0
     parts = np.split(rows, np.flatnonzero(apart) + 1)
     long = [
         slice(int(part[0]), int(part[-1]) + 1)
         for part in parts
         if len(part) >= FEWEST and np.ptp(recording.time[part]) >= LEAST * period
     ]
-    if driven.all() and (len(parts) == 1 or not long):
+    if driven.all() and ((told.all() and len(parts) == 1) or not long):
         return [recording]
     if not long:
         raise ValueError(
@@ -88,6 +91,22 @@ def parted(recording: Recording, period: float) -> list[Recording]:
             f"of {period:.3g} s in which the motion is measured"
         )
     return [recording[own] for own in long]
+
+
+def _silent(recording: Recording, longest: float) -> np.ndarray:
+    """(n,) whether a coordinate that is measured at other times has no sample for `longest` s: of
+    itself, nor of its velocity where that is a state.
+    """
+    time, silent = recording.time, np.zeros(len(recording.time), bool)
+    pairs = velocity_pairs(recording.states)
+    for i in set(range(len(recording.states))) - set(pairs.values()):
+        own = [i, pairs[i]] if i in pairs else [i]
+        sampled = np.isfinite(recording.values[:, own]).any(axis=1)
+        if sampled.any():
+            ends = np.r_[time[0], time[sampled], time[-1]]
+            before = np.clip(np.searchsorted(ends, time, side="right") - 1, 0, len(ends) - 2)
+            silent |= ~sampled & (np.diff(ends)[before] > longest)
+    return silent
 
 
 def _weights(channels: "list[Channel]", span: float | None) -> np.ndarray:

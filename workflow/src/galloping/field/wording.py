@@ -54,8 +54,10 @@ PROBLEMS = (  # part of what is wrong with samples, and what would help
     ("less than 10 samples", "a higher sampling rate, of ten samples in a period or more"),
     ("hardly more than noise", "a larger motion, or better sensors"),
     ("no samples for", "sensors that record without gaps, at the same times"),
+    ("jumps by", "a sensor whose zero holds still"),
     ("the mean drifts", "a sensor whose zero holds still"),
     ("clipped", "a sensor with a larger range"),
+    ("different values", "a sensor of finer resolution"),
 )
 LEAST = 1e-6  # width of an interval that is said, in its value
 KNOWN = 0.01  # standard error of a coefficient that no further recording needs to tell better

@@ -96,15 +96,14 @@ def spend(seconds: float) -> None:
 
 
 def at_most(passed: float) -> float:
-    """s, that are left at most after `passed` s, at the speed so far; infinite where no limit or
-    no speed is known.
+    """s, that are left at most after `passed` s, at the speed so far, where that is told already;
+    infinite where there is no limit.
     """
     work, most, spent = _work.get(_UNLIMITED), _UNLIMITED.most, 0.0
     while work is not _UNLIMITED:
         most, spent, work = work.most, spent + work.spent, work.around
-    if spent < TELLING:
-        return float("inf")
-    return passed / spent * (max(most - spent, 0.0) + AFTER)
+    speed = passed / spent if spent >= TELLING else 1.0
+    return speed * (max(most - spent, 0.0) + AFTER)
 
 
 def is_spent() -> bool:

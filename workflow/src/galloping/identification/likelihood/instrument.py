@@ -36,7 +36,7 @@ FORCES = f"forces besides the model act{GUSTS}, or terms are missing"
 JITTER = "errors grow with the speed of the motion: sampling times jitter, or the model is wrong"
 GROWING = "the noise grows with the signal"
 # In the causes that name a channel first.
-CLOCK, SCALE, DELAYED = "clock", "scale", "delayed against"
+CLOCK, SCALE, DELAYED, DRIFTS = "clock", "scale", "delayed against", "drifts"
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ def _parameters(
         entries += pairs
     for o, name in enumerate(names):
         test([first + o], f"{name} is {DELAYED} the other channels")
-        test([first + count + o], f"{name} drifts", True)
+        test([first + count + o], f"{name} {DRIFTS}", True)
     for i, v in kinematic if len(kinematic) > 1 else []:
         both = [first + channel[i], first + channel[v]]
         test(both, f"{states[i]} and {states[v]} are {DELAYED} the others")

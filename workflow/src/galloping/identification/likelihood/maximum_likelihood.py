@@ -18,7 +18,7 @@ from galloping.identification.likelihood.free_run import (
     whole_approximation,
 )
 from galloping.identification.likelihood.inputs import asked, checked_recordings, driven
-from galloping.identification.likelihood.instrument import FORCES, faults
+from galloping.identification.likelihood.instrument import DELAYED, FORCES, faults
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.prior import Prior
 from galloping.identification.likelihood.problem import Coefficient, Problem
@@ -52,7 +52,7 @@ from galloping.identification.likelihood.verdict import (
     with_inputs,
 )
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
-from galloping.identification.likelihood.weak_gls import Start, begin
+from galloping.identification.likelihood.weak_gls import Start, begin, delayed_inputs
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.random_forces import (
     may_be_moved_at_random,
@@ -147,7 +147,7 @@ def _at_time_scale(
     given, doubted = begun, share == 1.0 and may_be_moved_at_random(begun)
     later = doubted and not rests_at_zero(begun) and follows_in_segments(begun)
     if doubted and not later and (forced := moved_at_random(given)) is not None:
-        return forced
+        return _beside_late(given, forced)
     rescaled = scaled(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
         begun = begin(problem, rescaled, share)
@@ -184,8 +184,26 @@ def _identified(begun: Start, doubted: Start | None = None) -> IdentifiedModel:
         found = str(error)
     if not isinstance(found, str):
         return found
-    forced = moved_at_random(doubted) if doubted else None
-    return forced or _near(begun, found)
+    if doubted and (forced := moved_at_random(doubted)) is not None:
+        return _beside_late(doubted, forced)
+    return _near(begun, "; ".join(filter(None, [_late(begun), found])))
+
+
+def _late(begun: Start) -> str:
+    """Which inputs are late or early, in words, and by how much; '' where none is."""
+    try:
+        late = delayed_inputs(begun)
+    except NO_MODEL:
+        return ""
+    return "; ".join(f"{name} is {DELAYED} the motion by {by:.2g} s" for name, by in late.items())
+
+
+def _beside_late(begun: Start, forced: IdentifiedModel) -> IdentifiedModel:
+    """A model in random forces, which may be what inputs at the wrong times leave."""
+    if not (late := _late(begun)):
+        return forced
+    status = "approximate" if forced.status == "ok" else forced.status
+    return replace(forced, status=status, reason=f"{late}; {forced.reason}")
 
 
 def _near(begun: Start, objection: str) -> IdentifiedModel:

@@ -16,6 +16,8 @@ from galloping.identification.likelihood.smoothing import (
 from galloping.identification.model import Unusable
 from galloping.recording import Recording
 
+PILED = 4  # times the samples of the value beside it; a coarsely resolved sine has 2.4 times
+
 
 def without_faults(recording: Recording, period: float) -> Recording:
     """The recording without constant channels and without saturated stretches.
@@ -30,16 +32,24 @@ def without_faults(recording: Recording, period: float) -> Recording:
         if not good.any():
             continue
         least = max(5, 5e-4 * good.sum())  # a digital channel repeats some by chance
-        extremes = (np.nanmin(channel), np.nanmax(channel))
-        if extremes[0] == extremes[1]:
+        if np.ptp(channel[good]) == 0.0:
             channel[:] = np.nan
             continue
-        for extreme in extremes:
+        for extreme in piled(channel[good]):
             at = np.flatnonzero(channel == extreme)
             if len(at) >= least:
                 distance = distance_to(recording.time[at], recording.time)
                 channel[distance <= period / GRID_PER_PERIOD] = np.nan
     return replace(recording, values=values)
+
+
+def piled(values: np.ndarray) -> list[float]:
+    """The least and the greatest of values (n,), where far more have it than the one beside it: of
+    a coarse resolution each value is that of many.
+    """
+    different, counts = np.unique(values, return_counts=True)
+    ends = ((0, 1), (-1, -2)) if len(different) > 1 else ()
+    return [float(different[end]) for end, beside in ends if counts[end] >= PILED * counts[beside]]
 
 
 def smooth_without_outliers(recording: Recording, period: float) -> tuple[Recording, Smooth]:

@@ -124,13 +124,15 @@ class Eliminated:
 def cut(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
     """Segments of about `windows` windows, each its own chain.
 
-    allowed: (n_windows,) whether a segment may start at a window; every recording's first may.
+    allowed: (n_windows,) whether a segment may start at a window, else it starts at the nearest one
+    where it may; every recording's first may.
     """
     first, recording = [], []
     for r, (a, b) in enumerate(zip(condensed.first[:-1], condensed.first[1:], strict=True)):
         pieces = max(1, round((b - a) / windows))
         starts = np.linspace(a, b, pieces + 1).round().astype(np.int64)[:-1]
-        starts = starts[allowed[starts] | (starts == a)]
+        may = np.append(a, a + 1 + np.flatnonzero(allowed[a + 1 : b]))
+        starts = np.unique(may[np.argmin(np.abs(may - starts[:, np.newaxis]), axis=1)])
         first.append(starts)
         recording.append(np.full(len(starts), r))
     owner = np.concatenate(recording)

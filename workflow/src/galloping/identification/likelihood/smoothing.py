@@ -130,7 +130,8 @@ def smooth(recording: Recording, period: float) -> Smooth:
             recording, curve, pieces, time, period
         )
         states[:, curve] = fitted
-        valid &= _near(recording, curve, time, period)
+        valid &= _near(recording, curve, time, 0.4 * period)  # nearly half a swing
+        valid &= _near(recording, curve[:1], time, period)  # a velocity alone tells it no longer
         valid &= _away(recording, curve, time, period)
         noise[curve] = deviation
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
@@ -154,7 +155,7 @@ def _curves(
     for i, velocity in pairs.items():
         few = counts[velocity] < plenty
         if counts[i] and counts[velocity]:
-            near = [_near(recording, [k], grid, period) for k in (i, velocity)]
+            near = [_near(recording, [k], grid, 0.4 * period) for k in (i, velocity)]
             few = few or np.any(near[0] != near[1])
         if counts[i] and few:
             curves.append([i, velocity])
@@ -175,7 +176,7 @@ def _fit(
 
     Returns the curve and, with two channels, its derivative on the grid, (n_grid, n_channels);
     the residuals of the samples, (n, n_channels); their deviation, by channel; and the square
-    root of the noise's spectral density.
+    root of the noise's spectral density. Raises ValueError where a gap is too long for a curve.
     """
     start, spacing = recording.time[0], (recording.time[-1] - recording.time[0]) / pieces
     place = (recording.time - start) / spacing
@@ -192,7 +193,11 @@ def _fit(
         stiffness = count / noise**2 / spacing ** (2 * np.arange(len(curve)))
         # closes gaps, moves no curve
         _add_roughness(bands, 5e-4 * float(np.sum(stiffness)) / pieces)
-        coefficients = solveh_banded(bands, right, lower=True)
+        try:
+            coefficients = solveh_banded(bands, right, lower=True)
+        except np.linalg.LinAlgError as error:
+            what = recording.states[curve[0]]
+            raise Unusable(f"{what} is not free of gaps for long enough to be told") from error
         deviation = np.full(len(curve), np.nan)
         residual = np.full(values.shape, np.nan)
         for k in range(len(curve)):
@@ -216,10 +221,10 @@ def _fit(
     return fitted, residual, deviation, 1.0 / np.sqrt(weight)
 
 
-def _near(recording: Recording, curve: list[int], grid: np.ndarray, period: float) -> np.ndarray:
-    """(n_grid,) whether a sample of the curve's channels is near: within nearly half a swing."""
+def _near(recording: Recording, curve: list[int], grid: np.ndarray, within: float) -> np.ndarray:
+    """(n_grid,) whether a sample of the curve's channels is `within` that time, s."""
     sampled = recording.time[np.isfinite(recording.values[:, curve]).any(axis=1)]
-    return distance_to(sampled, grid) <= 0.4 * period
+    return distance_to(sampled, grid) <= within
 
 
 def distance_to(nearest: np.ndarray, time: np.ndarray) -> np.ndarray:

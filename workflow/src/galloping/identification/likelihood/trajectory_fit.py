@@ -186,13 +186,19 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> Fit:
 def _window_states(
     condensed: Condensed, recordings: list[Recording], smoothed: list[Smooth]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Smoothed states where the windows start, (n_windows, n_states), and whether data are near."""
+    """Smoothed states where the windows start, (n_windows, n_states), and whether data are near;
+    where these are not, as in the gap of a channel, states are kept to the range that they have.
+    """
     states, valid = [], []
     for r, (recording, one) in enumerate(zip(recordings, smoothed, strict=True)):
         windows = condensed.first[r + 1] - condensed.first[r]
         time = recording.time[0] + condensed.step * np.arange(windows)
-        states.append(np.column_stack([np.interp(time, one.time, x) for x in one.states.T]))
+        own = np.column_stack([np.interp(time, one.time, x) for x in one.states.T])
         valid.append(np.interp(time, one.time, one.valid) == 1.0)
+        if valid[-1].any():
+            told = own[valid[-1]]
+            own = np.clip(own, told.min(axis=0), told.max(axis=0))
+        states.append(own)
     return np.concatenate(states), np.concatenate(valid)
 
 

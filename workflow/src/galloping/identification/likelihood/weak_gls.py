@@ -30,9 +30,10 @@ from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.work import spend
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix
-from galloping.recording import Recording
+from galloping.recording import Recording, extrapolated
 
 TEST_STRIDE = GRID_PER_PERIOD // 6  # of the grid between test functions, a third of their radius
+LATEST = 4  # shortest periods, by which an input may be late or early
 
 
 def whitened_weak_form(
@@ -202,7 +203,7 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     coefficients = None
     for _ in range(1 + 3):  # after three weighings coefficients move by less than their errors
         passing("start from the weak form")
-        spend((6e-8 + 5e-11 * n) * n * sum(len(one.time) for one in smoothed))
+        spend(_seconds(n, smoothed))
         systems = [whitened_weak_form(problem, one, coefficients) for one in smoothed]
         information = sum(a.T @ a for a, _ in systems)
         right = sum(a.T @ b for a, b in systems)
@@ -218,6 +219,11 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
         coefficients = problem.coefficients(free)
     misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
     return WeakFit(free, support, information, right, max(misfit, 0.0))
+
+
+def _seconds(n: int, smoothed: list[Smooth]) -> float:
+    """That n candidates take to be whitened, as `spend` counts them."""
+    return (6e-8 + 5e-11 * n) * n * sum(len(one.time) for one in smoothed)
 
 
 @dataclass(frozen=True)
@@ -290,6 +296,38 @@ def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
     own = slice(edges[best], edges[best + 1])
     cut = {name: getattr(smooth, name)[own] for name in ("time", "states", "valid", "inputs")}
     return replace(smooth, **cut)
+
+
+def delayed_inputs(start: Start) -> dict[str, float]:
+    """By name, inputs with which the motion goes along at other times than theirs, and by how many
+    s they are late.
+
+    Looked for within LATEST of the shortest periods, with all candidates, no model being needed
+    that nearly follows. Named is what takes most of the misfit beyond the noise away.
+    """
+    problem, n = start.problem, len(start.problem.candidates)
+    weighed, found = problem.coefficients(start.fit.free), {}
+
+    def misfit(k: int, late: float) -> tuple[float, int]:
+        total, rows, information, right = 0.0, 0, np.zeros((n, n)), np.zeros(n)
+        for recording, one in zip(start.recordings, start.smoothed, strict=True):
+            inputs = one.inputs.copy()
+            inputs[:, k] = extrapolated(recording.inputs[problem.inputs[k]], one.time + late)
+            spend(_seconds(n, [one]))
+            a, b = whitened_weak_form(problem, replace(one, inputs=inputs), weighed)
+            information, right = information + a.T @ a, right + a.T @ b
+            total, rows = total + float(b @ b), rows + len(b)
+        return total - float(solve_support(information, right, np.ones(n, bool))[0] @ right), rows
+
+    for k, name in enumerate(problem.inputs):
+        (now, rows), best, step = misfit(k, 0.0), 0.0, start.period / 2.0
+        for reach in (2 * LATEST, 1, 1, 1, 1):
+            tried = best + step * np.arange(-reach, reach + 1)
+            told = [misfit(k, late)[0] for late in tried]
+            best, step = float(tried[np.argmin(told)]), step / 2.0
+        if now - min(told) > max(start.penalty, (now - rows + n) / 2.0):
+            found[name] = best
+    return found
 
 
 @one_thread
