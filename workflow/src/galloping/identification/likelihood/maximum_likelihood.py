@@ -186,7 +186,9 @@ def _identified(begun: Start, doubted: Start | None = None) -> IdentifiedModel:
         return found
     if doubted and (forced := moved_at_random(doubted)) is not None:
         return _beside_late(doubted, forced)
-    return _near(begun, "; ".join(filter(None, [_late(begun), found])))
+    late = _late(begun)  # a score test may have said so, but not by how much
+    other = [clause for clause in found.split("; ") if clause not in late]
+    return _near(begun, "; ".join(filter(None, [late, *other])))
 
 
 def _late(begun: Start) -> str:
