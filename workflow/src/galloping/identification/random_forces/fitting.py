@@ -322,6 +322,7 @@ def _slopes(
         unit[j] = h
         moved = of(vector + unit)
         slopes[j, 0] = (moved.innovations - here.innovations)[known] / h / root
-        ratio = np.log(moved.variances[known] / here.variances[known])
+        with np.errstate(invalid="ignore"):  # of a variance that is none the step is not taken
+            ratio = np.log(moved.variances[known] / here.variances[known])
         slopes[j, 1] = ratio / h / np.sqrt(2.0)
     return slopes
