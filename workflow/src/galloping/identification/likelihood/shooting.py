@@ -132,7 +132,10 @@ def cut(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
         pieces = max(1, round((b - a) / windows))
         starts = np.linspace(a, b, pieces + 1).round().astype(np.int64)[:-1]
         may = np.append(a, a + 1 + np.flatnonzero(allowed[a + 1 : b]))
-        starts = np.unique(may[np.argmin(np.abs(may - starts[:, np.newaxis]), axis=1)])
+        after = np.minimum(np.searchsorted(may, starts), len(may) - 1)
+        before = np.maximum(after - 1, 0)
+        nearer = starts - may[before] <= np.abs(may[after] - starts)
+        starts = np.unique(np.where(nearer, may[before], may[after]))
         first.append(starts)
         recording.append(np.full(len(starts), r))
     owner = np.concatenate(recording)
