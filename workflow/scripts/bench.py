@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -111,13 +112,16 @@ def limit(results: Path) -> list[dict]:
     replicates = recordings(results, "state")
     terms = library(4, 3)
     maximum_likelihood(list(replicates[0]), terms)
-    ours, weak = (
-        np.median([seconds(partial(method, list(each), terms), 1) for each in replicates])
-        for method in (maximum_likelihood, weak_gls)
-    )
+
+    def cost(method: Callable, every: int = 1) -> float:
+        thinned = [[one[::every] for one in each] for each in replicates]
+        return float(np.median([seconds(partial(method, each, terms), 1) for each in thinned]))
+
+    ours, weak, few = cost(maximum_likelihood), cost(weak_gls), cost(maximum_likelihood, every=10)
     return [
         row("maximum_likelihood on 30,001 x 4 at 0.05, median", ours, "s", bar="<= 1.0"),
-        row("weak_gls on the same, median", weak, "s", "maximum_likelihood", ours / weak),
+        row("the same of every tenth sample", few, "s", "of all", ours / few, "<= 10"),
+        row("weak_gls on all, median", weak, "s", "maximum_likelihood", ours / weak),
     ]
 
 
