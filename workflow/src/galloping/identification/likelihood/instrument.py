@@ -272,14 +272,18 @@ def _gaps(linear: Linearised, fit: Fit) -> list[Fault]:
         change, _ = solve_support(quadratic.information, quadratic.right, among)
         return quadratic.fall + float(change @ quadratic.right)
 
-    whole, place = fall(segments), np.arange(len(segments.chains))
-    freedom = (len(place) - int(segments.chains[-1]) - 1) * starts.shape[1]
-    if freedom <= 0:
-        return []
-    square = fall(replace(segments, chains=place)) - whole
-    # a chi^2 variable's square root is almost Gaussian (R. A. Fisher)
-    z = np.sqrt(2.0 * max(square, 0.0)) - np.sqrt(2.0 * freedom - 1.0)
-    return [Fault(FORCES, True, float(z))]
+    whole, tested = fall(segments), []
+    place = np.arange(len(segments.chains))
+    first = np.maximum.accumulate(np.where(np.diff(segments.chains, prepend=-1) > 0, place, 0))
+    for length in (1, 2, 4):  # for a force that comes and goes, and a phase that wanders
+        begins = (place - first) % length == 0
+        freedom = (int(begins.sum()) - int(segments.chains[-1]) - 1) * starts.shape[1]
+        if freedom > 0:
+            square = fall(replace(segments, chains=np.cumsum(begins) - 1)) - whole
+            # a chi^2 variable's square root is almost Gaussian (R. A. Fisher)
+            z = np.sqrt(2.0 * max(square, 0.0)) - np.sqrt(2.0 * freedom - 1.0)
+            tested.append(Fault(FORCES, True, float(z)))
+    return tested
 
 
 def _variances(fit: Fit, residual: np.ndarray, rates: np.ndarray) -> list[Fault]:
