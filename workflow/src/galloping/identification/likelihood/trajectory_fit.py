@@ -88,12 +88,13 @@ class JoinedFit:
 
 def free_fit(begun: Start, start: WeakFit) -> Step | None:
     """The last step of a fit in which each segment has a first state of its own: in the longest
-    with which it is close, or else the longest; None where all diverge.
+    with which it is close, or else those to which halving halved the misfit; None where all
+    diverge.
 
     From a rough start, that of a sensitive system above all, long segments lead astray; ones that
     are shorter than they need be hide what the recording may have wrong.
     """
-    best, periods = None, float(PERIODS_PER_SEGMENT)
+    best, improving, periods = None, True, float(PERIODS_PER_SEGMENT)
     for _ in range(4):
         if is_spent():
             break
@@ -107,7 +108,8 @@ def free_fit(begun: Start, start: WeakFit) -> Step | None:
             periods /= 2.0
         if step.fit.misfit < CLOSE:
             return step
-        best = best or step
+        improving = best is None or (improving and step.fit.chi2 <= best.fit.chi2 / 2.0)
+        best = step if improving else best
     return best
 
 
