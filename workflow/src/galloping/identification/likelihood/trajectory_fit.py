@@ -127,7 +127,7 @@ def follows_in_segments(begun: Start) -> bool:
 
 
 def _periods(fit: Fit, begun: Start) -> float:
-    """The length of a segment."""
+    """The length of a segment, in shortest periods of the motion."""
     windows = np.median(np.diff(fit.record.segments.first))
     return float(windows * fit.record.condensed.step / begun.period)
 
