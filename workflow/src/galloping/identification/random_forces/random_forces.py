@@ -21,7 +21,7 @@ from galloping.identification.likelihood.problem import Coefficient, Problem
 from galloping.identification.likelihood.rate_channels import scaled, scales_told
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.verdict import by, refused, with_inputs
-from galloping.identification.likelihood.weak_gls import MOST_MISFIT, Start, prepared
+from galloping.identification.likelihood.weak_gls import Start, prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.fitting import Fit, Model, Question, fitted, information
@@ -43,10 +43,6 @@ from galloping.polynomial import Exponents, PolynomialModel, design_matrix, velo
 from galloping.recording import Recording, at_times, mean_inputs
 
 SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the modes, rad/s
-SLOWER = 4.0  # times the period of the swings, at which a start then follows something else
-# Noise over the motion from which random forces leave little else. Measured: 0.3 leaves misfits of
-# 2.5 to 4.6 of six motions in random forces, 0.1 leaves 16 to 46.
-NOISY = 0.2
 TRIED_PER_PERIOD = 16  # samples a shortest period, at which it is tried whether forces are random
 COUPLED_RATE = 0.01  # of uncoupled coordinates that are taken for coupled ones
 LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
@@ -91,20 +87,6 @@ def random_forces(
         return by(["random forces"], refused(problem, str(error)))
 
 
-def may_be_moved_at_random(start: Start) -> bool:
-    """Whether random forces may have moved a recording: a motion that follows from its first state
-    leaves little in the weak form, where noise does not hide what is left and the start follows the
-    swings, not what is slower.
-
-    start: the start of all methods.
-    """
-    if start.fit.misfit >= MOST_MISFIT:
-        return True
-    with suppress(*NO_MODEL):
-        return wavers(start.recordings, start.period) and (_is_noisy(start) or _is_slow(start))
-    return False
-
-
 def moved_at_random(start: Start) -> IdentifiedModel | None:
     """The model of a recording that random forces moved, None where it may be another motion.
 
@@ -147,19 +129,6 @@ def _thinned(recordings: list[Recording]) -> list[Recording]:
     step, grids = on_grids(recordings)
     every = max(int(shortest(grids, step) / TRIED_PER_PERIOD / step), 1)
     return [each[::every] for each in recordings]
-
-
-def _is_noisy(begun: Start) -> bool:
-    """Whether the noise of a channel could hide what random forces leave in the weak form."""
-    return any(
-        np.any(one.noise > NOISY * one.states[one.valid].std(axis=0)) for one in begun.smoothed
-    )
-
-
-def _is_slow(begun: Start) -> bool:
-    """Whether what the start follows is mostly slower than the swings, as in slow forces."""
-    step, grids = on_grids(begun.recordings)
-    return bool(shortest(grids, step) < begun.period / SLOWER)
 
 
 def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:
