@@ -10,15 +10,13 @@ from lines import moved, simulate
 
 from galloping.bounds import (
     Experiment,
-    at_the_bound,
     bounds_of,
-    deviations,
     free_terms,
     information,
-    ranked_releases,
     sensitivities,
     state_bound,
 )
+from galloping.evaluation.bounds_of_cells import at_the_bound, deviations, ranked_releases
 from galloping.intervals import IDENTIFIABLE
 from galloping.measurement import BY_NAME, Noise, channel_scale
 from galloping.physics.galerkin import Derived

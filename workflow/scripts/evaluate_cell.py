@@ -1,6 +1,6 @@
 """The Cramer-Rao bound of one cell, and scores of its models and of models at the bound."""
 
-from galloping.bounds import cell_bounds, deviations, models_at, no_models
+from galloping.evaluation.bounds_of_cells import cell_bounds, deviations, models_at, no_models
 from galloping.evaluation.score import Truth, evaluate
 from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import extended, library

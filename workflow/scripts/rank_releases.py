@@ -1,6 +1,6 @@
 """Further releases of one case, the one that would help identification most first."""
 
-from galloping.bounds import ranked_releases
+from galloping.evaluation.bounds_of_cells import ranked_releases
 from galloping.reproducibility.job import run
 from galloping.storage import write_rows
 from galloping.study.files import read_model, read_trajectories

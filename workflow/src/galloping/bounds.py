@@ -1,31 +1,22 @@
-"""The Cramer-Rao bound: how precisely any unbiased method can know each coefficient.
-
-From recordings of a line, models drawn at it too, and which further recording would help most.
-"""
+"""The Cramer-Rao bound: how precisely any unbiased method can know each coefficient."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import product
 
 import heyoka as hy
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel
-from galloping.intervals import IDENTIFIABLE
-from galloping.measurement import Motion, Noise, measure, noises_of
-from galloping.physics.galerkin import EQUATIONS
-from galloping.polynomial import Exponents, PolynomialModel, beside, design_matrix, term_name
+from galloping.measurement import Motion, Noise
+from galloping.polynomial import Exponents, PolynomialModel, beside, design_matrix
 from galloping.recording import Input, at_times
 from galloping.simulation import (
     COMPILATION,
     EQUAL_STEPS,
-    Simulator,
     check_inputs,
     equations,
     most_steps,
 )
-from galloping.streams import generator
 
 MAX_STEPS = 2**16
 Places = tuple[tuple[int, int], ...]
@@ -281,133 +272,3 @@ def on_library(model: PolynomialModel, found: Bound) -> np.ndarray:
     std = np.full(model.coefficients.shape, np.nan)
     std[tuple(found.free.T)] = found.std
     return std
-
-
-def at_the_bound(
-    model: PolynomialModel, found: Bound, rng: np.random.Generator, lacking: Sequence[str] = ()
-) -> IdentifiedModel:
-    """What an efficient method that knows the terms would find: one draw at the bound.
-
-    lacking: names of the terms that the candidate library lacks. Where there are any, or the data
-    leave a coefficient undetermined, there is no such method, and no model.
-    """
-    if lacking or not np.all(np.isfinite(found.covariance)):
-        why = f"the library lacks {', '.join(lacking)}" if lacking else "a term is undetermined"
-        return IdentifiedModel.refused(model.states, model.terms, f"bound: {why}")
-    values, vectors = np.linalg.eigh(found.covariance)
-    draw = vectors @ (np.sqrt(np.maximum(values, 0)) * rng.standard_normal(len(values)))
-    coefficients = model.coefficients.copy()
-    coefficients[tuple(found.free.T)] += draw
-    drawn = replace(model, coefficients=coefficients)
-    return IdentifiedModel(drawn, "unjudged", standard_errors=on_library(model, found))
-
-
-def cell_bounds(
-    model: PolynomialModel,
-    equations: Sequence[int],
-    motions: Sequence[Motion],
-    measurement: Mapping,
-    name: Sequence[str],
-) -> list[Bound]:
-    """The bounds of a cell: one for all replicates, or each its own where their times differ.
-
-    motions, measurement, name: what its recordings are drawn from, see `measure`. None without
-    noise.
-    """
-    if measurement["level"] == 0:
-        return []
-    motions = motions[: measurement["recordings"]]
-    protocol, level, relative = (measurement[k] for k in ("protocol", "level", "relative"))
-    noises = noises_of(motions, protocol, level, relative)
-    times_differ = measurement["samples"] < len(motions[0].time)
-    replicates = measurement["replicates"] if times_differ else 1
-    samplings = [
-        [np.searchsorted(motions[0].time, recording.time) for recording in recordings]
-        for recordings in measure(motions, name=name, **{**measurement, "replicates": replicates})
-    ]
-    return bounds_of(model, equations, motions, noises, samplings)
-
-
-def models_at(
-    model: PolynomialModel,
-    bounds: Sequence[Bound],
-    measurement: Mapping,
-    name: Sequence[str],
-    lacking: Sequence[str] = (),
-) -> list[IdentifiedModel]:
-    """What an efficient method would find from each replicate; without noise, the line itself.
-
-    lacking: names of the terms that the candidate library lacks.
-    """
-    if not bounds:
-        return [IdentifiedModel(model, "unjudged")]
-    return [
-        at_the_bound(
-            model,
-            bounds[k % len(bounds)],
-            generator(measurement["seed"], "bound", *name, k),
-            lacking,
-        )
-        for k in range(measurement["replicates"])
-    ]
-
-
-def no_models(model: PolynomialModel, measurement: Mapping, reason: str) -> list[IdentifiedModel]:
-    """None from any replicate, for `reason`."""
-    refused = IdentifiedModel.refused(model.states, model.terms, f"bound: {reason}")
-    return [refused] * measurement["replicates"]
-
-
-def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int) -> np.ndarray:
-    """(n_bounds, n_states, n_terms) standard deviations, NaN without noise.
-
-    candidates: how many terms of the model, the first, the candidate library has. No method
-    estimates the others: they have no bound, NaN.
-    """
-    if not bounds:
-        return np.full((1, *model.coefficients.shape), np.nan)
-    std = np.stack([on_library(model, each) for each in bounds])
-    std[:, :, candidates:] = np.nan
-    return std
-
-
-def ranked_releases(
-    line: PolynomialModel, first: Motion, level: float, heights: Sequence[float]
-) -> list[dict]:
-    """One row a release from rest at one of the `heights` (m) in either direction, the best first.
-
-    first: the recording that there is. level: of the noise on every state, in units of its
-    deviation. Releases from which the line's motion ends early are left out; where that of `first`
-    does, or there is no noise, which leaves nothing to learn, all are.
-    """
-    if first.status != "ok" or level == 0:
-        return []
-    simulator, free = Simulator(line.states, line.terms), free_terms(line, tuple(EQUATIONS))
-    before, rows = information(line, free, _noisy(first.time, first.states, level)), []
-    for state, height in product(("q_v", "q_w"), heights):
-        start = first.states[0].copy()
-        start[line.states.index(state)] = height
-        motion = simulator(line, start, first.time)
-        if motion.status != "ok":
-            continue
-        try:
-            added = information(line, free, _noisy(first.time, motion.states, level))
-        except ValueError:  # the line diverges
-            continue
-        bound = bound_of(line, free, before + added)
-        weakest = int(np.argmin(bound.t))
-        equation, term = bound.free[weakest]
-        rows.append(
-            {
-                "release": f"{state}(0) = {height:g} m",
-                "level": level,
-                "weakest_t": float(bound.t[weakest]),
-                "weakest_term": f"{EQUATIONS[equation]} {term_name(line.terms[term], line.states)}",
-                "identifiable": bool(bound.t[weakest] > IDENTIFIABLE),
-            }
-        )
-    return sorted(rows, key=lambda row: -row["weakest_t"])
-
-
-def _noisy(time: np.ndarray, states: np.ndarray, level: float) -> Experiment:
-    return Experiment(states[0], time, level * states.std(axis=0))

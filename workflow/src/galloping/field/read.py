@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.field.file_table import FileError, FileTable, read_table
+from galloping.field.instants import instants
 from galloping.field.mapping import Channel, ColumnMapping, InputColumn
 from galloping.field.units import UnitError, amount, factor, input_si, named, state_unit
 from galloping.identification.likelihood.inputs import FEWEST
@@ -22,14 +23,6 @@ CODES = (  # that loggers write for a missing sample, of either sign
     99, 999, 9999, 99999, 999999, 9999999, 99.9, 99.99, 999.9, 999.99, 999.25, 9999.9, 9999.99,
     6999, 7999, 32767, 32768,
 )  # fmt: skip
-DAYS = (
-    "%d.%m.%Y", "%d.%m.%y", "%Y/%m/%d", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%m/%d/%y",
-    "%d/%m/%y", "%d-%b-%Y",
-)  # fmt: skip
-HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
-HOURS += [hours.replace(".%f", ":%f") for hours in HOURS]
-WHOLE = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # seconds, which may stand among fractions of them
-FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
 HELD = 2  # rows, that a logger repeats a slower sample for at least
 STUCK = 20  # times as long as nearly all runs of one value is that of a sensor that was stuck
 SAME = 1e-9  # less than full correlation, of two channels that are one
@@ -70,9 +63,9 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     table = read_table(path, mapping.decimal, mapping.time.column)
     for one in (mapping.time, *mapping.channels, *mapping.inputs):
         _column(table, one.column, mapping)
-    instants = _instants(table, mapping)
-    _check_units(table, mapping, instants is None)
-    time, start, origin = _seconds(table, mapping, instants)
+    times = instants(table, mapping)
+    _check_units(table, mapping, times is None)
+    time, start, origin = _seconds(table, mapping, times)
     notes, columns, units = list(table.notes), [], {}
     for one in (*mapping.channels, *mapping.inputs):
         column, codes = _without_codes(table.numbers(one.column))
@@ -214,70 +207,24 @@ def check_apart(series: Sequence[Series]) -> None:
         known |= {block.tobytes(): one for block in blocks[::ALIKE]}
 
 
-def _instants(
-    table: FileTable, mapping: ColumnMapping
-) -> pd.DatetimeIndex | pd.TimedeltaIndex | None:
-    """Times that say by themselves what they are; None where they are numbers, of some unit."""
-    column = table.column(mapping.time.column)
-    if column.dtype.kind in "mM":
-        return pd.Index(column)
-    if column.dtype.kind in "OUT" and mapping.time.unit is None:
-        return _stamps(table, mapping.time.column)
-    return None
-
-
 def _seconds(
-    table: FileTable, mapping: ColumnMapping, instants: pd.Index | None
+    table: FileTable, mapping: ColumnMapping, times: pd.Index | None
 ) -> tuple[np.ndarray, str, float]:
     """Times in s since the first, when that was, if the file says it, and on which second."""
     name = mapping.time.column
-    if isinstance(instants, pd.DatetimeIndex) and instants.notna().any():
-        first = instants.min()
-        seconds = np.asarray((instants - first).total_seconds(), float)
+    if isinstance(times, pd.DatetimeIndex) and times.notna().any():
+        first = times.min()
+        seconds = np.asarray((times - first).total_seconds(), float)
         return seconds, first.isoformat(), first.timestamp()
-    if isinstance(instants, pd.TimedeltaIndex):
-        values = instants.total_seconds().to_numpy(float)
-    elif instants is not None:
-        values = np.full(len(instants), np.nan)
+    if isinstance(times, pd.TimedeltaIndex):
+        values = times.total_seconds().to_numpy(float)
+    elif times is not None:
+        values = np.full(len(times), np.nan)
     else:
         values = table.numbers(name) * _to_si(table, name, mapping.time.unit, "s")
     if not np.isfinite(values).any():
         raise FileError(f"{table.at(name)} is empty")
     return values - np.nanmin(values), "", float(np.nanmin(values))
-
-
-def _stamps(table: FileTable, name: str) -> pd.DatetimeIndex | None:
-    """Times as dates or times of a day; None where most of a column of text is numbers.
-
-    Raises FileError where a day cannot be told from a month, and for what is no time.
-    """
-    text = pd.Series(table.column(name)).astype("string").str.strip().str.replace(",", ".")
-    text = text.str.replace(WHOLE, r"\1.0", regex=True)
-    if pd.to_numeric(text, errors="coerce").notna().sum() >= text.notna().sum() / 2:
-        return None
-    first = text.dropna()[:1]
-    found = [pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")]
-    if found[0].isna().all():
-        forms = [form for form in FORMS
-                 if pd.to_datetime(first, format=form, errors="coerce").notna().all()]  # fmt: skip
-        found += [pd.to_datetime(text, format=form, errors="coerce") for form in forms]
-    most = max(stamps.notna().sum() for stamps in found)
-    found = [stamps for stamps in found if stamps.notna().sum() == most]
-    strange = np.flatnonzero(text.notna() & found[0].isna())
-    if len(strange):
-        what = "is neither a number nor a time, such as 2026-01-31T12:00:00.04"
-        raise table.fault(strange[0], name, what)
-    if any(not (stamps - stamps.min()).equals(found[0] - found[0].min()) for stamps in found):
-        raise table.fault(0, name, "may be day or month first; write dates as 2026-01-31")
-    return _over_midnight(pd.DatetimeIndex(found[0]), first.iloc[0])
-
-
-def _over_midnight(stamps: pd.DatetimeIndex, first: str) -> pd.DatetimeIndex:
-    """Times of a day, without a date, that go on after midnight."""
-    if ":" not in first[:3]:
-        return stamps
-    days = np.cumsum(np.diff(stamps, prepend=stamps[:1]) < -pd.Timedelta(hours=12))
-    return stamps + pd.to_timedelta(days, "D")
 
 
 def _column(table: FileTable, name: str, mapping: ColumnMapping) -> np.ndarray:

@@ -171,7 +171,8 @@ def _at_time_scale(
 def _identified(begun: Start, doubted: Start | None = None) -> IdentifiedModel:
     """The model that follows the data to the noise, or one that is near where none does.
 
-    doubted: the start of a recording that random forces may have moved, which is then asked first.
+    doubted: the start of a recording that random forces may have moved: whether they did is asked
+    before what is near.
     Raises FloatingPointError where there is neither.
     """
     try:
@@ -194,7 +195,7 @@ def _late(begun: Start) -> str:
         late = delayed_inputs(begun)
     except NO_MODEL:
         return ""
-    return "; ".join(f"{name} is {DELAYED} the motion by {by:.2g} s" for name, by in late.items())
+    return "; ".join(f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items())
 
 
 def _beside_late(begun: Start, forced: IdentifiedModel) -> IdentifiedModel:
