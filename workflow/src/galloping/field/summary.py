@@ -33,6 +33,7 @@ from galloping.identification.likelihood.maximum_likelihood import maximum_likel
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import tracking as in_random_forces
+from galloping.identification.random_forces.low_pass import as_modelled
 from galloping.identification.work import limited
 from galloping.passes import part, passing
 from galloping.recording import Input, Recording, mean_inputs
@@ -149,6 +150,7 @@ def summarised(
 
     Raises ValueError where there is a model and no channel oscillates.
     """
+    recordings = as_modelled(found, list(recordings))
     period, last, untried = longest_period(recordings), recordings[-1], ""
     with part("compare the recordings", until=0.3):
         found = objected(found, recordings, names, period, identify, faults)
@@ -217,7 +219,7 @@ def forecast(
     `Summary`. Raises ValueError where there is no model, where it does not follow the recording,
     where an input is not known, where most draws of it diverge, and for other input.
     """
-    _checked(found, recording)
+    (recording,) = _checked(found, recording)
     if window is None:
         window = PERIODS * _finite(longest_period([recording]))
     end = recording.time[-1]
@@ -241,7 +243,7 @@ def _checked(found: object, recordings: object) -> list[Recording]:
             f"recordings: have the states {', '.join(given[0].states)}; the model has "
             f"{', '.join(found.model.states)}"
         )
-    return given
+    return as_modelled(found, given)
 
 
 def longest_period(recordings: Sequence[Recording]) -> float:

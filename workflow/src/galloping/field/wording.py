@@ -308,13 +308,14 @@ def _plain_reasons(reason: str) -> list[tuple[str, str]]:
 
     That the model is inadequate, the last of all, is said where nothing tells more.
     """
-    known, clauses = _reasons(), reason.split("; ")
-    fitting = {
-        next((k for k, (pattern, *_) in enumerate(known) if re.search(pattern, clause)), None)
-        for clause in clauses
-    }
-    found = [known[k][1:] for k in sorted(fitting - {None})]
-    return found[:-1] if len(found) > 1 and found[-1] == known[-1][1:] else found
+    known, fitting = _reasons(), {}
+    for clause in reason.split("; "):
+        matches = ((k, re.search(pattern, clause)) for k, (pattern, *_) in enumerate(known))
+        k, match = next(filter(lambda each: each[1], matches), (None, None))
+        if match:
+            fitting.setdefault(k, (match.expand(known[k][1]), known[k][2]))
+    found = [fitting[k] for k in sorted(fitting)]
+    return found[:-1] if len(found) > 1 and len(known) - 1 in fitting else found
 
 
 def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:

@@ -24,6 +24,7 @@ MOST_STEPS, MOST_DAMPED = 40, 12
 TINY = 0.1  # of the least noise, to which noise beside it may fall
 UNTOLD = 1e-6  # information on a coefficient in its unit, below which the data say nothing of it
 FAINTEST = -40.0  # logarithm of a root of covariance, below which it stays: zero has none
+FAINT = 1e-3  # of the forces, as good as none
 FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
 
 
@@ -326,3 +327,24 @@ def _slopes(
             ratio = np.log(moved.variances[known] / here.variances[known])
         slopes[j, 1] = ratio / h / np.sqrt(2.0)
     return slopes
+
+
+def forces_are_needed(question: Question, fit: Fit, penalty: float) -> bool:
+    """Whether a model without its forces follows the samples less well than noise explains."""
+    model = fit.model
+    still = replace(model, root=FAINT * model.root, slow=tuple(FAINT * np.array(model.slow)))
+    lost = fit.filtered.log_likelihood - question.filtered(still).log_likelihood
+    return bool(2.0 * lost > penalty * (model.root.size + len(model.slow)))
+
+
+def forces_are_correlated(question: Question, fit: Fit, penalty: float) -> bool:
+    """Whether the forces are, by the Wald statistic of what they share."""
+    mixed = len(question.forced) * (len(question.forced) - 1) // 2
+    if not mixed:
+        return False
+    first = int(fit.support.sum()) + len(question.forced)
+    own = slice(first, first + mixed)
+    root = fit.model.root
+    shares = (root / np.diag(root))[np.tril_indices(len(root), -1)]
+    covariance = np.linalg.inv(information(fit.slopes))[own, own]
+    return bool(shares @ np.linalg.solve(covariance, shares) > penalty * mixed)

@@ -5,9 +5,10 @@ linear, the likelihood of the samples is exact; which terms f has is chosen as e
 every forced coordinate its own stiffness and damping stay.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -24,7 +25,15 @@ from galloping.identification.likelihood.verdict import by, refused, with_inputs
 from galloping.identification.likelihood.weak_gls import Start, prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.fitting import Fit, Model, Question, fitted, information
+from galloping.identification.random_forces.fitting import (
+    Fit,
+    Model,
+    Question,
+    fitted,
+    forces_are_correlated,
+    forces_are_needed,
+)
+from galloping.identification.random_forces.low_pass import slowest_modes
 from galloping.identification.random_forces.start import (
     MOST_DAMPING,
     on_grid,
@@ -47,7 +56,6 @@ TRIED_PER_PERIOD = 16  # samples a shortest period, at which it is tried whether
 COUPLED_RATE = 0.01  # of uncoupled coordinates that are taken for coupled ones
 LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
 MOST_CHOICES = 4  # of nonlinear terms, each after a fit of the last
-FAINT = 1e-3  # of the forces, as good as none
 START_PERIODS = 20.0  # shortest periods, over which the first state is told
 # s, of a trial beside inputs, and without: what takes more was mostly another motion.
 TRIAL_BESIDE_INPUTS, TRIAL = 0.15 * MOST, 0.4 * MOST
@@ -74,40 +82,72 @@ def random_forces(
     given = checked_recordings(recordings)
     problem = asked(given, terms, known, known_states, None, coefficients, allowed)
     places = forced_equations(problem, forced)
+
+    def found_in(recordings: list[Recording], period: float) -> tuple[IdentifiedModel, Whiteness]:
+        rescaled = scaled(recordings, period)
+        question, whole, _ = fitted_to_some(problem, rescaled, places)
+        found, left = fitted_to_all(question, whole, rescaled, period)
+        return _with_scales(found, recordings, rescaled), left
+
     try:
         recordings = driven(given, problem.inputs)
         with limited(recordings) as work:
             cleaned, _, period = prepared(recordings)
-            rescaled = scaled(cleaned, period)
-            question, whole, _ = fitted_to_some(problem, rescaled, places)
-            found, _ = fitted_to_all(question, whole, rescaled, period)
-        found = work.told(_with_scales(found, cleaned, rescaled))
-        return with_inputs(found, given, recordings)
+            found = _of_all_or_slowest(found_in, cleaned, period)
+        return with_inputs(work.told(found), given, recordings)
     except NO_MODEL as error:
         return by(["random forces"], refused(problem, str(error)))
 
 
-def moved_at_random(start: Start) -> IdentifiedModel | None:
-    """The model of a recording that random forces moved, None where it may be another motion.
-
-    start: the start of all methods. A motion that repeats leaves its harmonics in the innovations.
-    """
+def _of_all_or_slowest(
+    found_in: Callable[[list[Recording], float], tuple[IdentifiedModel, Whiteness]],
+    recordings: list[Recording],
+    period: float,
+) -> IdentifiedModel:
+    """The model of recordings or, where that leaves another motion, of their slowest modes."""
+    found, objection = None, None
     try:
-        problem, may_be_slow = start.problem, wavers(start.recordings, start.period)
-        forced, rescaled = problem.unknown, scaled(start.recordings, start.period)
-        with limited(start.recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
-            question, whole, left = fitted_to_some(problem, rescaled, forced, may_be_slow)
+        found, left = found_in(recordings, period)
+        if left.nearly:
+            return found
+    except NO_MODEL as error:
+        objection = error
+    slow = slowest_modes(recordings, lambda *own: found_in(*own)[0])
+    if not (slow or found):
+        raise objection
+    return slow or found
+
+
+def moved_at_random(start: Start) -> IdentifiedModel | None:
+    """The model of a recording that random forces moved, of its slowest modes where it has more of
+    them than coordinates; None where it may be another motion.
+
+    start: the start of all methods.
+    """
+    find = partial(_moved_at_random, start.problem)
+    return slowest_modes(start.recordings, find) or find(start.recordings, start.period)
+
+
+def _moved_at_random(
+    problem: Problem, recordings: list[Recording], period: float
+) -> IdentifiedModel | None:
+    """The same of all modes. A motion that repeats leaves its harmonics in the innovations."""
+    try:
+        rescaled = scaled(recordings, period)
+        with limited(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
+            may_be_slow = wavers(recordings, period)
+            question, whole, left = fitted_to_some(problem, rescaled, problem.unknown, may_be_slow)
             unseen = set(question.channels.pairs) - set(question.channels.values)
             if unseen and not question.tracker(whole.model).is_linear:
-                return None  # beside such terms, forces imitate displacements that nothing measures
+                return None  # beside such terms forces imitate displacements that nothing measures
             if work.ended or not _will_do(problem, left):
                 return None
-            found, left = fitted_to_all(question, whole, rescaled, start.period)
+            found, left = fitted_to_all(question, whole, rescaled, period)
             if work.ended or not _will_do(problem, left):
                 return None
     except NO_MODEL:
         return None
-    return _with_scales(found, start.recordings, rescaled)
+    return _with_scales(found, recordings, rescaled)
 
 
 def _will_do(problem: Problem, left: Whiteness) -> bool:
@@ -185,13 +225,13 @@ def fitted_to_all(
     """
     channels, penalty = question.channels, question.penalty
     known, _ = question.regression(whole.model)
-    correlated = _is_correlated(question, whole, penalty)
+    correlated = forces_are_correlated(question, whole, penalty)
     support = _chosen(question, whole, penalty)
     question = replace(question, data=_data(recordings, channels))
     fit = fitted(question, question.without(whole.model, support), support, correlated)
     left = _left(question, fit, recordings)
     values = np.linalg.eigvals(question.tracker(fit.model).system)
-    if not _are_needed(question, fit, penalty):
+    if not forces_are_needed(question, fit, penalty):
         raise Unusable("no random force is needed: a motion from its first state explains as much")
     if np.any(np.abs(values.real) > MOST_DAMPING * np.abs(values)):
         raise Unusable(f"no oscillations in random forces: {left.in_words(channels.names)}")
@@ -338,27 +378,6 @@ def _with_further_terms(question: Question, fit: Fit) -> Fit:
         except (FloatingPointError, np.linalg.LinAlgError):
             break
     return fit
-
-
-def _are_needed(question: Question, fit: Fit, penalty: float) -> bool:
-    """Whether a model without its forces follows the samples less well than noise explains."""
-    model = fit.model
-    still = replace(model, root=FAINT * model.root, slow=tuple(FAINT * np.array(model.slow)))
-    lost = fit.filtered.log_likelihood - question.filtered(still).log_likelihood
-    return bool(2.0 * lost > penalty * (model.root.size + len(model.slow)))
-
-
-def _is_correlated(question: Question, fit: Fit, penalty: float) -> bool:
-    """Whether the forces are, by the Wald statistic of what they share."""
-    mixed = len(question.forced) * (len(question.forced) - 1) // 2
-    if not mixed:
-        return False
-    first = int(fit.support.sum()) + len(question.forced)
-    own = slice(first, first + mixed)
-    root = fit.model.root
-    shares = (root / np.diag(root))[np.tril_indices(len(root), -1)]
-    covariance = np.linalg.inv(information(fit.slopes))[own, own]
-    return bool(shares @ np.linalg.solve(covariance, shares) > penalty * mixed)
 
 
 def _chosen(question: Question, fit: Fit, penalty: float) -> np.ndarray:

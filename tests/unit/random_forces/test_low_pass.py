@@ -1,0 +1,100 @@
+"""Ambient motion of more modes than coordinates: what is filtered out, and what is told then."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from galloping import (
+    Recording,
+    forecast,
+    maximum_likelihood,
+    polynomial_library,
+    summarise,
+)
+from galloping.identification.model import Unusable
+from galloping.identification.random_forces.low_pass import low_passed, slowest_modes
+
+TIME = np.arange(12_000) / 20
+SLOW, FAST = {0.4: 0.01, 0.46: 0.012}, {1.2: 0.008, 2.0: 0.006}  # Hz: damping ratio
+
+
+def recorded(*channels: np.ndarray) -> Recording:
+    """Displacements of as many coordinates, with 5 % noise."""
+    rng, states = np.random.default_rng(3), tuple(f"q{k}" for k in range(len(channels)))
+    values = np.full((len(TIME), 2 * len(channels)), np.nan)
+    for k, channel in enumerate(channels):
+        values[:, k] = channel + 0.05 * channel.std() * rng.standard_normal(len(TIME))
+    return Recording(TIME, (*states, *(f"d{state}" for state in states)), values)
+
+
+def swing(frequency: float, damping: float, seed: int) -> np.ndarray:
+    """A mode in white forces, of deviation one."""
+    omega, step = 2 * np.pi * frequency, TIME[1]
+    turn = omega * np.sqrt(1 - damping**2) * step
+    poles = [1.0, -2 * np.exp(-damping * omega * step) * np.cos(turn)]
+    poles.append(np.exp(-2 * damping * omega * step))
+    force = np.random.default_rng(seed).standard_normal(len(TIME) + 20_000)
+    motion = lfilter([1.0], poles, force)[-len(TIME) :]
+    return motion / motion.std()
+
+
+@pytest.fixture(scope="module")
+def ambient() -> Recording:
+    q, w = (swing(f, ratio, k) for k, (f, ratio) in enumerate(SLOW.items()))
+    fast = [swing(f, ratio, 7 + k) for k, (f, ratio) in enumerate(FAST.items())]
+    return recorded(q + 0.5 * fast[0] + 0.3 * fast[1], w + 0.1 * q + 0.4 * fast[1])
+
+
+def test_what_is_slow_stays_and_what_is_fast_goes():
+    for frequency, share in ((0.1, 1.0), (0.4, 1.0), (0.7, 1.0), (1.2, 0.0), (3.0, 0.0)):
+        whole = Recording(TIME, ("q",), np.sin(2 * np.pi * frequency * TIME)[:, None])
+        left = low_passed(whole, 1.0)
+        kept = share * np.sin(2 * np.pi * frequency * left.time)
+        np.testing.assert_allclose(left.values[:, 0], kept, atol=0.02)
+
+
+def test_white_noise_stays_white_and_its_size_is_told():
+    rng, known = np.random.default_rng(5), np.array([[1.0], [np.nan]])
+    power, variance = np.zeros(400), []
+    for _ in range(50):
+        noise = Recording(TIME, ("q",), rng.standard_normal((len(TIME), 1)), known_noise=known)
+        left = low_passed(noise, 1.0)
+        power += np.abs(np.fft.rfft(left.values[:, 0], 800)[1:]) ** 2
+        variance.append(left.values.var())
+    groups = power.reshape(10, -1).mean(axis=1)
+    np.testing.assert_allclose(groups / groups.mean(), 1.0, atol=0.05)
+    assert np.mean(variance) == pytest.approx(left.known_noise[0, 0] ** 2, rel=0.03)
+
+
+def test_there_is_nothing_about_gaps_but_short_ones():
+    values = np.sin(2 * np.pi * 0.4 * TIME)[:, None]
+    values[2000:2004], values[6000:6100] = np.nan, np.nan
+    left = low_passed(Recording(TIME, ("q",), values), 1.0)
+    silent = TIME[6100] - TIME[5999]
+    assert silent + 24 * 0.575 < np.diff(left.time).max() < silent + 26 * 0.575
+    assert np.sum(np.diff(left.time) > 0.6) == 1
+    with pytest.raises(Unusable, match=r"below 0\.05 Hz nothing is left of 29\.9 s"):
+        low_passed(Recording(TIME, ("q",), values)[:600], 0.05)
+
+
+def test_the_slowest_modes_are_told_where_faster_ones_move_the_sensors_too(ambient):
+    found = maximum_likelihood(ambient, polynomial_library(4, degree=3))
+    assert found.status == "ok" and 0.6 < found.diagnostics["below"] < 1.1
+    assert "modes at 1.2, 2 Hz" in found.reason
+    summary = summarise(found, ambient)
+    for k, (frequency, damping) in enumerate(SLOW.items()):
+        told = summary.dynamics.frequencies[f"q{k}"]
+        assert told.value == pytest.approx(frequency, rel=0.02)
+        told = summary.dynamics.damping[f"q{k}"]
+        assert told.low < damping < told.high
+    assert "Faster modes, at 1.2, 2 Hz, were filtered out first" in str(summary)
+    ahead = forecast(found, ambient, TIME[-1] + np.arange(1, 40) / 20)
+    assert np.all(ahead.low < ahead.high)
+
+
+def test_harmonics_of_a_limit_cycle_are_no_modes():
+    phase = 2 * np.pi * 0.4 * TIME
+    cycle = recorded(np.sin(phase) + 0.3 * np.sin(3 * phase))
+    asked = []
+    assert slowest_modes([cycle], lambda *given: asked.append(given)) is None
+    assert not asked

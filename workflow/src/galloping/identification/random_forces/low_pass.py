@@ -1,0 +1,175 @@
+"""Motion in random forces that has more modes than coordinates: the slowest modes alone are
+modelled, and what is faster is taken out of the recordings before.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from galloping.identification.likelihood.weak_gls import prepared
+from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
+from galloping.identification.random_forces.channels import Channels
+from galloping.identification.random_forces.start import on_grids, spectra
+from galloping.recording import GAP, Recording
+
+ROLL_OFF = 0.15  # width of the filter's edge, in the frequency in its middle
+REACH = 12.0  # steps after the filter, on each side: what is left out beyond is below a hundredth
+BRIDGED = 0.5  # of such a step, in which samples may be missing
+FLAT = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)  # share of `below` that stays as it is
+# What modes sweep that stay, and that do not, in their frequencies; and how far apart these are.
+SWEPT = 1.04, 0.93
+BEYOND = SWEPT[0] / FLAT / SWEPT[1]
+# Of a spectrum, times the median of the frequencies around it, that a mode is: noise in means of
+# four bins is so once in ten million. And modes that are closer are taken for one.
+STANDS, AROUND, APART = 6.0, 1.25, 1.1
+# Samples in which a motion has a size, and deviation of such sizes, in their mean, of one that goes
+# up and down: 0.3 to 0.5 of a narrow band of Gaussian noise, below 0.1 of a lasting swing.
+SIZED, WAVERING = 8, 0.2
+PERIODS = 10  # of a mode, that a recording holds at least
+SAME = 1e-3  # of a step between samples, that rounding makes of it
+
+
+def slowest_modes(
+    recordings: list[Recording], find: Callable[[list[Recording], float], IdentifiedModel | None]
+) -> IdentifiedModel | None:
+    """The model of the slowest modes in random forces, where there are more modes than coordinates.
+
+    find: the model of recordings whose shortest period, s, is the other argument. The diagnostic
+    `below` of what is found says from which on, Hz, motion was left out. None where that is no
+    model that is `ok` and swings as these modes do, where random forces need not have moved the
+    recordings, and beside inputs.
+    """
+    if recordings[0].inputs:
+        return None
+    modes, count = _modes(recordings), len(Channels.of(recordings).pairs)
+    for k in range(min(count, len(modes) - 1), 0, -1):  # fewer where two are taken for one
+        if modes[k] < BEYOND * modes[k - 1]:
+            continue
+        # far from both: what skirts of modes leave looks like noise
+        below = float(f"{np.sqrt(SWEPT[0] / FLAT * modes[k - 1] * SWEPT[1] * modes[k]):.2g}")
+        try:
+            slow = [low_passed(each, below) for each in recordings]
+            period = prepared(slow)[2]
+            found = find(slow, period) if _wavers(slow) else None
+        except NO_MODEL:
+            continue
+        if found is not None and found.status == "ok" and _swings_at(found, modes[:k]):
+            faster = ", ".join(f"{each:.2g}" for each in modes[k:])
+            left = f"modes at {faster} Hz, and all else beyond {below:g} Hz, left out"
+            about = {**found.diagnostics, "below": below}
+            return replace(found, reason=f"{found.reason}; {left}", diagnostics=about)
+    return None
+
+
+def _swings_at(found: IdentifiedModel, modes: list[float]) -> bool:
+    """Whether each oscillation of the linear part of a model is at one of some modes, Hz."""
+    values = np.linalg.eigvals(found.model.jacobian(np.zeros((1, len(found.model.states))))[0])
+    ratios = np.abs(values[:, np.newaxis]) / (2.0 * np.pi * np.array(modes))
+    return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 2.0 * np.log(APART)))
+
+
+def _wavers(recordings: list[Recording]) -> bool:
+    """Whether the size of every channel goes up and down, as that of a limit cycle does not, of
+    which the filter leaves no harmonics to tell it by.
+    """
+    channels, sizes = Channels.of(recordings), []
+    for each in recordings:  # with a little more than two samples in a period
+        parts = np.array_split(channels.samples(each), max(len(each.time) // SIZED, 1))
+        sizes += [np.std(part, axis=0) for part in parts if np.isfinite(part).all()]
+    return bool(sizes) and bool(np.all(np.std(sizes, axis=0) > WAVERING * np.mean(sizes, axis=0)))
+
+
+def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
+    """Recordings without what a model leaves out. Raises ValueError as `low_passed`."""
+    if not (below := found.diagnostics.get("below")):
+        return recordings
+    slowly = (1.0 - SAME) * _step(below)
+    return [
+        each if np.median(np.diff(each.time)) > slowly else low_passed(each, below)
+        for each in recordings
+    ]
+
+
+def _step(below: float) -> float:
+    """s, between samples after the filter."""
+    return (1.0 + ROLL_OFF) / (2.0 * below)
+
+
+def _modes(recordings: list[Recording]) -> list[float]:
+    """Where a spectrum of any channel has peaks, Hz, the slowest first."""
+    step, grids = on_grids(recordings)
+    omega, power = spectra(grids, step)
+    order = np.argsort(omega)
+    frequency, power = omega[order] / (2.0 * np.pi), power[order]
+    around = [np.median(power[own], axis=0) for own in _near(frequency, AROUND)]
+    height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)
+    highest = np.array([height[own].max() for own in _near(frequency, APART)])
+    told = frequency * max(np.ptp(each.time) for each in recordings) > PERIODS
+    return frequency[told & (height == highest) & (height > STANDS)].tolist()
+
+
+def _near(frequency: np.ndarray, times: float) -> list[slice]:
+    """Of each frequency (n,), increasing, those that are less than `times` as large or as small."""
+    first = np.searchsorted(frequency, frequency / times)
+    last = np.searchsorted(frequency, frequency * times, side="right")
+    return list(map(slice, first, last))
+
+
+def low_passed(recording: Recording, below: float) -> Recording:
+    """Without what is faster than `below`, Hz, and at no more samples than then tell all.
+
+    What is slower than FLAT of it stays as it is, and white noise is white again: the filter is a
+    root raised cosine, and a step is half a period of the frequency in the middle of its edge (J.
+    G. Proakis and M. Salehi, Digital Communications, 2008, section 9.2). There are no samples
+    within REACH steps of the ends and of gaps. Raises ValueError where nothing is left, the samples
+    are no faster, or the values are exact.
+    """
+    step = _step(below)
+    own = float(np.median(np.diff(recording.time)))
+    time = np.arange(recording.time[0] + REACH * step, recording.time[-1] - REACH * step, step)
+    held = [each for each in (recording.values, recording.rates) if each is not None]
+    filtered = np.full((len(time), len(held), len(recording.states)), np.nan)
+    if own < step and recording.derivatives is None:
+        for k, i in np.ndindex(filtered.shape[1:]):
+            column = held[k][:, i]
+            known = np.isfinite(column)
+            if known.any():
+                samples = recording.time[known], column[known]
+                filtered[:, k, i] = _filtered(*samples, time, step, own)
+    there = np.isfinite(filtered).any(axis=(1, 2))
+    if there.sum() < 2:
+        raise Unusable(
+            f"below {below:g} Hz nothing is left of {np.ptp(recording.time):.3g} s of samples "
+            f"every {own:.3g} s: it must be noisy samples of {2 * REACH * step:.3g} s or more "
+            f"without gaps, every {step:.3g} s or closer"
+        )
+    values, rates = filtered[there, 0], filtered[there, 1] if len(held) > 1 else None
+    noise = recording.known_noise
+    quieter = None if noise is None else noise * np.sqrt(own / step)
+    return replace(recording, time=time[there], values=values, rates=rates, known_noise=quieter)
+
+
+def _filtered(
+    at: np.ndarray, values: np.ndarray, time: np.ndarray, step: float, own: float
+) -> np.ndarray:
+    """(len(time),) of samples (n,) at `at`, about every `own` s; NaN where these are missing."""
+    grid = np.arange(at[0], at[-1] + own / 2.0, own)
+    bridged, found = np.interp(grid, at, values), np.full(len(time), np.nan)
+    gaps = np.flatnonzero(np.diff(at) > max(GAP * own, BRIDGED * step))
+    begins, ends = np.append(at[gaps], at[-1]), np.append(at[gaps + 1], np.inf)
+    for k, now in enumerate(time):
+        first, last = now - REACH * step, now + REACH * step
+        if first >= at[0] and not np.any((begins < last) & (ends > first)):
+            near = slice(*np.searchsorted(grid, (first, last)))
+            weights = _root_raised_cosine((grid[near] - now) / step)
+            found[k] = weights @ bridged[near] / weights.sum()
+    return found
+
+
+def _root_raised_cosine(x: np.ndarray) -> np.ndarray:
+    """The filter (n,) at times in steps, whose limits at three points are taken beside them."""
+    x = np.where((x == 0.0) | (np.abs(4.0 * ROLL_OFF * x) == 1.0), x + 1e-6, x)
+    edge = 4.0 * ROLL_OFF * x
+    swings = np.sin(np.pi * x * (1.0 - ROLL_OFF)) + edge * np.cos(np.pi * x * (1.0 + ROLL_OFF))
+    return swings / (np.pi * x * (1.0 - edge**2))
