@@ -13,13 +13,13 @@ from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.start import on_grids, spectra
 from galloping.recording import GAP, Recording
 
-ROLL_OFF = 0.15  # width of the filter's edge, in the frequency in its middle
-REACH = 12.0  # steps after the filter, on each side: what is left out beyond is below a hundredth
+ROLL_OFF = 0.1  # width of the filter's edge, in the frequency in its middle
+REACH = 16.0  # steps after the filter, on each side: what is left out beyond is below a hundredth
 BRIDGED = 0.5  # of such a step, in which samples may be missing
 FLAT = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)  # share of `below` that stays as it is
-# What modes sweep that stay, and that do not, in their frequencies; and how far apart these are.
-SWEPT = 1.04, 0.93
-BEYOND = SWEPT[0] / FLAT / SWEPT[1]
+# What modes sweep that stay, and that do not, in their frequencies; and where between these, as a
+# share in logarithms, the filter ends: far from both, or, of broad modes, far from the fast one.
+SWEPT, WITHIN = (1.04, 0.93), (0.5, 0.1)
 # Of a spectrum, times the median of the frequencies around it, that a mode is: noise in means of
 # four bins is so once in ten million. And modes that are closer are taken for one.
 STANDS, AROUND, APART = 6.0, 1.25, 1.1
@@ -44,21 +44,22 @@ def slowest_modes(
         return None
     modes, count = _modes(recordings), len(Channels.of(recordings).pairs)
     for k in range(min(count, len(modes) - 1), 0, -1):  # fewer where two are taken for one
-        if modes[k] < BEYOND * modes[k - 1]:
+        least, most = SWEPT[0] / FLAT * modes[k - 1], SWEPT[1] * modes[k]
+        if least > most:
             continue
-        # far from both: what skirts of modes leave looks like noise
-        below = float(f"{np.sqrt(SWEPT[0] / FLAT * modes[k - 1] * SWEPT[1] * modes[k]):.2g}")
-        try:
-            slow = [low_passed(each, below) for each in recordings]
-            period = prepared(slow)[2]
-            found = find(slow, period) if _wavers(slow) else None
-        except NO_MODEL:
-            continue
-        if found is not None and found.status == "ok" and _swings_at(found, modes[:k]):
-            faster = ", ".join(f"{each:.2g}" for each in modes[k:])
-            left = f"modes at {faster} Hz, and all else beyond {below:g} Hz, left out"
-            about = {**found.diagnostics, "below": below}
-            return replace(found, reason=f"{found.reason}; {left}", diagnostics=about)
+        for share in WITHIN:
+            below = float(f"{least ** (1.0 - share) * most**share:.3g}")
+            try:
+                slow = [low_passed(each, below) for each in recordings]
+                period = prepared(slow)[2]
+                found = find(slow, period) if _wavers(slow) else None
+            except NO_MODEL:
+                continue
+            if found is not None and found.status == "ok" and _swings_at(found, modes[:k]):
+                faster = ", ".join(f"{each:.2g}" for each in modes[k:])
+                left = f"modes at {faster} Hz, and all else beyond {below:g} Hz, left out"
+                about = {**found.diagnostics, "below": below}
+                return replace(found, reason=f"{found.reason}; {left}", diagnostics=about)
     return None
 
 
@@ -66,7 +67,7 @@ def _swings_at(found: IdentifiedModel, modes: list[float]) -> bool:
     """Whether each oscillation of the linear part of a model is at one of some modes, Hz."""
     values = np.linalg.eigvals(found.model.jacobian(np.zeros((1, len(found.model.states))))[0])
     ratios = np.abs(values[:, np.newaxis]) / (2.0 * np.pi * np.array(modes))
-    return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 2.0 * np.log(APART)))
+    return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
 
 
 def _wavers(recordings: list[Recording]) -> bool:
