@@ -1,5 +1,7 @@
 """Ambient motion of more modes than coordinates: what is filtered out, and what is told then."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -94,8 +96,16 @@ def test_the_slowest_modes_are_told_where_faster_ones_move_the_sensors_too(ambie
 
 
 def test_harmonics_of_a_limit_cycle_are_no_modes():
-    phase = 2 * np.pi * 0.4 * TIME
-    cycle = recorded(np.sin(phase) + 0.3 * np.sin(3 * phase))
-    asked = []
-    assert slowest_modes([cycle], lambda *given: asked.append(given)) is None
-    assert not asked
+    phase, asked = 2 * np.pi * 0.4 * TIME, []
+    for slow, is_asked in ((swing(0.4, 0.01, 1), True), (np.sin(phase), False)):
+        asked.clear()
+        motion = recorded(slow + 0.3 * np.sin(3 * phase))
+        assert slowest_modes([motion], lambda *given: asked.append(given)) is None
+        assert bool(asked) == is_asked
+
+
+def test_a_mode_that_is_too_close_to_be_filtered_out_is_no_sound_model():
+    motion = recorded(swing(0.4, 0.01, 1) + 0.4 * swing(0.5, 0.01, 2))
+    found = maximum_likelihood(motion, polynomial_library(2, degree=1), forced=())
+    assert found.status == "approximate"
+    assert re.search(r"q0 moves at 0\.49\d* Hz more than the model says", found.reason)

@@ -259,14 +259,14 @@ def _iterate(
     """Gauss-Newton, with covariances estimated on the way and, unless `penalty` is None, terms
     chosen. largest: covariance of jumps whose size those of the model may not exceed.
     """
-    record, choosing = fit.record, 0 if penalty is None else 6
-    for passed in range(5 if penalty is None else 20):
+    record, (passes, choosing) = fit.record, (5, 0) if penalty is None else (20, 6)
+    for passed in range(passes):
         if passed and is_spent():
             break
         passing("approximate in stretches")
         solved = joint(record, fit.linear, record.precision(fit.jump))
         right, support = solved.right + solved.information @ fit.free, fit.support
-        if penalty is not None and passed < choosing:
+        if passed < choosing:
             support = chosen(record.problem, solved.information, right, support, penalty)
         free, _ = solve_support(solved.information, right, support)
         change = free - fit.free
@@ -276,8 +276,7 @@ def _iterate(
             share = np.minimum(1.0, np.sqrt(np.diag(largest) / np.diag(jump)))
             jump = jump * np.outer(share, share)
         same, misfit = np.array_equal(support, fit.support), misfit_of(record, fit.linear.residual)
-        if penalty is not None and misfit.shape == fit.misfit.shape:
-            # else a fit and the covariance of what it leaves may alternate with another pair
+        if choosing:  # else a fit and the covariance of what it leaves may alternate with others
             misfit = (misfit + fit.misfit) / 2.0
         fit = integrable(fit, StretchFit(record, free, support, starts, misfit, jump))
         length = change @ solved.information @ change  # squared, in standard deviations

@@ -2,7 +2,7 @@
 modelled, and what is faster is taken out of the recordings before.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -42,25 +42,31 @@ def slowest_modes(
     """
     if recordings[0].inputs:
         return None
-    modes, count = _modes(recordings), len(Channels.of(recordings).pairs)
-    for k in range(min(count, len(modes) - 1), 0, -1):  # fewer where two are taken for one
-        least, most = SWEPT[0] / FLAT * modes[k - 1], SWEPT[1] * modes[k]
-        if least > most:
+    modes = _modes(recordings)
+    for k, below in _cuts(modes, len(Channels.of(recordings).pairs)):
+        try:
+            slow = [low_passed(each, below) for each in recordings]
+            period = prepared(slow)[2]
+            found = find(slow, period) if _size_varies(slow) else None
+        except NO_MODEL:
             continue
-        for share in WITHIN:
-            below = float(f"{least ** (1.0 - share) * most**share:.3g}")
-            try:
-                slow = [low_passed(each, below) for each in recordings]
-                period = prepared(slow)[2]
-                found = find(slow, period) if _wavers(slow) else None
-            except NO_MODEL:
-                continue
-            if found is not None and found.status == "ok" and _swings_at(found, modes[:k]):
-                faster = ", ".join(f"{each:.2g}" for each in modes[k:])
-                left = f"modes at {faster} Hz, and all else beyond {below:g} Hz, left out"
-                about = {**found.diagnostics, "below": below}
-                return replace(found, reason=f"{found.reason}; {left}", diagnostics=about)
+        if found is not None and found.status == "ok" and _swings_at(found, modes[:k]):
+            faster = ", ".join(f"{each:.2g}" for each in modes[k:])
+            left = f"modes at {faster} Hz, and all else beyond {below:g} Hz, left out"
+            about = {**found.diagnostics, "below": below}
+            return replace(found, reason=f"{found.reason}; {left}", diagnostics=about)
     return None
+
+
+def _cuts(modes: list[float], count: int) -> Iterator[tuple[int, float]]:
+    """How many of the modes may stay, `count` or fewer, as where two are taken for one; and where
+    the filter may end then, Hz.
+    """
+    for k in range(min(count, len(modes) - 1), 0, -1):
+        least, most = SWEPT[0] / FLAT * modes[k - 1], SWEPT[1] * modes[k]
+        if least <= most:
+            for share in WITHIN:
+                yield k, float(f"{least ** (1.0 - share) * most**share:.3g}")
 
 
 def _swings_at(found: IdentifiedModel, modes: list[float]) -> bool:
@@ -70,7 +76,7 @@ def _swings_at(found: IdentifiedModel, modes: list[float]) -> bool:
     return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
 
 
-def _wavers(recordings: list[Recording]) -> bool:
+def _size_varies(recordings: list[Recording]) -> bool:
     """Whether the size of every channel goes up and down, as that of a limit cycle does not, of
     which the filter leaves no harmonics to tell it by.
     """

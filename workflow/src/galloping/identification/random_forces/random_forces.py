@@ -76,8 +76,9 @@ def random_forces(
 
     All but `forced`: as of `maximum_likelihood`. forced: names of the coordinates or of the states
     in whose equations a force acts; by default all that are sought.
-    The status is `ok`, `approximate` where what is left is no white noise, or `refused`; the
-    covariance of the forces is in `forces`. Raises ValueError for other input.
+    Of more modes than coordinates the model is that of the slowest, and the reason says what was
+    left out. The status is `ok`, `approximate` where what is left is no white noise, or `refused`;
+    the covariance of the forces is in `forces`. Raises ValueError for other input.
     """
     given = checked_recordings(recordings)
     problem = asked(given, terms, known, known_states, None, coefficients, allowed)
