@@ -44,6 +44,7 @@ def test_a_line_of_nine_modes_is_answered_with_what_the_answer_is_worth(case):
     assert 0.001 < found.diagnostics["error_share_all_q_w"] < 0.05
 
 
+@pytest.mark.slow
 def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(case, tmp_path):
     """At mid-span the third and fifth horizontal modes, at three and five times the first one."""
     found = maximum_likelihood([recorded(case, "9 modes, mid-span")], TERMS)
@@ -83,6 +84,7 @@ def test_gusts_are_told_from_what_a_model_lacks(case):
     assert "fluctuate" not in lacking.reason
 
 
+@pytest.mark.slow
 def test_what_predicts_nothing_is_refused():
     """A narrow-band random motion looks like an oscillation, and forgets its phase at once."""
     rng = np.random.default_rng(1)

@@ -93,11 +93,11 @@ def without_displacements(name, seed=8):
 
 SLOW = [
     pytest.param(name, marks=pytest.mark.slow)
-    for name in ("velocities for long", "velocities nearly exact")
+    for name in ("velocities for long", "velocities nearly exact", "accelerations")
 ]
 
 
-@pytest.mark.parametrize("name", ["velocities", *SLOW, "accelerations"])
+@pytest.mark.parametrize("name", ["velocities", *SLOW])
 def test_the_line_is_found_without_its_displacements(name):
     identified = maximum_likelihood(without_displacements(name), TERMS)
     assert identified.status == "ok", identified.reason

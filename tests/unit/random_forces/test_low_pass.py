@@ -1,6 +1,7 @@
 """Ambient motion of more modes than coordinates: what is filtered out, and what is told then."""
 
 import re
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -109,3 +110,15 @@ def test_a_mode_that_is_too_close_to_be_filtered_out_is_no_sound_model():
     found = maximum_likelihood(motion, polynomial_library(2, degree=1), forced=())
     assert found.status == "approximate"
     assert re.search(r"q0 moves at 0\.49\d* Hz more than the model says", found.reason)
+
+
+def test_parts_between_gaps_have_no_modes_of_their_own():
+    whole, begins = recorded(swing(0.51, 0.005, 1), swing(0.44, 0.012, 2)), [0]
+    while begins[-1] < len(TIME):
+        begins.append(begins[-1] + 500 + 487 * len(begins) % 2500)
+    parts = [whole[a:b] for a, b in pairwise(begins) if b < len(TIME)]
+    parts.append(whole[-60:])
+    found = maximum_likelihood(parts, polynomial_library(4, degree=1))
+    assert found.status == "ok" and "below" not in found.diagnostics
+    summary = summarise(found, parts)
+    assert summary.dynamics.frequencies["q0"].value == pytest.approx(0.51, rel=0.01)

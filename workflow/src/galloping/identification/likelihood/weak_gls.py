@@ -201,12 +201,13 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     n = len(problem.candidates)
     support = np.ones(n, bool)
     coefficients = None
+    smoothed = [one for one in smoothed if len(one.time) >= GRID_PER_PERIOD]  # as test functions
     for _ in range(1 + 3):  # after three weighings coefficients move by less than their errors
         passing("start from the weak form")
         spend(_seconds(n, smoothed))
         systems = [whitened_weak_form(problem, one, coefficients) for one in smoothed]
-        information = sum(a.T @ a for a, _ in systems)
-        right = sum(a.T @ b for a, b in systems)
+        information = sum((a.T @ a for a, _ in systems), np.zeros((n, n)))
+        right = sum((a.T @ b for a, b in systems), np.zeros(n))
         total = sum(float(b @ b) for _, b in systems)
         n_rows = sum(len(b) for _, b in systems)
         information, right = problem.with_prior(information, right)

@@ -104,15 +104,21 @@ def _step(below: float) -> float:
 
 
 def _modes(recordings: list[Recording]) -> list[float]:
-    """Where a spectrum of any channel has peaks, Hz, the slowest first."""
+    """Where the mean spectrum of any channel has peaks, Hz, the slowest first."""
     step, grids = on_grids(recordings)
-    omega, power = spectra(grids, step)
-    order = np.argsort(omega)
-    frequency, power = omega[order] / (2.0 * np.pi), power[order]
+    lengths = np.array(list(map(len, grids)))
+    alike = [
+        np.pad(grid, ((0, lengths.max() - len(grid)), (0, 0)), constant_values=np.nan)
+        for grid in grids
+    ]  # of one length, and so with spectra at the same frequencies
+    omega, powers = spectra(alike, step)
+    powers = powers.reshape(len(grids), -1, powers.shape[1])
+    power = np.average(powers, axis=0, weights=lengths)
+    frequency = omega[: len(power)] / (2.0 * np.pi)
     around = [np.median(power[own], axis=0) for own in _near(frequency, AROUND)]
     height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)
     highest = np.array([height[own].max() for own in _near(frequency, APART)])
-    told = frequency * max(np.ptp(each.time) for each in recordings) > PERIODS
+    told = frequency * step * lengths.max() > PERIODS
     return frequency[told & (height == highest) & (height > STANDS)].tolist()
 
 

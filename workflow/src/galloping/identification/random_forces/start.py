@@ -152,7 +152,7 @@ def spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarra
         share = np.maximum(known.mean(axis=0), 1e-3)
         power = np.abs(np.fft.rfft(np.where(known, grid, 0.0), axis=0)[1:]) ** 2
         groups = len(power) // BINS
-        own = power[: groups * BINS].reshape(groups, BINS, -1).mean(axis=1)
+        own = power[: groups * BINS].reshape(groups, BINS, power.shape[1]).mean(axis=1)
         powers.append(own * step / len(grid) / share)
         middle = (np.arange(groups) + 0.5) * BINS / (len(grid) * step)
         frequencies.append(2.0 * np.pi * middle)
@@ -210,11 +210,15 @@ STEADY, WAVERING, TREND = 5.0, 0.12, 3
 def wavers(recordings: Sequence[Recording], period: float) -> bool:
     """Whether the size of the motion in every channel goes up and down about the same size.
 
-    As random forces make it; a motion that grows, decays or repeats does not. period: s.
+    As random forces make it; a motion that grows, decays or repeats does not. period: s. Parts of
+    less than half the longest recording are left aside: a few periods follow any trend.
     """
     found, channels = [], Channels.of(list(recordings))
-    for recording in recordings:
-        count = max(int(np.ptp(recording.time) / (WINDOW * period)), 3)
+    lengths = [np.ptp(recording.time) for recording in recordings]
+    for recording, length in zip(recordings, lengths, strict=True):
+        if 2.0 * length < max(lengths):
+            continue
+        count = max(int(length / (WINDOW * period)), 3)
         for samples in channels.samples(recording).T:
             parts = np.array_split(samples[np.isfinite(samples)], count)
             if min(map(len, parts)) > 1:
