@@ -169,7 +169,8 @@ def extrapolated(one: Input, time: np.ndarray) -> np.ndarray:
     after = np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1)
     later = np.minimum(after + 1, len(ends) - 1)
     last, following = ends[after, 1], ends[later, 0]
-    nearest = np.where((time > last) & (following - time < time - last), following, last)
+    sooner = (later > after) & (time > last) & (following - time < time - last)
+    nearest = np.where(sooner, following, last)
     inside = (time >= ends[after, 0]) & (time <= last)
     return one(np.where(inside, time, np.where(time < ends[0, 0], ends[0, 0], nearest)))
 

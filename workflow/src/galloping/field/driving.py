@@ -29,7 +29,7 @@ def driving(
     if path is not None:
         if not left:
             raise ValueError(f"--inputs {path}: the model needs no inputs from a file")
-        found |= read_inputs(path, left, time).inputs
+        found |= read_inputs(path, left, time and TimeColumn(column=time)).inputs
     elif left:
         name = left[0]
         raise ValueError(
@@ -40,13 +40,16 @@ def driving(
 
 
 def read_inputs(
-    path: str, names: Sequence[str], time: str | None = None, columns: Sequence[InputColumn] = ()
+    path: str,
+    names: Sequence[str],
+    time: TimeColumn | None = None,
+    columns: Sequence[InputColumn] = (),
 ) -> Series:
     """The inputs of a file that may hold nothing else. Raises FileError."""
-    clock = time or clock_of(read_table(path, None, None, ROWS), None, {})
+    clock = time or TimeColumn(column=clock_of(read_table(path, None, None, ROWS), None, {}))
     known = {column.name: column for column in columns}
     mapping = ColumnMapping.model_construct(
-        time=TimeColumn(column=clock),
+        time=clock,
         states=(), channels=(), decimal=None,
         inputs=tuple(known.get(name) or InputColumn(column=name) for name in names),
     )  # fmt: skip
@@ -73,7 +76,7 @@ def inputs_after(
     left = [name for name in names if name not in found]
     if path is None or not left:
         return found
-    series = read_inputs(path, left, mapping.time.column, tuple(columns.values()))
+    series = read_inputs(path, left, mapping.time, tuple(columns.values()))
     if bool(series.start) != bool(recording.start):
         raise ValueError(
             f"{path}: has {'dates' if series.start else 'no dates'} for times, unlike "

@@ -186,6 +186,14 @@ def _in_random_forces(
         )
         low, high = decay_interval(decay[n], of_decay[n], identified.diagnostics["duration"])
         damping[name] = Value(best[2, n], low / omega, high / omega)
+    for one in identified.resonances:
+        (error, of_ratio), omega = one.errors, one.frequency
+        half = NORMAL_95 * error / (2.0 * np.pi)
+        hz = omega / (2.0 * np.pi)
+        frequencies[one.name] = Value(hz, hz - half, hz + half)
+        own = (omega * one.damping, omega * of_ratio, identified.diagnostics["duration"])
+        low, high = decay_interval(*own)
+        damping[one.name] = Value(one.damping, low / omega, high / omega)
     rest = {} if np.isnan(best[0]).any() else rest
     return Dynamics(rest, frequencies, damping, "forced", None, {})
 

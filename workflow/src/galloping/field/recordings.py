@@ -9,8 +9,11 @@ from scipy.interpolate import CubicSpline
 
 from galloping.identification.likelihood.inputs import FEWEST
 from galloping.identification.likelihood.integrals import with_integrals
+from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.smoothing import shortest_period
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.random_forces.random_forces import if_moved_at_random
+from galloping.identification.random_forces.start import wavers
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import GAP, Input, Recording
 
@@ -190,10 +193,17 @@ def by_excerpts(
     if "forced" in options:
         return method(recordings, *question, **options)
     stretches = excerpts(recordings)
-    found = method(stretches, *question, **options)
     whole = all(one is other for one, other in zip(stretches, recordings, strict=False))
-    if found.is_forced and not whole:
-        return method(recordings, *question, **options, forced=())
+    if method is not maximum_likelihood or recordings[0].inputs or whole:
+        return method(stretches, *question, **options)
+    if wavers(recordings, shortest_period([with_integrals(each) for each in recordings])):
+        about = {name: options[name] for name in ("coefficients", "allowed") if name in options}
+        if found := if_moved_at_random(recordings, *question, **about):
+            return found
+    found = method(stretches, *question, **options)
+    if found.is_forced:
+        every = method(recordings, *question, **options, forced=())
+        return every if every.status == "ok" or found.status != "ok" else found
     return found
 
 

@@ -209,10 +209,13 @@ def _of_forces(found: IdentifiedModel, known: Dynamics | None) -> dict:
     """How strong random forces are, a row of the table, and whether modes gallop besides."""
     if not found.is_forced:
         return {"forces": ""}
-    margins = known.damping.items() if known else ()
+    margins, states = known.damping.items() if known else (), found.model.states
     return {
         "forces": f"| random forces, for each kg of modal mass | {_strengths(found, known)} |  |",
-        "margins": [f"{_name(state)} motion {_margin(damping)}" for state, damping in margins],
+        "margins": [
+            f"{_name(name)}{' motion' * (name in states)} {_margin(damping)}"
+            for name, damping in margins
+        ],
     }
 
 

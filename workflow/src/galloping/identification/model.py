@@ -55,6 +55,27 @@ class FurtherMode:
         )
 
 
+@dataclass(frozen=True)
+class Resonance:
+    """A mode that a model in random forces has beside those of its coordinates: a force r in their
+    equations that swings by itself, r'' + 2 damping frequency r' + frequency^2 r = a white force.
+
+    frequency: rad/s. damping: ratio. errors: standard errors of both. onto: (n_states,) what r adds
+    to each equation. drive: (n_states + n_resonances,) covariance in a second of its white force
+    with those in the equations and those of all resonances.
+    """
+
+    frequency: float
+    damping: float
+    errors: tuple[float, float]
+    onto: tuple[float, ...]
+    drive: tuple[float, ...]
+
+    @property
+    def name(self) -> str:
+        return f"the mode at {self.frequency / (2.0 * np.pi):.3g} Hz"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentifiedModel(Immutable):
     """A model identified from recordings, with its uncertainty and a verdict.
@@ -82,7 +103,8 @@ class IdentifiedModel(Immutable):
     further_modes: what recordings hold besides an `approximate` model.
     forces: (n_states, n_states) covariance in a second of white forces in the equations, which then
     are dx = f(x) dt + dW; zero where nothing but the start moves the model. slow_forces: the same
-    of what drives forces that decay at rates, 1/s, `slow_rate_dX` of the diagnostics.
+    of what drives forces that decay at rates, 1/s, `slow_rate_dX` of the diagnostics. resonances:
+    of what is moved so in more modes than it has coordinates.
     An array that is not given is NaN of its shape. All of them are read-only; models that are equal
     in everything are equal, and have the same hash.
     Raises ValueError for a status that is none of these.
@@ -104,6 +126,7 @@ class IdentifiedModel(Immutable):
     further_modes: tuple[FurtherMode, ...] = ()
     forces: NDArray[np.float64] = None
     slow_forces: NDArray[np.float64] = None
+    resonances: tuple[Resonance, ...] = ()
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
@@ -269,6 +292,7 @@ class IdentifiedModel(Immutable):
             "further_modes": [asdict(mode) for mode in self.further_modes],
             "forces": _plain(self.forces),
             "slow_forces": _plain(self.slow_forces),
+            "resonances": [asdict(mode) for mode in self.resonances],
             **about,
         }
         write_json(path, content)
@@ -295,6 +319,12 @@ class IdentifiedModel(Immutable):
             for name in ("forces", "slow_forces"):
                 if name in content:
                     arrays[name] = _array(content.pop(name)).reshape(len(states), len(states))
+            resonances = tuple(
+                Resonance(
+                    **{name: tuple(v) if isinstance(v, list) else v for name, v in one.items()}
+                )
+                for one in content.pop("resonances", ())
+            )
             diagnostics = content.pop("diagnostics")
             figures = {name: float(v) for name, v in diagnostics.items() if name != "path"}
             status = content.pop("status")
@@ -308,6 +338,7 @@ class IdentifiedModel(Immutable):
                 known=tuple(content.pop("known")),
                 diagnostics=diagnostics | figures,
                 further_modes=modes,
+                resonances=resonances,
                 **arrays,
             )
         except KeyError as error:

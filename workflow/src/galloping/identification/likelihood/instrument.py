@@ -191,7 +191,8 @@ def _parameters(
         test(places, f"{name} is {DELAYED} the motion", True, weights)
         entries += pairs
     for o, name in enumerate(names):
-        test([first + o], f"{name} is {DELAYED} the other channels")
+        if len(names) > 1:
+            test([first + o], f"{name} is {DELAYED} the other channels")
         test([first + count + o], f"{name} {DRIFTS}", True)
     for i, v in kinematic if len(kinematic) > 1 else []:
         both = [first + channel[i], first + channel[v]]

@@ -143,8 +143,8 @@ def _at_time_scale(
     begun = replace(begun, problem=problem) if begun else begin(problem, recordings, share)
     given, doubted = begun, share == 1.0 and may_be_moved_at_random(begun)
     later = doubted and not rests_at_zero(begun) and follows_in_segments(begun)
-    if doubted and not later and (forced := moved_at_random(given)) is not None:
-        return _beside_late(given, forced)
+    if doubted and not later and (forced := _moved_at_random(given)) is not None:
+        return forced
     rescaled = scaled(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
         begun = begin(problem, rescaled, share)
@@ -182,8 +182,8 @@ def _identified(begun: Start, doubted: Start | None = None) -> IdentifiedModel:
         found = str(error)
     if not isinstance(found, str):
         return found
-    if doubted and (forced := moved_at_random(doubted)) is not None:
-        return _beside_late(doubted, forced)
+    if doubted and (forced := _moved_at_random(doubted)) is not None:
+        return forced
     late = _late(begun)  # a score test may have said so, but not by how much
     other = [clause for clause in found.split("; ") if clause not in late]
     return _near(begun, "; ".join(filter(None, [late, *other])))
@@ -198,9 +198,12 @@ def _late(begun: Start) -> str:
     return "; ".join(f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items())
 
 
-def _beside_late(begun: Start, forced: IdentifiedModel) -> IdentifiedModel:
-    """A model in random forces, which may be what inputs at the wrong times leave."""
-    if not (late := _late(begun)):
+def _moved_at_random(begun: Start) -> IdentifiedModel | None:
+    """A model in random forces, which may be what inputs at the wrong times leave; None where the
+    motion may be another one.
+    """
+    forced = moved_at_random(begun.problem, begun.recordings, begun.period)
+    if forced is None or not (late := _late(begun)):
         return forced
     status = "approximate" if forced.status == "ok" else forced.status
     return replace(forced, status=status, reason=f"{late}; {forced.reason}")

@@ -6,12 +6,13 @@ sampling. Their derivatives are differences; the information is that of F. C. Sc
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from galloping.identification.likelihood.problem import Problem
+from galloping.identification.model import Resonance
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.tracking import Data, Filtered, Forces, Tracker
 from galloping.identification.work import is_spent
@@ -30,10 +31,12 @@ FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the infor
 
 @dataclass(frozen=True)
 class Model:
-    """coefficients: (n_candidates,). root: (n_forced, n_forced) lower triangular; root root' is the
-    covariance of the white forces in a second. noise: (n_channels,) deviations of a sample. slow:
-    (n_forced,) roots of the same of what drives slow forces, none where there are none; rates:
-    (n_forced,) 1/s, of those.
+    """coefficients: (n_candidates,). root: lower triangular, of the equations with a force and then
+    of the resonances; root root' is the covariance of the white forces in a second. noise:
+    (n_channels,) deviations of a sample. slow: (n_forced,) roots of the same of what drives slow
+    forces, none where there are none; rates: (n_forced,) 1/s, of those. swings: (n_resonances, 2)
+    frequencies, rad/s, and damping ratios. onto: (n_resonances, n_forced) what each adds to the
+    equations with a force; hosts: (n_resonances,) those in which this is one.
     """
 
     coefficients: np.ndarray
@@ -41,6 +44,16 @@ class Model:
     noise: np.ndarray
     slow: tuple[float, ...] = ()
     rates: tuple[float, ...] = ()
+    swings: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    onto: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    hosts: tuple[int, ...] = ()
+
+    @property
+    def is_shared(self) -> np.ndarray:
+        """(n_resonances, n_forced) where `onto` is not one by definition."""
+        shared = np.ones(self.onto.shape, bool)
+        shared[np.arange(len(self.hosts)), list(self.hosts)] = False
+        return shared
 
 
 @dataclass(frozen=True)
@@ -125,16 +138,29 @@ class Question:
 
     def tracker(self, model: Model) -> Tracker:
         """The filter of a model."""
-        problem = self.problem
-        white, slow = np.zeros((2, len(self.size), len(self.size)))
-        rates = np.ones(len(self.size))
-        white[np.ix_(self.forced, self.forced)] = model.root @ model.root.T
+        problem, n = self.problem, len(self.size)
+        white, slow = np.zeros((2, n, n))
+        rates, drives = np.ones(n), model.root @ model.root.T
+        white[np.ix_(self.forced, self.forced)] = drives[: len(self.forced), : len(self.forced)]
         if model.slow:
             slow[self.forced, self.forced] = np.square(model.slow)
             rates[list(self.forced)] = model.rates
-        forces = Forces(white, slow, rates)
+        forces = Forces(white, slow, rates, self.resonances(model))
         full = problem.model(model.coefficients)
         return Tracker(full, forces, self.channels, model.noise, self.size, self.held)
+
+    def resonances(self, model: Model, errors: np.ndarray | None = None) -> tuple[Resonance, ...]:
+        """errors: (n_resonances, 2), as `Resonance`."""
+        n, f, drives = len(self.size), len(self.forced), model.root @ model.root.T
+        errors = np.full(model.swings.shape, np.nan) if errors is None else errors
+        found = []
+        for k, swing in enumerate(model.swings):
+            onto, drive = np.zeros(n), np.zeros(n + len(model.swings))
+            onto[list(self.forced)], drive[list(self.forced)] = model.onto[k], drives[f + k, :f]
+            drive[n:] = drives[f + k, f:]
+            parts = (errors[k], onto, drive)
+            found.append(Resonance(*map(float, swing), *(tuple(each.tolist()) for each in parts)))
+        return tuple(found)
 
     def regression(self, model: Model) -> tuple[np.ndarray, np.ndarray]:
         """Information (n_candidates, n_candidates) on changes of the coefficients, in their units,
@@ -148,6 +174,8 @@ class Question:
         tracker, n = self.tracker(model), len(self.unit)
         known, right = np.zeros((n, n)), np.zeros(n)
         for one in self.data:
+            if is_spent():
+                raise FloatingPointError("the search ended at its limit of work")
             filtered, slopes = tracker.extended(one, candidates, terms)
             told = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
             root = np.sqrt(filtered.variances[told])
@@ -192,6 +220,15 @@ class Fit:
     slopes: np.ndarray
     centring: np.ndarray
 
+    @cached_property
+    def swing_errors(self) -> np.ndarray:
+        """(n_resonances, 2) standard errors of the frequencies, rad/s, and damping ratios."""
+        swings = self.model.swings
+        first = len(self.slopes) - swings.size - self.model.is_shared.sum() - len(self.model.noise)
+        own = slice(first, first + swings.size)  # logarithms
+        variances = np.diag(np.linalg.inv(information(self.slopes)))[own]
+        return swings * np.sqrt(variances).reshape(swings.shape)
+
     @property
     def coefficient_covariance(self) -> np.ndarray:
         """(n_support, n_support) in units of the coefficients."""
@@ -224,6 +261,7 @@ class _Parameters:
     question: Question
     support: np.ndarray
     correlated: bool
+    start: Model
 
     @cached_property
     def centring(self) -> np.ndarray:
@@ -238,22 +276,33 @@ class _Parameters:
         slow = np.log([*model.slow, *model.rates])
         least = self.question.least_noise
         noise = np.sqrt(np.maximum(model.noise**2 - least**2, (TINY * least) ** 2))
-        return np.concatenate([scaled, np.log(diagonal), mixed, slow, np.log(noise)])
+        swings, shared = np.log(model.swings).ravel(), model.onto[model.is_shared]
+        return np.concatenate(
+            [scaled, np.log(diagonal), mixed, slow, swings, shared, np.log(noise)]
+        )
 
     def model(self, vector: np.ndarray) -> Model:
-        k, f = int(self.support.sum()), len(self.question.forced)
-        m = len(self.question.channels.names)
+        start, onto = self.start, self.start.onto.copy()
+        root, shared = np.eye(len(start.root)), start.is_shared
+        lower = np.tril_indices(len(root), -1 if self.correlated else -len(root))
+        counts = [
+            self.support.sum(), len(root), len(lower[0]), 2 * len(start.slow), start.swings.size,
+            shared.sum(),
+        ]  # fmt: skip
+        scaled, diagonal, mixed, slow, swings, onto[shared], noise = np.split(
+            vector, np.cumsum(counts)
+        )
         coefficients = np.zeros(len(self.support))
-        scaled = np.linalg.solve(self.centring, vector[:k])
+        scaled = np.linalg.solve(self.centring, scaled)
         coefficients[self.support] = scaled * self.question.unit[self.support]
-        root = np.eye(f)
-        lower, slow = np.tril_indices(f, -1), vector[k + f : -m]
-        if self.correlated:
-            root[lower], slow = slow[: len(lower[0])], slow[len(lower[0]) :]
-        noise = np.hypot(np.exp(vector[-m:]), self.question.least_noise)
+        root[lower] = mixed
+        noise = np.hypot(np.exp(noise), self.question.least_noise)
         slow, rates = np.exp(np.maximum(slow, FAINTEST)).reshape(2, -1)
-        root = root * np.exp(np.maximum(vector[k : k + f], FAINTEST))
-        return Model(coefficients, root, noise, tuple(slow), tuple(rates))
+        root = root * np.exp(np.maximum(diagonal, FAINTEST))
+        return Model(
+            coefficients, root, noise, tuple(slow), tuple(rates),
+            np.exp(swings).reshape(-1, 2), onto, start.hosts,
+        )  # fmt: skip
 
 
 def fitted(
@@ -269,7 +318,7 @@ def fitted(
     Terms of which the data say nothing are left out. Raises FloatingPointError or
     numpy.linalg.LinAlgError where the start cannot be followed.
     """
-    parameters = _Parameters(question, support, correlated)
+    parameters = _Parameters(question, support, correlated, model)
     filtered = filtered or question.filtered
 
     def of(vector: np.ndarray) -> Innovations:
@@ -339,6 +388,8 @@ def forces_are_needed(question: Question, fit: Fit, penalty: float) -> bool:
 
 def forces_are_correlated(question: Question, fit: Fit, penalty: float) -> bool:
     """Whether the forces are, by the Wald statistic of what they share."""
+    if fit.model.hosts:  # a mode beside those of the coordinates is moved by the same forces
+        return True
     mixed = len(question.forced) * (len(question.forced) - 1) // 2
     if not mixed:
         return False

@@ -1,8 +1,9 @@
 """Motion in random forces that has more modes than coordinates: the slowest modes alone are
-modelled, and what is faster is taken out of the recordings before.
+modelled, and what is faster is taken out of the recordings before. Where the first mode too many is
+too close for that, it stays in the model, as a force that swings.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -26,53 +27,84 @@ STANDS, AROUND, APART = 6.0, 1.25, 1.1
 # Samples in which a motion has a size, and deviation of such sizes, in their mean, of one that goes
 # up and down: 0.3 to 0.5 of a narrow band of Gaussian noise, below 0.1 of a lasting swing.
 SIZED, WAVERING = 8, 0.2
+FAR = 1.5  # times the fastest mode, where a filter ends that no further mode asks for
 PERIODS = 10  # of a mode, that a recording holds at least
+BESIDES = 3  # modes that a model has beside those of its coordinates, at most
 SAME = 1e-3  # of a step between samples, that rounding makes of it
 
 
-def slowest_modes(
-    recordings: list[Recording], find: Callable[[list[Recording], float], IdentifiedModel | None]
-) -> IdentifiedModel | None:
-    """The model of the slowest modes in random forces, where there are more modes than coordinates.
+# The model of recordings whose shortest period, s, is the second argument, and which have as many
+# modes more than coordinates as the third one says.
+Find = Callable[[list[Recording], float, int], IdentifiedModel | None]
 
-    find: the model of recordings whose shortest period, s, is the other argument. The diagnostic
-    `below` of what is found says from which on, Hz, motion was left out. None where that is no
-    model that is `ok` and swings as these modes do, where random forces need not have moved the
-    recordings, and beside inputs.
+
+def slowest_modes(recordings: list[Recording], find: Find) -> IdentifiedModel | None:
+    """The model of the slowest modes in random forces, as many as coordinates or fewer, as where
+    two are taken for one, where there are more.
+
+    The diagnostic `below` of what is found says from which on, Hz, motion was left out. None where
+    that is no model that is `ok` and swings as these modes do, where random forces need not have
+    moved the recordings, and beside inputs.
     """
+    count = len(Channels.of(recordings).pairs)
+    return _of_modes(recordings, find, lambda modes: range(min(count, len(modes) - 1), 0, -1))
+
+
+def more_modes(recordings: list[Recording], find: Find) -> IdentifiedModel | None:
+    """The same of more modes than coordinates: all that there are and one that is taken for another
+    of them, or the slowest. Accelerations show forces beyond all modes, where these are no longer
+    white: what is far beyond is left out, also where there are no more modes than coordinates.
+    """
+    channels = Channels.of(recordings)
+    first, last = len(channels.pairs) + (not channels.rates), len(channels.pairs) + BESIDES
+    return _of_modes(recordings, find, lambda modes: range(first, min(last, len(modes) + 1) + 1))
+
+
+def _of_modes(
+    recordings: list[Recording], find: Find, counts: Callable[[list[float]], Iterable[int]]
+) -> IdentifiedModel | None:
     if recordings[0].inputs:
         return None
-    modes = _modes(recordings)
-    for k, below in _cuts(modes, len(Channels.of(recordings).pairs)):
-        try:
-            slow = [low_passed(each, below) for each in recordings]
-            period = prepared(slow)[2]
-            found = find(slow, period) if _size_varies(slow) else None
-        except NO_MODEL:
-            continue
-        if found is not None and found.status == "ok" and _swings_at(found, modes[:k]):
-            faster = ", ".join(f"{each:.2g}" for each in modes[k:])
-            left = f"modes at {faster} Hz, and all else beyond {below:g} Hz, left out"
-            about = {**found.diagnostics, "below": below}
-            return replace(found, reason=f"{found.reason}; {left}", diagnostics=about)
+    modes, channels = _modes(recordings), Channels.of(recordings)
+    own = len(channels.pairs)
+    for k in counts(modes):
+        for below in _edges(modes, k):
+            try:
+                slow = _what_is_left(recordings, below)
+                if not _size_varies(slow):
+                    continue
+                given = slow if k < len(modes) or channels.rates else recordings
+                found = find(given, prepared(given)[2], max(k - own, 0))
+            except NO_MODEL:
+                continue
+            if found is not None and found.status == "ok" and _swings_at(found, modes[:k]):
+                return found if given is recordings else _said(found, modes[k:], below)
     return None
 
 
-def _cuts(modes: list[float], count: int) -> Iterator[tuple[int, float]]:
-    """How many of the modes may stay, `count` or fewer, as where two are taken for one; and where
-    the filter may end then, Hz.
-    """
-    for k in range(min(count, len(modes) - 1), 0, -1):
+def _edges(modes: list[float], k: int) -> Iterator[float]:
+    """Where the filter may end that leaves the first k of some modes, Hz."""
+    if 0 < k < len(modes):
         least, most = SWEPT[0] / FLAT * modes[k - 1], SWEPT[1] * modes[k]
         if least <= most:
             for share in WITHIN:
-                yield k, float(f"{least ** (1.0 - share) * most**share:.3g}")
+                yield float(f"{least ** (1.0 - share) * most**share:.3g}")
+    elif modes:
+        yield float(f"{FAR * modes[-1]:.3g}")
+
+
+def _said(found: IdentifiedModel, faster: list[float], below: float) -> IdentifiedModel:
+    modes = ", ".join(f"{each:.2g}" for each in faster)
+    left = f"modes at {modes} Hz, and all else beyond" if faster else "all beyond"
+    reason = f"{found.reason}; {left} {below:g} Hz, left out"
+    return replace(found, reason=reason, diagnostics={**found.diagnostics, "below": below})
 
 
 def _swings_at(found: IdentifiedModel, modes: list[float]) -> bool:
     """Whether each oscillation of the linear part of a model is at one of some modes, Hz."""
     values = np.linalg.eigvals(found.model.jacobian(np.zeros((1, len(found.model.states))))[0])
-    ratios = np.abs(values[:, np.newaxis]) / (2.0 * np.pi * np.array(modes))
+    own = np.array([*np.abs(values), *(each.frequency for each in found.resonances)])
+    ratios = own[:, np.newaxis] / (2.0 * np.pi * np.array(modes))
     return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
 
 
@@ -92,10 +124,22 @@ def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Rec
     if not (below := found.diagnostics.get("below")):
         return recordings
     slowly = (1.0 - SAME) * _step(below)
-    return [
-        each if np.median(np.diff(each.time)) > slowly else low_passed(each, below)
-        for each in recordings
-    ]
+    if all(np.median(np.diff(each.time)) > slowly for each in recordings):
+        return recordings
+    return _what_is_left(recordings, below)
+
+
+def _what_is_left(recordings: list[Recording], below: float) -> list[Recording]:
+    """Those of which `low_passed` leaves something. Raises as it does where there is none."""
+    left, objection = [], None
+    for each in recordings:
+        try:
+            left.append(low_passed(each, below))
+        except Unusable as error:
+            objection = error
+    if not left:
+        raise objection
+    return left
 
 
 def _step(below: float) -> float:

@@ -5,7 +5,7 @@ linear, the likelihood of the samples is exact; which terms f has is chosen as e
 every forced coordinate its own stiffness and damping stay.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -22,7 +22,7 @@ from galloping.identification.likelihood.problem import Coefficient, Problem
 from galloping.identification.likelihood.rate_channels import scaled, scales_told
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.verdict import by, refused, with_inputs
-from galloping.identification.likelihood.weak_gls import Start, prepared
+from galloping.identification.likelihood.weak_gls import prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.fitting import (
@@ -33,7 +33,7 @@ from galloping.identification.random_forces.fitting import (
     forces_are_correlated,
     forces_are_needed,
 )
-from galloping.identification.random_forces.low_pass import slowest_modes
+from galloping.identification.random_forces.low_pass import Find, more_modes, slowest_modes
 from galloping.identification.random_forces.start import (
     MOST_DAMPING,
     on_grid,
@@ -55,6 +55,7 @@ SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the
 TRIED_PER_PERIOD = 16  # samples a shortest period, at which it is tried whether forces are random
 COUPLED_RATE = 0.01  # of uncoupled coordinates that are taken for coupled ones
 LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
+STARTS = 3  # of modes beside those of the coordinates: from the first, one in nine ends elsewhere
 MOST_CHOICES = 4  # of nonlinear terms, each after a fit of the last
 START_PERIODS = 20.0  # shortest periods, over which the first state is told
 # s, of a trial beside inputs, and without: what takes more was mostly another motion.
@@ -84,60 +85,83 @@ def random_forces(
     problem = asked(given, terms, known, known_states, None, coefficients, allowed)
     places = forced_equations(problem, forced)
 
-    def found_in(recordings: list[Recording], period: float) -> tuple[IdentifiedModel, Whiteness]:
+    def find(recordings: list[Recording], period: float, besides: int) -> IdentifiedModel:
         rescaled = scaled(recordings, period)
-        question, whole, _ = fitted_to_some(problem, rescaled, places)
-        found, left = fitted_to_all(question, whole, rescaled, period)
-        return _with_scales(found, recordings, rescaled), left
+        question, whole, _ = fitted_to_some(problem, rescaled, places, besides=besides)
+        found, _ = fitted_to_all(question, whole, rescaled, period)
+        return _with_scales(found, recordings, rescaled)
 
     try:
         recordings = driven(given, problem.inputs)
         with limited(recordings) as work:
             cleaned, _, period = prepared(recordings)
-            found = _of_all_or_slowest(found_in, cleaned, period)
+            found = _of_some_modes(find, cleaned, period)
         return with_inputs(work.told(found), given, recordings)
     except NO_MODEL as error:
         return by(["random forces"], refused(problem, str(error)))
 
 
-def _of_all_or_slowest(
-    found_in: Callable[[list[Recording], float], tuple[IdentifiedModel, Whiteness]],
-    recordings: list[Recording],
-    period: float,
-) -> IdentifiedModel:
-    """The model of recordings or, where that leaves another motion, of their slowest modes."""
+def _of_some_modes(find: Find, recordings: list[Recording], period: float) -> IdentifiedModel:
+    """The model of recordings or, where that is not `ok`, of their slowest modes or of more."""
     found, objection = None, None
     try:
-        found, left = found_in(recordings, period)
-        if left.nearly:
+        found = find(recordings, period, 0)
+        if found.status == "ok":
             return found
     except NO_MODEL as error:
         objection = error
-    slow = slowest_modes(recordings, lambda *own: found_in(*own)[0])
-    if not (slow or found):
+    found = slowest_modes(recordings, find) or more_modes(recordings, find) or found
+    if found is None:
         raise objection
-    return slow or found
+    return found
 
 
-def moved_at_random(start: Start) -> IdentifiedModel | None:
-    """The model of a recording that random forces moved, of its slowest modes where it has more of
-    them than coordinates; None where it may be another motion.
+@one_thread
+def if_moved_at_random(
+    recordings: Sequence[Recording],
+    terms: tuple[Exponents, ...],
+    known: PolynomialModel | None = None,
+    known_states: tuple[str, ...] = (),
+    coefficients: Sequence[Coefficient] = (),
+    allowed: ArrayLike | None = None,
+) -> IdentifiedModel | None:
+    """As `random_forces` in all equations; None where the motion may be another one."""
+    problem = asked(list(recordings), terms, known, known_states, None, coefficients, allowed)
+    with limited(recordings) as work, suppress(*NO_MODEL):
+        cleaned, _, period = prepared(list(recordings))
+        if found := moved_at_random(problem, cleaned, period):
+            return work.told(found)
+    return None
 
-    start: the start of all methods.
+
+def moved_at_random(
+    problem: Problem, recordings: list[Recording], period: float
+) -> IdentifiedModel | None:
+    """The model of recordings that random forces moved, of their slowest modes where they have more
+    of them than coordinates, or of more; None where the motion may be another one.
+
+    recordings, period: of `weak_gls.prepared`.
     """
-    find = partial(_moved_at_random, start.problem)
-    return slowest_modes(start.recordings, find) or find(start.recordings, start.period)
+    find = partial(_moved_at_random, problem)
+    if slow := slowest_modes(recordings, find):
+        return slow
+    found = find(recordings, period, 0)
+    if found is None or found.status != "ok":
+        return more_modes(recordings, find) or found
+    return found
 
 
 def _moved_at_random(
-    problem: Problem, recordings: list[Recording], period: float
+    problem: Problem, recordings: list[Recording], period: float, besides: int
 ) -> IdentifiedModel | None:
     """The same of all modes. A motion that repeats leaves its harmonics in the innovations."""
     try:
         rescaled = scaled(recordings, period)
         with limited(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
             may_be_slow = wavers(recordings, period)
-            question, whole, left = fitted_to_some(problem, rescaled, problem.unknown, may_be_slow)
+            question, whole, left = fitted_to_some(
+                problem, rescaled, problem.unknown, may_be_slow, besides
+            )
             unseen = set(question.channels.pairs) - set(question.channels.values)
             if unseen and not question.tracker(whole.model).is_linear:
                 return None  # beside such terms forces imitate displacements that nothing measures
@@ -191,20 +215,26 @@ def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]
 
 
 def fitted_to_some(
-    problem: Problem, recordings: list[Recording], forced: tuple[int, ...], may_be_slow: bool = True
+    problem: Problem,
+    recordings: list[Recording],
+    forced: tuple[int, ...],
+    may_be_slow: bool = True,
+    besides: int = 0,
 ) -> tuple[Question, Fit, Whiteness]:
     """The question, the fit of all terms that may stay, to no more samples than it needs, and what
     it leaves.
 
     recordings: without outliers. may_be_slow: whether forces may be; else a model with white ones
-    that leaves plainly more than noise is none.
+    that leaves plainly more than noise is none. besides: how many modes there are more than
+    coordinates.
     Raises what NO_MODEL names where there is none.
     """
     recordings = _thinned(recordings)
-    question, starts = _begun(problem, recordings, forced)
+    question, starts = _begun(problem, recordings, forced, besides)
     channels = question.channels
-    white = next((each for each in starts if not each.slow), replace(starts[0], slow=(), rates=()))
-    whole = fitted(question, white, question.always, correlated=True)
+    white = [each for each in starts if not each.slow]
+    white = white or [replace(starts[0], slow=(), rates=())]
+    whole = _likeliest(question, white[: STARTS if besides else 1])
     if problem.inputs:  # what they bring is no slow force
         whole = _with_further_terms(question, whole)
     left = _left(question, whole, recordings)
@@ -215,6 +245,19 @@ def fitted_to_some(
         raise Unusable(left.in_words(channels.names))
     whole = _with_further_terms(question, whole)
     return question, whole, _left(question, whole, recordings)
+
+
+def _likeliest(question: Question, starts: list[Model]) -> Fit:
+    """The likeliest fit from some starts. Raises what NO_MODEL names where there is none."""
+    fits, objection = [], None
+    for start in starts:
+        try:
+            fits.append(fitted(question, start, question.always, correlated=True))
+        except NO_MODEL as error:
+            objection = error
+    if not fits:
+        raise objection
+    return max(fits, key=lambda fit: fit.filtered.log_likelihood)
 
 
 def fitted_to_all(
@@ -240,10 +283,11 @@ def fitted_to_all(
 
 
 def _begun(
-    problem: Problem, recordings: list[Recording], forced: tuple[int, ...]
+    problem: Problem, recordings: list[Recording], forced: tuple[int, ...], besides: int
 ) -> tuple[Question, list[Model]]:
     """The question in units of the motion, and starts, the likeliest first.
 
+    besides: how many modes the recordings have that the coordinates have no place for.
     Of rates that are measured at the sample or as means since the last one, what is likelier.
     """
     passing("modes from correlations")
@@ -273,7 +317,8 @@ def _begun(
     alike = np.all(powers[:, np.newaxis] == powers, axis=2)
     expected, known = problem.of_candidates(problem.expected), problem.known + problem.expected
     found = []
-    for system in systems(channels, grids, step, period):
+    for begin in systems(channels, grids, step, period, besides):
+        system = begin.system
         constant = -(system @ middle)[:, np.newaxis]
         rows = np.where(powers.sum(axis=1) > 0, system @ powers.T, constant)
         rows = (rows - (about * known) @ alike) / np.where(about == 0.0, largest, about)
@@ -282,10 +327,13 @@ def _begun(
         rate = SLOW * np.min(np.abs(np.linalg.eigvals(system)))
         for question, slow in product(questions, (None, rate)):
             own = question.channels
-            white, driving, noise = strengths(system, forced, own, frequencies, power, slow)
+            white, driving, noise = strengths(begin, forced, own, frequencies, power, slow)
             noise = np.maximum(np.sqrt(noise / step), 2.0 * least)
             slowly = tuple(np.sqrt(driving))
-            model = Model(free, np.diag(np.sqrt(white)), noise, slowly, (rate,) * len(slowly))
+            model = Model(
+                free, np.diag(np.sqrt(white)), noise, slowly, (rate,) * len(slowly), begin.swings,
+                begin.onto, begin.hosts,
+            )  # fmt: skip
             with suppress(np.linalg.LinAlgError):
                 found.append((question.filtered(model).log_likelihood, question, model))
     found = sorted(filter(lambda each: np.isfinite(each[0]), found), key=lambda each: -each[0])
@@ -329,7 +377,7 @@ def _with_slow_forces(question: Question, start: Model, white: Fit) -> Fit:
     if not slow or question.problem.inputs:
         own = np.min(np.abs(np.linalg.eigvals(question.tracker(white.model).system)))
         rate = SLOW * own
-        slow = tuple(rate * np.diag(white.model.root))
+        slow = tuple(rate * np.diag(white.model.root)[: len(question.forced)])
         start = replace(white.model, slow=slow, rates=(rate,) * len(slow))
     try:
         fit = fitted(question, start, white.support, correlated=True)
@@ -448,12 +496,15 @@ def _identified(
         sigma[there, i] = fit.model.noise[c]
     of_rates = list(zip(channels.names, fit.model.noise, strict=True))[len(channels.values) :]
     forces = question.tracker(fit.model).forces
+    resonances = question.resonances(fit.model, fit.swing_errors)
+    beside = ", ".join(each.name for each in resonances)
+    beside = f"; {beside} beside those of the coordinates" if beside else ""
     said = "" if left.white else f"; {left.in_words(channels.names)}"
     status = "approximate" if said and left.relevant else "ok"
     found = IdentifiedModel(
         model=problem.model(fit.model.coefficients),
         status=status,
-        reason=f"moved by random forces{said}",
+        reason=f"moved by random forces{beside}{said}",
         standard_errors=problem.on_library(errors, 0.0),
         unconditional_errors=problem.on_library(np.where(support, errors, absent), 0.0),
         detection_limits=problem.on_library(detection_limits(absent, support, penalty)),
@@ -463,6 +514,7 @@ def _identified(
         sigma=sigma,
         forces=forces.white,
         slow_forces=forces.slow,
+        resonances=resonances,
         diagnostics={
             "duration": float(sum(np.ptp(each.time) for each in recordings)),
             **{f"slow_rate_{problem.states[i]}": forces.rates[i] for i in forces.places},

@@ -8,6 +8,8 @@ as shapes of the displacements they are the stiffness and damping of the named e
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.polynomial import Legendre
@@ -99,10 +101,22 @@ def modes(
     return rates[own], shapes[:, own]
 
 
+@dataclass(frozen=True)
+class LinearStart:
+    """system: (n_states, n_states). swings: (n_resonances, 2), onto: (n_resonances, n_coordinates)
+    and hosts as of `fitting.Model`, of the modes that the coordinates have no place for.
+    """
+
+    system: np.ndarray
+    swings: np.ndarray
+    onto: np.ndarray
+    hosts: tuple[int, ...]
+
+
 def systems(
-    channels: Channels, grids: list[np.ndarray], step: float, period: float
-) -> Iterator[np.ndarray]:
-    """Linear systems (n_states, n_states) that may have moved so.
+    channels: Channels, grids: list[np.ndarray], step: float, period: float, besides: int = 0
+) -> Iterator[LinearStart]:
+    """Linear systems that may have moved so, with `besides` modes more than coordinates.
 
     grids: samples on uniform steps, s, without their means. period: s, the shortest of the motion.
     Each is told from correlations of another length, of the samples or of their differences, which
@@ -119,19 +133,27 @@ def systems(
             taken = whole[first : first + int(span * PER_PERIOD)]
             for further in FURTHER:
                 try:
-                    rates, seen = modes(taken, step, stride, len(pairs), further)
+                    rates, seen = modes(taken, step, stride, len(pairs) + besides, further)
                 except (Unusable, np.linalg.LinAlgError):
                     continue
                 if (system := _system(channels, rates, seen)) is not None:
                     yield system
 
 
-def _system(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> np.ndarray | None:
-    """(n_states, n_states) with these modes, None where their shapes are too alike."""
+def _system(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearStart | None:
+    """With these modes, None where their shapes are too alike.
+
+    The coordinates' own are those whose shapes differ most; to these the others are forces.
+    """
     pairs = channels.pairs
     damping = np.maximum(-rates.real, LEAST_DAMPING * np.abs(rates))
     rates = 1j * rates.imag - damping
-    shapes = np.array([channels.displacement(i, rates, seen) for i in pairs])
+    every = np.array([channels.displacement(i, rates, seen) for i in pairs])
+    own = max(
+        map(list, combinations(range(len(rates)), len(pairs))),
+        key=lambda modes: abs(np.linalg.det(every[:, modes])),
+    )
+    shapes, rates, others = every[:, own], rates[own], np.delete(rates, own)
     both, shapes = np.append(rates, rates.conj()), np.hstack([shapes, shapes.conj()])
     basis = np.vstack([shapes, shapes * both])
     if np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > MOST_ALIKE:
@@ -141,7 +163,15 @@ def _system(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> np.ndarr
     system[np.ix_(order, order)] = (basis * both @ np.linalg.inv(basis)).real
     system[list(pairs)] = 0.0
     system[list(pairs), list(pairs.values())] = 1.0
-    return system
+    beside = np.delete(every, own, axis=1)
+    states = np.zeros((len(system), len(others)), complex)
+    states[list(pairs)], states[list(pairs.values())] = beside, beside * others
+    moved = states[list(pairs.values())] * others - system[list(pairs.values())] @ states
+    forces = moved[np.argsort(list(pairs.values()))].T
+    hosts = np.argmax(np.abs(forces), axis=1)
+    onto = (forces / forces[np.arange(len(hosts)), hosts][:, np.newaxis]).real
+    swings = np.array([np.abs(others), -others.real / np.abs(others)]).T
+    return LinearStart(system, swings, onto, tuple(hosts.tolist()))
 
 
 def spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarray]:
@@ -174,21 +204,27 @@ def shortest(grids: list[np.ndarray], step: float) -> float:
 
 
 def strengths(
-    system: np.ndarray,
+    begin: LinearStart,
     forced: tuple[int, ...],
     channels: Channels,
     omega: np.ndarray,
     power: np.ndarray,
     slow: float | None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Covariances in a second of white forces and of what drives slow ones, (n_forced,) each, and
-    spectra (n_channels,) of noise, whose sum is nearest to spectra.
+    """Covariances in a second of white forces, in the equations (n_forced,) and then on the
+    resonances, and of what drives slow ones, (n_forced,), and spectra (n_channels,) of noise, whose
+    sum is nearest to spectra.
 
     omega: (n,) rad/s, power: (n, n_channels). slow: rate of slow forces, 1/s; None: there are none.
     """
     n, many = power.shape
-    moved = np.abs(channels.response(system, omega))[:, :, list(forced)] ** 2
+    response = channels.response(begin.system, omega)[:, :, list(forced)]
+    moved = np.abs(response) ** 2
     columns = list(moved.transpose(2, 0, 1))
+    for (own, damping), onto in zip(begin.swings, begin.onto, strict=True):
+        swing = own**2 - omega**2 + 2j * damping * own * omega
+        columns.append(np.abs(response @ onto / swing[:, np.newaxis]) ** 2)
+    white = len(columns)
     if slow is not None:
         columns += list((moved / (slow**2 + omega[:, None, None] ** 2)).transpose(2, 0, 1))
     columns += [np.broadcast_to(unit, (n, many)) for unit in np.eye(many)]
@@ -197,8 +233,7 @@ def strengths(
     found, _ = nnls(design / scale, np.ones(len(design)))
     alone = np.linalg.norm(np.ones(len(design))) / scale
     found = np.maximum(found / scale, LEAST_SHARE * alone)
-    f = len(forced)
-    return found[:f], found[f:-many], found[-many:]
+    return found[:white], found[white:-many], found[-many:]
 
 
 WINDOW = 3  # periods, in which a motion has a size

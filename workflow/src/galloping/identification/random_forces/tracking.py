@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import IdentifiedModel, Resonance
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.extended import extended_filter, random_motion
 from galloping.identification.random_forces.kalman import (
@@ -24,6 +24,7 @@ from galloping.taylor import Tables, tables
 # whose slopes are told where it is expected to be.
 DIFFUSE, NEAR = 1e3, 3.0
 SUBSTEPS = 16  # of a period, in the steps of a nonlinear system
+MOST_STEPS = 3_000_000  # of a pass: inputs are held at half steps, in memory
 # s, that a filter takes, a sample in a state of it, a step, in a state and term, and in a slope.
 FILTER, OF_STATE, OF_STEP, OF_TERM, OF_SLOPE = 3e-4, 6e-8, 8e-7, 1.2e-8, 4e-9
 
@@ -60,12 +61,13 @@ class Filtered:
 class Forces:
     """white: (n_states, n_states) covariance in a second of white forces in the equations. slow:
     (n_states, n_states) of what drives forces that decay at `rates` (n_states,), 1/s, as those of
-    gusts do; zero where there are none.
+    gusts do; zero where there are none. resonances: forces that swing.
     """
 
     white: np.ndarray
     slow: np.ndarray
     rates: np.ndarray
+    resonances: tuple[Resonance, ...] = ()
 
     @cached_property
     def places(self) -> np.ndarray:
@@ -76,7 +78,7 @@ class Forces:
     def of(cls, found: IdentifiedModel) -> "Forces":
         """Those of an identified model."""
         rates = [found.diagnostics.get(f"slow_rate_{s}", 1.0) for s in found.model.states]
-        return cls(found.forces, found.slow_forces, np.array(rates))
+        return cls(found.forces, found.slow_forces, np.array(rates), found.resonances)
 
     def density(self, omega: float) -> np.ndarray:
         """(n_states, n_states) two-sided, at a frequency, rad/s: covariance in a second of the
@@ -124,14 +126,22 @@ class Tracker:
 
     @cached_property
     def driven(self) -> tuple[np.ndarray, np.ndarray]:
-        """The linear system and its white forces, those that drive slow ones included, (m, m)."""
-        n, places = len(self.rest), self.forces.places
-        m = n + len(places)
+        """The linear system and its white forces, those that drive other ones included, (m, m)."""
+        n, places, swings = len(self.rest), self.forces.places, self.forces.resonances
+        p, r = n + len(places), len(swings)
+        m = p + 2 * r
         system, white = np.zeros((m, m)), np.zeros((m, m))
         system[:n, :n], white[:n, :n] = self.system, self.forces.white
-        system[places, np.arange(n, m)] = 1.0
-        system[n:, n:] = -np.diag(self.forces.rates[places])
-        white[n:, n:] = self.forces.slow[np.ix_(places, places)]
+        system[places, np.arange(n, p)] = 1.0
+        system[n:p, n:p] = -np.diag(self.forces.rates[places])
+        white[n:p, n:p] = self.forces.slow[np.ix_(places, places)]
+        driven = [*range(n), *range(p + r, m)]
+        for k, one in enumerate(swings):
+            force, rate = p + k, p + r + k
+            system[:n, force], system[force, rate] = one.onto, 1.0
+            system[rate, force] = -np.square(one.frequency)  # infinite where too long a step leads
+            system[rate, rate] = -2.0 * one.damping * one.frequency
+            white[rate, driven] = white[driven, rate] = one.drive
         return system, white
 
     @cached_property
@@ -156,14 +166,18 @@ class Tracker:
     @property
     def first_mean(self) -> np.ndarray:
         """(m,) before anything was measured."""
-        return np.append(self.rest, np.zeros(len(self.forces.places)))
+        return np.append(self.rest, np.zeros(len(self.driven[0]) - len(self.rest)))
 
     @property
     def first_covariance(self) -> np.ndarray:
         """(m, m) before anything was measured."""
         slow = np.diag(self.forces.slow) / (2.0 * self.forces.rates)
         within = (DIFFUSE if self.is_linear else NEAR) * self.size
-        return np.diag(np.append(within**2, slow[self.forces.places]))
+        p, swings = len(self.size) + len(self.forces.places), self.forces.resonances
+        pace = np.array([2.0 * each.damping * each.frequency for each in swings])
+        swift = np.diag(self.driven[1])[p + len(swings) :] / (2.0 * pace)
+        wide = swift / np.array([each.frequency**2 for each in swings])
+        return np.diag(np.concatenate([within**2, slow[self.forces.places], wide, swift]))
 
     @property
     def _tables(self) -> Tables:
@@ -219,7 +233,7 @@ class Tracker:
         counts = self.substeps(steps.lengths)
         each = OF_STEP + OF_TERM * exponents.size + OF_SLOPE * len(candidates) * len(x) ** 2
         seconds = counts[steps.of].sum() * each
-        if seconds > allowed(len(data.samples)):  # it would be counted when it is over
+        if seconds > allowed(len(data.samples)) or counts[steps.of].sum() > MOST_STEPS:
             raise np.linalg.LinAlgError("a motion much quicker than its samples cannot be followed")
         spend(seconds)
         return extended_filter(
