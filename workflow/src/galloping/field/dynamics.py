@@ -186,7 +186,7 @@ def _in_random_forces(
         )
         low, high = decay_interval(decay[n], of_decay[n], identified.diagnostics["duration"])
         damping[name] = Value(best[2, n], low / omega, high / omega)
-    for one in identified.resonances:
+    for one in filter(lambda each: each.is_mode, identified.resonances):
         (error, of_ratio), omega = one.errors, one.frequency
         half = NORMAL_95 * error / (2.0 * np.pi)
         hz = omega / (2.0 * np.pi)

@@ -29,6 +29,7 @@ class Unusable(ValueError):
 NO_MODEL = (Unusable, FloatingPointError, np.linalg.LinAlgError)
 STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
 RANGE = ("_low", "_high")  # behind the name of an input: diagnostics, its range
+MOST_DAMPING = 0.3  # ratio, of a mode of a line
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 
@@ -70,6 +71,11 @@ class Resonance:
     errors: tuple[float, float]
     onto: tuple[float, ...]
     drive: tuple[float, ...]
+
+    @property
+    def is_mode(self) -> bool:
+        """Else it is how the forces differ from white ones."""
+        return self.damping < MOST_DAMPING
 
     @property
     def name(self) -> str:

@@ -103,7 +103,8 @@ def _said(found: IdentifiedModel, faster: list[float], below: float) -> Identifi
 def _swings_at(found: IdentifiedModel, modes: list[float]) -> bool:
     """Whether each oscillation of the linear part of a model is at one of some modes, Hz."""
     values = np.linalg.eigvals(found.model.jacobian(np.zeros((1, len(found.model.states))))[0])
-    own = np.array([*np.abs(values), *(each.frequency for each in found.resonances)])
+    beside = (each.frequency for each in found.resonances if each.is_mode)
+    own = np.array([*np.abs(values), *beside])
     ratios = own[:, np.newaxis] / (2.0 * np.pi * np.array(modes))
     return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
 

@@ -23,7 +23,7 @@ from galloping.identification.likelihood.rate_channels import scaled, scales_tol
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.verdict import by, refused, with_inputs
 from galloping.identification.likelihood.weak_gls import prepared
-from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
+from galloping.identification.model import MOST_DAMPING, NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.fitting import (
     Fit,
@@ -35,7 +35,6 @@ from galloping.identification.random_forces.fitting import (
 )
 from galloping.identification.random_forces.low_pass import Find, more_modes, slowest_modes
 from galloping.identification.random_forces.start import (
-    MOST_DAMPING,
     on_grid,
     on_grids,
     shortest,
@@ -497,7 +496,7 @@ def _identified(
     of_rates = list(zip(channels.names, fit.model.noise, strict=True))[len(channels.values) :]
     forces = question.tracker(fit.model).forces
     resonances = question.resonances(fit.model, fit.swing_errors)
-    beside = ", ".join(each.name for each in resonances)
+    beside = ", ".join(each.name for each in resonances if each.is_mode)
     beside = f"; {beside} beside those of the coordinates" if beside else ""
     said = "" if left.white else f"; {left.in_words(channels.names)}"
     status = "approximate" if said and left.relevant else "ok"

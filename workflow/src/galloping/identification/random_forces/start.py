@@ -16,14 +16,14 @@ from numpy.polynomial import Legendre
 from scipy.optimize import nnls
 
 from galloping.identification.likelihood.weak_gls import MOST_MISFIT, Start
-from galloping.identification.model import NO_MODEL, Unusable
+from galloping.identification.model import MOST_DAMPING, NO_MODEL, Unusable
 from galloping.identification.random_forces.channels import Channels
 from galloping.recording import Recording
 
 SPANS = (3.0, 8.0, 15.0)  # shortest periods, of the correlations that modes are told from
 PER_PERIOD, MOST_LAGS = 8, 120  # lags a shortest period, and in all: more say nothing more
 FURTHER = 0, 4  # states beside those of the modes: of what is slow, or of modes that are not asked
-LEAST_DAMPING, MOST_DAMPING = 1e-3, 0.3  # ratio: a motion that lasts is stable, and one of a line
+LEAST_DAMPING = 1e-3  # ratio: a motion that lasts is stable
 MOST_ALIKE = 1e8  # condition of the modes' shapes
 FEWEST = 3  # lags that modes are told from, beyond twice their number
 BINS = 4  # of a spectrum, in a mean
