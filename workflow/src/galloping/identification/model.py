@@ -29,7 +29,7 @@ class Unusable(ValueError):
 NO_MODEL = (Unusable, FloatingPointError, np.linalg.LinAlgError)
 STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
 RANGE = ("_low", "_high")  # behind the name of an input: diagnostics, its range
-MOST_DAMPING = 0.3  # ratio, of a mode of a line
+MOST_DAMPING = 0.3  # ratio, of a motion that swings
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
 
@@ -74,8 +74,8 @@ class Resonance:
 
     @property
     def is_mode(self) -> bool:
-        """Else it is how the forces differ from white ones."""
-        return self.damping < MOST_DAMPING
+        """Else it is how the forces differ from white ones: no mode of a line dies out so fast."""
+        return self.damping < MOST_DAMPING / 3.0
 
     @property
     def name(self) -> str:

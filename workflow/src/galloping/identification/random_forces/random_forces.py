@@ -44,7 +44,7 @@ from galloping.identification.random_forces.start import (
     wavers,
 )
 from galloping.identification.random_forces.tracking import Data, sizes
-from galloping.identification.random_forces.whiteness import Whiteness, whiteness
+from galloping.identification.random_forces.whiteness import Whiteness, function_of, whiteness
 from galloping.identification.work import MOST, is_spent, limited
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, design_matrix, velocity_pairs
@@ -470,7 +470,17 @@ def _left(question: Question, fit: Fit, recordings: list[Recording]) -> Whitenes
         grids.append(on_grid(each.time, own, step))
         first += len(each.time)
     modes = np.abs(np.linalg.eigvals(question.tracker(fit.model).system))
-    return whiteness(grids, step, modes / (2.0 * np.pi))
+    left = whiteness(grids, step, modes / (2.0 * np.pi))
+    if not (names := question.problem.inputs):
+        return left
+    errors, before = [], []
+    for part, each in zip(fit.filtered.parts, recordings, strict=False):  # priors are parts, too
+        inputs = at_times([each.inputs[name] for name in names], each.time)
+        begin = 2 * len(question.size)
+        errors.append((part.innovations / np.sqrt(part.variances))[begin + 1 :])
+        before.append(np.hstack([part.means, inputs])[begin:-1])
+    k = function_of(np.concatenate(errors), np.concatenate(before))
+    return left if k is None else replace(left, goes_with=question.problem.names[k])
 
 
 def _identified(

@@ -10,6 +10,7 @@ RATE = 1e-3  # of sound recordings that are doubted
 PERIODS, MOST_LAGS = 3.0, 100  # over which innovations may be correlated
 # Of a spectrum, taken together: a mode that is missing is as broad; and groups of them beside it.
 BINS, AROUND = 16, 8
+GROUPS = 16  # of the values of what innovations may be a function of
 RELEVANT = 0.02  # share of the innovations' power that their past may tell, in a sound model
 # Of the slowest and of the fastest mode, between which a line bears on what is said of them;
 # elsewhere one is another motion only from APART times what chance allows on.
@@ -25,7 +26,8 @@ class Whiteness:
     """statistic, allowed: of the correlations of innovations, over their degrees of freedom.
     told: share of their power that their past tells. frequency: Hz, at which a spectrum of theirs
     stands out most; channel: index; peak: over what surrounds it, peak_allowed: most by chance at
-    all frequencies of all channels. swings: whether that is where modes swing.
+    all frequencies of all channels. swings: whether that is where modes swing. goes_with: the state
+    or input of which the innovations are a function, as of a force that the library lacks; '' none.
     """
 
     statistic: float
@@ -36,9 +38,12 @@ class Whiteness:
     peak: float
     peak_allowed: float
     swings: bool
+    goes_with: str = ""
 
     def in_words(self, channels: Sequence[str]) -> str:
         """What a fit leaves that is no white noise. channels: their names."""
+        if self.goes_with:
+            return f"what it leaves goes with {self.goes_with}: a force that the library lacks"
         if self.shows_line:
             return (
                 f"{channels[self.channel]} moves at {self.frequency:.3g} Hz more than the model "
@@ -54,7 +59,7 @@ class Whiteness:
 
     @property
     def white(self) -> bool:
-        return self.statistic <= self.allowed and not self.shows_line
+        return self.statistic <= self.allowed and not (self.shows_line or self.goes_with)
 
     @property
     def nearly(self) -> bool:
@@ -65,7 +70,7 @@ class Whiteness:
 
     @property
     def relevant(self) -> bool:
-        return self.told > RELEVANT or self.shows_line
+        return self.told > RELEVANT or self.shows_line or bool(self.goes_with)
 
 
 def whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiteness:
@@ -98,6 +103,29 @@ def whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiten
         float(fdtri(2 * BINS, around, 1.0 - RATE / bins)),
         NEAR[0] * modes.min() < frequency < NEAR[1] * modes.max(),
     )  # fmt: skip
+
+
+def function_of(errors: np.ndarray, before: np.ndarray) -> int | None:
+    """Index of the column of `before` (n, m) of which standardised innovations (n, n_channels) are
+    plainly a function, as those of a right model are of nothing that was known before each.
+
+    By the means of the innovations in GROUPS of equally many values; None where there is none.
+    """
+    tests, most, found = errors.shape[1] * before.shape[1], 0.0, None
+    for k, column in enumerate(before.T):
+        for error in errors.T:
+            known = np.isfinite(error) & np.isfinite(column)
+            if known.sum() < 10 * GROUPS:
+                continue
+            own, error = column[known], error[known]
+            edges = np.unique(np.quantile(own, np.arange(1, GROUPS) / GROUPS))
+            group = np.searchsorted(edges, own, side="right")
+            total, square = (np.bincount(group, error**power) for power in (1, 2))
+            there = square > 0.0
+            excess = np.sum(total[there] ** 2 / square[there]) / chdtri(there.sum(), RATE / tests)
+            if excess > max(most, 1.0):
+                most, found = excess, k
+    return found
 
 
 def _peak(grids: list[np.ndarray], step: float) -> tuple[float, float, int]:
