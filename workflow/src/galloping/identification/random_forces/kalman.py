@@ -10,6 +10,7 @@ Methods, 2012.)
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -42,7 +43,20 @@ class Steps:
     def driven(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
         """(2 n_substeps + 1, n_factors) factors of the inputs at the begin and half way of each of
         the substeps, (n_steps,) of a step, of all steps, and at the end.
+
+        The last ones are kept: a fit asks for the same of nearly every model that it tries.
         """
+        asked = substeps.tobytes(), tuple(factors)
+        if asked not in self._last:
+            self._last.clear()
+            self._last[asked] = self._driven(substeps, factors)
+        return self._last[asked]
+
+    @cached_property
+    def _last(self) -> dict[tuple, np.ndarray]:
+        return {}
+
+    def _driven(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
         halves = 2 * substeps[self.of[1:]]
         if not factors:
             return np.empty((halves.sum() + 1, 0))

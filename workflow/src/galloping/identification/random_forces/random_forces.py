@@ -251,7 +251,8 @@ def _likeliest(question: Question, starts: list[Model]) -> Fit:
     fits, objection = [], None
     for start in starts:
         try:
-            fits.append(fitted(question, start, question.always, correlated=True))
+            with np.errstate(all="ignore"):  # one that leads nowhere overflows
+                fits.append(fitted(question, start, question.always, correlated=True))
         except NO_MODEL as error:
             objection = error
     if not fits:

@@ -24,7 +24,7 @@ from galloping.taylor import Tables, tables
 # whose slopes are told where it is expected to be.
 DIFFUSE, NEAR = 1e3, 3.0
 SUBSTEPS = 16  # of a period, in the steps of a nonlinear system
-MOST_STEPS = 3_000_000  # of a pass: inputs are held at half steps, in memory
+MOST_SUBSTEPS = 64  # of a step: the samples tell nothing of what is quicker
 # s, that a filter takes, a sample in a state of it, a step, in a state and term, and in a slope.
 FILTER, OF_STATE, OF_STEP, OF_TERM, OF_SLOPE = 3e-4, 6e-8, 8e-7, 1.2e-8, 4e-9
 
@@ -233,7 +233,8 @@ class Tracker:
         counts = self.substeps(steps.lengths)
         each = OF_STEP + OF_TERM * exponents.size + OF_SLOPE * len(candidates) * len(x) ** 2
         seconds = counts[steps.of].sum() * each
-        if seconds > allowed(len(data.samples)) or counts[steps.of].sum() > MOST_STEPS:
+        quick = np.median(counts[steps.of]) > MOST_SUBSTEPS
+        if quick or seconds > allowed(len(data.samples)):
             raise np.linalg.LinAlgError("a motion much quicker than its samples cannot be followed")
         spend(seconds)
         return extended_filter(
