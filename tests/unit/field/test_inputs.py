@@ -15,6 +15,7 @@ from galloping.field.analysis import read_field
 from galloping.field.mapping import input_of, validated
 from galloping.field.read import read_series
 from galloping.field.units import USUAL, coefficient_unit
+from galloping.recording import extrapolated
 from galloping.terms import parse
 
 pytestmark = pytest.mark.xdist_group("inputs")
@@ -236,3 +237,17 @@ def test_a_model_with_inputs_is_simulated_in_them(driven, tmp_path):
     assert "ends 99.96 s after its begin" in (
         run("simulate", model, "--inputs", path, "--duration", 200, code=1)
     )
+
+
+def test_what_jumps_anywhere_is_held_unless_the_mapping_says_otherwise(tmp_path):
+    stairs = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, len(TIME) // 20 + 1), 20)
+    path = written(tmp_path / "a.csv", **{"U [m/s]": stairs[: len(TIME)]})
+    for said, between in (("U", "zero"), ({"column": "U", "between": "cubic"}, "cubic")):
+        field = read_field([path], mapping(said))
+        assert field.recordings[0].inputs["U"].between == between
+        assert field.reports[0]["inputs"]["U"]["between"] == between
+
+
+def test_beyond_its_end_an_input_is_what_it_was_last():
+    one = Input(np.arange(11.0), np.arange(10.0, 21.0))
+    np.testing.assert_allclose(extrapolated(one, np.array([-0.3, 10.01, 40.0])), [10, 20, 20])

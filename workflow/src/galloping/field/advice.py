@@ -51,27 +51,31 @@ def objected(
     period: float,
     identify: Identify,
     faults: Sequence[str] = (),
+    are_one: bool = False,
 ) -> IdentifiedModel:
     """The model, refused where its recordings are not motions of one system left to itself.
 
     Of a single recording, the parts of which are not, this is the first reason of an approximate
-    model. names: of the recordings, for who reads the reason. period: s, the longest of the motion.
-    identify: the method, with its library and known equations. faults: of the recordings, as
-    `quality` names them, the first reasons where there is no model.
+    model. are_one: whether the recordings are parts of a single one. names: of the recordings, for
+    who reads the reason. period: s, the longest of the motion. identify: the method, with its
+    library and known equations. faults: of the recordings, as `quality` names them, the first
+    reasons where there is no model.
     """
     inexact = identified.status in ("approximate", "refused") and not identified.is_forced
     more = unmodelled(list(recordings)) if inexact else ""
     objection = _forced(identified, recordings, period)
     if objection:
         objection = more or objection
-    elif found := difference(identified, recordings, identify)[0]:
+    elif (not are_one or identified.status == "refused") and (
+        found := difference(identified, recordings, identify)[0]
+    ):
         objection = f"{', '.join(names)} do not share one model: {found}; {BY_ITSELF}"
     if objection or identified.status == "refused":
         reason = "; ".join([*faults, objection or identified.reason])
         model = identified.model
         return IdentifiedModel.refused(model.states, model.terms, reason, model.inputs)
-    if len(recordings) == 1 and not more:
-        more = _changing(identified, recordings[0], period, identify)
+    if (len(recordings) == 1 or are_one) and not more:
+        more = _changing(identified, recordings, period, identify)
     return replace(identified, reason=f"{more}; {identified.reason}") if more else identified
 
 
@@ -98,14 +102,19 @@ def _forced(identified: IdentifiedModel, recordings: Sequence[Recording], period
 
 
 def _changing(
-    identified: IdentifiedModel, recording: Recording, period: float, identify: Identify
+    identified: IdentifiedModel, parts: Sequence[Recording], period: float, identify: Identify
 ) -> str:
-    """What sets the thirds of one recording apart, which a gusty wind may do as well."""
-    time = recording.time
-    if identified.status != "approximate" or np.ptp(time) < THIRDS * LEAST_PERIODS * period:
+    """What sets the parts of one recording apart, its thirds where it has no gaps, which a gusty
+    wind may do as well.
+    """
+    if identified.status != "approximate":
         return ""
-    edges = np.searchsorted(time, np.linspace(time[0], time[-1], THIRDS + 1))
-    parts = [recording[a:b] for a, b in pairwise(edges)]
+    if len(parts) == 1:
+        (recording,), time = parts, parts[0].time
+        if np.ptp(time) < THIRDS * LEAST_PERIODS * period:
+            return ""
+        edges = np.searchsorted(time, np.linspace(time[0], time[-1], THIRDS + 1))
+        parts = [recording[a:b] for a, b in pairwise(edges)]
     found, missed = difference(identified, parts, identify)
     drifts = missed > 0.0 and DRIFTS in identified.reason  # which part by part it does as well
     if drifts or not found:

@@ -237,8 +237,9 @@ def analyse(
             identified = identify(given)
         with part("summarise", until=0.8):
             summary = summarised(
-                identified, given, identify, question.seed, names=field.names, faults=field.faults
-            )
+                identified, given, identify, question.seed, names=field.names,
+                faults=field.faults, are_one=len(field.series) == 1,
+            )  # fmt: skip
     case = None
     if beside and summary.found.status != "refused":
         found = summary.found.at(mean_inputs(summary.found.model.inputs, given))

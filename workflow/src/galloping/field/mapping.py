@@ -227,7 +227,7 @@ def channel_of(text: str) -> dict:
     return {key: value.strip() for key, value in channel.items() if value}
 
 
-def input_of(text: str, between: str = "cubic") -> dict:
+def input_of(text: str, between: str | None = None) -> dict:
     """An input from `NAME=COLUMN[UNIT] +- ERROR %`, all but NAME optional, as plain values.
 
     Raises MappingError where the text has another form.
@@ -243,7 +243,7 @@ def input_of(text: str, between: str = "cubic") -> dict:
         )
     keys = {"name": name.strip() if equals else column, "column": column, "unit": unit}
     keys["error"] = error.strip()
-    return {key: value for key, value in keys.items() if value} | {"between": between}
+    return {key: value for key, value in {**keys, "between": between}.items() if value}
 
 
 def _units(texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
@@ -291,7 +291,7 @@ def asked(
     said = ""
     named_states = [name.strip() for name in states.split(",")] if states else []
     channels = [channel_of(text) for text in measures]
-    driving = [input_of(text, between or "cubic") for text in inputs]
+    driving = [input_of(text, between) for text in inputs]
     by_column, for_all = _units(units)
     taken = [one["column"] for one in driving]
     found = proposed(file, units, time_column, decimal, taken)

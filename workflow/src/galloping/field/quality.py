@@ -244,7 +244,7 @@ def described(series: "Series", columns: "Sequence[InputColumn]") -> dict[str, d
             "unit": series.units[column.name],
             **_extent(known),
             "step_s": float(np.median(np.diff(one.time))),
-            "between": column.between,
+            "between": one.between,
             "error": column.error,
         }
     return found

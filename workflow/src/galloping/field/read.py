@@ -324,24 +324,36 @@ def inputs_of(
     """Inputs by name, from values (n, n_inputs) at the rows of a file.
 
     Rows between the samples of a slower instrument, empty or repeated, are no gaps and no samples.
-    Raises FileError where a column holds fewer than two samples.
+    What stays and then jumps anywhere is held between its samples, where the mapping does not say
+    otherwise. Raises FileError where a column holds fewer than two samples.
     """
     found = {}
     for column, own in zip(columns, values.T, strict=True):
         known = np.flatnonzero(np.isfinite(own))
         if len(known) < 2:
             raise FileError(f"{table.at(column.column)} has {len(known)} samples")
-        if column.between != "zero":
+        between = column.between
+        if "between" not in column.model_fields_set and _is_staircase(own[known]):
+            between = "zero"
+        if between != "zero":
             known = known[_fresh(own[known])]
         steps = np.diff(time[known])
         kept = np.zeros(len(own), bool)
         kept[known] = True
         for k in np.flatnonzero(steps > GAP * np.median(steps)):
             kept[known[k] : known[k + 1]] = True
-        found[column.name] = Input(
-            time[kept] - column.delay, own[kept], column.between, column.error
-        )
+        found[column.name] = Input(time[kept] - column.delay, own[kept], between, column.error)
     return found
+
+
+def _is_staircase(values: np.ndarray) -> bool:
+    """Whether values (n,) mostly stay, and jump as far as if the last one told nothing of the next:
+    such jumps are twice the variance of the values in the mean square.
+    """
+    changes = values[np.append(True, np.diff(values) != 0)]
+    jumps = np.diff(changes)
+    stays = 2 * len(changes) < len(values)
+    return stays and len(jumps) > 1 and np.mean(jumps**2) > np.var(changes)
 
 
 def _fresh(values: np.ndarray) -> np.ndarray:

@@ -145,15 +145,17 @@ def summarised(
     *,
     names: Sequence[str],
     faults: Sequence[str] = (),
+    are_one: bool = False,
 ) -> Summary:
-    """The same by any method: identify is what found the model. names, faults: as of `objected`.
+    """The same by any method: identify is what found the model. names, faults, are_one: as of
+    `objected`.
 
     Raises ValueError where there is a model and no channel oscillates.
     """
     recordings = as_modelled(found, list(recordings))
     period, last, untried = longest_period(recordings), recordings[-1], ""
     with part("compare the recordings", until=0.3):
-        found = objected(found, recordings, names, period, identify, faults)
+        found = objected(found, recordings, names, period, identify, faults, are_one)
     if found.status == "refused":
         return Summary(found, tuple(recordings))
     window = PERIODS * _finite(period)
