@@ -123,7 +123,9 @@ def approximation(start: Fit, penalty: float, objection: str) -> IdentifiedModel
     stretch = np.median(np.diff(record.segments.first)) * condensed.step
     residual = condensed.targets - record.predictions(made.fit.free, made.fit.starts)
     reason = f"{objection}; forecasts over {stretch:.2g} s leave"
-    return stated(made, residual, np.sqrt(condensed.noise_variance), reason)
+    spare = condensed.is_known | (condensed.counts > condensed.rows)  # else windows tell no noise
+    noise = np.where(spare, np.sqrt(condensed.noise_variance), start.reference)
+    return stated(made, residual, noise, reason)
 
 
 def stated(
