@@ -1,6 +1,5 @@
 """Ambient motion of more modes than coordinates: what is filtered out, and what is told then."""
 
-import re
 from itertools import pairwise
 
 import numpy as np
@@ -105,11 +104,11 @@ def test_harmonics_of_a_limit_cycle_are_no_modes():
         assert bool(asked) == is_asked
 
 
-def test_a_mode_that_is_too_close_to_be_filtered_out_is_no_sound_model():
-    motion = recorded(swing(0.4, 0.01, 1) + 0.4 * swing(0.5, 0.01, 2))
+def test_more_close_modes_than_are_modelled_leave_no_sound_model():
+    frequencies = 0.4 * 1.13 ** np.arange(6)
+    motion = recorded(sum(swing(f, 0.008, k) for k, f in enumerate(frequencies)))
     found = maximum_likelihood(motion, polynomial_library(2, degree=1), forced=())
-    assert found.status == "approximate"
-    assert re.search(r"q0 moves at 0\.49\d* Hz more than the model says", found.reason)
+    assert found.status != "ok"
 
 
 def test_parts_between_gaps_have_no_modes_of_their_own():

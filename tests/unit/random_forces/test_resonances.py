@@ -1,11 +1,13 @@
-"""Modes beside those of the coordinates: what a model in random forces tells of them."""
+"""Modes beside those of the coordinates, and what makes a model in random forces no sound one."""
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
 from galloping import (
     IdentifiedModel,
+    Input,
     PolynomialModel,
     Recording,
     forecast,
@@ -13,7 +15,10 @@ from galloping import (
     polynomial_library,
     summarise,
 )
+from galloping.field.advice import objected
+from galloping.field.recordings import by_excerpts
 from galloping.identification.model import Resonance
+from galloping.identification.random_forces.random_forces import random_forces
 from galloping.identification.random_forces.tracking import spectra
 
 TIME = np.arange(9_000) / 10
@@ -93,3 +98,51 @@ def test_the_spectrum_is_that_of_two_oscillators_in_white_forces():
     onto = np.stack([by_force, by_force * by_other])
     exact = 2 * np.einsum("if,ij,jf->f", onto, white, onto.conj()).real
     np.testing.assert_allclose(power[:, 0], exact, rtol=1e-6)
+
+
+def test_a_long_recording_is_answered_as_a_whole():
+    """Its excerpts are too short to part the modes that a filter leaves out."""
+    slow, fast = {0.4: 0.006, 0.3: 0.01}, {0.83: 0.006, 0.62: 0.008}
+    pairs = zip(slow.items(), fast.items(), strict=True)
+    moved = [swing(*a, k) + 0.4 * swing(*b, 5 + k) for k, (a, b) in enumerate(pairs)]
+    values = np.full((len(TIME), 4), np.nan)
+    values[:, :2] = np.transpose(moved) + 0.05 * np.random.default_rng(2).normal(
+        size=(len(TIME), 2)
+    )
+    recording = Recording(TIME, ("q_v", "q_w", "dq_v", "dq_w"), values)
+    found = by_excerpts(maximum_likelihood, [recording], polynomial_library(4, degree=1))
+    assert found.status == "ok" and "modes at 0.62, 0.83 Hz" in found.reason
+
+
+def test_halves_of_unlike_frequency_make_no_sound_model():
+    tuned = np.concatenate([swing(0.42, 0.005, 1)[:4500], swing(0.40, 0.005, 2)[:4500]])
+    values = np.column_stack([tuned, np.full(len(TIME), np.nan)])
+    values[:, 0] += 0.05 * np.random.default_rng(3).standard_normal(len(TIME))
+    recording = Recording(TIME, STATES, values)
+    model = random_forces([recording], TERMS)
+    said = objected(model, [recording], ["a"], 1 / 0.4, lambda own: random_forces(own, TERMS))
+    assert said.status == "approximate"
+    assert "do not share one model" in said.reason
+
+
+@pytest.mark.parametrize(("force", "status"), [(0.0, "ok"), (0.4, "approximate")])
+def test_friction_is_no_random_force(force: float, status: str) -> None:
+    """Driven by a known force; what the library lacks goes with the velocity."""
+    step, rng = TIME[1], np.random.default_rng(4)
+    u = gaussian_filter1d(rng.standard_normal(len(TIME)), 4.0)
+    u /= u.std()
+    x, v, motion = 0.0, 0.0, []
+    kicks = 0.15 * np.sqrt(step / 20) * rng.standard_normal((len(TIME), 20))
+    for now, kick in zip(u, kicks, strict=True):
+        motion.append(x)
+        for dw in kick:
+            v += step / 20 * (now - 6.0 * x - 0.2 * v - force * np.sign(v)) + dw
+            x += step / 20 * v
+    motion = np.array(motion)[:4000] + 0.002 * rng.standard_normal(4000)
+    values = np.column_stack([motion, np.full(4000, np.nan)])
+    drive = {"u": Input(TIME, u, "zero")}
+    recording = Recording(TIME[:4000], ("x", "dx"), values, inputs=drive)
+    terms = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    found = maximum_likelihood(recording, terms, forced=())
+    assert found.status == status
+    assert ("what it leaves goes with dx" in found.reason) == bool(force)

@@ -8,16 +8,18 @@ from math import floor, log10
 import numpy as np
 
 from galloping.bounds import Experiment, bound_of, information
-from galloping.field.dynamics import Surroundings
+from galloping.field.dynamics import Surroundings, dynamics
 from galloping.field.forecast import Sensed, simulator_of
 from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, state_unit
 from galloping.identification.likelihood.instrument import DRIFTS
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.random_forces.random_forces import random_forces
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.identification.work import ENDED
+from galloping.intervals import NORMAL_95
 from galloping.polynomial import library, term_name, velocity_pairs
 from galloping.recording import Recording
 
@@ -32,6 +34,7 @@ LEAST_PERIODS = 15  # of a part
 # and how many times as much as models of the parts it then misses. Measured: on lines in gusts of
 # 5 % one model misses no more than those of the thirds do, in winds 4 % apart five times as much.
 RELEVANT, WORSE = 0.03, 2.0
+UNLIKE = 3.5  # standard errors between values of two halves: once in 500 of four by chance
 SHARE = "error_share_all_"  # and a channel: a diagnostic of approximate models
 
 Identify = Callable[[Sequence[Recording]], IdentifiedModel]
@@ -76,6 +79,9 @@ def objected(
         return IdentifiedModel.refused(model.states, model.terms, reason, model.inputs)
     if (len(recordings) == 1 or are_one) and not more:
         more = _changing(identified, recordings, period, identify)
+    alone = identified.is_forced and len(recordings) == 1
+    if alone and (more := _changing_at_random(identified, recordings[0], period)):
+        identified = replace(identified, status="approximate")
     return replace(identified, reason=f"{more}; {identified.reason}") if more else identified
 
 
@@ -119,11 +125,41 @@ def _changing(
     drifts = missed > 0.0 and DRIFTS in identified.reason  # which part by part it does as well
     if drifts or not found:
         return ""
+    return _unlike(parts, found)
+
+
+def _unlike(parts: Sequence[Recording], found: str) -> str:
     spans = ", ".join(f"{part.time[0]:.0f} to {part.time[-1]:.0f} s" for part in parts)
     return (
         f"the parts of the recording ({spans}) do not share one model, as where a wind changes or "
         f"gusts, or a sensor's zero moves: {found}; {BY_ITSELF}"
     )
+
+
+def _changing_at_random(identified: IdentifiedModel, recording: Recording, period: float) -> str:
+    """What sets the halves of a recording apart that random forces moved: a frequency or a damping,
+    by UNLIKE standard errors; '' where nothing does.
+    """
+    if identified.model.inputs or np.ptp(recording.time) < 2 * LEAST_PERIODS * period:
+        return ""
+    middle, model = len(recording.time) // 2, identified.model
+    halves, told = [recording[:middle], recording[middle:]], []
+    for half in halves:
+        known = tuple(model.states[i] for i in identified.known)
+        found = random_forces([half], model.terms, model, known)
+        if found.status == "refused":
+            return ""
+        of = dynamics(found, Surroundings.of([half]), np.random.default_rng(0))
+        told.append((of.frequencies, of.damping))
+    for names, unit, factor in ((0, "Hz", 1.0), (1, "% of critical damping", 100.0)):
+        first, second = told[0][names], told[1][names]
+        for name in first.keys() & second.keys():
+            one, other = first[name], second[name]
+            error = np.hypot(one.high - one.low, other.high - other.low) / (2.0 * NORMAL_95)
+            if abs(one.value - other.value) > UNLIKE * error:
+                both = f"{factor * one.value:.3g} and then {factor * other.value:.3g} {unit}"
+                return _unlike(halves, f"{name} has {both}")
+    return ""
 
 
 def little_told(identified: IdentifiedModel) -> bool:

@@ -105,8 +105,8 @@ def extended_filter(
     innovations (n, n_channels, n_candidates) with coefficients, the gains held.
 
     samples, step_of, noise, x, p: as of `kalman_filter`. lengths, substeps: (n_steps,) s, and into
-    how many each is divided. driven: (2 n_substeps of all steps + 1, n_factors) factors of inputs,
-    at the begin and half way of each. exponents: (n_terms, n_states + n_factors), coefficients:
+    how many each is divided. driven: (3 n_substeps of all steps + 1, n_factors) factors of inputs,
+    as of `Steps.driven`. exponents: (n_terms, n_states + n_factors), coefficients:
     (n_states, n_terms) of the equations; white: (n_states, n_states) covariance of their forces in
     a second. sensed, is_rate: (n_channels,) the state of each channel, and whether its rate is
     measured. kept: indices of the states whose mean rates since the last sample are measured, by
@@ -138,7 +138,7 @@ def extended_filter(
             for _ in range(count):
                 now = driven[place : place + 3]
                 _moved(here, h, still, now, exponents, coefficients, terms, stages, middle)
-                place += 2
+                place += 3
                 _jacobian(middle, exponents, coefficients, jacobian)
                 for i in range(d):
                     for j in range(d):
@@ -170,6 +170,7 @@ def extended_filter(
                         for i in range(d):
                             acts = half[i, candidates[c, 0]] * terms[candidates[c, 1]]
                             told[i, c] += h * acts
+        here[d:] = driven[place]
         if not np.all(np.isfinite(here)):
             break
         _rates(here, exponents, coefficients, terms, stages[0])
@@ -233,7 +234,7 @@ def random_motion(x, step_of, lengths, substeps, driven, exponents, coefficients
             h = lengths[step_of[k]] / substeps[step_of[k]]
             for _ in range(substeps[step_of[k]]):
                 force = root @ noise[place] / np.sqrt(h)
-                now = driven[2 * place : 2 * place + 3]
+                now = driven[3 * place : 3 * place + 3]
                 _moved(here, h, force, now, exponents, coefficients, terms, stages, middle)
                 place += 1
         states[k] = here[:d]

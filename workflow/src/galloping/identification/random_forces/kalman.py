@@ -41,8 +41,9 @@ class Steps:
         return cls(occurring * tick, np.append(-1, index), time, tuple(inputs))
 
     def driven(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
-        """(2 n_substeps + 1, n_factors) factors of the inputs at the begin and half way of each of
-        the substeps, (n_steps,) of a step, of all steps, and at the end.
+        """(3 n_substeps + 1, n_factors) factors of the inputs at the begin, half way and just
+        before the end of each of the substeps, (n_steps,) of a step, of all steps, and at the last
+        time.
 
         The last ones are kept: a fit asks for the same of nearly every model that it tries.
         """
@@ -59,11 +60,17 @@ class Steps:
     def _driven(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
         halves = 2 * substeps[self.of[1:]]
         if not factors:
-            return np.empty((halves.sum() + 1, 0))
+            return np.empty((halves.sum() // 2 * 3 + 1, 0))
         begins = np.cumsum(halves) - halves
         share = (np.arange(halves.sum()) - np.repeat(begins, halves)) / np.repeat(halves, halves)
         time = np.repeat(self.time[:-1], halves) + share * np.repeat(np.diff(self.time), halves)
-        values = [extrapolated(one, np.append(time, self.time[-1])) for one in self.inputs]
+        time = np.append(time, self.time[-1])
+        values = []
+        for one in self.inputs:
+            at, ends = extrapolated(one, time), time[2::2]
+            held = one.between == "zero"  # and may jump at the end
+            before = extrapolated(one, np.nextafter(ends, -np.inf)) if held else at[2::2]
+            values.append(np.append(np.stack([at[:-1:2], at[1::2], before], axis=1), at[-1]))
         powers = np.array(factors, float)[:, :, np.newaxis]
         return np.ascontiguousarray(np.prod(np.array(values) ** powers, axis=1).T)
 

@@ -235,14 +235,14 @@ def fitted_to_some(
     white = white or [replace(starts[0], slow=(), rates=())]
     whole = _likeliest(question, white[: STARTS if besides else 1])
     if problem.inputs:  # what they bring is no slow force
-        whole = _with_further_terms(question, whole)
+        whole = _with_further_terms(question, whole, white[0].noise)
     left = _left(question, whole, recordings)
     reads_force = channels.averaged or not set(channels.rates) & set(forced)
     if not left.white and may_be_slow and reads_force:
         whole = _with_slow_forces(question, starts[0], whole)
     elif not (may_be_slow or left.nearly):
         raise Unusable(left.in_words(channels.names))
-    whole = _with_further_terms(question, whole)
+    whole = _with_further_terms(question, whole, white[0].noise)
     return question, whole, _left(question, whole, recordings)
 
 
@@ -387,13 +387,14 @@ def _with_slow_forces(question: Question, start: Model, white: Fit) -> Fit:
     return fit if 2.0 * gain > question.penalty * 2 * len(fit.model.slow) else white
 
 
-def _with_further_terms(question: Question, fit: Fit) -> Fit:
+def _with_further_terms(question: Question, fit: Fit, noise: np.ndarray) -> Fit:
     """The fit with the terms that pay, nonlinear ones and those of inputs.
 
     They are chosen on the slopes of the innovations, again after each fit of those that were. What
     the data alone hardly tell stays too, so that intervals hold it: what inputs do to the damping
     of a coordinate, and, where the motion is so large that any nonlinear term pays, its cubic
-    damping and stiffness, for the linear ones would take their place.
+    damping and stiffness, for the linear ones would take their place. noise: (n_channels,) of the
+    start, from which each fit begins again: terms that were missing may have left none.
     """
     problem, always = question.problem, question.always
     pairs = {velocity: [velocity, i] for i, velocity in velocity_pairs(problem.states).items()}
@@ -422,7 +423,10 @@ def _with_further_terms(question: Question, fit: Fit) -> Fit:
             if np.array_equal(support, fit.support):
                 break
             scaled, _ = solve_support(known, right + known @ about, support)
-            start = replace(fit.model, coefficients=scaled * question.unit)
+            start = replace(
+                fit.model, coefficients=scaled * question.unit,
+                noise=np.maximum(fit.model.noise, noise),
+            )  # fmt: skip
             fit = fitted(question, start, support, correlated=True)
         except (FloatingPointError, np.linalg.LinAlgError):
             break
