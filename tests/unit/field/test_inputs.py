@@ -10,7 +10,8 @@ import pytest
 from field_files import run
 from scipy.ndimage import gaussian_filter1d
 
-from galloping import IdentifiedModel, Input, PolynomialModel, Simulator
+from galloping import IdentifiedModel, Input, PolynomialModel, Recording, Simulator
+from galloping.field.advice import objected
 from galloping.field.analysis import read_field
 from galloping.field.mapping import input_of, validated
 from galloping.field.read import read_series
@@ -251,3 +252,21 @@ def test_what_jumps_anywhere_is_held_unless_the_mapping_says_otherwise(tmp_path)
 def test_beyond_its_end_an_input_is_what_it_was_last():
     one = Input(np.arange(11.0), np.arange(10.0, 21.0))
     np.testing.assert_allclose(extrapolated(one, np.array([-0.3, 10.01, 40.0])), [10, 20, 20])
+
+
+def test_parts_of_one_recording_qualify_their_model_and_two_recordings_refuse_it():
+    coefficients = np.array([[0.0, 1.0], [-6.8, 0.0]])
+    line = PolynomialModel(("y", "dy"), ((1, 0), (0, 1)), coefficients)
+
+    def missing(share: float) -> IdentifiedModel:
+        shares = {"error_share_all_y": share, "forecast_r2": 0.95}
+        return IdentifiedModel(line, "approximate", "gusts", diagnostics=shares)
+
+    values = np.column_stack([np.sin(2.6 * TIME), np.full(len(TIME), np.nan)])
+    whole = Recording(TIME, line.states, values)
+    parts, names = [whole[:480], whole[520:]], ["a from 0 s", "a from 21 s"]
+    for are_one, status in ((True, "approximate"), (False, "refused")):
+        said = objected(missing(0.2), parts, names, 2.4, lambda own: missing(0.01), are_one=are_one)
+        assert said.status == status
+        assert "do not share one model" in said.reason
+        assert "its forecasts miss 20.0% of y" in said.reason

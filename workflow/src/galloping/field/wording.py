@@ -89,7 +89,7 @@ def summary_text(
         "odd": any("is the unit" in problem for problem in problems),
         "repeats": REPEATS in found.reason,
         "mixed": re.search(PARTS, found.reason),
-        "recorded": list(_recorded(of.recordings)),
+        "recorded": list(_recorded(of.recordings, found.diagnostics.get("below"))),
         **_of_forces(found, known),
         "meanings": [why for why, _ in _plain_reasons(found.reason) if why],
         "problems": problems,
@@ -252,8 +252,14 @@ def _doubling(frequency: Value, damping: Value) -> str:
     return in_words(Value(own, *ends), "s")
 
 
-def _recorded(recordings: Sequence[Recording]) -> Iterator[tuple[str, str, float, float | None]]:
-    """Of each channel its name, unit, half range, and the frequency of most of its motion, Hz."""
+def _recorded(
+    recordings: Sequence[Recording], below: float | None
+) -> Iterator[tuple[str, str, float, float | None]]:
+    """Of each channel its name, unit, half range, and the frequency of most of its motion, Hz.
+
+    below: Hz, beyond which the recordings have nothing left, None where they are whole.
+    """
+    slow = f" below {below:.3g} Hz" if below else ""
     for k, name in enumerate(Sensed.by(recordings[-1]).names):
         channels = [
             (own.time[known], values[known])
@@ -267,7 +273,7 @@ def _recorded(recordings: Sequence[Recording]) -> Iterator[tuple[str, str, float
             frequency, share = spectrum(time, longest, float(np.median(np.diff(time))))
             peaks = peaks_of(share)[1]
             pace = float(frequency[peaks[0]]) if len(peaks) else None
-            yield meaning(name) or name, plain_unit(name), float(size), pace
+            yield (meaning(name) or name) + slow, plain_unit(name), float(size), pace
 
 
 def _of_trial(of: HeldOut) -> dict:
