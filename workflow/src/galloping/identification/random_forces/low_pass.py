@@ -63,6 +63,7 @@ def more_modes(recordings: list[Recording], find: Find) -> IdentifiedModel | Non
 def _of_modes(
     recordings: list[Recording], find: Find, counts: Callable[[list[float]], Iterable[int]]
 ) -> IdentifiedModel | None:
+    """The first sound model of as many of the slowest modes as `counts` says, which all are given."""
     if recordings[0].inputs:
         return None
     modes, channels = _modes(recordings), Channels.of(recordings)
@@ -94,6 +95,7 @@ def _edges(modes: list[float], k: int) -> Iterator[float]:
 
 
 def _said(found: IdentifiedModel, faster: list[float], below: float) -> IdentifiedModel:
+    """With what was left out: modes, Hz, and all beyond a frequency, Hz."""
     modes = ", ".join(f"{each:.2g}" for each in faster)
     left = f"modes at {modes} Hz, and all else beyond" if faster else "all beyond"
     reason = f"{found.reason}; {left} {below:g} Hz, left out"
