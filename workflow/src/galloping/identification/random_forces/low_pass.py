@@ -63,7 +63,7 @@ def more_modes(recordings: list[Recording], find: Find) -> IdentifiedModel | Non
 def _of_modes(
     recordings: list[Recording], find: Find, counts: Callable[[list[float]], Iterable[int]]
 ) -> IdentifiedModel | None:
-    """The first sound model of as many of the slowest modes as `counts` says, which all are given."""
+    """The first sound model of as many of the slowest modes as `counts` says of them all."""
     if recordings[0].inputs:
         return None
     modes, channels = _modes(recordings), Channels.of(recordings)
