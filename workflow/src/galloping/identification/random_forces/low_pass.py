@@ -27,7 +27,8 @@ STANDS, AROUND, APART = 6.0, 1.25, 1.1
 # Samples in which a motion has a size, and deviation of such sizes, in their mean, of one that goes
 # up and down: 0.3 to 0.5 of a narrow band of Gaussian noise, below 0.1 of a lasting swing.
 SIZED, WAVERING = 8, 0.2
-FAR = 1.5  # times the fastest mode, where a filter ends that no further mode asks for
+CLOSE = 1.6  # times a mode, within which no filter parts the next one: it bears on both dampings
+FAR = 3.0  # times the fastest mode, where a filter ends that no further mode asks for
 PERIODS = 10  # of a mode, that a recording holds at least
 BESIDES = 3  # modes that a model has beside those of its coordinates, at most
 SAME = 1e-3  # of a step between samples, that rounding makes of it
@@ -57,7 +58,12 @@ def more_modes(recordings: list[Recording], find: Find) -> IdentifiedModel | Non
     """
     channels = Channels.of(recordings)
     first, last = len(channels.pairs) + (not channels.rates), len(channels.pairs) + BESIDES
-    return _of_modes(recordings, find, lambda modes: range(first, min(last, len(modes) + 1) + 1))
+
+    def counts(modes: list[float]) -> list[int]:
+        possible = range(first, min(last, len(modes) + 1) + 1)
+        return sorted(possible, key=lambda k: (k < len(modes), k))
+
+    return _of_modes(recordings, find, counts)
 
 
 def _of_modes(
@@ -68,8 +74,10 @@ def _of_modes(
         return None
     modes, channels = _modes(recordings), Channels.of(recordings)
     own = len(channels.pairs)
+    step = max(float(np.median(np.diff(each.time))) for each in recordings)
+    fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # that a filter ends at
     for k in counts(modes):
-        for below in _edges(modes, k):
+        for below in _edges(modes, k, fastest):
             try:
                 slow = _what_is_left(recordings, below)
                 if not _size_varies(slow):
@@ -83,15 +91,15 @@ def _of_modes(
     return None
 
 
-def _edges(modes: list[float], k: int) -> Iterator[float]:
-    """Where the filter may end that leaves the first k of some modes, Hz."""
+def _edges(modes: list[float], k: int, fastest: float) -> Iterator[float]:
+    """Where the filter may end that leaves the first k of some modes, Hz, at `fastest` at most."""
     if 0 < k < len(modes):
         least, most = SWEPT[0] / FLAT * modes[k - 1], SWEPT[1] * modes[k]
-        if least <= most:
+        if least <= most and modes[k] > CLOSE * modes[k - 1]:
             for share in WITHIN:
                 yield float(f"{least ** (1.0 - share) * most**share:.3g}")
     elif modes:
-        yield float(f"{FAR * modes[-1]:.3g}")
+        yield float(f"{min(FAR * modes[-1], fastest):.3g}")
 
 
 def _said(found: IdentifiedModel, faster: list[float], below: float) -> IdentifiedModel:

@@ -44,6 +44,7 @@ TRIED_PER_PERIOD = 16  # samples a shortest period, at which it is tried whether
 COUPLED_RATE = 0.01  # of uncoupled coordinates that are taken for coupled ones
 LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
 STARTS = 3  # of modes beside those of the coordinates: from the first, one in nine ends elsewhere
+SHARED = 0.8  # of a force, which others have, in starts
 MOST_CHOICES = 4  # of nonlinear terms, each after a fit of the last
 START_PERIODS = 20.0  # shortest periods, over which the first state is told
 STEADY = 0.5  # mean of a factor of inputs, in its root mean square, from which it is mostly that
@@ -88,12 +89,33 @@ def _likeliest(question: Question, starts: list[Model]) -> Fit:
     for start in starts:
         try:
             with np.errstate(all="ignore"):  # one that leads nowhere overflows
-                fits.append(fitted(question, start, question.always, correlated=True))
+                begin = _with_shared_forces(question, start)
+                fits.append(fitted(question, begin, question.always, correlated=True))
         except NO_MODEL as error:
             objection = error
     if not fits:
         raise objection
     return max(fits, key=lambda fit: fit.filtered.log_likelihood)
+
+
+def _with_shared_forces(question: Question, start: Model) -> Model:
+    """A start whose resonances share their forces with others as is likeliest, one after the other.
+
+    From forces that share nothing a fit may end where two close modes have each other's damping.
+    """
+    best, most = start, question.filtered(start).log_likelihood
+    for i in range(len(question.forced), len(start.root)):
+        for j in range(i):
+            held, size = best, np.linalg.norm(best.root[i])
+            for share in (-SHARED, SHARED):
+                root = held.root.copy()
+                root[i, j] = share * size
+                root[i] *= size / np.linalg.norm(root[i])
+                tried = replace(held, root=root)
+                likelihood = question.filtered(tried).log_likelihood
+                if likelihood > most:
+                    best, most = tried, likelihood
+    return best
 
 
 def fitted_to_all(
