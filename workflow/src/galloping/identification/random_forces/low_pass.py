@@ -40,15 +40,14 @@ Find = Callable[[list[Recording], float, int], IdentifiedModel | None]
 
 
 def slowest_modes(recordings: list[Recording], find: Find) -> IdentifiedModel | None:
-    """The model of the slowest modes in random forces, as many as coordinates or fewer, as where
-    two are taken for one, where there are more.
-
+    """The model of as many of the slowest modes in random forces as coordinates, where there are
+    more.
     The diagnostic `below` of what is found says from which on, Hz, motion was left out. None where
     that is no model that is `ok` and swings as these modes do, where random forces need not have
     moved the recordings, and beside inputs.
     """
     count = len(Channels.of(recordings).pairs)
-    return _of_modes(recordings, find, lambda modes: range(min(count, len(modes) - 1), 0, -1))
+    return _of_modes(recordings, find, lambda modes: [count] if len(modes) > count else [])
 
 
 def more_modes(recordings: list[Recording], find: Find) -> IdentifiedModel | None:

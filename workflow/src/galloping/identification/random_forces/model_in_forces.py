@@ -70,10 +70,15 @@ def fitted_to_some(
     channels = question.channels
     white = [each for each in starts if not each.slow]
     white = white or [replace(starts[0], slow=(), rates=())]
-    whole = _likeliest(question, white[: STARTS if besides else 1])
+    whole = _likeliest(question, white[:1])
     if problem.inputs:  # what they bring is no slow force
         whole = _with_further_terms(question, whole, white[0].noise)
     left = _left(question, whole, recordings)
+    if besides:
+        if not left.nearly:
+            raise Unusable(left.in_words(channels.names))
+        whole = _likeliest(question, white[1:STARTS], whole)
+        left = _left(question, whole, recordings)
     reads_force = channels.averaged or not set(channels.rates) & set(forced)
     if not left.white and may_be_slow and reads_force:
         whole = _with_slow_forces(question, starts[0], whole)
@@ -83,13 +88,16 @@ def fitted_to_some(
     return question, whole, _left(question, whole, recordings)
 
 
-def _likeliest(question: Question, starts: list[Model]) -> Fit:
-    """The likeliest fit from some starts. Raises what NO_MODEL names where there is none."""
-    fits, objection = [], None
+def _likeliest(question: Question, starts: list[Model], known: Fit | None = None) -> Fit:
+    """The likeliest of a fit that is known already and those from some starts.
+
+    Raises what NO_MODEL names where there is none.
+    """
+    fits, objection = [known] if known else [], None
     for start in starts:
         try:
             with np.errstate(all="ignore"):  # one that leads nowhere overflows
-                begin = _with_shared_forces(question, start)
+                begin = _with_shared_forces(question, start) if start.hosts else start
                 fits.append(fitted(question, begin, question.always, correlated=True))
         except NO_MODEL as error:
             objection = error

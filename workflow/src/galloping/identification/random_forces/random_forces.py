@@ -115,7 +115,8 @@ def moved_at_random(
         return slow
     found = find(recordings, period, 0)
     if found is None or found.status != "ok":
-        return more_modes(recordings, find) or found
+        with limited(recordings, TRIAL / 2.0):
+            return more_modes(recordings, find) or found
     return found
 
 
