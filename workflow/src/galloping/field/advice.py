@@ -79,7 +79,7 @@ def objected(
         return IdentifiedModel.refused(model.states, model.terms, reason, model.inputs)
     if (len(recordings) == 1 or are_one) and not more:
         more = _changing(identified, recordings, period, identify)
-    alone = identified.is_forced and len(recordings) == 1
+    alone = identified.is_forced and len(recordings) == 1 and not more
     if alone and (more := _changing_at_random(identified, recordings[0], period)):
         identified = replace(identified, status="approximate")
     return replace(identified, reason=f"{more}; {identified.reason}") if more else identified
