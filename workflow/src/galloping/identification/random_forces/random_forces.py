@@ -19,6 +19,7 @@ from galloping.identification.likelihood.rate_channels import scaled, scales_tol
 from galloping.identification.likelihood.verdict import by, refused, with_inputs
 from galloping.identification.likelihood.weak_gls import prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel
+from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.low_pass import Find, more_modes, slowest_modes
 from galloping.identification.random_forces.model_in_forces import fitted_to_all, fitted_to_some
 from galloping.identification.random_forces.start import wavers
@@ -114,10 +115,12 @@ def moved_at_random(
     if slow := slowest_modes(recordings, find):
         return slow
     found = find(recordings, period, 0)
-    if found is None or found.status != "ok":
-        with limited(recordings, TRIAL / 2.0):
-            return more_modes(recordings, find) or found
-    return found
+    if found is not None and found.status == "ok":
+        return found
+    if not (Channels.of(recordings).rates or wavers(recordings, period)):
+        return found
+    with limited(recordings, TRIAL / 2.0):
+        return more_modes(recordings, find) or found
 
 
 def _moved_at_random(
