@@ -1,7 +1,8 @@
-"""Motion of two modes in white forces, made without the code under test."""
+"""Motion of modes in white forces, made without the code under test."""
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.signal import lfilter
 
 from galloping.recording import Recording
 
@@ -33,3 +34,14 @@ def two_modes(
     values = states + noise * states.std(axis=0) * rng.standard_normal(states.shape)
     values[:, 2:] = np.nan
     return Recording(np.arange(count) / rate, STATES, values), states, system
+
+
+def swing(time: np.ndarray, frequency: float, damping: float, seed: int) -> np.ndarray:
+    """One mode, Hz and ratio, of deviation one, at equal steps."""
+    omega, step = 2 * np.pi * frequency, time[1] - time[0]
+    turn = omega * np.sqrt(1 - damping**2) * step
+    poles = [1.0, -2 * np.exp(-damping * omega * step) * np.cos(turn)]
+    poles.append(np.exp(-2 * damping * omega * step))
+    force = np.random.default_rng(seed).standard_normal(len(time) + 20_000)
+    motion = lfilter([1.0], poles, force)[-len(time) :]
+    return motion / motion.std()

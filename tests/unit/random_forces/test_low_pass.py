@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from ambient import swing
 
 from galloping import (
     Recording,
@@ -29,21 +29,10 @@ def recorded(*channels: np.ndarray) -> Recording:
     return Recording(TIME, (*states, *(f"d{state}" for state in states)), values)
 
 
-def swing(frequency: float, damping: float, seed: int) -> np.ndarray:
-    """A mode in white forces, of deviation one."""
-    omega, step = 2 * np.pi * frequency, TIME[1]
-    turn = omega * np.sqrt(1 - damping**2) * step
-    poles = [1.0, -2 * np.exp(-damping * omega * step) * np.cos(turn)]
-    poles.append(np.exp(-2 * damping * omega * step))
-    force = np.random.default_rng(seed).standard_normal(len(TIME) + 20_000)
-    motion = lfilter([1.0], poles, force)[-len(TIME) :]
-    return motion / motion.std()
-
-
 @pytest.fixture(scope="module")
 def ambient() -> Recording:
-    q, w = (swing(f, ratio, k) for k, (f, ratio) in enumerate(SLOW.items()))
-    fast = [swing(f, ratio, 7 + k) for k, (f, ratio) in enumerate(FAST.items())]
+    q, w = (swing(TIME, f, ratio, k) for k, (f, ratio) in enumerate(SLOW.items()))
+    fast = [swing(TIME, f, ratio, 7 + k) for k, (f, ratio) in enumerate(FAST.items())]
     return recorded(q + 0.5 * fast[0] + 0.3 * fast[1], w + 0.1 * q + 0.4 * fast[1])
 
 
@@ -97,22 +86,22 @@ def test_the_slowest_modes_are_told_where_faster_ones_move_the_sensors_too(ambie
 
 def test_harmonics_of_a_limit_cycle_are_no_modes():
     phase, asked = 2 * np.pi * 0.4 * TIME, []
-    for slow, is_asked in ((swing(0.4, 0.01, 1), True), (np.sin(phase), False)):
+    for slow, is_asked in ((swing(TIME, 0.4, 0.01, 1), True), (np.sin(phase), False)):
         asked.clear()
         motion = recorded(slow + 0.3 * np.sin(3 * phase))
-        assert slowest_modes([motion], lambda *given: asked.append(given)) is None
+        assert slowest_modes([motion], 2.5, lambda *given: asked.append(given)) is None
         assert bool(asked) == is_asked
 
 
 def test_more_close_modes_than_are_modelled_leave_no_sound_model():
     frequencies = 0.4 * 1.13 ** np.arange(6)
-    motion = recorded(sum(swing(f, 0.008, k) for k, f in enumerate(frequencies)))
+    motion = recorded(sum(swing(TIME, f, 0.008, k) for k, f in enumerate(frequencies)))
     found = maximum_likelihood(motion, polynomial_library(2, degree=1), forced=())
     assert found.status != "ok"
 
 
 def test_parts_between_gaps_have_no_modes_of_their_own():
-    whole, begins = recorded(swing(0.51, 0.005, 1), swing(0.44, 0.012, 2)), [0]
+    whole, begins = recorded(swing(TIME, 0.51, 0.005, 1), swing(TIME, 0.44, 0.012, 2)), [0]
     while begins[-1] < len(TIME):
         begins.append(begins[-1] + 500 + 487 * len(begins) % 2500)
     parts = [whole[a:b] for a, b in pairwise(begins) if b < len(TIME)]

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from ambient import swing
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
 
 from galloping import (
     IdentifiedModel,
@@ -27,20 +27,9 @@ TERMS = polynomial_library(2, degree=1)
 MODES = {0.4: 0.006, 0.5: 0.01}  # Hz: damping ratio
 
 
-def swing(frequency: float, damping: float, seed: int) -> np.ndarray:
-    """A mode in white forces, of deviation one."""
-    omega, step = 2 * np.pi * frequency, TIME[1]
-    turn = omega * np.sqrt(1 - damping**2) * step
-    poles = [1.0, -2 * np.exp(-damping * omega * step) * np.cos(turn)]
-    poles.append(np.exp(-2 * damping * omega * step))
-    force = np.random.default_rng(seed).standard_normal(len(TIME) + 20_000)
-    motion = lfilter([1.0], poles, force)[-len(TIME) :]
-    return motion / motion.std()
-
-
 @pytest.fixture(scope="module")
 def recording() -> Recording:
-    motion = sum(swing(f, ratio, k) for k, (f, ratio) in enumerate(MODES.items(), 4))
+    motion = sum(swing(TIME, f, ratio, k) for k, (f, ratio) in enumerate(MODES.items(), 4))
     noise = 0.05 * np.random.default_rng(9).standard_normal(len(TIME))
     values = np.column_stack([motion + noise, np.full(len(TIME), np.nan)])
     return Recording(TIME, STATES, values)
@@ -64,6 +53,16 @@ def test_both_modes_of_one_sensor_are_told(found, recording):
     (other,) = found.resonances
     assert f"| {other.name}: net damping |" in str(summary)
     assert "more modes than there are directions" in str(summary)
+
+
+def test_forces_in_some_equations_leave_no_room_for_further_modes():
+    motions = [swing(TIME, f, 0.01, k) for k, f in enumerate((0.4, 0.5, 0.45))]
+    values = np.full((len(TIME), 4), np.nan)
+    values[:, 0], values[:, 1] = motions[0] + motions[1], motions[2]
+    values += 0.05 * np.random.default_rng(1).standard_normal(values.shape)
+    recording = Recording(TIME, ("q_v", "q_w", "dq_v", "dq_w"), values)
+    found = maximum_likelihood(recording, polynomial_library(4, degree=1), forced=("q_v",))
+    assert found.status != "ok" and not found.resonances
 
 
 def test_such_a_model_is_saved_and_forecasts(found, recording, tmp_path):
@@ -104,7 +103,7 @@ def test_a_long_recording_is_answered_as_a_whole():
     """Its excerpts are too short to part the modes that a filter leaves out."""
     slow, fast = {0.4: 0.006, 0.3: 0.01}, {0.83: 0.006, 0.62: 0.008}
     pairs = zip(slow.items(), fast.items(), strict=True)
-    moved = [swing(*a, k) + 0.4 * swing(*b, 5 + k) for k, (a, b) in enumerate(pairs)]
+    moved = [swing(TIME, *a, k) + 0.4 * swing(TIME, *b, 5 + k) for k, (a, b) in enumerate(pairs)]
     values = np.full((len(TIME), 4), np.nan)
     values[:, :2] = np.transpose(moved) + 0.05 * np.random.default_rng(2).normal(
         size=(len(TIME), 2)
@@ -117,7 +116,7 @@ def test_a_long_recording_is_answered_as_a_whole():
 
 
 def test_halves_of_unlike_frequency_make_no_sound_model():
-    tuned = np.concatenate([swing(0.42, 0.005, 1)[:4500], swing(0.40, 0.005, 2)[:4500]])
+    tuned = np.concatenate([swing(TIME, 0.42, 0.005, 1)[:4500], swing(TIME, 0.40, 0.005, 2)[:4500]])
     values = np.column_stack([tuned, np.full(len(TIME), np.nan)])
     values[:, 0] += 0.05 * np.random.default_rng(3).standard_normal(len(TIME))
     recording = Recording(TIME, STATES, values)

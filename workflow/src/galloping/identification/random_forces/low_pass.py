@@ -39,36 +39,51 @@ SAME = 1e-3  # of a step between samples, that rounding makes of it
 Find = Callable[[list[Recording], float, int], IdentifiedModel | None]
 
 
-def slowest_modes(recordings: list[Recording], find: Find) -> IdentifiedModel | None:
+def slowest_modes(
+    recordings: list[Recording], period: float, find: Find, apart: float = CLOSE
+) -> IdentifiedModel | None:
     """The model of as many of the slowest modes in random forces as coordinates, where there are
     more.
-    The diagnostic `below` of what is found says from which on, Hz, motion was left out. None where
-    that is no model that is `ok` and swings as these modes do, where random forces need not have
-    moved the recordings, and beside inputs.
+
+    recordings, period: of `weak_gls.prepared`. apart: times the last of these modes, that the next
+    one is at least. The diagnostic `below` of what is found says from which on, Hz, motion was left
+    out. None where that is no model that is `ok` and swings as these modes do, where random forces
+    need not have moved the recordings, and beside inputs.
     """
     count = len(Channels.of(recordings).pairs)
-    return _of_modes(recordings, find, lambda modes: [count] if len(modes) > count else [])
+
+    def counts(modes: list[float]) -> list[int]:
+        return [count] if len(modes) > count else []
+
+    return _of_modes(recordings, period, find, counts, apart)
 
 
-def more_modes(recordings: list[Recording], find: Find) -> IdentifiedModel | None:
+def more_modes(recordings: list[Recording], period: float, find: Find) -> IdentifiedModel | None:
     """The same of more modes than coordinates: all that there are and one that is taken for another
     of them, or the slowest. Accelerations show forces beyond all modes, where these are no longer
     white: what is far beyond is left out, also where there are no more modes than coordinates.
     """
     channels = Channels.of(recordings)
-    first, last = len(channels.pairs) + (not channels.rates), len(channels.pairs) + BESIDES
+    own = len(channels.pairs)
 
     def counts(modes: list[float]) -> list[int]:
-        possible = range(first, min(last, len(modes) + 1) + 1)
-        return sorted(possible, key=lambda k: (k < len(modes), k))
+        more = range(own + 1, min(own + BESIDES, len(modes) + 1) + 1)
+        same = [own] if channels.rates and own >= len(modes) else []
+        return [*same, *sorted(more, key=lambda k: (k < len(modes), k))]
 
-    return _of_modes(recordings, find, counts)
+    return _of_modes(recordings, period, find, counts, 1.0)
 
 
 def _of_modes(
-    recordings: list[Recording], find: Find, counts: Callable[[list[float]], Iterable[int]]
+    recordings: list[Recording],
+    period: float,
+    find: Find,
+    counts: Callable[[list[float]], Iterable[int]],
+    apart: float,
 ) -> IdentifiedModel | None:
-    """The first sound model of as many of the slowest modes as `counts` says of them all."""
+    """The first sound model of as many of the slowest modes as `counts` says of them all; apart: as
+    of `_edges`.
+    """
     if recordings[0].inputs:
         return None
     modes, channels = _modes(recordings), Channels.of(recordings)
@@ -76,25 +91,29 @@ def _of_modes(
     step = max(float(np.median(np.diff(each.time))) for each in recordings)
     fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # that a filter ends at
     for k in counts(modes):
-        for below in _edges(modes, k, fastest):
+        for below in _edges(modes, k, fastest, apart):
             try:
                 slow = _what_is_left(recordings, below)
                 if not _size_varies(slow):
                     continue
-                given = slow if k < len(modes) or channels.rates else recordings
-                found = find(given, prepared(given)[2], max(k - own, 0))
+                is_whole = k >= len(modes) and not channels.rates
+                given = (recordings, period) if is_whole else (slow, prepared(slow)[2])
+                found = find(*given, max(k - own, 0))
             except NO_MODEL:
                 continue
             if found is not None and found.status == "ok" and _swings_at(found, modes[:k]):
-                return found if given is recordings else _said(found, modes[k:], below)
+                return found if is_whole else _said(found, modes[k:], below)
     return None
 
 
-def _edges(modes: list[float], k: int, fastest: float) -> Iterator[float]:
-    """Where the filter may end that leaves the first k of some modes, Hz, at `fastest` at most."""
+def _edges(modes: list[float], k: int, fastest: float, apart: float) -> Iterator[float]:
+    """Where the filter may end that leaves the first k of some modes, Hz, at `fastest` at most.
+
+    apart: times the last one, that the next one is at least, to be filtered out.
+    """
     if 0 < k < len(modes):
         least, most = SWEPT[0] / FLAT * modes[k - 1], SWEPT[1] * modes[k]
-        if least <= most and modes[k] > CLOSE * modes[k - 1]:
+        if least <= most and modes[k] > apart * modes[k - 1]:
             for share in WITHIN:
                 yield float(f"{least ** (1.0 - share) * most**share:.3g}")
     elif modes:
@@ -168,6 +187,8 @@ def _modes(recordings: list[Recording]) -> list[float]:
     omega, powers = spectra(alike, step)
     powers = powers.reshape(len(grids), -1, powers.shape[1])
     power = np.average(powers, axis=0, weights=lengths)
+    if not len(power):
+        return []
     frequency = omega[: len(power)] / (2.0 * np.pi)
     around = [np.median(power[own], axis=0) for own in _near(frequency, AROUND)]
     height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)

@@ -161,6 +161,8 @@ def _begun(
     pairs = channels.pairs
     if set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states):
         raise Unusable("random forces are told of coordinates X and their velocities dX only")
+    if besides and len(forced) < len(pairs):
+        raise Unusable("modes beside those of the coordinates are moved by forces in all equations")
     step, grids = on_grids(recordings)
     period = shortest(grids, step)
     size, mean, deviation = sizes(recordings, channels, period)

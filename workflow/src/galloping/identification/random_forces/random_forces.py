@@ -79,7 +79,12 @@ def _of_some_modes(find: Find, recordings: list[Recording], period: float) -> Id
             return found
     except NO_MODEL as error:
         objection = error
-    found = slowest_modes(recordings, find) or more_modes(recordings, find) or found
+    found = (
+        slowest_modes(recordings, period, find)
+        or more_modes(recordings, period, find)
+        or slowest_modes(recordings, period, find, apart=1.0)
+        or found
+    )
     if found is None:
         raise objection
     return found
@@ -112,7 +117,7 @@ def moved_at_random(
     recordings, period: of `weak_gls.prepared`.
     """
     find = partial(_moved_at_random, problem)
-    if slow := slowest_modes(recordings, find):
+    if slow := slowest_modes(recordings, period, find):
         return slow
     found = find(recordings, period, 0)
     if found is not None and found.status == "ok":
@@ -120,7 +125,8 @@ def moved_at_random(
     if not (Channels.of(recordings).rates or wavers(recordings, period)):
         return found
     with limited(recordings, TRIAL / 2.0):
-        return more_modes(recordings, find) or found
+        more = more_modes(recordings, period, find)
+    return more or slowest_modes(recordings, period, find, apart=1.0) or found
 
 
 def _moved_at_random(

@@ -192,6 +192,8 @@ def spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarra
 def shortest(grids: list[np.ndarray], step: float) -> float:
     """s, the shortest period of the motion's velocities, where white noise is taken off."""
     omega, power = spectra(grids, step)
+    if not len(omega):
+        raise Unusable("too short for a spectrum")
     order = np.argsort(omega)
     omega, power = omega[order], power[order]
     noise = np.median(power[int(FLOOR * len(power)) :], axis=0)
