@@ -1,10 +1,8 @@
 """What recordings and their model tell, in the words of an engineer.
 
-The templates beside have the sentences, and here are the values and lists in them. `reasons.csv`
-has parts of a verdict's reason, what each means and what would help, those that weigh more first.
+The templates beside have the sentences, and here are the values and lists in them.
 """
 
-import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
@@ -19,6 +17,7 @@ from galloping.field.advice import Advice
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
 from galloping.field.forecast import HeldOut, Sensed
 from galloping.field.quality import peaks_of, spectrum
+from galloping.field.reasons import HELPS, PLACES, WIND, plain_reasons
 from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, meaning, plain_unit
 from galloping.identification.likelihood.repetition import REPEATS
@@ -38,15 +37,6 @@ ENDS = {
     "stopped": "the model does not tell where the motion ends: it is too fast to be followed",
 }
 TECHNICAL = "## Technical part"
-HELPS = {
-    "wind": "the wind speed, recorded beside the motion (`--input`)",
-    "places": "sensors at more places along the span, which tell its modes apart (`position` in a "
-    "mapping)",
-    "directions": "sensors in both directions",
-    "fewer": "fewer candidate terms (`--library`, `--degree`)",
-    "clocks": "one clock for all sensors, and samples at regular times",
-}
-WIND, PLACES = HELPS["wind"], HELPS["places"]
 PARTS = r"parts of the recording .* do not share one model"  # of a reason
 PROBLEMS = (  # part of what is wrong with samples, and what would help
     ("is the unit", "the right units: the recorded motion is none that a span has"),
@@ -91,7 +81,7 @@ def summary_text(
         "mixed": re.search(PARTS, found.reason),
         "recorded": list(_recorded(of.recordings, found.diagnostics.get("below"))),
         **_of_forces(found, known),
-        "meanings": [why for why, _ in _plain_reasons(found.reason) if why],
+        "meanings": [why for why, _ in plain_reasons(found.reason) if why],
         "problems": problems,
         "helps": _helps(of, reports),
         "beside": beside if beside and beside[1] else None,
@@ -305,28 +295,6 @@ def _of_trial(of: HeldOut) -> dict:
     }
 
 
-@cache
-def _reasons() -> list[tuple[str, str, str]]:
-    text = files(__package__).joinpath("reasons.csv").read_text(encoding="utf-8")
-    rows = csv.DictReader(text.splitlines())
-    return [(row["pattern"], row["meaning"], row["help"].format(**HELPS)) for row in rows]
-
-
-def _plain_reasons(reason: str) -> list[tuple[str, str]]:
-    """What the parts of a verdict's reason mean, and what would help; none where it has none.
-
-    That the model is inadequate, the last of all, is said where nothing tells more.
-    """
-    known, fitting = _reasons(), {}
-    for clause in reason.split("; "):
-        matches = ((k, re.search(pattern, clause)) for k, (pattern, *_) in enumerate(known))
-        k, match = next(filter(lambda each: each[1], matches), (None, None))
-        if match:
-            fitting.setdefault(k, (match.expand(known[k][1]), known[k][2]))
-    found = [fitting[k] for k in sorted(fitting)]
-    return found[:-1] if len(found) > 1 and len(known) - 1 in fitting else found
-
-
 def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     """What would help, that which helps most first."""
     said = [problem["what"] for report in reports for problem in report["problems"]]
@@ -336,7 +304,7 @@ def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
         helps.append(
             "a sensor of the other direction: vertical and horizontal motion drive each other"
         )
-    for _, more in _plain_reasons(of.found.reason):
+    for _, more in plain_reasons(of.found.reason):
         helps += [more] if more and more not in " ".join(helps) else []
     advice = of.advice
     if advice and advice.options and advice.error > KNOWN * abs(advice.coefficient):
