@@ -160,3 +160,16 @@ def test_quick_swings_and_gaps_are_no_outliers_and_what_a_sensor_missed_is_told(
     assert quality(read_series(path, mapping), mapping)["problems"] == [
         {"column": "w", "row": 1001, "what": "no samples for 20% of the time"}
     ]
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.0, ["w"]), (0.3, [])])
+def test_a_sensor_that_shows_nothing_of_its_own_is_told(tmp_path, share, said):
+    rng = np.random.default_rng(3)
+    noises = 0.02 * rng.standard_normal((2, len(TIME)))
+    own = 1.7 * V + share * W
+    path = write(tmp_path / "a.csv", pd.DataFrame({"t": TIME, "v": 1000 * (V + noises[0]),
+                                                   "w": own + noises[1]}))  # fmt: skip
+    mapping = validated(MAPPING)
+    problems = quality(read_series(path, mapping), mapping)["problems"]
+    same = [one for one in problems if one["what"].startswith("shows only what 'v' shows, 1.7")]
+    assert [one["column"] for one in same] == said

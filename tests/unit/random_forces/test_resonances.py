@@ -147,3 +147,12 @@ def test_friction_is_no_random_force(force: float, status: str) -> None:
     found = maximum_likelihood(recording, terms, forced=())
     assert found.status == status
     assert ("what it leaves goes with dx" in found.reason) == bool(force)
+
+
+def test_a_steady_tone_is_no_mode_that_may_gallop():
+    tone = 0.5 * np.sin(2 * np.pi * 0.47 * TIME)
+    noise = 0.05 * np.random.default_rng(2).standard_normal(len(TIME))
+    motion = swing(TIME, 0.4, 0.01, 7) + tone + noise
+    recording = Recording(TIME, STATES, np.column_stack([motion, np.full(len(TIME), np.nan)]))
+    text = str(summarise(maximum_likelihood(recording, TERMS), recording))
+    assert "the mode at 0.47 Hz swings steadily" in text and "may" not in text.partition("|")[0]

@@ -11,7 +11,7 @@ from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
 from galloping.field.forecast import Forecast, Sensed
 from galloping.field.mapping import ColumnMapping
-from galloping.field.quality import JUMPS, described, quality
+from galloping.field.quality import JUMPS, QUIET, SHOWN, described, quality
 from galloping.field.read import Series, check_apart, read_series
 from galloping.field.recordings import (
     LEAST,
@@ -116,16 +116,17 @@ class Field:
 
     @property
     def faults(self) -> list[str]:
-        """Why there may be no model, as reasons: channels that are cut off, jump, or are mostly
-        noise.
+        """Why there may be no model, as reasons: channels that are cut off, jump, are mostly noise,
+        or show no motion of their own.
         """
+        said = {"clipped": "is ", QUIET: "is ", JUMPS: "", SHOWN: ""}  # and what comes before it
         return [
-            f"{problem['column']} of {report['file']} "
-            f"{'' if JUMPS in problem['what'] else 'is '}{problem['what']}, from row "
+            f"{problem['column']} of {report['file']} {said[kind]}{problem['what']}, from row "
             f"{problem['row']} on"
             for report in self.reports
             for problem in report["problems"]
-            if problem["what"].startswith(("clipped", "hardly more than noise", JUMPS))
+            for kind in said
+            if problem["what"].startswith(kind)
         ]
 
 

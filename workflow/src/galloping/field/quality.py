@@ -1,7 +1,7 @@
 """What a recording is worth before anything is identified: sampling, gaps, noise, spectrum."""
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +26,10 @@ APART = 0.02  # of the time with samples: gaps that are longer part what lies on
 MISSED = 0.1  # of the time of other columns, in gaps of a channel
 DIFFERENT = 32  # values: fewer resolve a motion to no better than a tenth of its deviation
 SIGNAL = 3.0  # motion over noise below which terms can hardly be told
+# Variance of the difference of two channels, over that of their noise, below which both show the
+# same motion; the variance of a noise is told to a few percent.
+SAME, SHOWN = 1.3, "shows only what"
+QUIET = "hardly more than noise"
 # What no span does; beyond it a unit is most likely wrong. From the lowest to the highest sample:
 RANGES = {"m": (0.005, 50.0), "m/s": (0.005, 100.0), "m/s^2": (0.005, 1000.0)}
 FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that much
@@ -69,7 +73,38 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
             {"column": channel.column, "row": int(row), "what": what}
             for row, what in (*problems, *((series.rows[0], what) for what in unlikely))
         ]
+    report["problems"] += _shown_twice(series, mapping, report["channels"])
     return report
+
+
+def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
+    """Problems of channels that show the motion of another coordinate and nothing of their own.
+
+    That holds where some combination of the two channels varies no more than their noise does
+    (total least squares).
+    """
+    step, found = float(np.median(np.diff(series.time))), []
+    for (i, one), (j, other) in combinations(enumerate(mapping.channels), 2):
+        about = channels[one.column], channels[other.column]
+        fastest = max(f for each in about for f in (*each["dominant_frequencies_hz"], 0.0))
+        noises = np.array([each["noise"] for each in about])
+        motions = np.array([each["standard_deviation"] for each in about])
+        known = np.isfinite(series.values[:, [i, j]]).all(axis=1)
+        if (
+            one.measures.lstrip("d") == other.measures.lstrip("d")
+            or fastest * step > 1.0 / PER_PERIOD
+            or np.any(motions < SIGNAL * noises)
+            or not noises.all()
+            or known.sum() < DIFFERENT
+        ):
+            continue
+        pair = np.cov((series.values[known][:, [i, j]] / noises).T)
+        least, across = np.linalg.eigh(pair)
+        if least[0] < SAME:
+            times = abs(across[1, 1] / across[0, 1] * noises[1] / noises[0])
+            what = f"{SHOWN} {one.column!r} shows, {times:.3g} times as large, and noise"
+            found.append({"column": other.column, "row": int(series.rows[0]), "what": what})
+    return found
 
 
 def noise(values: np.ndarray) -> float:
@@ -167,7 +202,7 @@ def _channel(
     if (different := len(np.unique(y))) < DIFFERENT:
         problems.append((row[0], f"only {different} different values"))
     if motion < SIGNAL * sigma and not coarse:
-        problems.append((row[0], "hardly more than noise"))
+        problems.append((row[0], QUIET))
     if coarse:
         problems.append((row[0], f"less than {PER_PERIOD} samples in a period"))
     means = np.array([part.mean() for part in thirds])

@@ -16,7 +16,7 @@ from jinja2 import Environment, StrictUndefined, Template
 from galloping.field.advice import Advice
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
 from galloping.field.forecast import HeldOut, Sensed
-from galloping.field.quality import peaks_of, spectrum
+from galloping.field.quality import QUIET, SHOWN, peaks_of, spectrum
 from galloping.field.reasons import HELPS, PLACES, WIND, plain_reasons
 from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, meaning, plain_unit
@@ -42,7 +42,7 @@ PROBLEMS = (  # part of what is wrong with samples, and what would help
     ("is the unit", "the right units: the recorded motion is none that a span has"),
     ("less than 10 periods", "a longer recording, of ten periods of the motion or more"),
     ("less than 10 samples", "a higher sampling rate, of ten samples in a period or more"),
-    ("hardly more than noise", "a larger motion, or better sensors"),
+    (QUIET, "a larger motion, or better sensors"),
     ("no samples for", "sensors that record without gaps, at the same times"),
     ("jumps by", "a sensor whose zero holds still"),
     ("the mean drifts", "a sensor whose zero holds still"),
@@ -51,6 +51,7 @@ PROBLEMS = (  # part of what is wrong with samples, and what would help
 )
 LEAST = 1e-6  # width of an interval that is said, in its value
 KNOWN = 0.01  # standard error of a coefficient that no further recording needs to tell better
+STEADY = 12.0  # such factors, that the interval of a damping holds
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
 
 
@@ -80,7 +81,7 @@ def summary_text(
         "repeats": REPEATS in found.reason,
         "mixed": re.search(PARTS, found.reason),
         "recorded": list(_recorded(of.recordings, found.diagnostics.get("below"))),
-        **_of_forces(found, known),
+        **_of_forces(found, known, sum(np.ptp(one.time) for one in of.recordings)),
         "meanings": [why for why, _ in plain_reasons(found.reason) if why],
         "problems": problems,
         "helps": _helps(of, reports),
@@ -195,22 +196,32 @@ def _of_small(known: Dynamics) -> dict:
     }
 
 
-def _of_forces(found: IdentifiedModel, known: Dynamics | None) -> dict:
-    """How strong random forces are, a row of the table, and whether modes gallop besides."""
+def _of_forces(found: IdentifiedModel, known: Dynamics | None, length: float) -> dict:
+    """How strong random forces are, a row of the table, and whether modes gallop besides.
+
+    length: s, of the recordings.
+    """
     if not found.is_forced:
         return {"forces": ""}
     margins, states = known.damping.items() if known else (), found.model.states
     return {
         "forces": f"| random forces, for each kg of modal mass | {_strengths(found, known)} |  |",
         "margins": [
-            f"{_name(name)}{' motion' * (name in states)} {_margin(damping)}"
+            f"{_name(name)}{' motion' * (name in states)} "
+            + _margin(damping, 2.0 * np.pi * known.frequencies[name].value * length)
             for name, damping in margins
         ],
     }
 
 
-def _margin(damping: Value) -> str:
-    """Whether a mode gallops, as far as its net damping tells."""
+def _margin(damping: Value, turned: float) -> str:
+    """Whether a mode gallops, as far as its net damping tells.
+
+    turned: rad, by its swings while it was recorded. What then neither grows nor dies out, by a
+    factor of e, is no answer to random forces.
+    """
+    if abs(damping.value) * turned < 1.0 and (damping.high - damping.low) * turned < STEADY:
+        return "swings steadily, as what a machine drives, or galloping that has settled"
     if damping.low > 0.0:
         return f"does not, at least {100 * damping.low:.2g} % of critical damping is left"
     if damping.high < 0.0:
@@ -300,6 +311,8 @@ def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     said = [problem["what"] for report in reports for problem in report["problems"]]
     span = _of_span(of.found)
     helps = [help_ for part, help_ in PROBLEMS if any(part in what for what in said)]
+    if alone := _alone(reports):
+        helps.insert(0, f"a model without {alone}, which has no motion of its own (`--states`)")
     if len({"q_v", "q_w"}.intersection(of.found.model.states)) == 1:
         helps.append(
             "a sensor of the other direction: vertical and horizontal motion drive each other"
@@ -333,6 +346,18 @@ def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
             helps.append(f"recordings with {name} below {ends[0]:.3g} or above {ends[1]:.3g}, if "
                          "the model is to hold there; or a known damping (`--known`)")  # fmt: skip
     return list(dict.fromkeys(helps))
+
+
+def _alone(reports: Sequence[dict]) -> str:
+    """The columns without a motion of their own, where there are others; '' where not."""
+    idle = {
+        problem["column"]
+        for report in reports
+        for problem in report["problems"]
+        if problem["what"].startswith((QUIET, SHOWN))
+    }
+    others = {column for report in reports for column in report["channels"]} - idle
+    return _and(sorted(idle)) if idle and others else ""
 
 
 def _of_stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> dict:
