@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from ambient import swing
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import butter, sosfilt
 
 from galloping import (
     IdentifiedModel,
     Input,
     PolynomialModel,
     Recording,
+    dynamics,
     forecast,
     maximum_likelihood,
     polynomial_library,
@@ -156,3 +158,33 @@ def test_a_steady_tone_is_no_mode_that_may_gallop():
     recording = Recording(TIME, STATES, np.column_stack([motion, np.full(len(TIME), np.nan)]))
     text = str(summarise(maximum_likelihood(recording, TERMS), recording))
     assert "the mode at 0.47 Hz swings steadily" in text and "may" not in text.partition("|")[0]
+
+
+def test_two_modes_that_overlap_are_no_broad_one():
+    pair = {0.5: 0.015, 0.56: 0.015}
+    first, second = (swing(TIME, f, ratio, int(1e3 * f)) for f, ratio in pair.items())
+    motion = first + 0.5 * second
+    motion += 0.05 * motion.std() * np.random.default_rng(0).standard_normal(len(TIME))
+    recording = Recording(TIME, STATES, np.column_stack([motion, np.full(len(TIME), np.nan)]))
+    found = maximum_likelihood(recording, TERMS)
+    told = dynamics(found, recording)
+    assert found.status == "ok" and len(told.damping) == len(pair)
+    for damping, true in zip(told.damping.values(), pair.values(), strict=True):
+        assert damping.low < true < damping.high
+
+
+@pytest.mark.slow
+def test_forces_that_are_not_white_leave_an_approximate_model_of_the_slow_mode():
+    faster = {1.0: 2, 1.07: 12, 1.15: 22, 1.3: 32}
+    about = butter(4, (0.3, 0.36), "bandpass", fs=10, output="sos")
+    forces = sosfilt(about, np.random.default_rng(5).standard_normal(len(TIME)))
+    motion = swing(TIME, 0.4, 0.006, 1)
+    motion += sum(0.5 * swing(TIME, f, 0.006, k) for f, k in faster.items())
+    motion += 0.2 * forces / forces.std()
+    motion += 0.05 * motion.std() * np.random.default_rng(9).standard_normal(len(TIME))
+    recording = Recording(TIME, STATES, np.column_stack([motion, np.full(len(TIME), np.nan)]))
+    found = maximum_likelihood(recording, polynomial_library(2, degree=3))
+    assert found.status == "approximate" and found.is_forced
+    assert "not white" in found.reason and 0.4 < found.diagnostics["below"] < 1.0
+    (frequency,) = dynamics(found, recording).frequencies.values()
+    assert frequency.value == pytest.approx(0.4, rel=0.02)

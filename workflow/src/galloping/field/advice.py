@@ -14,7 +14,7 @@ from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, state_unit
 from galloping.identification.likelihood.instrument import DRIFTS
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import LITTLE_TOLD, IdentifiedModel
 from galloping.identification.random_forces.random_forces import random_forces
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.unmodelled import unmodelled
@@ -27,7 +27,6 @@ from galloping.recording import Recording
 # motion of a stable line that does not is forced (ambient vibration, buffeting).
 LASTING = 1 / 3  # of a recording's motion that its last third has at least, where it does not decay
 LARGER = 3.0  # times the model's own motion then
-LITTLE_TOLD = 0.8  # R2 of forecasts over some periods, below which a model may only imitate forces
 THIRDS = 3  # parts of a recording, which are compared
 LEAST_PERIODS = 15  # of a part
 # Share of the motion that one model misses, below which a difference changes no number of interest,

@@ -29,6 +29,7 @@ class Unusable(ValueError):
 NO_MODEL = (Unusable, FloatingPointError, np.linalg.LinAlgError)
 STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
 RANGE = ("_low", "_high")  # behind the name of an input: diagnostics, its range
+LITTLE_TOLD = 0.8  # R2 of forecasts over some periods, below which a model may only imitate forces
 MOST_DAMPING = 0.3  # ratio, of a motion that swings
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
 
@@ -171,6 +172,12 @@ class IdentifiedModel(Immutable):
     def is_forced(self) -> bool:
         """Whether the model has random forces."""
         return bool(np.any(self.forces) or np.any(self.slow_forces))
+
+    @property
+    def tells_little(self) -> bool:
+        """Whether it is none, or one that hardly tells the motion from what came before."""
+        inexact = self.status in ("approximate", "refused")
+        return inexact and self.diagnostics.get("forecast_r2", 0.0) < LITTLE_TOLD
 
     @property
     def verdict(self) -> str:

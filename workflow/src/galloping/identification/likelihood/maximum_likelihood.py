@@ -4,8 +4,9 @@ The method is on a page, docs/identification.md, in the order of this module: th
 each is fitted in free segments and joined over the recording; what the residuals show; the verdict.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,11 +58,12 @@ from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.random_forces import moved_at_random, random_forces
 from galloping.identification.random_forces.start import may_be_moved_at_random
 from galloping.identification.random_forces.unmodelled import unmodelled
-from galloping.identification.work import ENDED, is_spent, limited, portion
+from galloping.identification.work import ENDED, MOST, is_spent, limited, portion
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
 PRIOR = Prior()
+BESIDE_FORCED = 0.25 * MOST  # s, of another search where a model in random forces would do
 
 
 @one_thread
@@ -143,8 +145,38 @@ def _at_time_scale(
     begun = replace(begun, problem=problem) if begun else begin(problem, recordings, share)
     given, doubted = begun, share == 1.0 and may_be_moved_at_random(begun)
     later = doubted and not rests_at_zero(begun) and follows_in_segments(begun)
-    if doubted and not later and (forced := _moved_at_random(given)) is not None:
+    search = partial(_left_to_itself, begun, recordings, share)
+    if not doubted or later:
+        return search(given if later else None)
+    forced, is_sure = _moved_at_random(given)
+    if forced is None:
+        return search()
+    return forced if is_sure else _or_forced(forced, recordings, search)
+
+
+def _or_forced(
+    forced: IdentifiedModel, recordings: list[Recording], search: Callable[[], IdentifiedModel]
+) -> IdentifiedModel:
+    """What a search finds in recordings or, where that hardly tells the motion, a model of them in
+    random forces.
+    """
+    try:
+        with limited(recordings, BESIDE_FORCED):
+            found = search()
+    except NO_MODEL:
         return forced
+    return forced if found.tells_little else found
+
+
+def _left_to_itself(
+    begun: Start, recordings: list[Recording], share: float, doubted: Start | None = None
+) -> IdentifiedModel:
+    """The model of a motion without random forces, from the start of recordings at a share of the
+    time scale.
+
+    doubted: as of `_identified`. Raises NO_MODEL where there is none.
+    """
+    problem = begun.problem
     rescaled = scaled(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
         begun = begin(problem, rescaled, share)
@@ -163,7 +195,7 @@ def _at_time_scale(
             raise objections[0]
         identified = with_constants(problem, best_of(found))
     else:
-        identified = _identified(begun, given if later else None)
+        identified = _identified(begun, doubted)
     told = scales_told(recordings, rescaled)
     return replace(identified, diagnostics={**identified.diagnostics, **told})
 
@@ -182,11 +214,13 @@ def _identified(begun: Start, doubted: Start | None = None) -> IdentifiedModel:
         found = str(error)
     if not isinstance(found, str):
         return found
-    if doubted and (forced := _moved_at_random(doubted)) is not None:
+    forced, is_sure = _moved_at_random(doubted) if doubted else (None, False)
+    if is_sure and forced is not None:
         return forced
     late = _late(begun)  # a score test may have said so, but not by how much
     other = [clause for clause in found.split("; ") if clause not in late]
-    return _near(begun, "; ".join(filter(None, [late, *other])))
+    near = partial(_near, begun, "; ".join(filter(None, [late, *other])))
+    return near() if forced is None else _or_forced(forced, begun.recordings, near)
 
 
 def _late(begun: Start) -> str:
@@ -198,15 +232,13 @@ def _late(begun: Start) -> str:
     return "; ".join(f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items())
 
 
-def _moved_at_random(begun: Start) -> IdentifiedModel | None:
-    """A model in random forces, which may be what inputs at the wrong times leave; None where the
-    motion may be another one.
-    """
-    forced = moved_at_random(begun.problem, begun.recordings, begun.period)
+def _moved_at_random(begun: Start) -> tuple[IdentifiedModel | None, bool]:
+    """As `moved_at_random`; what is left may be that of inputs at the wrong times."""
+    forced, is_sure = moved_at_random(begun.problem, begun.recordings, begun.period)
     if forced is None or not (late := _late(begun)):
-        return forced
+        return forced, is_sure
     status = "approximate" if forced.status == "ok" else forced.status
-    return replace(forced, status=status, reason=f"{late}; {forced.reason}")
+    return replace(forced, status=status, reason=f"{late}; {forced.reason}"), is_sure
 
 
 def _near(begun: Start, objection: str) -> IdentifiedModel:

@@ -371,8 +371,8 @@ def _slopes(
         unit = np.zeros(len(vector))
         unit[j] = h
         moved = of(vector + unit)
-        slopes[j, 0] = (moved.innovations - here.innovations)[known] / h / root
-        with np.errstate(invalid="ignore"):  # of a variance that is none the step is not taken
+        with np.errstate(all="ignore"):  # of a variance that is none the step is not taken
+            slopes[j, 0] = (moved.innovations - here.innovations)[known] / h / root
             ratio = np.log(moved.variances[known] / here.variances[known])
         slopes[j, 1] = ratio / h / np.sqrt(2.0)
     return slopes

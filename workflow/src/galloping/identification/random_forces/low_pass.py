@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from galloping.identification.likelihood.weak_gls import prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
@@ -31,6 +32,9 @@ CLOSE = 1.6  # times a mode, within which no filter parts the next one: it bears
 FAR = 3.0  # times the fastest mode, where a filter ends that no further mode asks for
 PERIODS = 10  # of a mode, that a recording holds at least
 BESIDES = 3  # modes that a model has beside those of its coordinates, at most
+# Damping ratio from which on a mode may be two that overlap, share of the line that chance allows,
+# which one in three sound models leave, and a chance at which that is plain at any frequency.
+BROAD, LESS_WHITE, LIKELIER = 0.02, 0.75, 1e-7
 SAME = 1e-3  # of a step between samples, that rounding makes of it
 
 
@@ -41,14 +45,13 @@ Find = Callable[[list[Recording], float, int], IdentifiedModel | None]
 
 def slowest_modes(
     recordings: list[Recording], period: float, find: Find, apart: float = CLOSE
-) -> IdentifiedModel | None:
-    """The model of as many of the slowest modes in random forces as coordinates, where there are
-    more.
+) -> Iterator[IdentifiedModel]:
+    """Models of as many of the slowest modes in random forces as coordinates, where there are more.
 
     recordings, period: of `weak_gls.prepared`. apart: times the last of these modes, that the next
     one is at least. The diagnostic `below` of what is found says from which on, Hz, motion was left
-    out. None where that is no model that is `ok` and swings as these modes do, where random forces
-    need not have moved the recordings, and beside inputs.
+    out. Each model swings as these modes do; there is none where random forces need not have moved
+    the recordings, and beside inputs.
     """
     count = len(Channels.of(recordings).pairs)
 
@@ -58,7 +61,7 @@ def slowest_modes(
     return _of_modes(recordings, period, find, counts, apart)
 
 
-def more_modes(recordings: list[Recording], period: float, find: Find) -> IdentifiedModel | None:
+def more_modes(recordings: list[Recording], period: float, find: Find) -> Iterator[IdentifiedModel]:
     """The same of more modes than coordinates: all that there are and one that is taken for another
     of them, or the slowest. Accelerations show forces beyond all modes, where these are no longer
     white: what is far beyond is left out, also where there are no more modes than coordinates.
@@ -80,12 +83,10 @@ def _of_modes(
     find: Find,
     counts: Callable[[list[float]], Iterable[int]],
     apart: float,
-) -> IdentifiedModel | None:
-    """The first sound model of as many of the slowest modes as `counts` says of them all; apart: as
-    of `_edges`.
-    """
+) -> Iterator[IdentifiedModel]:
+    """Models of as many of the slowest modes as `counts` says of all; apart: as of `_edges`."""
     if recordings[0].inputs:
-        return None
+        return
     modes, channels = _modes(recordings), Channels.of(recordings)
     own = len(channels.pairs)
     step = max(float(np.median(np.diff(each.time))) for each in recordings)
@@ -101,9 +102,44 @@ def _of_modes(
                 found = find(*given, max(k - own, 0))
             except NO_MODEL:
                 continue
-            if found is not None and found.status == "ok" and _swings_at(found, modes[:k]):
-                return found if is_whole else _said(found, modes[k:], below)
-    return None
+            if found is not None and _swings_at(found, modes[:k]):
+                found = parted(found, *given, max(k - own, 0), find)
+                yield found if is_whole else _said(found, modes[k:], below)
+
+
+def may_be_two(found: IdentifiedModel) -> bool:
+    """Whether a mode of a model is so broad that it may be two, and what it leaves less white than
+    that of most sound models. Beside inputs no further mode is sought.
+    """
+    if found.model.inputs:
+        return False
+    values, told = _swings(found), found.diagnostics
+    beside = (each.damping for each in found.resonances if each.is_mode)
+    return max(*(-values.real / np.abs(values)), *beside) > BROAD and (
+        told["innovations"] > 0.5 * (1.0 + told["innovations_allowed"])
+        or told["innovations_line"] > LESS_WHITE * told["innovations_line_allowed"]
+    )
+
+
+def parted(
+    found: IdentifiedModel, recordings: list[Recording], period: float, besides: int, find: Find
+) -> IdentifiedModel:
+    """The model that `find` has found or, where a mode of it is two, one with a mode more.
+
+    Of two modes that overlap, a broad one in their middle leaves innovations that are nearly white;
+    the model of both is plainly likelier.
+    """
+    if found.status != "ok" or besides == BESIDES or not may_be_two(found):
+        return found
+    try:
+        more = find(recordings, period, besides + 1)
+    except NO_MODEL:
+        return found
+    if more is None or more.status != "ok" or not all(each.is_mode for each in more.resonances):
+        return found
+    gain = more.diagnostics["log_likelihood"] - found.diagnostics["log_likelihood"]
+    freedom = 3 + len(found.forces.nonzero()[0]) + len(found.resonances)
+    return more if 2.0 * gain > chdtri(freedom, LIKELIER) else found
 
 
 def _edges(modes: list[float], k: int, fastest: float, apart: float) -> Iterator[float]:
@@ -130,11 +166,16 @@ def _said(found: IdentifiedModel, faster: list[float], below: float) -> Identifi
 
 def _swings_at(found: IdentifiedModel, modes: list[float]) -> bool:
     """Whether each oscillation of the linear part of a model is at one of some modes, Hz."""
-    values = np.linalg.eigvals(found.model.jacobian(np.zeros((1, len(found.model.states))))[0])
+    values = _swings(found)
     beside = (each.frequency for each in found.resonances if each.is_mode)
     own = np.array([*np.abs(values), *beside])
     ratios = own[:, np.newaxis] / (2.0 * np.pi * np.array(modes))
     return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
+
+
+def _swings(found: IdentifiedModel) -> np.ndarray:
+    """(n_states,) complex frequencies, rad/s, of the linear part of a model."""
+    return np.linalg.eigvals(found.model.jacobian(np.zeros((1, len(found.model.states))))[0])
 
 
 def _size_varies(recordings: list[Recording]) -> bool:

@@ -75,7 +75,7 @@ def fitted_to_some(
         whole = _with_further_terms(question, whole, white[0].noise)
     left = _left(question, whole, recordings)
     if besides:
-        if not left.nearly:
+        if not left.partly:
             raise Unusable(left.in_words(channels.names))
         whole = _likeliest(question, white[1:STARTS], whole)
         left = _left(question, whole, recordings)
@@ -400,6 +400,7 @@ def _identified(
         diagnostics={
             "duration": float(sum(np.ptp(each.time) for each in recordings)),
             **{f"slow_rate_{problem.states[i]}": forces.rates[i] for i in forces.places},
+            "log_likelihood": fit.filtered.log_likelihood,
             "innovations": left.statistic,
             "innovations_allowed": left.allowed,
             "innovations_told": left.told,

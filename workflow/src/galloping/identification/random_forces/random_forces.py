@@ -5,10 +5,11 @@ linear, the likelihood of the samples is exact. Here is decided which motion is 
 random forces, and which of its modes are modelled; the model itself is made in `model_in_forces`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 from numpy.typing import ArrayLike
 
@@ -20,7 +21,13 @@ from galloping.identification.likelihood.verdict import by, refused, with_inputs
 from galloping.identification.likelihood.weak_gls import prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.low_pass import Find, more_modes, slowest_modes
+from galloping.identification.random_forces.low_pass import (
+    Find,
+    may_be_two,
+    more_modes,
+    parted,
+    slowest_modes,
+)
 from galloping.identification.random_forces.model_in_forces import fitted_to_all, fitted_to_some
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.whiteness import Whiteness
@@ -71,23 +78,57 @@ def random_forces(
 
 
 def _of_some_modes(find: Find, recordings: list[Recording], period: float) -> IdentifiedModel:
-    """The model of recordings or, where that is not `ok`, of their slowest modes or of more."""
-    found, objection = None, None
+    """The model of recordings or, where that is not `ok`, of their slowest modes or of more; where
+    none is, the one that leaves least.
+    """
+    others, objection = [], None
     try:
         found = find(recordings, period, 0)
         if found.status == "ok":
-            return found
+            return _sharper(found, recordings, period, find)
+        others.append(found)
     except NO_MODEL as error:
         objection = error
-    found = (
-        slowest_modes(recordings, period, find)
-        or more_modes(recordings, period, find)
-        or slowest_modes(recordings, period, find, apart=1.0)
-        or found
+    of_modes = chain(
+        slowest_modes(recordings, period, find),
+        more_modes(recordings, period, find),
+        slowest_modes(recordings, period, find, apart=1.0),
     )
-    if found is None:
+    if found := _first_sound(of_modes, others):
+        return found
+    if not others:
         raise objection
+    return _whitest(others)
+
+
+def _sharper(
+    found: IdentifiedModel, recordings: list[Recording], period: float, find: Find
+) -> IdentifiedModel:
+    """The model of all that was recorded or, where a mode of it is two, one that tells these."""
+    if not Channels.of(recordings).rates:
+        return parted(found, recordings, period, 0, find)
+    if may_be_two(
+        found
+    ):  # beyond the modes accelerations show how the forces differ from white ones
+        more = _first_sound(more_modes(recordings, period, find), [])
+        return more if more and more.resonances else found
     return found
+
+
+def _first_sound(
+    models: Iterable[IdentifiedModel], others: list[IdentifiedModel]
+) -> IdentifiedModel | None:
+    """The first model that is `ok`; those before it are added to `others`."""
+    for found in models:
+        if found.status == "ok":
+            return found
+        others.append(found)
+    return None
+
+
+def _whitest(models: Sequence[IdentifiedModel]) -> IdentifiedModel | None:
+    """The one whose innovations are told least by what came before; None where there is none."""
+    return min(models, key=lambda found: found.diagnostics["innovations_told"], default=None)
 
 
 @one_thread
@@ -103,36 +144,61 @@ def if_moved_at_random(
     problem = asked(list(recordings), terms, known, known_states, None, coefficients, allowed)
     with limited(recordings) as work, suppress(*NO_MODEL):
         cleaned, _, period = prepared(list(recordings))
-        if found := moved_at_random(problem, cleaned, period):
+        found, is_sure = moved_at_random(problem, cleaned, period)
+        if found and is_sure:
             return work.told(found)
     return None
 
 
+def _will_do(problem: Problem, left: Whiteness) -> bool:
+    """Whether a model that was not asked for answers; beside inputs others are near as well."""
+    return left.nearly and not (problem.inputs and left.relevant)
+
+
+def _will_do_for_lack_of_others(problem: Problem, left: Whiteness) -> bool:
+    """Whether it does where no other model is found."""
+    return _will_do(problem, left) or left.partly
+
+
 def moved_at_random(
     problem: Problem, recordings: list[Recording], period: float
-) -> IdentifiedModel | None:
+) -> tuple[IdentifiedModel | None, bool]:
     """The model of recordings that random forces moved, of their slowest modes where they have more
-    of them than coordinates, or of more; None where the motion may be another one.
+    of them than coordinates, or of more; and whether it is plain that these forces did.
 
-    recordings, period: of `weak_gls.prepared`.
+    None where the motion may be another one. A model of which that is not plain is `approximate`,
+    of some modes of many, whose sizes go up and down: better than none. recordings, period: of
+    `weak_gls.prepared`.
     """
-    find = partial(_moved_at_random, problem)
-    if slow := slowest_modes(recordings, period, find):
-        return slow
+    find, others = partial(_moved_at_random, problem), []
+    roughly = partial(find, will_do=_will_do_for_lack_of_others)
+    if found := _first_sound(slowest_modes(recordings, period, roughly), others):
+        return found, True
     found = find(recordings, period, 0)
     if found is not None and found.status == "ok":
-        return found
-    if not (Channels.of(recordings).rates or wavers(recordings, period)):
-        return found
-    with limited(recordings, TRIAL / 2.0):
-        more = more_modes(recordings, period, find)
-    return more or slowest_modes(recordings, period, find, apart=1.0) or found
+        return _sharper(found, recordings, period, find), True
+    at_random = wavers(recordings, period)
+    if Channels.of(recordings).rates or at_random:
+        with limited(recordings, TRIAL / 2.0):
+            more = _first_sound(more_modes(recordings, period, roughly), others)
+        closer = slowest_modes(recordings, period, roughly, apart=1.0)
+        found = more or _first_sound(closer, others) or found
+    if found is None and at_random:
+        return _whitest(others), False
+    return found, True
 
 
 def _moved_at_random(
-    problem: Problem, recordings: list[Recording], period: float, besides: int
+    problem: Problem,
+    recordings: list[Recording],
+    period: float,
+    besides: int,
+    will_do: Callable[[Problem, Whiteness], bool] = _will_do,
 ) -> IdentifiedModel | None:
-    """The same of all modes. A motion that repeats leaves its harmonics in the innovations."""
+    """The same of all modes. A motion that repeats leaves its harmonics in the innovations.
+
+    will_do: whether what a model leaves is little enough.
+    """
     try:
         rescaled = scaled(recordings, period)
         with limited(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
@@ -143,19 +209,14 @@ def _moved_at_random(
             unseen = set(question.channels.pairs) - set(question.channels.values)
             if unseen and not question.tracker(whole.model).is_linear:
                 return None  # beside such terms forces imitate displacements that nothing measures
-            if work.ended or not _will_do(problem, left):
+            if work.ended or not will_do(problem, left):
                 return None
             found, left = fitted_to_all(question, whole, rescaled, period)
-            if work.ended or not _will_do(problem, left):
+            if work.ended or not will_do(problem, left):
                 return None
     except NO_MODEL:
         return None
     return _with_scales(found, recordings, rescaled)
-
-
-def _will_do(problem: Problem, left: Whiteness) -> bool:
-    """Whether a model that was not asked for answers; beside inputs others are near as well."""
-    return left.nearly and not (problem.inputs and left.relevant)
 
 
 def _with_scales(

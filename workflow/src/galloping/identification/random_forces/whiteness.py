@@ -19,6 +19,7 @@ NEAR, APART = (0.5, 2.0), 2.0
 # Of a fit that answers unasked, though its innovations are not white: what they may show. Measured:
 # limit cycles of lines, also in gusts, leave lines 60 to 200 times as high as chance allows.
 MOST_LINE, MOST_TOLD = 10.0, 0.05
+PARTLY_TOLD = 1.0 / 3.0  # share that may be told where there is no other answer
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,12 @@ class Whiteness:
         return not self.relevant or (
             self.peak < MOST_LINE * self.peak_allowed and self.told < MOST_TOLD
         )
+
+    @property
+    def partly(self) -> bool:
+        """Whether random forces explain most of the motion, and nothing else plainly any of it."""
+        few = self.peak < MOST_LINE * self.peak_allowed and self.told < PARTLY_TOLD
+        return few and not self.goes_with
 
     @property
     def relevant(self) -> bool:
