@@ -84,6 +84,14 @@ def test_where_an_input_is_not_known_the_motion_is_left_out(tmp_path, between):
     assert "input U is not known for 4.0 s, 10 % of the samples: left out" in str(field.reports)
 
 
+def test_how_often_a_slower_instrument_samples_is_told_beside_a_gap(tmp_path):
+    slow = np.where(np.arange(len(TIME)) % 5 == 0, WIND, np.nan)
+    slow[300:600] = np.nan
+    path = written(tmp_path / "a.csv", **{"U [m/s]": slow})
+    (report,) = read_field([path], mapping("U")).reports
+    assert report["inputs"]["U"]["step_s"] == pytest.approx(0.2)
+
+
 @pytest.mark.parametrize("repeated", [True, False])
 def test_rows_between_the_samples_of_a_slower_instrument_are_no_gaps(tmp_path, repeated):
     slow = np.where(np.arange(len(TIME)) % 5 == 0, WIND, np.nan)

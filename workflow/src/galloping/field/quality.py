@@ -273,12 +273,12 @@ def described(series: "Series", columns: "Sequence[InputColumn]") -> dict[str, d
     found = {}
     for column in columns:
         one = series.inputs[column.name]
-        known = one.values[np.isfinite(one.values)]
+        known = np.isfinite(one.values)
         found[column.column] = {
             "name": column.name,
             "unit": series.units[column.name],
-            **_extent(known),
-            "step_s": float(np.median(np.diff(one.time))),
+            **_extent(one.values[known]),
+            "step_s": float(np.median(np.diff(one.time[known]))),
             "between": one.between,
             "error": column.error,
         }

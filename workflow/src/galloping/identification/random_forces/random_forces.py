@@ -107,12 +107,11 @@ def _sharper(
     """The model of all that was recorded or, where a mode of it is two, one that tells these."""
     if not Channels.of(recordings).rates:
         return parted(found, recordings, period, 0, find)
-    if may_be_two(
-        found
-    ):  # beyond the modes accelerations show how the forces differ from white ones
-        more = _first_sound(more_modes(recordings, period, find), [])
-        return more if more and more.resonances else found
-    return found
+    if not may_be_two(found):
+        return found
+    # accelerations show how the forces differ from white ones, unless all beyond is filtered out
+    more = _first_sound(more_modes(recordings, period, find), [])
+    return more if more and more.resonances else found
 
 
 def _first_sound(
