@@ -70,19 +70,26 @@ def summary_text(
         for p in report["problems"]
     ]
     described = list(map(report_text, reports)) or list(map(repr, of.recordings))
+    of_span = _of_span(found)
+    line = "the line" if of_span else "the system"
     values = {
         "of": of, "found": found, "known": known, "trial": trial, "ends": ENDS,
         "rounding": ROUNDING, "technical": TECHNICAL, "most_problems": MOST_PROBLEMS,
         "refused": found.status == "refused",
         "sure": bool(np.any(found.standard_errors > 0.0)),
-        "of_span": _of_span(found),
+        "of_span": of_span,
+        "line": line,
+        "gallop": "gallop" if of_span else "oscillate by itself",
+        "gallops": "gallops" if of_span else "oscillates by itself",
         "exact": [n for n in found.model.inputs if not of.recordings[-1].inputs[n].error],
         "odd": any("is the unit" in problem for problem in problems),
         "repeats": REPEATS in found.reason,
         "mixed": re.search(PARTS, found.reason),
         "recorded": list(_recorded(of.recordings, found.diagnostics.get("below"))),
         **_of_forces(found, known, sum(np.ptp(one.time) for one in of.recordings)),
-        "meanings": [why for why, _ in plain_reasons(found.reason) if why],
+        "meanings": [
+            why.replace("the line", line) for why, _ in plain_reasons(found.reason) if why
+        ],
         "problems": problems,
         "helps": _helps(of, reports),
         "beside": beside if beside and beside[1] else None,
@@ -167,7 +174,6 @@ def _and(parts: Iterable[str]) -> str:
 def _of_small(known: Dynamics) -> dict:
     """What small motions about rest do, and the places and sizes that are told with them."""
     damped = {state: value for state, value in known.damping.items() if np.isfinite(value.value)}
-    of_span = any(map(meaning, damped))
     return {
         "damped": damped,
         "unsure": [
@@ -181,9 +187,6 @@ def _of_small(known: Dynamics) -> dict:
             if value.value < -ROUNDING and not value.high > ROUNDING
         ],
         "least": min(damped, key=lambda state: damped[state].value, default=""),
-        "line": "the line" if of_span else "the system",
-        "gallop": "gallop" if of_span else "oscillate by itself",
-        "gallops": "gallops" if of_span else "oscillates by itself",
         "halves": [
             f"±{in_words(v, plain_unit(s))} {_name(s)}" for s, v in known.half_range.items()
         ],
@@ -204,8 +207,9 @@ def _of_forces(found: IdentifiedModel, known: Dynamics | None, length: float) ->
     if not found.is_forced:
         return {"forces": ""}
     margins, states = known.damping.items() if known else (), found.model.states
+    of_mass = ", for each kg of modal mass" if _of_span(found) else ""
     return {
-        "forces": f"| random forces, for each kg of modal mass | {_strengths(found, known)} |  |",
+        "forces": f"| random forces{of_mass} | {_strengths(found, known)} |  |",
         "margins": [
             f"{_name(name)}{' motion' * (name in states)} "
             + _margin(damping, 2.0 * np.pi * known.frequencies[name].value * length)
@@ -237,7 +241,8 @@ def _strengths(found: IdentifiedModel, of: Dynamics | None) -> str:
         frequency = of.frequencies[states[i]].value if of else np.nan
         density = forces.density(2.0 * np.pi * frequency)[velocity, velocity]
         if density > 0.0:
-            said.append(f"{states[i]} {np.sqrt(2.0 * density):.3g} m/s² per √Hz")
+            unit = f"{plain_unit('d' + states[velocity]).replace('^2', '²')} per √Hz".lstrip()
+            said.append(f"{states[i]} {np.sqrt(2.0 * density):.3g} {unit}")
     lasting = ", ".join(f"{1.0 / forces.rates[i]:.2g} s" for i in forces.places)
     return ", ".join(said) + (f", slow ones that last {lasting} included" if lasting else "")
 
