@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 DPI, FONT_SIZE = 150, 8
 ROW = 1.7  # inches, of a row of panels
+LABEL = 26  # letters, that a row has room for
 POINTS = 1500  # of an envelope: more than a figure has pixels
 SEGMENTS = 6  # of a recording, whose spectra are averaged
 DECADES = 6  # of a spectrum
@@ -143,7 +145,7 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
             frequency[shown], power[shown, k], ".", ms=2.5, color=TRUE, label="samples"
         )  # fmt: skip
         axes.semilogy(fine, told[:, k], color=MODEL, label="model in random forces")
-        unit = state_unit(name)
+        unit = state_unit(name).replace("^2", "²")
         unit = f"({unit})" if "/" in unit else unit
         axes.set(xlabel="frequency, Hz", ylabel=f"spectrum, {unit}²/Hz")
     parts.legend(figure)
@@ -244,7 +246,7 @@ def _channels(
     figure = Figure(figsize=(DOUBLE, 0.6 + ROW * len(shown)), layout="constrained")
     grid = figure.subplots(len(shown), columns, squeeze=False, sharex="col", sharey="row")
     for row, k in zip(grid, shown, strict=True):
-        row[0].set_ylabel(_with_unit(sensed.names[k]))
+        row[0].set_ylabel(fill(_with_unit(sensed.names[k]), LABEL))
     for axes in grid[-1]:
         axes.set_xlabel("time, s")
     panels = {
@@ -262,7 +264,7 @@ def _samples(axes: Axes, time: np.ndarray, values: np.ndarray, span: tuple[float
 
 
 def _with_unit(name: str) -> str:
-    return ", ".join(filter(None, (meaning(name) or name, plain_unit(name))))
+    return ", ".join(filter(None, (meaning(name) or name, plain_unit(name)))).replace("^2", "²")
 
 
 def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
