@@ -75,7 +75,7 @@ def fitted_to_some(
         whole = _with_further_terms(question, whole, white[0].noise)
     left = _left(question, whole, recordings)
     if besides:
-        if not left.partly:
+        if not left.nearly:
             raise Unusable(left.in_words(channels.names))
         whole = _likeliest(question, white[1:STARTS], whole)
         left = _left(question, whole, recordings)
