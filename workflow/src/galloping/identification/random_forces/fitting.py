@@ -371,10 +371,11 @@ def _slopes(
         unit = np.zeros(len(vector))
         unit[j] = h
         moved = of(vector + unit)
-        with np.errstate(all="ignore"):  # of a variance that is none the step is not taken
+        with np.errstate(all="ignore"):  # of a variance that is none
             slopes[j, 0] = (moved.innovations - here.innovations)[known] / h / root
-            ratio = np.log(moved.variances[known] / here.variances[known])
-        slopes[j, 1] = ratio / h / np.sqrt(2.0)
+            slopes[j, 1] = np.log(moved.variances[known] / here.variances[known]) / h / np.sqrt(2.0)
+    if not np.isfinite(slopes).all():
+        raise FloatingPointError("the likelihood has no slope where the filter loses all digits")
     return slopes
 
 
