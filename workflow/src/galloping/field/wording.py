@@ -316,7 +316,7 @@ def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     said = [problem["what"] for report in reports for problem in report["problems"]]
     span = _of_span(of.found)
     helps = [help_ for part, help_ in PROBLEMS if any(part in what for what in said)]
-    if alone := _alone(reports):
+    if of.found.status == "refused" and (alone := _alone(reports)):
         helps.insert(0, f"a model without {alone}, which has no motion of its own (`--states`)")
     if len({"q_v", "q_w"}.intersection(of.found.model.states)) == 1:
         helps.append(
