@@ -14,7 +14,8 @@ from galloping import (
     summarise,
 )
 from galloping.identification.model import Unusable
-from galloping.identification.random_forces.low_pass import REACH, low_passed, slowest_modes
+from galloping.identification.random_forces.low_pass import REACH, low_passed
+from galloping.identification.random_forces.several_modes import slowest_modes
 
 TIME = np.arange(12_000) / 20
 SLOW, FAST = {0.4: 0.01, 0.46: 0.012}, {1.2: 0.008, 2.0: 0.006}  # Hz: damping ratio

@@ -1,192 +1,17 @@
-"""Motion in random forces that has more modes than coordinates: the slowest modes alone are
-modelled, and what is faster is taken out of the recordings before. Where the first mode too many is
-too close for that, it stays in the model, as a force that swings.
-"""
+"""What is faster than a frequency is taken out of recordings, whose white noise stays white."""
 
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtri
 
-from galloping.identification.likelihood.weak_gls import prepared
-from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
-from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.start import on_grids, spectra
+from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.recording import GAP, Recording
 
 ROLL_OFF = 0.1  # width of the filter's edge, in the frequency in its middle
 REACH = 16.0  # steps after the filter, on each side: what is left out beyond is below a hundredth
 BRIDGED = 0.5  # of such a step, in which samples may be missing
 FLAT = (1.0 - ROLL_OFF) / (1.0 + ROLL_OFF)  # share of `below` that stays as it is
-# What modes sweep that stay, and that do not, in their frequencies; and where between these, as a
-# share in logarithms, the filter ends: far from both, or, of broad modes, far from the fast one.
-SWEPT, WITHIN = (1.04, 0.93), (0.5, 0.1)
-# Of a spectrum, times the median of the frequencies around it, that a mode is: noise in means of
-# four bins is so once in ten million. And modes that are closer are taken for one.
-STANDS, AROUND, APART = 6.0, 1.25, 1.1
-# Samples in which a motion has a size, and deviation of such sizes, in their mean, of one that goes
-# up and down: 0.3 to 0.5 of a narrow band of Gaussian noise, below 0.1 of a lasting swing.
-SIZED, WAVERING = 8, 0.2
-CLOSE = 1.6  # times a mode, within which no filter parts the next one: it bears on both dampings
-FAR = 3.0  # times the fastest mode, where a filter ends that no further mode asks for
-PERIODS = 10  # of a mode, that a recording holds at least
-BESIDES = 3  # modes that a model has beside those of its coordinates, at most
-# Damping ratio from which on a mode may be two that overlap, share of the line that chance allows,
-# which one in three sound models leave, and a chance at which that is plain at any frequency.
-BROAD, LESS_WHITE, LIKELIER = 0.02, 0.75, 1e-7
 SAME = 1e-3  # of a step between samples, that rounding makes of it
-
-
-# The model of recordings whose shortest period, s, is the second argument, and which have as many
-# modes more than coordinates as the third one says.
-Find = Callable[[list[Recording], float, int], IdentifiedModel | None]
-
-
-def slowest_modes(
-    recordings: list[Recording], period: float, find: Find, apart: float = CLOSE
-) -> Iterator[IdentifiedModel]:
-    """Models of as many of the slowest modes in random forces as coordinates, where there are more.
-
-    recordings, period: of `weak_gls.prepared`. apart: times the last of these modes, that the next
-    one is at least. The diagnostic `below` of what is found says from which on, Hz, motion was left
-    out. Each model swings as these modes do; there is none where random forces need not have moved
-    the recordings, and beside inputs.
-    """
-    count = len(Channels.of(recordings).pairs)
-
-    def counts(modes: list[float]) -> list[int]:
-        return [count] if len(modes) > count else []
-
-    return _of_modes(recordings, period, find, counts, apart)
-
-
-def more_modes(recordings: list[Recording], period: float, find: Find) -> Iterator[IdentifiedModel]:
-    """The same of more modes than coordinates: all that there are and one that is taken for another
-    of them, or the slowest. Accelerations show forces beyond all modes, where these are no longer
-    white: what is far beyond is left out, also where there are no more modes than coordinates.
-    """
-    channels = Channels.of(recordings)
-    own = len(channels.pairs)
-
-    def counts(modes: list[float]) -> list[int]:
-        more = range(own + 1, min(own + BESIDES, len(modes) + 1) + 1)
-        same = [own] if channels.rates and own >= len(modes) else []
-        return [*same, *sorted(more, key=lambda k: (k < len(modes), k))]
-
-    return _of_modes(recordings, period, find, counts, 1.0)
-
-
-def _of_modes(
-    recordings: list[Recording],
-    period: float,
-    find: Find,
-    counts: Callable[[list[float]], Iterable[int]],
-    apart: float,
-) -> Iterator[IdentifiedModel]:
-    """Models of as many of the slowest modes as `counts` says of all; apart: as of `_edges`."""
-    if recordings[0].inputs:
-        return
-    modes, channels = _modes(recordings), Channels.of(recordings)
-    own = len(channels.pairs)
-    step = max(float(np.median(np.diff(each.time))) for each in recordings)
-    fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # that a filter ends at
-    for k in counts(modes):
-        for below in _edges(modes, k, fastest, apart):
-            try:
-                slow = _what_is_left(recordings, below)
-                if not _size_varies(slow):
-                    continue
-                is_whole = k >= len(modes) and not channels.rates
-                given = (recordings, period) if is_whole else (slow, prepared(slow)[2])
-                found = find(*given, max(k - own, 0))
-            except NO_MODEL:
-                continue
-            if found is not None and _swings_at(found, modes[:k]):
-                found = parted(found, *given, max(k - own, 0), find)
-                yield found if is_whole else _said(found, modes[k:], below)
-
-
-def may_be_two(found: IdentifiedModel) -> bool:
-    """Whether a mode of a model is so broad that it may be two, and what it leaves less white than
-    that of most sound models. Beside inputs no further mode is sought.
-    """
-    if found.model.inputs:
-        return False
-    values, told = _swings(found), found.diagnostics
-    beside = (each.damping for each in found.resonances if each.is_mode)
-    return max(*(-values.real / np.abs(values)), *beside) > BROAD and (
-        told["innovations"] > 0.5 * (1.0 + told["innovations_allowed"])
-        or told["innovations_line"] > LESS_WHITE * told["innovations_line_allowed"]
-    )
-
-
-def parted(
-    found: IdentifiedModel, recordings: list[Recording], period: float, besides: int, find: Find
-) -> IdentifiedModel:
-    """The model that `find` has found or, where a mode of it is two, one with a mode more.
-
-    Of two modes that overlap, a broad one in their middle leaves innovations that are nearly white;
-    the model of both is plainly likelier.
-    """
-    if found.status != "ok" or besides == BESIDES or not may_be_two(found):
-        return found
-    try:
-        more = find(recordings, period, besides + 1)
-    except NO_MODEL:
-        return found
-    if more is None or more.status != "ok" or not all(each.is_mode for each in more.resonances):
-        return found
-    gain = more.diagnostics["log_likelihood"] - found.diagnostics["log_likelihood"]
-    freedom = 3 + len(found.forces.nonzero()[0]) + len(found.resonances)
-    return more if 2.0 * gain > chdtri(freedom, LIKELIER) else found
-
-
-def _edges(modes: list[float], k: int, fastest: float, apart: float) -> Iterator[float]:
-    """Where the filter may end that leaves the first k of some modes, Hz, at `fastest` at most.
-
-    apart: times the last one, that the next one is at least, to be filtered out.
-    """
-    if 0 < k < len(modes):
-        least, most = SWEPT[0] / FLAT * modes[k - 1], SWEPT[1] * modes[k]
-        if least <= most and modes[k] > apart * modes[k - 1]:
-            for share in WITHIN:
-                yield float(f"{least ** (1.0 - share) * most**share:.3g}")
-    elif modes:
-        yield float(f"{min(FAR * modes[-1], fastest):.3g}")
-
-
-def _said(found: IdentifiedModel, faster: list[float], below: float) -> IdentifiedModel:
-    """With what was left out: modes, Hz, and all beyond a frequency, Hz."""
-    modes = ", ".join(f"{each:.2g}" for each in faster)
-    left = f"modes at {modes} Hz, and all else beyond" if faster else "all beyond"
-    reason = f"{found.reason}; {left} {below:g} Hz, left out"
-    return replace(found, reason=reason, diagnostics={**found.diagnostics, "below": below})
-
-
-def _swings_at(found: IdentifiedModel, modes: list[float]) -> bool:
-    """Whether each oscillation of the linear part of a model is at one of some modes, Hz."""
-    values = _swings(found)
-    beside = (each.frequency for each in found.resonances if each.is_mode)
-    own = np.array([*np.abs(values), *beside])
-    ratios = own[:, np.newaxis] / (2.0 * np.pi * np.array(modes))
-    return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
-
-
-def _swings(found: IdentifiedModel) -> np.ndarray:
-    """(n_states,) complex frequencies, rad/s, of the linear part of a model."""
-    return np.linalg.eigvals(found.model.jacobian(np.zeros((1, len(found.model.states))))[0])
-
-
-def _size_varies(recordings: list[Recording]) -> bool:
-    """Whether the size of every channel goes up and down, as that of a limit cycle does not, of
-    which the filter leaves no harmonics to tell it by.
-    """
-    channels, sizes = Channels.of(recordings), []
-    for each in recordings:  # with a little more than two samples in a period
-        parts = np.array_split(channels.samples(each), max(len(each.time) // SIZED, 1))
-        sizes += [np.std(part, axis=0) for part in parts if np.isfinite(part).all()]
-    return bool(sizes) and bool(np.all(np.std(sizes, axis=0) > WAVERING * np.mean(sizes, axis=0)))
 
 
 def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Recording]:
@@ -196,10 +21,10 @@ def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Rec
     slowly = (1.0 - SAME) * _step(below)
     if all(np.median(np.diff(each.time)) > slowly for each in recordings):
         return recordings
-    return _what_is_left(recordings, below)
+    return what_is_left(recordings, below)
 
 
-def _what_is_left(recordings: list[Recording], below: float) -> list[Recording]:
+def what_is_left(recordings: list[Recording], below: float) -> list[Recording]:
     """Those of which `low_passed` leaves something. Raises as it does where there is none."""
     left, objection = [], None
     for each in recordings:
@@ -215,34 +40,6 @@ def _what_is_left(recordings: list[Recording], below: float) -> list[Recording]:
 def _step(below: float) -> float:
     """s, between samples after the filter."""
     return (1.0 + ROLL_OFF) / (2.0 * below)
-
-
-def _modes(recordings: list[Recording]) -> list[float]:
-    """Where the mean spectrum of any channel has peaks, Hz, the slowest first."""
-    step, grids = on_grids(recordings)
-    lengths = np.array(list(map(len, grids)))
-    alike = [
-        np.pad(grid, ((0, lengths.max() - len(grid)), (0, 0)), constant_values=np.nan)
-        for grid in grids
-    ]  # of one length, and so with spectra at the same frequencies
-    omega, powers = spectra(alike, step)
-    powers = powers.reshape(len(grids), -1, powers.shape[1])
-    power = np.average(powers, axis=0, weights=lengths)
-    if not len(power):
-        return []
-    frequency = omega[: len(power)] / (2.0 * np.pi)
-    around = [np.median(power[own], axis=0) for own in _near(frequency, AROUND)]
-    height = np.max(power / np.maximum(around, np.finfo(float).tiny), axis=1)
-    highest = np.array([height[own].max() for own in _near(frequency, APART)])
-    told = frequency * step * lengths.max() > PERIODS
-    return frequency[told & (height == highest) & (height > STANDS)].tolist()
-
-
-def _near(frequency: np.ndarray, times: float) -> list[slice]:
-    """Of each frequency (n,), increasing, those that are less than `times` as large or as small."""
-    first = np.searchsorted(frequency, frequency / times)
-    last = np.searchsorted(frequency, frequency * times, side="right")
-    return list(map(slice, first, last))
 
 
 def low_passed(recording: Recording, below: float) -> Recording:

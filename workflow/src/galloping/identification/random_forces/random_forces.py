@@ -21,14 +21,14 @@ from galloping.identification.likelihood.verdict import by, refused, with_inputs
 from galloping.identification.likelihood.weak_gls import prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.low_pass import (
+from galloping.identification.random_forces.model_in_forces import fitted_to_all, fitted_to_some
+from galloping.identification.random_forces.several_modes import (
     Find,
     may_be_two,
     more_modes,
     parted,
     slowest_modes,
 )
-from galloping.identification.random_forces.model_in_forces import fitted_to_all, fitted_to_some
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.whiteness import Whiteness
 from galloping.identification.work import MOST, limited
