@@ -27,6 +27,7 @@ STANDS, AROUND, APART = 6.0, 1.25, 1.1
 SIZED, WAVERING = 8, 0.2
 CLOSE = 1.6  # times a mode, within which no filter parts the next one: it bears on both dampings
 FAR = 3.0  # times the fastest mode, where a filter ends that no further mode asks for
+MOST_KEPT = 0.5  # of the samples, that it leaves: else these are taken as they are
 PERIODS = 10  # of a mode, that a recording holds at least
 BESIDES = 3  # modes that a model has beside those of its coordinates, at most
 # Damping ratio from which on a mode may be two that overlap, share of the line that chance allows,
@@ -60,7 +61,8 @@ def slowest_modes(
 def more_modes(recordings: list[Recording], period: float, find: Find) -> Iterator[IdentifiedModel]:
     """The same of more modes than coordinates: all that there are and one that is taken for another
     of them, or the slowest. Accelerations show forces beyond all modes, where these are no longer
-    white: what is far beyond is left out, also where there are no more modes than coordinates.
+    white: what is far beyond is left out, also where there are no more modes than coordinates. So
+    it is where samples are many times as fast as the modes.
     """
     channels = Channels.of(recordings)
     own = len(channels.pairs)
@@ -93,7 +95,8 @@ def _of_modes(
                 slow = what_is_left(recordings, below)
                 if not _size_varies(slow):
                     continue
-                is_whole = k >= len(modes) and not channels.rates
+                oversampled = MOST_KEPT * _samples(recordings) > _samples(slow)
+                is_whole = k >= len(modes) and not (channels.rates or oversampled)
                 given = (recordings, period) if is_whole else (slow, prepared(slow)[2])
                 found = find(*given, max(k - own, 0))
             except NO_MODEL:
@@ -101,6 +104,10 @@ def _of_modes(
             if found is not None and _swings_at(found, modes[:k]):
                 found = parted(found, *given, max(k - own, 0), find)
                 yield found if is_whole else _said(found, modes[k:], below)
+
+
+def _samples(recordings: list[Recording]) -> int:
+    return sum(len(each.time) for each in recordings)
 
 
 def may_be_two(found: IdentifiedModel) -> bool:
