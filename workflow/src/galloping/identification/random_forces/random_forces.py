@@ -23,6 +23,7 @@ from galloping.identification.model import NO_MODEL, IdentifiedModel
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.model_in_forces import fitted_to_all, fitted_to_some
 from galloping.identification.random_forces.several_modes import (
+    CLOSE,
     Find,
     may_be_two,
     more_modes,
@@ -92,7 +93,7 @@ def _of_some_modes(find: Find, recordings: list[Recording], period: float) -> Id
     of_modes = chain(
         slowest_modes(recordings, period, find),
         more_modes(recordings, period, find),
-        slowest_modes(recordings, period, find, apart=1.0),
+        slowest_modes(recordings, period, find, apart=CLOSE),
     )
     if found := _first_sound(of_modes, others):
         return found
@@ -180,7 +181,7 @@ def moved_at_random(
     if Channels.of(recordings).rates or at_random:
         with limited(recordings, TRIAL / 2.0):
             more = _first_sound(more_modes(recordings, period, roughly), others)
-        closer = slowest_modes(recordings, period, roughly, apart=1.0)
+        closer = slowest_modes(recordings, period, roughly, apart=CLOSE)
         found = more or _first_sound(closer, others) or found
     if found is None and at_random:
         return _whitest(others), False

@@ -25,7 +25,8 @@ STANDS, AROUND, APART = 6.0, 1.25, 1.1
 # Samples in which a motion has a size, and deviation of such sizes, in their mean, of one that goes
 # up and down: 0.3 to 0.5 of a narrow band of Gaussian noise, below 0.1 of a lasting swing.
 SIZED, WAVERING = 8, 0.2
-CLOSE = 1.6  # times a mode, within which no filter parts the next one: it bears on both dampings
+# Times a mode, at which a filter may part the next one, and at which it bears on both dampings.
+FAR_APART, CLOSE = (1.6, np.inf), (1.0, 1.6)
 FAR = 3.0  # times the fastest mode, where a filter ends that no further mode asks for
 MOST_KEPT = 0.5  # of the samples, that it leaves: else these are taken as they are
 PERIODS = 10  # of a mode, that a recording holds at least
@@ -41,12 +42,12 @@ Find = Callable[[list[Recording], float, int], IdentifiedModel | None]
 
 
 def slowest_modes(
-    recordings: list[Recording], period: float, find: Find, apart: float = CLOSE
+    recordings: list[Recording], period: float, find: Find, apart: tuple[float, float] = FAR_APART
 ) -> Iterator[IdentifiedModel]:
     """Models of as many of the slowest modes in random forces as coordinates, where there are more.
 
-    recordings, period: of `weak_gls.prepared`. apart: times the last of these modes, that the next
-    one is at least. The diagnostic `below` of what is found says from which on, Hz, motion was left
+    recordings, period: of `weak_gls.prepared`. apart: times the last of these modes, between which
+    the next one is. The diagnostic `below` of what is found says from which on, Hz, motion was left
     out. Each model swings as these modes do; there is none where random forces need not have moved
     the recordings, and beside inputs.
     """
@@ -72,7 +73,7 @@ def more_modes(recordings: list[Recording], period: float, find: Find) -> Iterat
         same = [own] if channels.rates and own >= len(modes) else []
         return [*same, *sorted(more, key=lambda k: (k < len(modes), k))]
 
-    return _of_modes(recordings, period, find, counts, 1.0)
+    return _of_modes(recordings, period, find, counts, (1.0, np.inf))
 
 
 def _of_modes(
@@ -80,7 +81,7 @@ def _of_modes(
     period: float,
     find: Find,
     counts: Callable[[list[float]], Iterable[int]],
-    apart: float,
+    apart: tuple[float, float],
 ) -> Iterator[IdentifiedModel]:
     """Models of as many of the slowest modes as `counts` says of all; apart: as of `_edges`."""
     if recordings[0].inputs:
@@ -145,14 +146,16 @@ def parted(
     return more if 2.0 * gain > chdtri(freedom, LIKELIER) else found
 
 
-def _edges(modes: list[float], k: int, fastest: float, apart: float) -> Iterator[float]:
+def _edges(
+    modes: list[float], k: int, fastest: float, apart: tuple[float, float]
+) -> Iterator[float]:
     """Where the filter may end that leaves the first k of some modes, Hz, at `fastest` at most.
 
-    apart: times the last one, that the next one is at least, to be filtered out.
+    apart: times the last one, between which the next one is, to be filtered out.
     """
     if 0 < k < len(modes):
         least, most = SWEPT[0] / FLAT * modes[k - 1], SWEPT[1] * modes[k]
-        if least <= most and modes[k] > apart * modes[k - 1]:
+        if least <= most and apart[0] < modes[k] / modes[k - 1] <= apart[1]:
             for share in WITHIN:
                 yield float(f"{least ** (1.0 - share) * most**share:.3g}")
     elif modes:
