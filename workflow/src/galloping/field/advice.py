@@ -97,13 +97,13 @@ def _forced(identified: IdentifiedModel, recordings: Sequence[Recording], period
         for parts in (own, recordings):  # whichever the model was found from
             if len(parts) == len(identified.initial_states) and kept_up(identified, parts):
                 return FORCED
-    exact = identified.status in ("ok", "not identifiable", "unjudged")
-    if exact or not little_told(identified) or not wavers(recordings, period):
+    if not identified.tells_little or not wavers(recordings, period):
         return ""
     linear = maximum_likelihood(own, library(len(identified.model.states), 1))
     if ENDED in identified.reason or ENDED in linear.reason:  # a search to its end may tell more
         return ""
-    return FORCED if little_told(linear) or kept_up(linear, own) else ""
+    told = linear.diagnostics.get("forecast_r2", 0.0)  # none of a model in random forces
+    return FORCED if told < LITTLE_TOLD or kept_up(linear, own) else ""
 
 
 def _changing(
@@ -159,11 +159,6 @@ def _changing_at_random(identified: IdentifiedModel, recording: Recording, perio
                 both = f"{factor * one.value:.3g} and then {factor * other.value:.3g} {unit}"
                 return _unlike(halves, f"{name} has {both}")
     return ""
-
-
-def little_told(identified: IdentifiedModel) -> bool:
-    """Whether an inexact model, if there is one, hardly tells the motion from what came before."""
-    return identified.diagnostics.get("forecast_r2", 0.0) < LITTLE_TOLD
 
 
 def unmoved(identified: IdentifiedModel) -> list[str]:
