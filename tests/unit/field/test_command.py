@@ -118,6 +118,8 @@ def test_derive_prints_the_equations_of_a_case(tmp_path):
         (["--states", "v150"], 1, "unit 'mm' does not measure 1; the displacements"),
         (["--states", "v150", "--measure", "v150"], 1, "expected STATE=COLUMN"),
         (["--states", "v150", "--noise", "x=3"], 1, "--noise: no column 'x'"),
+        (["--states", "v150", "--delay", "x=3"], 1, "--delay: no column 'x'"),
+        (["--states", "v150", "--delay", "v150=late"], 1, "delay: 'late': must be a number"),
         ([*MAP, "--noise", "v150=3"], 1, "--map stands alone"),
         (["--states", "q_v", "--measure", "q_v=v150", "--noise", "v150=3 s"], 1,
          "noise of column 'v150': unit 's' does not measure m"),

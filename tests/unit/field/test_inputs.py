@@ -15,6 +15,7 @@ from galloping.field.advice import objected
 from galloping.field.analysis import read_field
 from galloping.field.mapping import input_of, validated
 from galloping.field.read import read_series
+from galloping.field.reasons import plain_reasons
 from galloping.field.units import USUAL, coefficient_unit
 from galloping.recording import extrapolated
 from galloping.terms import parse
@@ -110,6 +111,10 @@ def test_an_anemometer_that_lags_is_put_right(tmp_path):
     (recording,) = read_field([path], mapping({"column": "U", "delay": 2.0})).recordings
     assert recording.inputs["U"](3.0) == pytest.approx(WIND[125])
     assert recording.time[-1] == pytest.approx(TIME[-1] - 2.0)
+    told = run("inspect", path, "--states", "y", "--input", "U", "--delay", "U=2")
+    assert "input U is not known for 2.0 s" in told
+    ((meaning, help_),) = plain_reasons("U is delayed against the motion by 1.3 s")
+    assert meaning.startswith("U lags behind the motion by 1.3 s") and "--delay COLUMN=1.3" in help_
 
 
 def test_inputs_that_cannot_be_used_get_one_line(tmp_path):

@@ -81,6 +81,10 @@ def _mapping_options(command):
                 help="Known standard deviation, for maximum_likelihood; else estimated.",
             ),
             click.option(
+                "--delay", "delays", multiple=True, metavar="COLUMN=SECONDS",
+                help="By how much a column lags behind the time.",
+            ),
+            click.option(
                 "--input", "inputs", multiple=True, metavar="NAME=COLUMN[UNIT] +- ERROR %",
                 help="A column that drives the motion, such as U or 'U=wind[m/s] +- 2 %'.",
             ),

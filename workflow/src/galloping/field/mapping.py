@@ -1,7 +1,7 @@
 """What the columns of a file measure: states or their rates, units, places along the span."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -251,7 +251,12 @@ def _units(texts: Sequence[str]) -> tuple[dict[str, str], str | None]:
     for_all, *more = [text for text in texts if "=" not in text] or [None]
     if more:
         raise MappingError(f"--unit: {for_all} and {more[0]}; must be one for all, or COLUMN=UNIT")
-    return dict(text.partition("=")[::2] for text in texts if "=" in text), for_all
+    return _by_column(text for text in texts if "=" in text), for_all
+
+
+def _by_column(texts: Iterable[str]) -> dict[str, str]:
+    """What stands behind the name of each column in `COLUMN=TEXT`."""
+    return dict(text.partition("=")[::2] for text in texts)
 
 
 def proposed(
@@ -273,6 +278,7 @@ def asked(
     measures: Sequence[str],
     units: Sequence[str],
     noises: Sequence[str],
+    delays: Sequence[str],
     inputs: Sequence[str],
     between: str | None,
     span: float | None,
@@ -284,7 +290,9 @@ def asked(
     The second is how columns are read where their names alone say it, else ''.
     """
     if map_file:
-        others = (states, measures, units, noises, inputs, between, span, time_column, decimal)
+        others = (
+            states, measures, units, noises, delays, inputs, between, span, time_column, decimal,
+        )  # fmt: skip
         if any(other not in (None, ()) for other in others):
             raise MappingError("--map stands alone: leave out all other options of columns")
         return read_mapping(map_file), ""
@@ -315,7 +323,8 @@ def asked(
     time = dict(found.time)
     for key, values, of in (
         ("unit", by_column, [time, *channels, *driving]),
-        ("noise", dict(text.partition("=")[::2] for text in noises), channels),
+        ("noise", _by_column(noises), channels),
+        ("delay", _by_column(delays), [*channels, *driving]),
     ):
         for column, value in values.items():
             meant = [one for one in of if one["column"] == column]

@@ -37,6 +37,6 @@ def plain_reasons(reason: str) -> list[tuple[str, str]]:
         matches = ((k, re.search(pattern, clause)) for k, (pattern, *_) in enumerate(known))
         k, match = next(filter(lambda each: each[1], matches), (None, None))
         if match:
-            fitting.setdefault(k, (match.expand(known[k][1]), known[k][2]))
+            fitting.setdefault(k, tuple(match.expand(text) for text in known[k][1:]))
     found = [fitting[k] for k in sorted(fitting)]
     return found[:-1] if len(found) > 1 and len(known) - 1 in fitting else found
