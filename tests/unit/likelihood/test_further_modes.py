@@ -16,7 +16,9 @@ def found(besides, observed=(0, 1), kept=slice(None)):
     channels = list(observed)
 
     def condensed(values):
-        return condense([TIME[kept]], [values[kept][:, channels]], np.array(channels), 0.2)
+        values_only, unknown = np.zeros(len(channels), bool), np.full((1, len(channels)), np.nan)
+        sampled = [values[kept][:, channels]]
+        return condense([TIME[kept]], sampled, np.array(channels), 0.2, values_only, unknown)
 
     return further_modes(STATES, condensed(MOTION + besides), condensed(besides).targets)
 

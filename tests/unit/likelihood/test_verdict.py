@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from galloping.identification.likelihood.plausible import Plausible, with_prior
-from galloping.identification.likelihood.prior import Prior, costs
-from galloping.identification.likelihood.problem import Problem, posed
+from galloping.identification.likelihood.problem import Prior, Problem, posed
 from galloping.identification.likelihood.selection import select
 from galloping.identification.likelihood.verdict import Regression, judged, laws_untold
 from galloping.identification.model import IdentifiedModel
@@ -108,7 +107,7 @@ def chosen(problem: Problem, columns: np.ndarray, rates: np.ndarray) -> Identifi
     information, right = columns.T @ columns, columns.T @ rates
     penalty = 2.0 * np.log(len(rates))
     start = np.isin(np.arange(6), [1, XY])
-    worth = costs(problem.prior, problem.complexity, penalty)
+    worth = problem.costs(penalty)
     support = select(information, right, [start], worth)
     size = np.sqrt(np.mean(columns**2, axis=0))
     largest = np.sqrt(np.mean(rates**2)) / size
@@ -149,7 +148,7 @@ def test_a_simple_term_that_the_data_would_not_show_is_never_under_an_ok() -> No
 
 def test_the_prior_costs_the_same_in_any_unit_and_its_odds_are_checked() -> None:
     problem, *_ = alike(Prior(term=0.5, constant=1.0, nonlinear=0.1))
-    paid = costs(problem.prior, problem.complexity, 2.0 * np.log(400)) - np.log(400)
+    paid = problem.costs(2.0 * np.log(400)) - np.log(400)
     assert paid[0] == 0.0
     assert np.allclose(paid[[1, Y]], 2.0 * np.log(2.0))
     assert np.allclose(paid[3:] - paid[1], 2.0 * np.log(10.0))

@@ -55,10 +55,10 @@ class Ensemble(Scanned):
 
 
 SPARSE = "galloping.identification.sparse"
-LIKELIHOOD = "galloping.identification.likelihood.methods"
+LIKELIHOOD = "galloping.identification.likelihood.maximum_likelihood"
 REGRESSION = f"{SPARSE}.evidence:reduce"
 WEAK_FORM = f"{SPARSE}.evidence:reduce_weakly"
-START = f"{LIKELIHOOD}:start"
+START = f"{LIKELIHOOD}:shared_evidence"
 
 
 @dataclass(frozen=True)

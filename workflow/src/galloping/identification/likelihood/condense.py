@@ -87,7 +87,6 @@ class Condensed:
 
     @property
     def is_known(self) -> np.ndarray:
-        """(n_recordings, n_observed) whether the noise of a channel is known."""
         return np.isfinite(self.known_noise) & (self.counts > 0)
 
     @property
@@ -123,9 +122,7 @@ def of_rates(functionals: np.ndarray, step: float) -> np.ndarray:
 def _project(tau, values, offsets, functionals, targets, counts, rows, remainder):
     """Fill the statistics of one recording; tau: (n,) times scaled into each window."""
     n_windows, n_observed, n_rows, n_powers = functionals.shape
-    longest = 0
-    for w in range(n_windows):
-        longest = max(longest, offsets[w + 1] - offsets[w])
+    longest = np.diff(offsets).max()
     basis = np.empty((n_rows, longest))
     point = np.empty(longest)
     sample = np.empty(longest)
@@ -142,8 +139,7 @@ def _project(tau, values, offsets, functionals, targets, counts, rows, remainder
             for degree in range(min(n_rows, n)):
                 size = 0.0
                 for i in range(n):
-                    u = 2.0 * point[i] - 1.0
-                    basis[used, i] = 1.0 if degree == 0 else u**degree
+                    basis[used, i] = (2.0 * point[i] - 1.0) ** degree
                     size += basis[used, i] ** 2
                 for _ in range(2):
                     for b in range(used):
@@ -180,15 +176,13 @@ def condense(
     values: list[np.ndarray],
     observed: np.ndarray,
     step: float,
-    is_rate: np.ndarray | None = None,
-    known_noise: np.ndarray | None = None,
+    is_rate: np.ndarray,
+    known_noise: np.ndarray,
 ) -> Condensed:
     """Condense recordings that measure the same channels.
 
     times: per recording (n,), s, increasing. values: per recording (n, n_observed), NaN where a
-    sample is missing. observed: (n_observed,) state index of each channel. step: window, s.
-    is_rate: (n_observed,) whether a channel measures the rate of its state; none does by default.
-    known_noise: as in `Condensed`; of none by default.
+    sample is missing. The others as in `Condensed`.
     """
     windows = [max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-6))) for time in times]
     first = np.concatenate([[0], np.cumsum(windows)])
@@ -196,8 +190,7 @@ def condense(
     spend(4e-7 * n_observed * (first[-1] + sum(map(len, times))))
     functionals = np.zeros((first[-1], n_observed, ROWS, ORDER + 1))
     targets = np.zeros((first[-1], n_observed, ROWS))
-    counts = np.zeros((len(times), n_observed), np.int64)
-    rows = np.zeros((len(times), n_observed), np.int64)
+    counts, rows = np.zeros((2, len(times), n_observed), np.int64)
     remainder = np.zeros((len(times), n_observed))
     for r, (time, value) in enumerate(zip(times, values, strict=True)):
         scaled = (time - time[0]) / step
@@ -208,10 +201,8 @@ def condense(
             scaled - window, np.ascontiguousarray(value, dtype=float), offsets, functionals[span],
             targets[span], counts[r], rows[r], remainder[r],
         )  # fmt: skip
-    rates = np.zeros(n_observed, bool) if is_rate is None else np.asarray(is_rate)
-    known_noise = np.full(counts.shape, np.nan) if known_noise is None else known_noise
-    functionals[:, rates] = of_rates(functionals[:, rates], step)
+    functionals[:, is_rate] = of_rates(functionals[:, is_rate], step)
     return Condensed(
-        step, first, np.asarray(observed), rates, functionals, targets, counts, rows,
+        step, first, observed, is_rate, functionals, targets, counts, rows,
         np.maximum(remainder, 0.0), known_noise, np.zeros((len(targets), 1, 0)),
     )  # fmt: skip

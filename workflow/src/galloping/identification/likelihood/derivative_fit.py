@@ -11,7 +11,7 @@ from galloping.identification.likelihood.plausible import detection_limits
 from galloping.identification.likelihood.problem import Problem, largest
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
 from galloping.identification.likelihood.selection import added_deviation, select, solve_support
-from galloping.identification.likelihood.verdict import Regression, by, judged, refused
+from galloping.identification.likelihood.verdict import Regression, judged, refused
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording, at_times
@@ -26,15 +26,15 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     goes on from sample to sample, as white noise does not; intervals then are as wide as stretches
     differ in which way they pull the coefficients, as in `free_run.whole_approximation`.
     """
-    n, n_terms = len(problem.candidates), len(problem.terms)
-    information, right, support = np.zeros((n, n)), np.zeros(n), np.zeros(n, bool)
+    n = len(problem.candidates)
+    information, right = problem.with_prior(np.zeros((n, n)), np.zeros(n))
+    support, about = np.zeros(n, bool), problem.chosen_about()
     sigma = np.full((len(recordings), len(problem.states)), np.nan)
     values = [
         np.hstack([one.values, at_times(list(one.inputs.values()), one.time)]) for one in recordings
     ]
     thetas = [design_matrix(one, problem.terms) for one in values]
     squares, count, parts = 0.0, 0, []
-    information, right = problem.with_prior(information, right)
     for i in problem.unknown:
         block = np.flatnonzero(problem.candidates[:, 0] == i)
         columns = problem.candidates[block, 1]
@@ -42,9 +42,9 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         for r, (theta, recording) in enumerate(zip(thetas, recordings, strict=True)):
             rate = recording.derivatives[:, i] - theta @ problem.known[i]
             good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
-            if good.sum() <= n_terms:
+            if good.sum() <= len(problem.terms):
                 few = f"too few complete samples for d({problem.states[i]})/dt"
-                return by(["derivatives"], refused(problem, few))
+                return refused(problem, few)
             rows, rate = theta[np.ix_(good, columns)], rate[good]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
             gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
@@ -56,18 +56,13 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             samples += len(rate)
             parts.append((block, rows / sigma[r, i], rate / sigma[r, i], sigma[r, i] > floor))
         penalty, whole = 2.0 * np.log(samples), np.ones(len(block), bool)
-        about = problem.chosen_about()
-        support[block] = select(
-            information[np.ix_(block, block)], right[block], [whole], penalty, about[block]
-        )
+        own = information[np.ix_(block, block)]
+        support[block] = select(own, right[block], [whole], penalty, about[block])
         count += samples
-    free, _ = solve_support(information, right, support)
+    free, covariance = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
-    size = largest(
-        problem,
-        np.concatenate(values),
-        np.concatenate([recording.derivatives for recording in recordings]),
-    )
+    rates = np.concatenate([recording.derivatives for recording in recordings])
+    size = largest(problem, np.concatenate(values), rates)
     found = judged(
         problem,
         Regression(information, right, support, penalty, size),
@@ -82,16 +77,16 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         if is_noisy
     ]
     if max(goes_on, default=0.0) < -ndtri(RESIDUAL_RATE / max(len(goes_on), 1)):
-        return by(["derivatives"], found)
+        return found
     pulls = []
     for one, (block, rows, *_) in zip(left, parts, strict=True):
         pull = np.zeros((len(one), n))
         pull[:, block] = one[:, None] * rows
         pulls.append(pull[:, support])
-    covariance = pulled(pulls, solve_support(information, right, support)[1])
+    covariance = pulled(pulls, covariance)
     errors = added_deviation(information, support)
     errors[support] = np.sqrt(np.diag(covariance))
-    found = replace(
+    return replace(
         found,
         status="approximate",
         reason="model inadequate: what it leaves of the derivatives goes on from sample to sample",
@@ -100,4 +95,3 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
         covariance=problem.of_model(covariance, support),
     )
-    return by(["derivatives"], found)

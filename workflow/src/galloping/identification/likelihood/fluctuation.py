@@ -127,9 +127,8 @@ def _parts(record: Stretches) -> tuple[Stretches, np.ndarray]:
 
 
 def _with_fluctuations(linear: Linear, rates: np.ndarray) -> Linear:
-    """The normal equations with the fluctuations of each segment added to its state.
-
-    In a segment a fluctuation acts as its coefficient does.
+    """The normal equations with the fluctuations of each segment, which act as their coefficients
+    do, added to its state.
     """
     n, extra = linear.by_coefficients.shape[2], len(rates)
     n_states = linear.ends.shape[1]

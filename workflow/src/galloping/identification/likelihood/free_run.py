@@ -109,9 +109,8 @@ def forgets_start(fit: Fit) -> bool:
 
 
 def _pulls(fit: Fit, residual: np.ndarray) -> Iterator[np.ndarray]:
-    """How each window of each chain pulls the coefficients of the fit, (n_windows, n_support).
-
-    The gradient of chi^2 / 2 in runs from the first state of a chain, that state at its best.
+    """How each window of each chain pulls the coefficients of the fit, (n_windows, n_support): the
+    gradient of chi^2 / 2 in runs from the first state of a chain, that state at its best.
     """
     pairs = fit.record.problem.candidates[fit.support]
     n = len(pairs)
@@ -128,8 +127,7 @@ def _slopes(fit: Fit, pairs: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np
     """
     condensed, segments = fit.record.condensed, fit.record.segments
     compiled = fit.record.problem.compiled(fit.free, pairs)
-    bounds = np.flatnonzero(np.diff(segments.chains, prepend=-1, append=-1))
-    for begin, end in pairwise(bounds):
+    for begin, end in pairwise(segments.bounds):
         first = segments.first[[begin, end]]
         rows = condensed.solution(compiled, first, fit.starts[begin : begin + 1], True)[1]
         weight = 1.0 / fit.sigma[segments.recording[begin]][:, None]

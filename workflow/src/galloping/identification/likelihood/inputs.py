@@ -6,8 +6,7 @@ from numbers import Integral
 import numpy as np
 from numpy.typing import ArrayLike
 
-from galloping.identification.likelihood.prior import Prior
-from galloping.identification.likelihood.problem import Coefficient, Problem, posed
+from galloping.identification.likelihood.problem import Coefficient, Prior, Problem, posed
 from galloping.identification.model import Unusable
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording

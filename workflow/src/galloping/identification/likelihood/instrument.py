@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
-from galloping.identification.likelihood.condense import of_rates
+from galloping.identification.likelihood.condense import ROWS, of_rates
 from galloping.identification.likelihood.selection import (
     DEPENDENT,
     select,
@@ -84,13 +84,11 @@ def faults(fit: Fit, penalty: float) -> list[Fault]:
         return linearise(wider, np.vstack([problem.candidates[terms], entries]), columns)
 
     own = linear(fit.support)
-    n = int(fit.support.sum())
     quadratic = eliminate(own, segments, fit.starts)
-    scores = [_score(quadratic, n, test.mixture) for test in tests]
+    scores = [_score(quadratic.information, quadratic.right, test.mixture) for test in tests]
     tested = [replace(test, z=z) for test, z in zip(tests, scores, strict=True)]
-    tested += _gaps(own, fit)
-    tested += _variances(fit, residual, rates)
-    limit = -ndtri(5e-3 / 2.0 / max(len(tested), 1))
+    tested += _gaps(own, fit) + _variances(fit, residual, rates)
+    limit = -ndtri(5e-3 / 2.0 / len(tested))
     # terms are looked for that only imitate a fault; a sound recording has one so large a few times
     # in a hundred, which costs a pass of the fit and no more
     doubtful = [k for k, z in enumerate(scores) if z > 2.5]
@@ -200,11 +198,10 @@ def _parameters(
     return np.array(entries, int).reshape(-1, 2), columns, tests
 
 
-def _score(quadratic: Eliminated, n: int, mixture: np.ndarray) -> float:
-    """z of a mixture of the parameters after the first n, which are at their best."""
-    information, right = _mixed(quadratic, mixture)
-    terms = np.arange(n + 1) < n
-    change, covariance = solve_support(information, right, terms)
+def _score(information: np.ndarray, right: np.ndarray, mixture: np.ndarray) -> float:
+    """z of a mixture of the last parameters, the others being at their best."""
+    information, right = _mixed(information, right, mixture)
+    change, covariance = solve_support(information, right, np.arange(len(right)) < len(right) - 1)
     cross = information[-1, :-1]
     left = information[-1, -1] - cross @ covariance @ cross
     if left < DEPENDENT * information[-1, -1] or left <= 0.0:
@@ -212,13 +209,13 @@ def _score(quadratic: Eliminated, n: int, mixture: np.ndarray) -> float:
     return float(abs(right[-1] - information[-1] @ change) / np.sqrt(left))
 
 
-def _mixed(quadratic: Eliminated, mixture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _mixed(
+    information: np.ndarray, right: np.ndarray, mixture: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The regression with one mixture in place of the last parameters."""
-    n = len(quadratic.right) - len(mixture)
-    to = np.zeros((len(quadratic.right), n + 1))
-    to[:n, :n] = np.eye(n)
-    to[n:, n] = mixture
-    return to.T @ quadratic.information @ to, quadratic.right @ to
+    to = np.eye(len(right), len(right) - len(mixture) + 1)
+    to[-len(mixture) :, -1] = mixture
+    return to.T @ information @ to, right @ to
 
 
 def _beside(quadratic: Eliminated, fit: Fit, test: Fault) -> float:
@@ -231,16 +228,14 @@ def _beside(quadratic: Eliminated, fit: Fit, test: Fault) -> float:
     if len(here.out):
         more[here.out[np.argmax(here.additions())]] = True
     kept = np.append(more, np.ones(len(test.mixture), bool))
-    information, right = quadratic.information[np.ix_(kept, kept)], quadratic.right[kept]
-    own = replace(quadratic, information=information, right=right)
-    return _score(own, int(more.sum()), test.mixture)
+    return _score(quadratic.information[np.ix_(kept, kept)], quadratic.right[kept], test.mixture)
 
 
 def _instead(quadratic: Eliminated, fit: Fit, test: Fault, penalty: float) -> float:
     """z of a fault that may replace terms which only imitate it: by how much the data prefer the
     fault with other terms, selected anew, to the terms without it; 0 where they do not.
     """
-    information, right = _mixed(quadratic, test.mixture)
+    information, right = _mixed(quadratic.information, quadratic.right, test.mixture)
     problem, about = fit.record.problem, np.append(fit.free, 0.0)
     prices = np.append(problem.costs(penalty), penalty)
     without = np.append(fit.support, False)
@@ -263,7 +258,7 @@ def _instead(quadratic: Eliminated, fit: Fit, test: Fault, penalty: float) -> fl
 def _gaps(linear: Linearised, fit: Fit) -> list[Fault]:
     """How much better the recording is followed in stretches than as a whole.
 
-    linear: by the terms of the fit, which follow the stretches, and then by parameters of faults.
+    linear: by the terms of the fit, and then by parameters of faults.
     """
     segments, starts = fit.record.segments, fit.starts
     among = np.arange(len(linear.right)) < fit.support.sum()
@@ -273,12 +268,11 @@ def _gaps(linear: Linearised, fit: Fit) -> list[Fault]:
         change, _ = solve_support(quadratic.information, quadratic.right, among)
         return quadratic.fall + float(change @ quadratic.right)
 
-    whole, tested = fall(segments), []
-    place = np.arange(len(segments.chains))
-    first = np.maximum.accumulate(np.where(np.diff(segments.chains, prepend=-1) > 0, place, 0))
+    whole, bounds, tested = fall(segments), segments.bounds, []
+    place = np.arange(bounds[-1]) - np.repeat(bounds[:-1], np.diff(bounds))  # in its chain
     for length in (1, 2, 4):  # for a force that comes and goes, and a phase that wanders
-        begins = (place - first) % length == 0
-        freedom = (int(begins.sum()) - int(segments.chains[-1]) - 1) * starts.shape[1]
+        begins = place % length == 0
+        freedom = int(begins.sum() - len(bounds) + 1) * starts.shape[1]
         if freedom > 0:
             square = fall(replace(segments, chains=np.cumsum(begins) - 1)) - whole
             # a chi^2 variable's square root is almost Gaussian (R. A. Fisher)
@@ -295,16 +289,13 @@ def _variances(fit: Fit, residual: np.ndarray, rates: np.ndarray) -> list[Fault]
     square = (residual / sigma[owner][:, :, None]) ** 2
     weight = np.where(there[:, :, 0], condensed.samplings[:, :, 0, 0], 1.0)
     tested = []
-    for cause, signal in (
-        (JITTER, rates[:, :, 0]),
-        (GROWING, (condensed.targets - residual)[:, :, 0]),
-    ):
-        total, channels = 0.0, 0
+    for cause, signals in ((JITTER, rates), (GROWING, condensed.targets - residual)):
+        signal, total, channels = signals[:, :, 0], 0.0, 0
         for r, o in np.ndindex(sigma.shape):
             inside = there[:, o] & (owner == r)[:, None]
             if np.count_nonzero(inside) < 2:
                 continue
-            size = np.repeat((signal[:, o] / weight[:, o])[:, None] ** 2, 3, axis=1)[inside]
+            size = np.repeat((signal[:, o] / weight[:, o])[:, None] ** 2, ROWS, axis=1)[inside]
             size = size - size.mean()
             own = square[:, o][inside]
             if own.mean() < 0.25:

@@ -60,7 +60,7 @@ def _integral(time: np.ndarray, values: np.ndarray, times: int) -> np.ndarray:
 
     Of the motion's power, as far as it stands out of the noise, a hundredth is slower. Below six
     tenths of that frequency all is taken out, steeply: white noise of accelerations grows as the
-    square of the period in displacements. values: (n,), NaN where missing; so is the integral.
+    square of the period in displacements. NaN where `values` (n,) are.
     """
     known = np.isfinite(values)
     grid = np.linspace(time[0], time[-1], int(known.sum()))

@@ -5,6 +5,7 @@ each is fitted in free segments and joined over the recording; what the residual
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -12,37 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
+from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
-from galloping.identification.likelihood.free_run import (
-    forgets_start,
-    free_runs,
-    whole_approximation,
-)
 from galloping.identification.likelihood.inputs import asked, checked_recordings, driven
 from galloping.identification.likelihood.instrument import DELAYED, FORCES, faults
 from galloping.identification.likelihood.model_error import approximation
-from galloping.identification.likelihood.prior import Prior
-from galloping.identification.likelihood.problem import Coefficient, Problem
+from galloping.identification.likelihood.problem import Coefficient, Prior, Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.shooting import Fit, Segments, residuals
-from galloping.identification.likelihood.starts import (
-    positions_of_rest,
-    rests_at_zero,
-    starts_of_terms,
-    with_constants,
-    without_constants,
-)
-from galloping.identification.likelihood.trajectory_fit import (
-    CLOSE,
-    DIVERGES,
-    JoinedFit,
-    follows_in_segments,
-    free_fit,
-    join,
-    prepare,
-    unseen_mixtures,
-)
 from galloping.identification.likelihood.verdict import (
     Regression,
     agree,
@@ -53,7 +32,7 @@ from galloping.identification.likelihood.verdict import (
     with_inputs,
 )
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
-from galloping.identification.likelihood.weak_gls import Start, begin, delayed_inputs
+from galloping.identification.likelihood.weak_gls import Start, begin, delayed_inputs, weak_gls
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.random_forces.random_forces import moved_at_random, random_forces
 from galloping.identification.random_forces.start import may_be_moved_at_random
@@ -63,7 +42,6 @@ from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
 PRIOR = Prior()
-BESIDE_FORCED = 0.25 * MOST  # s, of another search where a model in random forces would do
 
 
 @one_thread
@@ -91,7 +69,7 @@ def maximum_likelihood(
     name. start: of `weak_gls.begin`, where it is made already.
     coefficients: what is known of single ones, which are then always there. allowed: (n_states,
     n_terms) boolean, in which equations each term is sought; in all by default.
-    prior: of the terms (see `prior`); None: the data alone choose them and speak in the verdict.
+    prior: of the terms (see `Prior`); None: the data alone choose them and speak in the verdict.
     forced: names of coordinates or states that unmeasured random forces move, none for all, as
     `random_forces`, which answers; by default it does where the motion shows such forces.
     The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
@@ -101,14 +79,14 @@ def maximum_likelihood(
     recordings = checked_recordings(recordings)
     problem = asked(recordings, terms, known, known_states, prior, coefficients, allowed)
     if forced is not None:
-        question = terms, known, known_states, forced, coefficients, allowed
-        return random_forces(recordings, *question)
+        return random_forces(recordings, terms, known, known_states, forced, coefficients, allowed)
     try:
         used = driven(recordings, problem.inputs)
     except Unusable as error:
         return by(["no model"], refused(problem, str(error)))
     if all(recording.derivatives is not None for recording in used):
-        return with_inputs(derivative_fit(problem, used), recordings, used)
+        found = by(["derivatives"], derivative_fit(problem, used))
+        return with_inputs(found, recordings, used)
     with limited(used) as work:
         found = work.told(_at_some_time_scale(problem, used, start))
     return with_inputs(found, recordings, used)
@@ -117,12 +95,8 @@ def maximum_likelihood(
 def _at_some_time_scale(
     problem: Problem, recordings: list[Recording], start: Start | None
 ) -> IdentifiedModel:
-    """The model from the starts of the first time scale of which any leads to one.
-
-    The spectrum shows that of most of the power, and a transient or a relaxation is quicker.
-    Measured on systems of `trials.published`: a cubic oscillator that slows down as it decays
-    needs a half or a quarter of what the spectrum shows, one that relaxes a half; of two that a
-    quarter did not answer, neither did an eighth or a sixteenth.
+    """The model from the starts of the first time scale of which any leads to one: the spectrum
+    shows that of most of the power, and a transient or a relaxation is quicker.
     """
     objections = []
     for share in (1.0, 1 / 2, 1 / 4):
@@ -130,10 +104,9 @@ def _at_some_time_scale(
             break
         try:
             found = _at_time_scale(problem, recordings, share, start if share == 1.0 else None)
+            return found if share == 1.0 else by([f"time scale {share:g}"], found)
         except NO_MODEL as error:
             objections.append(str(error))
-            continue
-        return found if share == 1.0 else by([f"time scale {share:g}"], found)
     more = unmodelled(recordings)
     return by(["no model"], refused(problem, "; ".join(filter(None, [more, *objections[:1]]))))
 
@@ -143,12 +116,13 @@ def _at_time_scale(
 ) -> IdentifiedModel:
     """The model from the starts of one time scale. Raises NO_MODEL where none leads to one."""
     begun = replace(begun, problem=problem) if begun else begin(problem, recordings, share)
-    given, doubted = begun, share == 1.0 and may_be_moved_at_random(begun)
-    later = doubted and not rests_at_zero(begun) and follows_in_segments(begun)
+    doubted = share == 1.0 and may_be_moved_at_random(begun)
+    follows = trajectory_fit.follows_in_segments
+    later = doubted and not starts.rests_at_zero(begun) and follows(begun)
     search = partial(_left_to_itself, begun, recordings, share)
     if not doubted or later:
-        return search(given if later else None)
-    forced, is_sure = _moved_at_random(given)
+        return search(begun if later else None)
+    forced, is_sure = _moved_at_random(begun)
     if forced is None:
         return search()
     return forced if is_sure else _or_forced(forced, recordings, search)
@@ -157,11 +131,9 @@ def _at_time_scale(
 def _or_forced(
     forced: IdentifiedModel, recordings: list[Recording], search: Callable[[], IdentifiedModel]
 ) -> IdentifiedModel:
-    """What a search finds in recordings or, where that hardly tells the motion, a model of them in
-    random forces.
-    """
+    """What a search finds or, where that hardly tells the motion, a model in random forces."""
     try:
-        with limited(recordings, BESIDE_FORCED):
+        with limited(recordings, 0.25 * MOST):
             found = search()
     except NO_MODEL:
         return forced
@@ -171,19 +143,18 @@ def _or_forced(
 def _left_to_itself(
     begun: Start, recordings: list[Recording], share: float, doubted: Start | None = None
 ) -> IdentifiedModel:
-    """The model of a motion without random forces, from the start of recordings at a share of the
-    time scale.
-
-    doubted: as of `_identified`. Raises NO_MODEL where there is none.
+    """The model of a motion without random forces. doubted: as of `_identified`. Raises NO_MODEL
+    where there is none.
     """
     problem = begun.problem
     rescaled = scaled(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
         begun = begin(problem, rescaled, share)
     begun = with_rates(begun, rescaled)
-    if rests_at_zero(begun):
+    if starts.rests_at_zero(begun):
         found, objections = [], []
-        positions = positions_of_rest(replace(begun, problem=without_constants(problem)))
+        moving = replace(begun, problem=starts.without_constants(problem))
+        positions = starts.positions_of_rest(moving)
         for k, position in enumerate(positions, 1):
             try:
                 found.append(by([f"rest {k} of {len(positions)}"], _identified(position)))
@@ -193,7 +164,7 @@ def _left_to_itself(
                 break
         if not found:
             raise objections[0]
-        identified = with_constants(problem, best_of(found))
+        identified = starts.with_constants(problem, best_of(found))
     else:
         identified = _identified(begun, doubted)
     told = scales_told(recordings, rescaled)
@@ -204,8 +175,7 @@ def _identified(begun: Start, doubted: Start | None = None) -> IdentifiedModel:
     """The model that follows the data to the noise, or one that is near where none does.
 
     doubted: the start of a recording that random forces may have moved: whether they did is asked
-    before what is near.
-    Raises FloatingPointError where there is neither.
+    before what is near. Raises FloatingPointError where there is neither.
     """
     try:
         with portion(0.6):  # of the work that is left; the rest to come near
@@ -242,12 +212,11 @@ def _moved_at_random(begun: Start) -> tuple[IdentifiedModel | None, bool]:
 
 
 def _near(begun: Start, objection: str) -> IdentifiedModel:
-    """The model that is near where no model of the library is right, for the reason `objection`."""
-    start = prepare(begun, begun.fit, STRETCH_PERIODS)
+    start = trajectory_fit.prepare(begun, begun.fit, STRETCH_PERIODS)
     near = approximation(start, begun.penalty, objection)
     path = ["approximation"]
     if begun.problem.inputs and near.status == "approximate":
-        run = free_runs(start.record, near, begun.penalty, objection)
+        run = free_run.free_runs(start.record, near, begun.penalty, objection)
         if run is not None:
             path, near = [*path, near.diagnostics["path"]], run
     return by(path, near)
@@ -261,7 +230,7 @@ def _followed(begun: Start) -> IdentifiedModel | str:
     problem, penalty, largest = begun.problem, begun.penalty, begun.largest
     joined = _joined(begun, largest)
     if joined is None:
-        return ENDED if is_spent() else DIVERGES
+        return ENDED if is_spent() else trajectory_fit.DIVERGES
     if joined.objection == ENDED:  # not joined, for no cause that the data show
         return ENDED
     if joined.objection:
@@ -285,8 +254,10 @@ def _followed(begun: Start) -> IdentifiedModel | str:
         if objection:
             if causes and not causes[0].or_model:
                 return by(joined.path, refused(problem, objection))
-            if problem.inputs and forgets_start(fit):
-                near = whole_approximation(fit, step.information, remaining, penalty, objection)
+            if problem.inputs and free_run.forgets_start(fit):
+                near = free_run.whole_approximation(
+                    fit, step.information, remaining, penalty, objection
+                )
                 return by(joined.path, near)
             return objection
         doubt = ""
@@ -313,21 +284,24 @@ def _followed(begun: Start) -> IdentifiedModel | str:
     return by(joined.path, found)
 
 
-def _joined(begun: Start, largest: np.ndarray) -> JoinedFit | None:
+def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | None:
     """The fit of the first start that settles, else of the first that follows the data, else of
     the first that can be integrated; None where none can.
     """
     best = None
-    for name, terms, dear in starts_of_terms(begun):
-        free = free_fit(begun, terms)
+    for name, terms, dear in starts.starts_of_terms(begun):
+        free = trajectory_fit.free_fit(begun, terms)
         if free is None:
             continue
-        unseen = unseen_mixtures(free.information, largest) > 0
-        joined = join(free, begun.costs, dear, unseen)
+        unseen = trajectory_fit.unseen_mixtures(free.information, largest) > 0
+        joined = trajectory_fit.join(free, begun.costs, dear, unseen)
         joined = replace(joined, path=(name, *free.path(begun.period), *joined.path))
         if dear > 1.0 and joined.settled and unseen:
             # a limit cycle looks like one of fewer terms
-            told = unseen_mixtures(joined.step.information, largest) < joined.step.fit.support.sum()
+            told = (
+                trajectory_fit.unseen_mixtures(joined.step.information, largest)
+                < joined.step.fit.support.sum()
+            )
             joined = replace(joined, settled=told)
         if joined.settled:
             return joined
@@ -336,13 +310,15 @@ def _joined(begun: Start, largest: np.ndarray) -> JoinedFit | None:
     return best
 
 
-def _with_coloured_noise(begun: Start, joined: JoinedFit, shown: Residue) -> JoinedFit:
+def _with_coloured_noise(
+    begun: Start, joined: trajectory_fit.JoinedFit, shown: Residue
+) -> trajectory_fit.JoinedFit:
     """Joined again, the noise as strong as it is at the frequencies of the motion."""
     fit = joined.step.fit
     noise = np.sqrt(np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2))
     record = replace(fit.record, floor=noise)
     fit = replace(fit, record=record, sigma=noise, reference=noise, chi2=np.inf)
-    again = join(replace(joined.step, before=fit, fit=fit), begun.costs, 1.0, False)
+    again = trajectory_fit.join(replace(joined.step, before=fit, fit=fit), begun.costs, 1.0, False)
     path = (*joined.path, "coloured noise", *again.path)
     return replace(again, free=joined.free, path=path)
 
@@ -354,7 +330,7 @@ def _causes_of_none(fit: Fit, penalty: float) -> list[str]:
     over = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
     excess = float(np.sum(fit.record.condensed.rows * over))
     named = [fault.cause for fault in faults(fit, penalty) if fault.explains(excess)][:1]
-    if fit.misfit < CLOSE and FORCES not in named:
+    if fit.misfit < trajectory_fit.CLOSE and FORCES not in named:
         # a small fault does not keep the pieces from joining
         named.append(f"followed in pieces, not as a whole: {FORCES}")
     return named
@@ -365,23 +341,42 @@ def _remaining(begun: Start, fit: Fit) -> tuple[np.ndarray, Residue]:
 
     Raises FloatingPointError where the model diverges over a chain.
     """
-    condensed, segments = fit.record.condensed, fit.record.segments
-    begins = np.unique(segments.chains, return_index=True)[1]
-    windows = np.append(segments.first[begins], segments.first[-1])
-    whole = Segments(windows, segments.recording[begins], np.arange(len(begins)))
-    firsts = fit.starts[begins]
-    remaining, _ = residuals(replace(fit.record, segments=whole), fit.free, firsts)
-    parameters = int(fit.support.sum()) + firsts.size
-    return remaining, residue(condensed, remaining, parameters, begun.period)
+    segments, bounds = fit.record.segments, fit.record.segments.bounds
+    begins, each = bounds[:-1], np.arange(len(bounds) - 1)
+    whole = Segments(segments.first[bounds], segments.recording[begins], each)
+    record = replace(fit.record, segments=whole)
+    remaining, _ = residuals(record, fit.free, fit.starts[begins])
+    return remaining, residue(record.condensed, remaining, fit.parameters, begun.period)
 
 
 def _noise(fit: Fit, remaining: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
     """(n_recordings, n_states) noise of a sample of each state, and of each rate by its name."""
-    condensed, states = fit.record.condensed, fit.record.problem.states
-    chains = fit.record.segments.chains[-1] + 1
-    parameters = int(fit.support.sum()) + chains * len(states)
-    share = parameters / max(np.count_nonzero(condensed.counts), 1)
+    condensed = fit.record.condensed
+    share = fit.parameters / max(np.count_nonzero(condensed.counts), 1)
     squares = condensed.squares(remaining) + condensed.remainder
     variance = squares / np.maximum(condensed.counts - share, 1.0)
     variance = np.where(condensed.is_known, condensed.noise_variance, variance)
-    return condensed.told(states, np.sqrt(variance))
+    return condensed.told(fit.record.problem.states, np.sqrt(variance))
+
+
+def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> dict:
+    """What `weak_gls` and `maximum_likelihood` take of a study: recordings, library, and the start
+    that they share; None where there is none, for a reason that each of them finds again, and of
+    exact states with derivatives, which need none.
+    """
+    begun = None
+    if any(recording.derivatives is None for recording in recordings):
+        with suppress(*NO_MODEL):
+            problem = posed(recordings[0].states, terms, inputs=tuple(recordings[0].inputs))
+            begun = begin(problem, driven(list(recordings), problem.inputs))
+    return {"recordings": list(recordings), "terms": terms, "start": begun}
+
+
+def by_weak_gls(evidence: dict) -> IdentifiedModel:
+    """`weak_gls` as a method of a study."""
+    return weak_gls(**evidence)
+
+
+def by_maximum_likelihood(evidence: dict) -> IdentifiedModel:
+    """`maximum_likelihood` as a method of a study."""
+    return maximum_likelihood(**evidence)

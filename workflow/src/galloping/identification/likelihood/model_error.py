@@ -51,7 +51,7 @@ class Approximation:
     in all stretches, or, where the coefficients fluctuate, that of their means. residual:
     (n_windows, n_observed, n_rows) of forecasts over the segments of the fit, each from its
     beginning. price: of a term, in units of chi^2, at which the terms were chosen. path: how it was
-    found, in words. fluctuates: whether the coefficients are means of what varies.
+    found, in words.
     """
 
     fit: Fit | StretchFit
@@ -60,7 +60,6 @@ class Approximation:
     residual: np.ndarray
     price: float
     path: tuple[str, ...] = ()
-    fluctuates: bool = False
 
     @cached_property
     def forecast(self) -> np.ndarray:
@@ -115,14 +114,12 @@ def approximation(start: Fit, penalty: float, objection: str) -> IdentifiedModel
         raise FloatingPointError(f"{objection}; {error}") from error
     record, condensed = made.fit.record, made.fit.record.condensed
     if not made.skill > 0.0:
-        return by(
-            made.path, refused(record.problem, f"{objection}; what comes near it predicts nothing")
-        )
-    if made.fluctuates:
+        nothing = f"{objection}; what comes near it predicts nothing"
+        return by(made.path, refused(record.problem, nothing))
+    if "fluctuating" in made.path:
         objection += "; its linear coefficients fluctuate, as in gusts"
-    stretch = np.median(np.diff(record.segments.first)) * condensed.step
     residual = condensed.targets - record.predictions(made.fit.free, made.fit.starts)
-    reason = f"{objection}; forecasts over {stretch:.2g} s leave"
+    reason = f"{objection}; forecasts over {record.stretch:.2g} s leave"
     spare = condensed.is_known | (condensed.counts > condensed.rows)  # else windows tell no noise
     noise = np.where(spare, np.sqrt(condensed.noise_variance), start.reference)
     return stated(made, residual, noise, reason)
@@ -171,10 +168,9 @@ def _approximate(start: Fit, penalty: float) -> Approximation:
     """The smallest of several models that forecast, or, where coefficients fluctuate, their means.
 
     What is missed is taken for noise of its own spectrum and, where no model so found predicts
-    stretches that were left out, for white noise: of a motion that grows, and of
-    few stretches, the spectrum is told badly. None may jump more than the whole library: what a
-    term that was left out would do is no disturbance. Raises FloatingPointError or LinAlgError
-    where no model is found that can be integrated over a segment.
+    stretches that were left out, for white noise: of a motion that grows, and of few stretches,
+    the spectrum is told badly. None may jump more than the whole library: what a term that was left
+    out would do is no disturbance. Raises as `_of_penalties`.
     """
     one, every = start.record, np.ones(len(start.free), bool)
     record = Stretches(one.problem, one.condensed, one.segments, one.states, one.floor)
@@ -198,10 +194,9 @@ def _approximate(start: Fit, penalty: float) -> Approximation:
 def _of_penalties(whole: StretchFit, misfit_of: MisfitOf, penalty: float) -> list[Approximation]:
     """The models of two penalties, many times that of exact models, or of the first alone.
 
-    A wrong model needs stronger evidence. Measured: on each truth of the table of model errors one
-    of about 7 times chooses nearly the same terms of every recording; with 3 to 5 some recordings
-    keep five terms more, which change no number of interest. whole: the fit of the whole library.
-    Raises FloatingPointError or LinAlgError where the first finds none.
+    A wrong model needs stronger evidence: 7 times chooses nearly the same terms of every recording
+    of a truth, 3 to 5 up to five terms more. whole: the fit of the whole library. Raises
+    FloatingPointError or LinAlgError where the first finds none that can be integrated.
     """
     made: list[Approximation] = []
     fit = whole
@@ -244,12 +239,10 @@ def _varying(fit: StretchFit, penalty: float) -> Approximation | None:
         if varying is None:
             return None
         means, covariance = varying
-        judged = _judged(means, penalty)
+        found = replace(_judged(means, penalty), covariance=covariance, path=("fluctuating",))
     except (FloatingPointError, np.linalg.LinAlgError):
         return None
-    if not judged.skill > 0.0:
-        return None
-    return replace(judged, covariance=covariance, fluctuates=True, path=("fluctuating",))
+    return found if found.skill > 0.0 else None
 
 
 def _iterate(
@@ -288,10 +281,7 @@ def _iterate(
 
 
 def _judged(fit: StretchFit, price: float) -> Approximation:
-    """The fit with its covariance and its forecasts, both by leaving groups of segments out.
-
-    price: of its terms.
-    """
+    """The fit with its covariance and its forecasts, both by leaving groups of segments out."""
     record, precision = fit.record, fit.record.precision(fit.jump)
     condensed, segments = record.condensed, record.segments
     count = len(fit.starts)

@@ -8,7 +8,6 @@ from typing import Self
 
 import numpy as np
 
-from galloping.identification.likelihood.prior import Prior, costs
 from galloping.polynomial import (
     Exponents,
     PolynomialModel,
@@ -18,6 +17,46 @@ from galloping.polynomial import (
 )
 from galloping.recording import Recording, windowed
 from galloping.taylor import System, Tables, system, tables
+
+
+@dataclass(frozen=True)
+class Prior:
+    """How probable a set of terms (support) is before any data: written, not left to a penalty.
+
+    Terms are there or not independently of each other. A linear term has the odds `term` for it, a
+    constant, the simplest of all, the odds `constant`; a nonlinear term `nonlinear` times those of
+    a linear one, and a constant in the equation of the rate of a displacement, which counts from
+    rest, `nonlinear` twice: among models that data cannot tell apart, the simpler one. Degrees and
+    odds have no unit, so neither the choice nor the verdict depends on those of the recording.
+
+    With the likelihood the prior makes the evidence of a support. The integral over the
+    coefficients of a term costs ln N in units of chi^2 for N samples, where the data tell it, for a
+    prior of them that is worth one sample (R. E. Kass and L. Wasserman, J. Am. Stat. Assoc. 90,
+    1995, after G. Schwarz, Ann. Stat. 6, 1978). So the support is chosen by the least
+
+        chi^2 + sum over its terms of [ln N - 2 ln odds].
+
+    The odds were calibrated on recordings of seeds that report nothing
+    (docs/identification_parts.csv). Lorenz in the settings of `galloping.trials.published` (seed
+    777001), 178 recordings, 89 exact without a prior: with a price of ln N + 2 and a further 0, 3,
+    4.5 and 6 for a nonlinear term 94, 132, 141 and 142 are; 1 to 3 and a tenth are 2.2 and 4.6.
+    Raises ValueError where one of them is not in (0, 1].
+    """
+
+    term: float = 1.0 / 3.0
+    constant: float = 0.6
+    nonlinear: float = 1.0 / 10.0
+
+    def __post_init__(self) -> None:
+        for name in ("term", "constant", "nonlinear"):
+            value = getattr(self, name)
+            if not isinstance(value, int | float) or not 0.0 < value <= 1.0:
+                raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
+
+    def of_complexity(self, complexity: np.ndarray) -> np.ndarray:
+        """Price of terms of such `Problem.complexity` beyond that of linear terms, (n,)."""
+        dearer = -2.0 * np.log(self.nonlinear) * complexity
+        return np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)
 
 
 @dataclass(frozen=True)
@@ -79,7 +118,7 @@ class Problem:
 
     @cached_property
     def degrees(self) -> np.ndarray:
-        """(n_candidates,) degree of each candidate's term, in the states."""
+        """(n_candidates,), in the states."""
         return self.of_states.sum(axis=1)[self.candidates[:, 1]]
 
     @cached_property
@@ -98,7 +137,7 @@ class Problem:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the states and then of the inputs, in the order of a term's exponents."""
+        """In the order of a term's exponents."""
         return self.states + self.inputs
 
     @property
@@ -139,13 +178,10 @@ class Problem:
         """Factors of the recordings' inputs over windows of `step` s, of which each has as many as
         `first` (n_recordings + 1,) says; as `recording.windowed`, one recording after the other.
         """
-        # Cubics in time. Measured on two modes in gusts sampled 20 times a window: with degrees 2
-        # to 5 the model is the same to a hundredth of its errors, and from 4 on the series of so
-        # jagged an input needs windows of a quarter and less.
-        degree, factors, powers = 3, self.tables.factors, []
+        degree, powers = 3, []  # in time; from 4 on jagged inputs need windows of a quarter
         for one, count in zip(recordings, np.diff(first), strict=True):
             inputs = [one.inputs[name] for name in self.inputs]
-            powers.append(windowed(inputs, factors, one.time[0], step, count, degree))
+            powers.append(windowed(inputs, self.tables.factors, one.time[0], step, count, degree))
         return np.concatenate(powers)
 
     def with_prior(
@@ -202,17 +238,22 @@ class Problem:
         return full
 
     def costs(self, penalty: float) -> np.ndarray:
-        """(n_candidates,) as of `prior.costs`."""
-        return costs(self.prior, self.complexity, penalty)
+        """(n_candidates,) what terms have to bring, in units of chi^2, to be chosen.
+
+        penalty: 2 ln N. Without a prior all of it, so that what noise makes up is kept out.
+        """
+        if self.prior is None:
+            return np.full(len(self.candidates), penalty)
+        beyond = self.prior.of_complexity(self.complexity)
+        return penalty / 2.0 - 2.0 * np.log(self.prior.term) + beyond
 
     def compiled(self, free: np.ndarray, pairs: np.ndarray) -> System:
-        """The model with the candidates' coefficients `free`, with derivatives by those of the
-        pairs (n, 2), equation and term.
+        """With the candidates' coefficients `free`, with derivatives by those of the pairs (n, 2),
+        equation and term.
         """
         return system(self.tables, self.coefficients(free), pairs)
 
     def model(self, free: np.ndarray) -> PolynomialModel:
-        """The model with the candidates' coefficients `free`."""
         return PolynomialModel(self.states, self.terms, self.coefficients(free), self.inputs)
 
 
@@ -252,9 +293,8 @@ def posed(
             given.add(states.index(name))
     unknown = tuple(i for i in range(len(states)) if i not in given)
     if not unknown:
-        raise ValueError(
-            f"the equations of {', '.join(states)} are all known; none is left to find"
-        )
+        everything = ", ".join(states)
+        raise ValueError(f"the equations of {everything} are all known; none is left to find")
     where = np.ones(rows.shape, bool) if allowed is None else np.array(allowed, bool)
     expected, precision = np.zeros((2, *rows.shape))
     for one in coefficients:

@@ -70,9 +70,8 @@ def _deviation(values: np.ndarray) -> np.ndarray:
     """Robust standard deviation of each column, NaN of one without values."""
     known = np.isfinite(values).any(axis=0)
     deviation = np.full(values.shape[1], np.nan)
-    deviation[known] = 1.4826 * np.nanmedian(
-        np.abs(values[:, known] - np.nanmedian(values[:, known], axis=0)), axis=0
-    )
+    apart = np.abs(values[:, known] - np.nanmedian(values[:, known], axis=0))
+    deviation[known] = 1.4826 * np.nanmedian(apart, axis=0)
     return deviation
 
 

@@ -8,14 +8,12 @@ from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import Condensed
 
-# Residuals. Rate at which white noise raises an objection, by the highest of all its spectral lines
+# Rate at which white noise raises an objection, by the highest of all its spectral lines
 # or by a sum.
 RESIDUAL_RATE = 1e-6
 # Bins on each side of a spectral line that its height is measured against: their mean has a
 # relative spread of a fifth.
 NEIGHBOURS = 15
-# Cycles in a recording, up to which a line is no oscillation.
-DRIFT = 2
 # chi^2 per degree of freedom from which noise is said to be correlated over a few samples: a model
 # error that large is refused by its own spectrum. As many times the power of the noise between the
 # motion's frequencies may rise at them; intervals widen by its root. Noise correlated over a
@@ -71,7 +69,7 @@ class Residue:
         if np.isfinite(self.chi2):
             misfit = f"chi2/n {self.chi2:.2f}, {misfit}"
         if self.line > self.line_allowed:
-            shown = f"has a line at {self.frequency:.3g} Hz" if self.cycles > DRIFT else "drifts"
+            shown = f"has a line at {self.frequency:.3g} Hz" if self.cycles > 2 else "drifts"
             return f"model inadequate: the residual of {channels[self.channel]} {shown}; {misfit}"
         if self.band > (MOST_COLOUR if self.coloured else self.band_allowed):
             other = "noise correlated over a period, or " if self.coloured else ""
@@ -145,9 +143,8 @@ def _allowed(spread: float) -> float:
 
 
 def _line(power: np.ndarray) -> tuple[float, int]:
-    """Highest ratio of a periodogram bin to the mean of its neighbours, and the bin.
-
-    Zero of a record that is too short to have so many.
+    """Highest ratio of a periodogram bin to the mean of its neighbours, and the bin; zero of a
+    record that is too short to have so many.
     """
     if len(power) <= 2 * NEIGHBOURS:
         return 0.0, 1

@@ -16,8 +16,6 @@ from galloping.identification.likelihood.smoothing import (
 from galloping.identification.model import Unusable
 from galloping.recording import Recording
 
-PILED = 4  # times the samples of the value beside it; a coarsely resolved sine has 2.4 times
-
 
 def without_faults(recording: Recording, period: float) -> Recording:
     """The recording without constant channels and without saturated stretches.
@@ -29,10 +27,8 @@ def without_faults(recording: Recording, period: float) -> Recording:
     values = recording.values.copy()
     for channel in values.T:
         good = np.isfinite(channel)
-        if not good.any():
-            continue
         least = max(5, 5e-4 * good.sum())  # a digital channel repeats some by chance
-        if np.ptp(channel[good]) == 0.0:
+        if np.all(channel[good] == channel[good][:1]):
             channel[:] = np.nan
             continue
         for extreme in piled(channel[good]):
@@ -49,7 +45,8 @@ def piled(values: np.ndarray) -> list[float]:
     """
     different, counts = np.unique(values, return_counts=True)
     ends = ((0, 1), (-1, -2)) if len(different) > 1 else ()
-    return [float(different[end]) for end, beside in ends if counts[end] >= PILED * counts[beside]]
+    # four times: a coarsely resolved sine has 2.4 times
+    return [float(different[end]) for end, beside in ends if counts[end] >= 4 * counts[beside]]
 
 
 def smooth_without_outliers(recording: Recording, period: float) -> tuple[Recording, Smooth]:
@@ -86,9 +83,8 @@ def smooth_without_outliers(recording: Recording, period: float) -> tuple[Record
 
 
 def _local_median(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
-    """(n,) median of the values within stretches of about `length` s, interpolated between them.
-
-    All stretches have as many samples: one of a few would take its outliers for its noise.
+    """(n,) medians of stretches of about `length` s, interpolated between them; all have as many
+    samples: one of a few would take its outliers for its noise.
     """
     count = max(int((time[-1] - time[0]) / length), 1)
     centres = [part.mean() for part in np.array_split(time, count)]

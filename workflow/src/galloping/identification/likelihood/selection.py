@@ -8,7 +8,6 @@ from scipy.linalg import cholesky, solve_triangular
 
 from galloping.identification.work import is_spent, spend
 
-# Selection.
 # Added to the diagonal of an information matrix with unit diagonal so that it can be factored:
 # a few roundings. It moves a chi^2 by 1e-15 |c|^2, by 0.1 for c of 1e7 in its unit.
 RIDGE = 1e-15
@@ -251,9 +250,8 @@ def moves(
 def _descend(
     whitened: Whitened, support: np.ndarray, cost: np.ndarray, ends: dict[bytes, tuple]
 ) -> tuple[float, np.ndarray]:
-    """Removal, then the best small move while one lowers the criterion; with the criterion.
-
-    ends: supports from which no move does.
+    """Removal, then the best small move while one lowers the criterion; with the criterion. ends:
+    supports from which no move does.
     """
     support = _remove(whitened, support, cost)
     while support.tobytes() not in ends:

@@ -35,6 +35,11 @@ class Segments:
     recording: np.ndarray
     chains: np.ndarray
 
+    @property
+    def bounds(self) -> np.ndarray:
+        """(n_chains + 1,) the first segment of each chain, and the number of segments."""
+        return np.flatnonzero(np.diff(self.chains, prepend=-1, append=-1))
+
 
 @dataclass(frozen=True)
 class Record:
@@ -58,6 +63,11 @@ class Record:
         """(n_recordings,) index of the first segment of each."""
         return np.unique(self.segments.recording, return_index=True)[1]
 
+    @property
+    def stretch(self) -> float:
+        """s, that a segment is long."""
+        return float(np.median(np.diff(self.segments.first)) * self.condensed.step)
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -80,6 +90,12 @@ class Fit:
     def misfit(self) -> float:
         """chi^2 per row."""
         return self.chi2 / float(np.sum(self.record.condensed.rows))
+
+    @property
+    def parameters(self) -> int:
+        """Number of terms, and of entries of the first states of chains."""
+        chains = int(self.record.segments.chains[-1]) + 1
+        return int(self.support.sum()) + chains * self.starts.shape[1]
 
 
 @dataclass(frozen=True)
@@ -202,9 +218,8 @@ def linearise(
 def _rotated(
     rows: np.ndarray, residual: np.ndarray, n: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows rotated so that only the first contain the columns from `n` on.
-
-    Returns those, with the residual as last column, and the design and residual of the others.
+    """Rows rotated so that only the first contain the columns from `n` on: those, with the residual
+    as last column, and the design and residual of the others.
     """
     q, r = np.linalg.qr(rows[:, n:])
     design = q.T @ rows[:, :n]
@@ -254,8 +269,7 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
     states = np.zeros((n_segments, n_states, n + 1))
     size = np.abs(linearised.ends).max(axis=0) + np.finfo(float).tiny
     gap, fall = 0.0, 0.0
-    bounds = np.flatnonzero(np.diff(segments.chains, prepend=-1, append=-1))
-    for begin, end in pairwise(bounds):
+    for begin, end in pairwise(segments.bounds):
         relation = np.hstack([np.zeros((n_states, n)), np.eye(n_states)])
         constant = np.zeros(n_states)
         relations, rows, residual = [], [], []
@@ -287,11 +301,9 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
 
 
 def _first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """The best first state, and what the rows (n_states, n + n_states + 1) leave to say.
-
-    The state is linear in the coefficients' change, and constant, (n_states, n + 1); directions
-    that the rows do not determine stay. The rest is a design and a residual, (n_undetermined,
-    n + 1).
+    """The best first state, linear in the coefficients' change, and constant, (n_states, n + 1),
+    where directions that the rows (n_states, n + n_states + 1) do not determine stay, and what
+    these leave to say, a design and a residual, (n_undetermined, n + 1).
     """
     block = rows[:, n:-1]
     scale = 1.0 / np.maximum(np.linalg.norm(block, axis=0), np.finfo(float).tiny)

@@ -5,9 +5,9 @@ identity between them stays available as information; together, as one curve and
 where samples are few, or where one of them is not measured or has gaps.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from math import factorial
 
 import numpy as np
@@ -76,35 +76,25 @@ def shortest_period(recordings: list[Recording]) -> float:
     where no channel varies.
     """
     highest = 0.0
-    for time, values in _stretches(recordings):
-        duration = time[-1] - time[0]
-        for channel in values.T:
-            good = np.isfinite(channel)
+    for recording, channel in product(recordings, range(len(recordings[0].states))):
+        pieces = -(-len(recording.time) // 2**15)  # longer ones have more to tell
+        both = (recording.time, recording.values[:, channel])
+        for time, values in zip(*(np.array_split(one, pieces) for one in both), strict=True):
+            good = np.isfinite(values)
             if good.sum() < LEAST_SAMPLES:
                 continue
             grid = np.linspace(time[0], time[-1], min(good.sum(), 2**13))
-            signal = np.interp(grid, time[good], channel[good])
+            signal = np.interp(grid, time[good], values[good])
             signal = (signal - signal.mean()) * np.hanning(len(signal))
             power = np.abs(np.fft.rfft(signal)) ** 2
             power = np.where(power > ABOVE_NOISE * np.median(power), power, 0.0)[1:]
             total = np.cumsum(power)
             if total[-1] > 0.0:
                 bin_ = 1 + int(np.searchsorted(total, 0.95 * total[-1]))
-                highest = max(highest, bin_ / duration)
+                highest = max(highest, bin_ / (time[-1] - time[0]))
     if highest == 0.0:
         raise Unusable("no channel varies above its noise")
     return 1.0 / highest
-
-
-def _stretches(recordings: list[Recording]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Times and values of pieces whose spectrum is taken at once: longer ones have more to tell."""
-    for recording in recordings:
-        pieces = -(-len(recording.time) // 2**15)
-        yield from zip(
-            np.array_split(recording.time, pieces),
-            np.array_split(recording.values, pieces),
-            strict=True,
-        )
 
 
 def smooth(recording: Recording, period: float) -> Smooth:
@@ -118,22 +108,19 @@ def smooth(recording: Recording, period: float) -> Smooth:
     n_grid = max(int(np.ceil(duration / period * GRID_PER_PERIOD)) + 1, 16)
     time = np.linspace(recording.time[0], recording.time[-1], n_grid)
     curves, derived = _curves(recording, period, time)
-    states = np.empty((n_grid, n_states))
-    sigma, noise = np.full(n_states, np.nan), np.full(n_states, np.nan)
+    states, valid = np.empty((n_grid, n_states)), np.ones(n_grid, bool)
+    sigma, noise = np.full((2, n_states), np.nan)
     residual = np.full(recording.values.shape, np.nan)
-    valid = np.ones(n_grid, bool)
     for curve in curves:
         supported = counts[curve].sum() / SAMPLES_PER_KNOT / (duration / period)
         knots = np.clip(supported, LEAST_KNOTS_PER_PERIOD, GRID_PER_PERIOD // 2)
         pieces = max(int(np.ceil(duration / period * knots)), 4)
-        fitted, residual[:, curve], deviation, density = _fit(
+        states[:, curve], residual[:, curve], noise[curve], density = _fit(
             recording, curve, pieces, time, period
         )
-        states[:, curve] = fitted
         valid &= _near(recording, curve, time, 0.4 * period)  # nearly half a swing
         valid &= _near(recording, curve[:1], time, period)  # a velocity alone tells it no longer
         valid &= _away(recording, curve, time, period)
-        noise[curve] = deviation
         sigma[curve[0]] = density / np.sqrt(time[1] - time[0])
     inputs = at_times(list(recording.inputs.values()), time)
     return Smooth(time, states, sigma, derived, noise, residual, valid, inputs)
@@ -142,17 +129,13 @@ def smooth(recording: Recording, period: float) -> Smooth:
 def _curves(
     recording: Recording, period: float, grid: np.ndarray
 ) -> tuple[list[list[int]], np.ndarray]:
-    """States to smooth as one curve: [state], or [state, its velocity]; and `Smooth.derived`.
-
-    Raises ValueError where a state is neither measured nor the derivative of a measured one.
-    """
-    pairs = velocity_pairs(recording.states)
+    """States to smooth as one curve: [state], or [state, its velocity]; and `Smooth.derived`."""
     counts = np.isfinite(recording.values).sum(axis=0)
     duration = recording.time[-1] - recording.time[0]
     plenty = SAMPLES_PER_KNOT * LEAST_KNOTS_PER_PERIOD * duration / period
     curves = []
     derived = np.full(len(recording.states), -1)
-    for i, velocity in pairs.items():
+    for i, velocity in velocity_pairs(recording.states).items():
         few = counts[velocity] < plenty
         if counts[i] and counts[velocity]:
             near = [_near(recording, [k], grid, 0.4 * period) for k in (i, velocity)]
@@ -160,12 +143,10 @@ def _curves(
         if counts[i] and few:
             curves.append([i, velocity])
             derived[velocity] = i
-    done = {i for curve in curves for i in curve}
-    for i, name in enumerate(recording.states):
-        if i not in done:
-            if counts[i] < LEAST_SAMPLES:
-                raise Unusable(f"state {name} is not measured, nor its integral")
-            curves.append([i])
+    for i in np.setdiff1d(np.arange(len(counts)), np.concatenate([[], *curves])):
+        if counts[i] < LEAST_SAMPLES:
+            raise Unusable(f"state {recording.states[i]} is not measured, nor its integral")
+        curves.append([i])
     return curves, derived
 
 
@@ -176,21 +157,23 @@ def _fit(
 
     Returns the curve and, with two channels, its derivative on the grid, (n_grid, n_channels);
     the residuals of the samples, (n, n_channels); their deviation, by channel; and the square
-    root of the noise's spectral density. Raises ValueError where a gap is too long for a curve.
+    root of the noise's spectral density.
     """
-    start, spacing = recording.time[0], (recording.time[-1] - recording.time[0]) / pieces
+    start, duration = recording.time[0], recording.time[-1] - recording.time[0]
+    spacing, channels = duration / pieces, np.arange(len(curve))
     place = (recording.time - start) / spacing
     values = np.ascontiguousarray(recording.values[:, curve])
     good = np.isfinite(values)
     count = good.sum(axis=0)
-    scale = np.array([np.nanstd(values[:, k]) if count[k] else 1.0 for k in range(len(curve))])
+    scale = np.array([np.nanstd(values[:, k]) if count[k] else 1.0 for k in channels])
     noise = np.where(scale > 0.0, scale, 1.0)
+    deviation, residual = np.full(len(curve), np.nan), np.full(values.shape, np.nan)
     basis = _basis()
     for _ in range(1 if len(curve) == 1 else 3):
         bands = np.zeros((SPLINE_DEGREE + 1, pieces + SPLINE_DEGREE))
         right = np.zeros(pieces + SPLINE_DEGREE)
         _accumulate(place, values, 1.0 / noise**2, spacing, basis, bands, right)
-        stiffness = count / noise**2 / spacing ** (2 * np.arange(len(curve)))
+        stiffness = count / noise**2 / spacing ** (2 * channels)
         # closes gaps, moves no curve
         _add_roughness(bands, 5e-4 * float(np.sum(stiffness)) / pieces)
         try:
@@ -198,27 +181,19 @@ def _fit(
         except np.linalg.LinAlgError as error:
             what = recording.states[curve[0]]
             raise Unusable(f"{what} is not free of gaps for long enough to be told") from error
-        deviation = np.full(len(curve), np.nan)
-        residual = np.full(values.shape, np.nan)
-        for k in range(len(curve)):
-            if count[k]:
-                there = good[:, k]
-                gap = values[there, k] - _evaluated(place[there], coefficients, k, spacing, basis)
-                residual[there, k] = gap
-                share = (pieces + SPLINE_DEGREE) / max((count > 0).sum(), 1)
-                deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))
-                noise[k] = max(deviation[k], 1e-9 * scale[k], np.finfo(float).tiny)
-    fitted = np.column_stack(
-        [
-            _evaluated((grid - start) / spacing, coefficients, k, spacing, basis)
-            for k in range(len(curve))
-        ]
-    )
+        for k in np.flatnonzero(count):
+            there = good[:, k]
+            gap = values[there, k] - _evaluated(place[there], coefficients, k, spacing, basis)
+            residual[there, k] = gap
+            share = (pieces + SPLINE_DEGREE) / (count > 0).sum()
+            deviation[k] = np.sqrt(np.sum(gap**2) / max(count[k] - share, 0.2 * count[k]))
+            noise[k] = max(deviation[k], 1e-9 * scale[k], np.finfo(float).tiny)
+    places = (grid - start) / spacing
+    fitted = [_evaluated(places, coefficients, k, spacing, basis) for k in channels]
     frequency = 2.0 * np.pi / period
-    duration = recording.time[-1] - start
     counted = np.maximum(noise, 3e-4 * scale)  # the accuracy with the fewest knots
-    weight = np.sum(count / duration / counted**2 * frequency ** (2 * np.arange(len(curve))))
-    return fitted, residual, deviation, 1.0 / np.sqrt(weight)
+    weight = np.sum(count / duration / counted**2 * frequency ** (2 * channels))
+    return np.column_stack(fitted), residual, deviation, 1.0 / np.sqrt(weight)
 
 
 def _near(recording: Recording, curve: list[int], grid: np.ndarray, within: float) -> np.ndarray:

@@ -20,11 +20,7 @@ from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.problem import Problem, largest
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
-from galloping.identification.likelihood.smoothing import (
-    GRID_PER_PERIOD,
-    Smooth,
-    shortest_period,
-)
+from galloping.identification.likelihood.smoothing import GRID_PER_PERIOD, Smooth, shortest_period
 from galloping.identification.likelihood.verdict import Regression, judged, refused, with_inputs
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.work import spend
@@ -33,7 +29,7 @@ from galloping.polynomial import Exponents, PolynomialModel, design_matrix
 from galloping.recording import Recording, extrapolated
 
 TEST_STRIDE = GRID_PER_PERIOD // 6  # of the grid between test functions, a third of their radius
-LATEST = 4  # shortest periods, by which an input may be late or early
+MOST_MISFIT = 3.0  # chi^2 per row: linearised errors explain no more
 
 
 def whitened_weak_form(
@@ -49,8 +45,9 @@ def whitened_weak_form(
     phi, slope = _bump(smooth)
     n_states = len(problem.states)
     usable = np.all(sliding_window_view(smooth.valid, len(phi))[::TEST_STRIDE], axis=1)
-    keep = [i for i in range(n_states) if smooth.derived[i] < 0 or i in problem.unknown]
-    keep = [i for i in keep if not np.any(smooth.derived == i) or i in problem.unknown]
+    # no row where a curve and its own derivative say the same
+    told = {i for i in range(n_states) if smooth.derived[i] >= 0 or np.any(smooth.derived == i)}
+    keep = [i for i in range(n_states) if i in problem.unknown or i not in told]
     moments = _tested(smooth.states, slope)
     tested = _tested(design_matrix(smooth.values, problem.terms), phi)
     # columns first, as LAPACK wants them: of a long recording a copy would be the largest array
@@ -86,16 +83,14 @@ def _bump(smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
 
 def _tested(series: np.ndarray, phi: np.ndarray) -> np.ndarray:
     """(n_grid, m) -> (n_tests, m): integrals of the columns against every test function."""
-    windows = sliding_window_view(series, len(phi), axis=0)[::TEST_STRIDE]
-    return windows @ phi
+    return sliding_window_view(series, len(phi), axis=0)[::TEST_STRIDE] @ phi
 
 
 def _covariance(
     problem: Problem, smooth: Smooth, coefficients: np.ndarray, usable: np.ndarray, keep: list[int]
 ) -> np.ndarray:
-    """Covariance of the rows by test and by kept equation, as lower bands (width, n_rows).
-
-    usable: (n_tests,); the rows of the other tests, all zero, get a variance of one.
+    """Covariance of the rows by test and by kept equation, as lower bands (width, n_rows). usable:
+    (n_tests,); the rows of the other tests, all zero, get a variance of one.
     """
     n_tests, n_rows, width = len(usable), len(keep), len(_bump(smooth)[0])
     reach = (width - 1) // TEST_STRIDE
@@ -126,9 +121,8 @@ def _covariance(
 def _noise_influence(
     problem: Problem, smooth: Smooth, points: slice, coefficients: np.ndarray
 ) -> np.ndarray:
-    """(n_tests, n_states, n_states, n_points): derivative of each row by unit noise samples.
-
-    points: those of the grid that the tests reach.
+    """(n_tests, n_states, n_states, n_points): derivative of each row by unit noise samples, at
+    `points` of the grid, which the tests reach.
     """
     n_states, table, (phi, slope) = smooth.states.shape[1], problem.tables, _bump(smooth)
     signals = problem.signals(smooth.states[points], smooth.inputs[points])
@@ -155,12 +149,9 @@ def _noise_influence(
     return influence * sigma[:, None]
 
 
-MOST_MISFIT = 3.0  # chi^2 per row: linearised errors explain no more
-
-
 @dataclass(frozen=True)
 class WeakFit:
-    """Candidates' coefficients, their support, the normal equations and the misfit per row."""
+    """Candidates' coefficients and support, with normal equations and misfit per row."""
 
     free: np.ndarray
     support: np.ndarray
@@ -199,21 +190,15 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     covariance of the rows is singular.
     """
     n = len(problem.candidates)
-    support = np.ones(n, bool)
+    support = every = np.ones(n, bool)
     coefficients = None
     smoothed = [one for one in smoothed if len(one.time) >= GRID_PER_PERIOD]  # as test functions
     for _ in range(1 + 3):  # after three weighings coefficients move by less than their errors
         passing("start from the weak form")
-        spend(_seconds(n, smoothed))
-        systems = [whitened_weak_form(problem, one, coefficients) for one in smoothed]
-        information = sum((a.T @ a for a, _ in systems), np.zeros((n, n)))
-        right = sum((a.T @ b for a, b in systems), np.zeros(n))
-        total = sum(float(b @ b) for _, b in systems)
-        n_rows = sum(len(b) for _, b in systems)
-        information, right = problem.with_prior(information, right)
+        *system, total, n_rows = _regression(problem, smoothed, coefficients)
+        information, right = problem.with_prior(*system)
         if coefficients is not None:
-            every = [np.ones(n, bool)]
-            support = select(information, right, every, penalty, problem.chosen_about())
+            support = select(information, right, [every], penalty, problem.chosen_about())
         if not np.any(np.diag(information)):
             raise Unusable("no stretch of a period of the recordings is free of gaps")
         free, _ = solve_support(information, right, support)
@@ -222,9 +207,18 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     return WeakFit(free, support, information, right, max(misfit, 0.0))
 
 
-def _seconds(n: int, smoothed: list[Smooth]) -> float:
-    """That n candidates take to be whitened, as `spend` counts them."""
-    return (6e-8 + 5e-11 * n) * n * sum(len(one.time) for one in smoothed)
+def _regression(
+    problem: Problem, smoothed: list[Smooth], coefficients: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, float, int]:
+    """Normal equations of the weak form, (n, n) and (n,), the sum of squares and number of rows."""
+    n = len(problem.candidates)
+    information, right, total, rows = np.zeros((n, n)), np.zeros(n), 0.0, 0
+    for one in smoothed:
+        spend((6e-8 + 5e-11 * n) * n * len(one.time))
+        a, b = whitened_weak_form(problem, one, coefficients)
+        information, right = information + a.T @ a, right + a.T @ b
+        total, rows = total + float(b @ b), rows + len(b)
+    return information, right, total, rows
 
 
 @dataclass(frozen=True)
@@ -256,7 +250,7 @@ class Start:
 
 
 def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
-    """The start from recordings. share: as in `prepared`. Raises what it and `weak_fit` raise."""
+    """share: as in `prepared`. Raises what it and `weak_fit` raise."""
     cleaned, smoothed, period = prepared(recordings, share)
     penalty = 2.0 * np.log(sum(recording.samples for recording in cleaned))
     fit, samples = weak_fit(problem, smoothed, penalty), sum(one.samples for one in recordings)
@@ -269,20 +263,18 @@ def rough_fit(start: Start) -> WeakFit:
     The longer a motion has settled, the more the errors of the weak form, small but the same in
     every period, outweigh what the rest of a recording says about motions beside that one.
     """
-    problem = start.problem
-    stretches = [_telling(problem, one, start.period) for one in start.smoothed]
+    stretches = [_telling(start.problem, one, start.period) for one in start.smoothed]
     if all(own is one for own, one in zip(stretches, start.smoothed, strict=True)):
         return start.fit
-    return weak_fit(problem, stretches, start.penalty)
+    return weak_fit(start.problem, stretches, start.penalty)
 
 
 def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
     """The stretch of some 1,000 periods in which the moments of the library are most diverse: their
     determinant is the largest (D-optimality, J. Kiefer and J. Wolfowitz, 1960).
 
-    The curve itself where it is shorter than two of them. Measured: of the default line's 70
-    candidates, 14 of them true, the weak form keeps 25 over the first 1,000 periods, and 63 over
-    40,000, with which the model diverges.
+    The curve itself where it is shorter than two of them. Of the default line's 70 candidates, 14
+    of them true, the weak form keeps 25 over the first 1,000 periods, and over 40,000 63.
     """
     count = int((smooth.time[-1] - smooth.time[0]) / (1000 * period))
     if count < 2:
@@ -303,26 +295,24 @@ def delayed_inputs(start: Start) -> dict[str, float]:
     """By name, inputs with which the motion goes along at other times than theirs, and by how many
     s they are late.
 
-    Looked for within LATEST of the shortest periods, with all candidates, no model being needed
+    Looked for within four of the shortest periods, with all candidates, no model being needed
     that nearly follows. Named is what takes most of the misfit beyond the noise away.
     """
     problem, n = start.problem, len(start.problem.candidates)
     weighed, found = problem.coefficients(start.fit.free), {}
 
     def misfit(k: int, late: float) -> tuple[float, int]:
-        total, rows, information, right = 0.0, 0, np.zeros((n, n)), np.zeros(n)
+        moved = []
         for recording, one in zip(start.recordings, start.smoothed, strict=True):
             inputs = one.inputs.copy()
             inputs[:, k] = extrapolated(recording.inputs[problem.inputs[k]], one.time + late)
-            spend(_seconds(n, [one]))
-            a, b = whitened_weak_form(problem, replace(one, inputs=inputs), weighed)
-            information, right = information + a.T @ a, right + a.T @ b
-            total, rows = total + float(b @ b), rows + len(b)
+            moved.append(replace(one, inputs=inputs))
+        information, right, total, rows = _regression(problem, moved, weighed)
         return total - float(solve_support(information, right, np.ones(n, bool))[0] @ right), rows
 
     for k, name in enumerate(problem.inputs):
         (now, rows), best, step = misfit(k, 0.0), 0.0, start.period / 2.0
-        for reach in (2 * LATEST, 1, 1, 1, 1):
+        for reach in (8, 1, 1, 1, 1):
             tried = best + step * np.arange(-reach, reach + 1)
             told = [misfit(k, late)[0] for late in tried]
             best, step = float(tried[np.argmin(told)]), step / 2.0
@@ -354,13 +344,11 @@ def weak_gls(
         start = start or begin(problem, used)
         fit, more = start.fit, max(start.fit.misfit, 1.0)
         if fit.misfit >= MOST_MISFIT:
-            why = f"model inadequate or noise correlated: misfit {fit.misfit:.2f}"
-            return refused(problem, why)
+            raise Unusable(f"model inadequate or noise correlated: misfit {fit.misfit:.2f}")
+        system = fit.information / more, fit.right / more
         found = judged(
             problem,
-            Regression(
-                fit.information / more, fit.right / more, fit.support, start.penalty, start.largest
-            ),
+            Regression(*system, fit.support, start.penalty, start.largest),
             recordings=start.recordings,
             period=start.period,
             initial_states=np.array([one.states[0] for one in start.smoothed]),

@@ -13,7 +13,13 @@ from scipy.sparse import csr_array
 
 from galloping.identification.model import Unusable
 from galloping.identification.sparse.regression import Regression, regression, stretches
-from galloping.identification.sparse.tuning import Setting, best_setting, smoothings, test_functions
+from galloping.identification.sparse.tuning import (
+    Setting,
+    best_setting,
+    settings,
+    smoothings,
+    test_functions,
+)
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
 
@@ -47,10 +53,8 @@ def with_missing_samples(recording: Recording) -> Recording:
     steps = np.diff(recording.time)
     places = np.r_[0.0, np.cumsum(steps)] / steps.min()
     count = round(places[-1]) + 1
-    on_grid = np.all(np.abs(places - np.rint(places)) < ON_GRID) and count <= MOST_MISSING * len(
-        places
-    )
-    if count == len(places) or not on_grid:
+    on_grid = np.all(np.abs(places - np.rint(places)) < ON_GRID)
+    if count == len(places) or not on_grid or count > MOST_MISSING * len(places):
         return recording
     time = np.linspace(recording.time[0], recording.time[-1], count)
     values = _at(_splines(recording.time, recording.values)[0], time)
@@ -144,13 +148,11 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
     plain = regression(blocks, observations, states, terms)
-    settings = smoothings(recordings, terms)
-    tuned = best_setting(settings).reduced if settings else plain
-    return Regressions(plain, tuned, tuple(settings))
+    tried = settings(recordings, terms, smoothings)
+    return Regressions(plain, best_setting(tried).reduced if tried else plain, tuple(tried))
 
 
 def _complete(recording: Recording) -> Recording:
-    """The recording. Raises ValueError where a state is missing."""
     if not np.all(np.isfinite(recording.values)):
         raise Unusable("recording: sparse regression needs every state at every sample")
     return recording
@@ -170,7 +172,6 @@ def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...])
     """Weak forms of recordings of one system: integrals against test functions, not derivatives.
 
     Weak SINDy (Messenger and Bortz 2021; Reinbold et al. 2020) with pysindy's test functions.
-
     Raises ValueError for irregular, short or missing samples.
     """
     for recording in recordings:
@@ -178,8 +179,8 @@ def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...])
             raise Unusable("needs a regularly sampled recording")
         if not np.all(np.isfinite(recording.values)):
             raise Unusable("needs every state at every sample")
-    settings = test_functions(recordings, terms)
-    if not settings:
+    tried = settings(recordings, terms, test_functions)
+    if not tried:
         raise Unusable("the recording is too short for its test functions")
-    chosen = best_setting(settings).reduced
-    return Regressions(chosen, chosen, tuple(settings))
+    chosen = best_setting(tried).reduced
+    return Regressions(chosen, chosen, tuple(tried))

@@ -55,23 +55,6 @@ class Setting:
         return replace(reduced, held_out=self.held_out)
 
 
-def smoothings(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> list[Setting]:
-    """One for each window and order of Savitzky-Golay filters on states and slopes.
-
-    Empty where derivatives were measured, samples are not equally spaced, or the stretches of a
-    recording are too short to be held out.
-    """
-    return _tried(recordings, terms, _smoothed)
-
-
-def test_functions(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> list[Setting]:
-    """One in the weak form for each length and order of test functions.
-
-    They stand on the rows that `smoothings` keep; empty where those are.
-    """
-    return _tried(recordings, terms, _weak)
-
-
 def best_setting(settings: Sequence[Setting]) -> Setting:
     """The one whose models, grown term by term, err least on held-out stretches.
 
@@ -183,30 +166,39 @@ class _Frame:
         stretches = zip(self.centres, self._raw, strict=True)
         return _products((_integrals(library, self.weights, c), raw) for c, raw in stretches)
 
-    def setting(self, rows: Callable[[], Block], judge_of: Callable) -> Setting:
-        """Of `rows`, which makes a library and targets. judge_of: its `held_out` of the library."""
+    def setting(self, rows: Callable[[], Block], held_out: np.ndarray | None = None) -> Setting:
+        """Of `rows`, which makes a library and targets. held_out: of the library, where known."""
         library, targets = rows()
+        held_out = self.held_out(library) if held_out is None else held_out
         blocks = self._stretches(library, targets)
-        return Setting(
-            self.states, self.terms, _products(blocks), judge_of(library),
-            (lambda: self._stretches(*rows()),),
-        )  # fmt: skip
+        again = (lambda: self._stretches(*rows()),)
+        return Setting(self.states, self.terms, _products(blocks), held_out, again)
 
     def _stretches(self, library: np.ndarray, targets: np.ndarray) -> list[Block]:
         return [(library[each], targets[each]) for each in self.stretches]
 
 
-def _tried(recordings, terms, applied: Callable) -> list[Setting]:
+def settings(
+    recordings: Sequence[Recording],
+    terms: tuple[Exponents, ...],
+    applied: Callable[[_Frame], Iterator[Setting]],
+) -> list[Setting]:
+    """Those of all recordings together. applied: `smoothings` or `test_functions`.
+
+    Empty where derivatives were measured, samples are not equally spaced, or the stretches of a
+    recording are too short to be held out.
+    """
     if not all(r.derivatives is None and r.is_uniform for r in recordings):
         return []
     period = min(map(_period, recordings))
     frames = [_Frame(recording, period, terms) for recording in recordings]
     if not all(len(centres) for frame in frames for centres in frame.centres):
-        return []  # a stretch is too short to be held out
+        return []
     return [_joined(parts) for parts in zip(*map(applied, frames), strict=True)]
 
 
-def _smoothed(frame: _Frame) -> Iterator[Setting]:
+def smoothings(frame: _Frame) -> Iterator[Setting]:
+    """One for each window and order of Savitzky-Golay filters on states and slopes."""
     windows = 2 * (np.geomspace(SMALLEST, frame.samples, WINDOWS) / 2).astype(int) + 1
     filtered = Filtered(frame.values, windows[-1])
 
@@ -216,10 +208,11 @@ def _smoothed(frame: _Frame) -> Iterator[Setting]:
         return design_matrix(states, frame.terms), slopes
 
     for window, order in product(windows.tolist(), ORDERS):
-        yield frame.setting(partial(rows, window, order), frame.held_out)
+        yield frame.setting(partial(rows, window, order))
 
 
-def _weak(frame: _Frame) -> Iterator[Setting]:
+def test_functions(frame: _Frame) -> Iterator[Setting]:
+    """One in the weak form for each length and order of test functions."""
     raw = design_matrix(frame.values, frame.terms)
     halves = [max(2, int(share * frame.samples)) for share in HALF_WIDTHS]
     longest = 2 * halves[-1] + 1
@@ -231,7 +224,7 @@ def _weak(frame: _Frame) -> Iterator[Setting]:
         return library(weights, frame.rows), states(slopes, frame.rows)
 
     for half, order in product(halves, ENDS):
-        yield frame.setting(partial(rows, half, order), lambda _: held_out)
+        yield frame.setting(partial(rows, half, order), held_out)
 
 
 def _joined(parts: Sequence[Setting]) -> Setting:
