@@ -18,8 +18,8 @@ from galloping.field.file_table import FileError
 from galloping.field.forecast import check_followed, forecast, held_out, with_factors
 from galloping.field.mapping import validated
 from galloping.field.summary import Summary, longest_period
-from galloping.identification.likelihood.repetition import only_repeats
 from galloping.identification.likelihood.screening import smooth_without_outliers
+from galloping.identification.likelihood.verdict import only_repeats
 from galloping.identification.random_forces.start import wavers
 from galloping.polynomial import PolynomialModel, design_matrix, library
 

@@ -8,9 +8,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.identification.likelihood.inputs import FEWEST
-from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.smoothing import shortest_period
+from galloping.identification.likelihood.smoothing import shortest_period, with_integrals
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.random_forces import if_moved_at_random
 from galloping.identification.random_forces.start import wavers

@@ -20,7 +20,7 @@ from galloping.field.quality import QUIET, SHOWN, peaks_of, spectrum
 from galloping.field.reasons import HELPS, PLACES, WIND, plain_reasons
 from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, meaning, plain_unit
-from galloping.identification.likelihood.repetition import REPEATS
+from galloping.identification.likelihood.verdict import REPEATS
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.tracking import Forces
 from galloping.polynomial import term_name, velocity_pairs

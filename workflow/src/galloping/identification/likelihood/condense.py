@@ -1,10 +1,4 @@
-"""Sufficient statistics of a recording on short windows.
-
-Within a window of a twelfth of the shortest period the states are almost quadratic in time, so
-the projections of a channel's samples on the first few polynomials, orthonormal over the
-samples themselves, keep what the samples say about the states; the rest is noise, and measures
-it. This works for any sampling: irregular times, missing samples, missing channels.
-"""
+"""Sufficient statistics of a recording on short windows, where states are almost quadratic."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +9,7 @@ from numba import njit
 from galloping.identification.work import spend
 from galloping.taylor import ORDER, System, integrate
 
-# Projections. Three a window hold all that samples tell of a motion that turns by a twelfth of a
+# Three projections a window hold all that samples tell of a motion that turns by a twelfth of a
 # period in it; Taylor series of `taylor.ORDER` are then good to TRUNCATION, relative to each state:
 # below the noise of any sensor.
 WINDOWS_PER_PERIOD, ROWS = 12, 3

@@ -1,7 +1,5 @@
-"""The model that errs least when it runs freely over a recording that inputs drive.
-
-The phase of such a motion is that of its inputs: what the model misses does not add up, as it does
-in a limit cycle, and the whole recording is one stretch (simulation error, or output error).
+"""The model that errs least when it runs freely over a recording that inputs drive: the phase is
+that of the inputs, and what the model misses does not add up (simulation error, or output error).
 """
 
 from collections.abc import Iterable, Iterator

@@ -1,9 +1,8 @@
-"""Tests of a fit for faults of the sensors and for forces that the model does not know.
+"""Score tests of a fit for faults of the sensors and for forces that the model does not know.
 
 Each fault is a parameter that the fit holds at zero; its score (Lagrange multiplier) says how far
-the data pull it away, without another fit. Faults that add noise show in the variance of the
-residuals, unknown forces in how badly the segments of the recording join up
-(C. R. Rao, 1948; T. S. Breusch and A. R. Pagan, 1979).
+the data pull it away, without another fit (C. R. Rao, 1948; T. S. Breusch and A. R. Pagan, 1979).
+Noise shows in the variance of the residuals, forces in how badly the segments join up.
 """
 
 from dataclasses import dataclass, replace

@@ -1,12 +1,8 @@
-"""Identification where no model of the library follows the data to the noise.
-
-The equations hold up to a disturbance: from one segment to the next the state may jump, by an
-amount proportional to the motion, whose covariance is estimated with the coefficients
-(weak-constraint estimation; Y. Tremolet, Q. J. R. Meteorol. Soc. 132, 2006; expectation
-maximisation of the covariance). What is missed within segments is noise with the spectrum that the
-residuals have. Where the model is nearly right the jumps vanish and the record
-counts as one; where it is not, each stretch counts for itself. How many terms the model deserves,
-how sure they are and what the model predicts is judged on stretches that were left out of the fit.
+"""Identification where no model of the library follows the data to the noise: the equations hold up
+to jumps of the state between segments, in proportion to the motion, whose covariance is estimated
+with the coefficients (expectation maximisation), and to a misfit of the spectrum that residuals
+have. How many terms the model deserves, how sure they are and what it predicts is judged on
+stretches that were left out of the fit.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,7 @@
 """Channels that measure the rate of a state, such as accelerometers: offsets, scales, noise.
 
-They count as samples of the solution's derivative. Their constant offset and slow drift, and the
-unknown scale of a channel of values, are told from the other channels before the fit: what is slow
-in the difference to the smooth curve's slope is offset, for the curve itself has no such slope.
+What is slow in their difference to the smooth curve's slope is offset, for the curve itself has no
+such slope.
 """
 
 from dataclasses import replace
@@ -11,8 +10,13 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import legvander
 
-from galloping.identification.likelihood.integrals import DRIFT_DEGREE, sampled_rates, undisplaced
-from galloping.identification.likelihood.smoothing import Smooth, distance_to
+from galloping.identification.likelihood.smoothing import (
+    DRIFT_DEGREE,
+    Smooth,
+    distance_to,
+    sampled_rates,
+    undisplaced,
+)
 from galloping.identification.likelihood.weak_gls import Start
 from galloping.identification.model import Unusable
 from galloping.polynomial import velocity_pairs

@@ -1,11 +1,6 @@
-"""Multiple shooting over condensed recordings: linearised misfit, matching and elimination.
-
-A recording is cut into segments, each with its own initial state; segments in one chain must
-match, an end with the next start. Linearised, the matching expresses every segment's state by
-the coefficients and the chain's first state, which is then eliminated (Schur complement), so
-that a Gauss-Newton step is a regression on the coefficients alone, ready for selection. Chains
-of one segment leave all segment states free; one chain per recording is, at convergence, single
-shooting (H. G. Bock, 1983).
+"""Multiple shooting over condensed recordings (H. G. Bock, 1983): linearised misfit, matching and
+elimination, so that a Gauss-Newton step is a regression on the coefficients alone. Chains of one
+segment leave all segment states free; one chain per recording is, at convergence, single shooting.
 """
 
 from dataclasses import dataclass, replace

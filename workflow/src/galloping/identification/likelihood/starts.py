@@ -1,8 +1,7 @@
 """Where an identification starts from at a time scale, in order: positions of rest, terms.
 
 Moved along a displacement that no channel measures, a polynomial model is another one that follows
-velocities and accelerations as well: that which rests at zero, without constants, is meant, and
-how far the middle of the motion lies from there is tried. The weak form gives the terms.
+velocities and accelerations as well: that which rests at zero, without constants, is meant.
 """
 
 from collections.abc import Iterator
@@ -10,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.likelihood.integrals import undisplaced
 from galloping.identification.likelihood.problem import Problem
 from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.likelihood.smoothing import undisplaced
 from galloping.identification.likelihood.weak_gls import Start, WeakFit, rough_fit, weak_fit
 from galloping.identification.model import BY_TERM, IdentifiedModel
 

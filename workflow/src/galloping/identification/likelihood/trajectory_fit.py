@@ -1,8 +1,4 @@
-"""From a rough start to the trajectory that follows the recordings: free segments, then joined.
-
-A Gauss-Newton step moves all coefficients and the first states of all segments, and chooses the
-terms on the way.
-"""
+"""From a rough start to the trajectory that follows the recordings: free segments, then joined."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -38,7 +34,6 @@ PERIODS_PER_SEGMENT = 6  # short enough for a rough start to converge from
 CLOSE = 1.5  # chi^2 per row below which a fit is good enough to choose terms by
 MOST_PASSES = 20  # with joined segments
 CONVERGED = 0.01  # squared length of a step, in standard deviations
-
 DIVERGES = "no model found that follows the data: the iteration diverges"
 
 

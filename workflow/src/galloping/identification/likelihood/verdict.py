@@ -4,6 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
 from scipy.special import chdtri
 
 from galloping.identification.likelihood.instrument import GUSTS
@@ -15,7 +17,6 @@ from galloping.identification.likelihood.plausible import (
     with_prior,
 )
 from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.repetition import REPEATS, only_repeats
 from galloping.identification.likelihood.selection import (
     Whitened,
     added_deviation,
@@ -25,12 +26,15 @@ from galloping.identification.likelihood.selection import (
 )
 from galloping.identification.model import RANGE, IdentifiedModel
 from galloping.intervals import QUANTILES_90
+from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
+from galloping.taylor import solution
 
 # Weight that the plausible supports without one of the terms found may have together: at most one
 # in fifty of all models that are `ok` holds a false term. Measured on 982 fits to random lines
 # (seed 314159): 11 of 692 hold a false term; with 0.3 it would be 17 of 711.
 MOST_RIVAL_WEIGHT = 0.2
+REPEATS = "the motion only repeats, and other equations have the same limit cycle"
 FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noise
 
 
@@ -273,3 +277,68 @@ def _rival(problem: Problem, plausible: Plausible) -> tuple[float, str]:
     gone = problem.named(np.flatnonzero(support & ~other))
     instead = problem.named(np.flatnonzero(other & ~support)) or "nothing"
     return float(lacking.sum()), f"{gone} from {instead} (chi2 {rise:+.1f})"
+
+
+def only_repeats(
+    model: PolynomialModel, starts: np.ndarray, recordings: Sequence[Recording], period: float
+) -> bool:
+    """Whether all that was recorded is the same orbit again and again, as the model has it.
+
+    Two tones without a common period come near to themselves once, but not at its multiples.
+    starts: (n_recordings, n_states), the first state of each. period: the shortest of the motion,
+    s. What inputs drive is no orbit, nor is what diverges.
+    """
+    return not model.inputs and all(
+        _repeats(model, start, float(np.ptp(one.time)), period)
+        for start, one in zip(starts, recordings, strict=True)
+    )
+
+
+def _repeats(model: PolynomialModel, start: np.ndarray, duration: float, period: float) -> bool:
+    """Whether standardised states return to themselves over two thirds of the time.
+
+    Sought is the delay, up to a third of the time, after which they differ least, beyond the first
+    after which they differ less than a little earlier: among samples by a fifth of their size, at
+    its best by a hundredth. What repeats over 500 periods goes on as it does.
+    """
+    samples = 60  # a period, each of at most 64 steps of the integration
+    time = np.arange(0.0, min(duration, 500 * period), period / samples)
+    try:
+        most = 64 * (len(time) // samples + 1)
+        states, _, _ = solution(model, (), start, time, period, most)
+    except FloatingPointError:
+        return False
+    if not np.all(np.isfinite(states)):
+        return False
+    states = (states - states.mean(axis=0)) / np.fmax(states.std(axis=0), np.finfo(float).tiny)
+    apart = _apart(states)
+    falling = np.flatnonzero(np.diff(apart) < 0.0)
+    if not len(falling) or (least := apart[falling[0] :].min()) > 0.2:
+        return False
+    step, last = time[1] - time[0], time[-1]
+    best = step * float(np.argmax(apart == least))
+    curve = CubicSpline(time, states)
+
+    def differ(delay: float) -> float:
+        kept = time[time <= last - delay]
+        return float(np.sqrt(np.mean((curve(kept + delay) - states[: len(kept)]) ** 2)))
+
+    for times in (1, int(last * 2 / 3 // best)):
+        width = times * step
+        best = minimize_scalar(
+            differ, bounds=(times * best - width, times * best + width), method="bounded"
+        ).x
+    return differ(best) < 0.01
+
+
+def _apart(states: np.ndarray) -> np.ndarray:
+    """Root mean square by which states (n, n_states) differ from themselves n samples later, of n
+    up to a third of all.
+    """
+    count, size = len(states), 2 * len(states)
+    spectrum = np.fft.rfft(states, size, axis=0)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[: count // 3].sum(axis=1)
+    squares = np.concatenate([[0.0], np.cumsum(np.sum(states**2, axis=1))])
+    later = np.arange(count // 3)
+    sums = squares[count - later] + squares[count] - squares[later] - 2.0 * products
+    return np.sqrt(np.maximum(sums, 0.0) / (count - later) / states.shape[1])

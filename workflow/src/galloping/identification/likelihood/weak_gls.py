@@ -1,9 +1,8 @@
 """Weak form by generalised least squares: a fast method of its own, and the start of others.
 
 Each equation, tested with bump functions phi, reads <phi', x_i> + <phi, f_i(x)> = 0, whitened by
-the covariance of the measurement noise. A known equation, such as the identity between a
-displacement and its velocity, gives rows without free coefficients; noise common to both kinds of
-rows makes them informative about the others.
+the covariance of the measurement noise. Known equations give rows without free coefficients: noise
+that they share with others makes them informative.
 """
 
 from collections.abc import Sequence
@@ -16,11 +15,15 @@ from scipy.linalg import lapack
 
 from galloping.arrays import one_thread
 from galloping.identification.likelihood.inputs import asked, checked_recordings, driven
-from galloping.identification.likelihood.integrals import with_integrals
 from galloping.identification.likelihood.problem import Problem, largest
 from galloping.identification.likelihood.screening import smooth_without_outliers, without_faults
 from galloping.identification.likelihood.selection import select, solve_support
-from galloping.identification.likelihood.smoothing import GRID_PER_PERIOD, Smooth, shortest_period
+from galloping.identification.likelihood.smoothing import (
+    GRID_PER_PERIOD,
+    Smooth,
+    shortest_period,
+    with_integrals,
+)
 from galloping.identification.likelihood.verdict import Regression, judged, refused, with_inputs
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.work import spend

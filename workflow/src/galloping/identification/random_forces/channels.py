@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.likelihood.integrals import without_drift
+from galloping.identification.likelihood.smoothing import without_drift
 from galloping.identification.model import Unusable
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
