@@ -8,6 +8,8 @@ import pytest
 
 import galloping
 from galloping import Coefficient
+from galloping.identification.likelihood.problem import posed
+from galloping.identification.likelihood.weak_gls import begin, delayed_inputs
 from galloping.recording import Input
 
 TIME = np.arange(1601) / 20.0
@@ -259,3 +261,20 @@ def test_recordings_share_their_inputs_by_name():
     found = galloping.maximum_likelihood([first, twice], CUBIC)
     assert found.status == "ok"
     assert found.model.inputs == ("F",)
+
+
+def test_a_rest_shorter_than_a_test_function_says_nothing_of_delays():
+    """Beside the motion: as where an input is there for a moment only."""
+    rng = np.random.default_rng(5)
+    moving = np.column_stack([np.sin(TIME), np.cos(TIME)]) + 0.01 * rng.normal(size=(len(TIME), 2))
+    short, rest = np.linspace(0.0, 0.5, 120), 0.01 * rng.normal(size=(120, 2))
+    problem = posed(("y", "dy"), DUFFING_TERMS, inputs=("F",))
+
+    def late(*recorded):
+        recordings = [
+            galloping.Recording(time, ("y", "dy"), values, inputs={"F": FORCE})
+            for time, values in recorded
+        ]
+        return delayed_inputs(begin(problem, recordings))
+
+    assert late((TIME, moving), (short, rest)) == late((TIME, moving))

@@ -195,7 +195,6 @@ def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFi
     n = len(problem.candidates)
     support = every = np.ones(n, bool)
     coefficients = None
-    smoothed = [one for one in smoothed if len(one.time) >= GRID_PER_PERIOD]  # as test functions
     for _ in range(1 + 3):  # after three weighings coefficients move by less than their errors
         passing("start from the weak form")
         *system, total, n_rows = _regression(problem, smoothed, coefficients)
@@ -217,6 +216,8 @@ def _regression(
     n = len(problem.candidates)
     information, right, total, rows = np.zeros((n, n)), np.zeros(n), 0.0, 0
     for one in smoothed:
+        if len(one.time) < GRID_PER_PERIOD:
+            continue  # shorter than a test function
         spend((6e-8 + 5e-11 * n) * n * len(one.time))
         a, b = whitened_weak_form(problem, one, coefficients)
         information, right = information + a.T @ a, right + a.T @ b

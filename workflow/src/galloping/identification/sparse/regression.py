@@ -17,9 +17,7 @@ import numpy as np
 from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.polynomial import Exponents, PolynomialModel
 
-# Contiguous stretches of a recording that are reduced separately, for the bootstrap and for
-# cross-validation.
-BLOCKS = 10
+BLOCKS = 10  # stretches of a recording, reduced separately: for bootstrap and cross-validation
 FOLDS = 5  # every fifth of them is left out at a time
 ROUNDING = 1e-13  # share of a sum of squares below which a difference of such sums is nothing
 Path = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -106,14 +104,9 @@ def regression(
     terms: tuple[Exponents, ...],
 ) -> Regression:
     """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
-    libraries, targets = [], []
-    for library, target in blocks:
-        p = library.shape[1]
-        factor = _triangle(np.column_stack([library, target]))
-        libraries.append(factor[:, :p])
-        targets.append(factor[:, p:])
-    library, target = np.concatenate(libraries), np.concatenate(targets)
-    return Regression(library, target, np.asarray(observations), states, terms)
+    factors = np.concatenate([_triangle(np.column_stack(block)) for block in blocks])
+    library, targets = map(np.ascontiguousarray, np.hsplit(factors, [len(terms)]))
+    return Regression(library, targets, np.asarray(observations), states, terms)
 
 
 def _triangle(rows: np.ndarray) -> np.ndarray:

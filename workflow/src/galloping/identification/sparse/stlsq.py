@@ -80,9 +80,8 @@ def raw(
 def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np.ndarray:
     """Models (f, m, k, p) of problems with unit columns, at all RIDGES and thresholds (path)."""
     ridges = np.multiply.outer(RIDGES, np.eye(grams.shape[1]))[:, np.newaxis]
-    thresholds = np.tile(path, (moments.shape[1], 1))
     each = np.broadcast_to(moments, (len(RIDGES), *moments.shape))
-    supports = thresholded_supports(grams + ridges, each, thresholds)
+    supports = thresholded_supports(grams + ridges, each, path)
     return solve(grams, moments, np.concatenate(supports, axis=2))
 
 

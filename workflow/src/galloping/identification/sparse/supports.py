@@ -2,8 +2,7 @@
 
 import numpy as np
 
-# A term that moves its state derivative by less than this share is beyond any sensor.
-NEGLIGIBLE = 1e-4
+NEGLIGIBLE = 1e-4  # share of a state derivative: a term that moves it by less is beyond any sensor
 COLLINEAR = 1e-12  # of a unit column's square: what rounding leaves of one that others make up
 
 
@@ -67,8 +66,8 @@ def thresholded_supports(
     """Fixed points of sequentially thresholded least squares (Brunton et al. 2016).
 
     gram (..., p, p) and moments (..., m, p) as in `solve`, a ridge on the diagonal if there is one.
-    thresholds: (m, k); weights: (p,), a term stays while |coefficient| * weight >= threshold.
-    Returns (..., m, k, p) supports.
+    thresholds: (m, k), or (k,) for all targets; weights: (p,), a term stays while |coefficient| *
+    weight >= threshold. Returns (..., m, k, p) supports.
     """
     shape = (*moments.shape[:-1], thresholds.shape[-1])
     least = np.broadcast_to(thresholds, shape).reshape(-1, 1)
