@@ -6,9 +6,15 @@ import pytest
 from galloping.identification.likelihood.plausible import Plausible, with_prior
 from galloping.identification.likelihood.problem import Prior, Problem, posed
 from galloping.identification.likelihood.selection import select
-from galloping.identification.likelihood.verdict import Regression, judged, laws_untold
+from galloping.identification.likelihood.verdict import (
+    Regression,
+    judged,
+    laws_untold,
+    only_repeats,
+)
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
+from galloping.recording import Recording
 
 TERMS = tuple((k,) for k in range(12))
 PROBLEM = posed(("x",), TERMS)
@@ -189,3 +195,11 @@ def test_a_law_that_one_mean_wind_does_not_tell_is_said() -> None:
 
     assert said(0.05) == "U from 9.5 to 10.5 hardly tells how dq in d(dq)/dt changes with it"
     assert said(0.01) == said(np.nan) == ""
+
+
+def test_an_orbit_of_a_whole_number_of_samples_repeats() -> None:
+    """It comes back to itself exactly, as far as numbers tell."""
+    oscillator = PolynomialModel(("q", "dq"), ((1, 0), (0, 1)), [[0, 1], [-1, 0]])
+    time = np.linspace(0.0, 33 * 2.0 * np.pi, 500)
+    recording = Recording(time, ("q", "dq"), np.column_stack([np.cos(time), -np.sin(time)]))
+    assert only_repeats(oscillator, np.array([[1.0, 0.0]]), [recording], 2.0 * np.pi)

@@ -313,10 +313,13 @@ def _repeats(model: PolynomialModel, start: np.ndarray, duration: float, period:
     states = (states - states.mean(axis=0)) / np.fmax(states.std(axis=0), np.finfo(float).tiny)
     apart = _apart(states)
     falling = np.flatnonzero(np.diff(apart) < 0.0)
-    if not len(falling) or (least := apart[falling[0] :].min()) > 0.2:
+    if not len(falling):
+        return False
+    nearest = falling[0] + np.argmin(apart[falling[0] :])
+    if apart[nearest] > 0.2:
         return False
     step, last = time[1] - time[0], time[-1]
-    best = step * float(np.argmax(apart == least))
+    best = step * float(nearest)
     curve = CubicSpline(time, states)
 
     def differ(delay: float) -> float:
