@@ -68,8 +68,7 @@ def with_prior(problem: Problem, plausible: Plausible) -> Plausible:
 
     It settles ties, but speaks neither against a support of fewer terms than the selected one nor
     against one of more terms whose chi^2 is lower by 5: what low degrees imitate with another
-    number of terms is no tie. Of 252 fits (seed 20261211) 161 are `ok`, 1 wrong; with 3, 153 and 2;
-    were the prior always heard, 172 and 3.
+    number of terms is no tie.
     """
     if problem.prior is None:
         return plausible

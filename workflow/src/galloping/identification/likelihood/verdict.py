@@ -31,8 +31,7 @@ from galloping.recording import Recording
 from galloping.taylor import solution
 
 # Weight that the plausible supports without one of the terms found may have together: at most one
-# in fifty of all models that are `ok` holds a false term. Measured on 982 fits to random lines
-# (seed 314159): 11 of 692 hold a false term; with 0.3 it would be 17 of 711.
+# in fifty of all models that are `ok` holds a false term (docs/identification_parts.csv).
 MOST_RIVAL_WEIGHT = 0.2
 REPEATS = "the motion only repeats, and other equations have the same limit cycle"
 FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noise
@@ -256,11 +255,7 @@ def hidden_term(
     asked = ~support & (degrees <= np.maximum(simplest, 1))
     share = np.where(asked, limits / np.maximum(largest, np.finfo(float).tiny), 0.0)
     k = int(np.argmax(share))
-    # measured (seed 777001), the prior always heard: of Lorenz as in `trials.published` 140 of 178
-    # models would be `ok` without this, of which 29 lack a term or have a false one; with 0.4, 107
-    # and 2, with 0.25, 89 and none. Of a cubic oscillator with 40 % noise 5 of 6, all wrong; with
-    # 0.4 one, with 0.25 none. Of ten published systems 94 of 97 sound ones stay, of random lines 38
-    if share[k] < 0.25:
+    if share[k] < 0.25:  # docs/identification_parts.csv has what 0.4 did
         return ""
     much = "all" if share[k] >= 1.0 else f"{100.0 * share[k]:.0f} %"
     return f"{problem.named([k])} may be missing: the data would not show {much} of its equation"
