@@ -8,7 +8,7 @@ from galloping.bounds import Experiment, state_bound
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.problem import posed
 from galloping.identification.likelihood.weak_gls import begin, rough_fit, weak_gls
-from galloping.polynomial import PolynomialModel
+from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 
 LINE = line()
@@ -167,3 +167,12 @@ def test_a_long_recording_starts_from_where_its_motion_grows(order: int) -> None
     alone, misled = (begin(problem, [one]).fit.free for one in (growing, settled))
     assert np.allclose(rough_fit(start).free, alone, atol=0.02)
     assert not np.allclose(misled, alone, atol=0.2)
+
+
+def test_segments_may_all_end_where_a_state_is_zero():
+    """Their mismatch, rounding alone, is in units of the motion, not of what it is there."""
+    time = np.linspace(0.0, 33 * 2.0 * np.pi, 2000)
+    exact = Recording(time, ("x", "dx"), np.column_stack([np.cos(time), -np.sin(time)]))
+    found = maximum_likelihood(exact, library(2, 1))
+    assert found.verdict.startswith("not identifiable: the motion only repeats")
+    assert found.support.tolist() == [[False] * 3, [False, True, False]]

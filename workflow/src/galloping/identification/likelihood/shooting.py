@@ -121,14 +121,14 @@ class Eliminated:
 
     information: (n, n), right: (n,) of the coefficients' change. states: (n_segments, n_states,
     n + 1), the change of each segment's state, linear in the coefficients' change and constant.
-    gap: largest mismatch between segments of a chain, in units of each state's size. fall: of
-    chi^2, when the states alone are moved to their best.
+    gap: (n_states,) largest mismatch between segments of a chain. fall: of chi^2, when the states
+    alone are moved to their best.
     """
 
     information: np.ndarray
     right: np.ndarray
     states: np.ndarray
-    gap: float
+    gap: np.ndarray
     fall: float
 
 
@@ -262,8 +262,7 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
     spend(n_segments * (2 * SEGMENT + 1e-9 * n_states * n**2))
     information, right = linearised.information.copy(), linearised.right.copy()
     states = np.zeros((n_segments, n_states, n + 1))
-    size = np.abs(linearised.ends).max(axis=0) + np.finfo(float).tiny
-    gap, fall = 0.0, 0.0
+    gap, fall = np.zeros(n_states), 0.0
     for begin, end in pairwise(segments.bounds):
         relation = np.hstack([np.zeros((n_states, n)), np.eye(n_states)])
         constant = np.zeros(n_states)
@@ -278,7 +277,7 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
             derivative = linearised.end_derivatives[g]
             if g + 1 < end:
                 mismatch = linearised.ends[g] - starts[g + 1]
-                gap = max(gap, float(np.max(np.abs(mismatch) / size)))
+                gap = np.maximum(gap, np.abs(mismatch))
                 constant = derivative[:, n:] @ constant + mismatch
                 relation = derivative[:, n:] @ relation
                 relation[:, :n] += derivative[:, :n]

@@ -43,7 +43,7 @@ class Step:
 
     information: of the regression on all candidates; right: half the fall of chi^2 with each, at
     the new fit. decrement: squared length of the step, in units of its covariance. gap: largest
-    mismatch of segments before the step.
+    mismatch of segments before the step, in units of each state's size.
     """
 
     before: Fit
@@ -291,7 +291,10 @@ def _gauss_newton(fit: Fit, longest: float | None, cost: np.ndarray | None) -> S
     sigma = np.maximum(np.sqrt(squares / np.maximum(rows - share, 0.2 * rows + 1.0)), record.floor)
     moved = replace(moved, sigma=sigma, chi2=float(np.sum(squares / fit.reference**2)))
     decrement = float(change @ information @ change)
-    return Step(fit, moved, information, right - information @ change, decrement, quadratic.gap)
+    # a state may be zero wherever segments end, but for rounding
+    size = np.maximum(abs(linear.ends).max(axis=0), ROUNDING * abs(record.states).max(axis=0))
+    gap = float(np.max(quadratic.gap / (size + np.finfo(float).tiny)))
+    return Step(fit, moved, information, right - information @ change, decrement, gap)
 
 
 def _chosen(fit: Fit, information: np.ndarray, right: np.ndarray, cost: np.ndarray) -> np.ndarray:
