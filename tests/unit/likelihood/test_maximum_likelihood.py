@@ -89,6 +89,8 @@ def test_exact_states_with_noisy_derivatives() -> None:
     assert found.sigma[0, 2:] == pytest.approx(0.15, rel=0.02)
     errors = scaled_errors(LINE, found, np.sqrt(np.diag(found.covariance)))
     assert np.sqrt(np.mean(errors**2)) < 1.6
+    with_few = maximum_likelihood([recording, recording[:20]], LINE.terms)
+    assert np.array_equal(with_few.model.coefficients, found.model.coefficients)
 
 
 def test_the_non_resonant_line_needs_a_second_recording() -> None:

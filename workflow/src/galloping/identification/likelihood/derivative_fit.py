@@ -21,10 +21,11 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     """Support and coefficients of the unknown equations from measured derivatives.
 
     The noise of each recording's derivatives is estimated from the residuals of the whole
-    library. Rows with a missing value are left out. Refused where an unknown equation has no more
-    complete rows than the library has terms. Approximate where what the model leaves of derivatives
-    goes on from sample to sample, as white noise does not; intervals then are as wide as stretches
-    differ in which way they pull the coefficients, as in `free_run.whole_approximation`.
+    library. Rows with a missing value are left out, and recordings with no more complete rows of an
+    equation than the library has terms; refused where that leaves none. Approximate where what the
+    model leaves of derivatives goes on from sample to sample, as white noise does not; intervals
+    then are as wide as stretches differ in which way they pull the coefficients, as in
+    `free_run.whole_approximation`.
     """
     n = len(problem.candidates)
     information, right = problem.with_prior(np.zeros((n, n)), np.zeros(n))
@@ -43,8 +44,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             rate = recording.derivatives[:, i] - theta @ problem.known[i]
             good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
             if good.sum() <= len(problem.terms):
-                few = f"too few complete samples for d({problem.states[i]})/dt"
-                return refused(problem, few)
+                continue  # they do not tell their noise
             rows, rate = theta[np.ix_(good, columns)], rate[good]
             scale = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
             gap = rate - rows @ (np.linalg.lstsq(rows / scale, rate, rcond=None)[0] / scale)
@@ -55,6 +55,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             squares += float(rate @ rate) / sigma[r, i] ** 2
             samples += len(rate)
             parts.append((block, rows / sigma[r, i], rate / sigma[r, i], sigma[r, i] > floor))
+        if not samples:
+            return refused(problem, f"too few complete samples for d({problem.states[i]})/dt")
         penalty, whole = 2.0 * np.log(samples), np.ones(len(block), bool)
         own = information[np.ix_(block, block)]
         support[block] = select(own, right[block], [whole], penalty, about[block])
