@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from galloping.identification.likelihood.instrument import FORCES
 from galloping.identification.likelihood.plausible import Plausible, with_prior
 from galloping.identification.likelihood.problem import Prior, Problem, posed
 from galloping.identification.likelihood.selection import select
@@ -11,6 +12,7 @@ from galloping.identification.likelihood.verdict import (
     judged,
     laws_untold,
     only_repeats,
+    with_inputs,
 )
 from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import PolynomialModel
@@ -203,3 +205,8 @@ def test_an_orbit_of_a_whole_number_of_samples_repeats() -> None:
     time = np.linspace(0.0, 33 * 2.0 * np.pi, 500)
     recording = Recording(time, ("q", "dq"), np.column_stack([np.cos(time), -np.sin(time)]))
     assert only_repeats(oscillator, np.array([[1.0, 0.0]]), [recording], 2.0 * np.pi)
+
+
+def test_a_refusal_beside_a_measured_wind_names_no_gusts() -> None:
+    none = IdentifiedModel.refused(("x",), ((1, 0), (0, 1)), FORCES, ("U",))
+    assert with_inputs(none, [], []).reason == "forces besides the model act, or terms are missing"

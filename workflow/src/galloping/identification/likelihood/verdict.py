@@ -158,8 +158,11 @@ def with_inputs(
     the power of the input. given: recordings as they came; used: the stretches with inputs.
     """
     names = identified.model.inputs
-    if not names or identified.status == "refused":
+    if not names:
         return identified
+    reason = identified.reason.replace(GUSTS, "")
+    if identified.status == "refused":
+        return replace(identified, reason=reason)
     samples, kept = (sum(one.samples for one in each) for each in (given, used))
     about = {**identified.diagnostics, "without_inputs_share": 1.0 - kept / samples}
     places = np.argwhere(identified.support)
@@ -180,9 +183,7 @@ def with_inputs(
         errors = np.array(getattr(identified, name))
         errors[at] = np.hypot(errors[at], np.sqrt(np.diag(added)))
         wider[name] = errors
-    reason = "; ".join(
-        filter(None, [identified.reason.replace(GUSTS, ""), laws_untold(identified, sizes, about)])
-    )
+    reason = "; ".join(filter(None, [reason, laws_untold(identified, sizes, about)]))
     return replace(identified, reason=reason, diagnostics=about, **wider)
 
 
