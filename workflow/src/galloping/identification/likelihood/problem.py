@@ -7,6 +7,7 @@ from math import isfinite
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from galloping.polynomial import (
     Exponents,
@@ -53,7 +54,7 @@ class Prior:
             if not isinstance(value, int | float) or not 0.0 < value <= 1.0:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
-    def of_complexity(self, complexity: np.ndarray) -> np.ndarray:
+    def of_complexity(self, complexity: NDArray[np.int_]) -> NDArray[np.float64]:
         """Price of terms of such `Problem.complexity` beyond that of linear terms, (n,)."""
         dearer = -2.0 * np.log(self.nonlinear) * complexity
         return np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)
