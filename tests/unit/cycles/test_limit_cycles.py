@@ -192,11 +192,3 @@ def test_equilibria_pass_a_fold():
     assert branch.points[-1].solution.state[0] == pytest.approx(np.sqrt(1.5))
     with pytest.raises(ValueError, match="no equilibrium near the given state"):
         equilibrium_branch(FOLDED, np.zeros(2), -0.5, Range(-1, 1.5))
-
-
-def test_models_must_share_a_library():
-    def model(p):
-        return PolynomialModel(("x",), ((1,),) if p < 0.5 else ((2,),), np.array([[p - 0.2]]))
-
-    with pytest.raises(ValueError, match=r"states or terms change at 0\.5"):
-        equilibrium_branch(Family(model), np.zeros(1), 0.0, Range(0, 1))

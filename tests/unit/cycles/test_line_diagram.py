@@ -26,7 +26,7 @@ CHECKS = {
 
 @cache
 def wind_diagram(name):
-    return diagram(line_family(CASES[name], "wind_speed"), Range(1, 25, ceiling=20), 4)
+    return diagram(line_family(CASES[name], "wind_speed"), Range(1, 25, ceiling=20), np.zeros(4))
 
 
 def stable_cycles(name, wind):

@@ -15,7 +15,7 @@ from galloping import (
 )
 from galloping.identification.model import Unusable
 from galloping.identification.random_forces.low_pass import REACH, low_passed
-from galloping.identification.random_forces.several_modes import slowest_modes
+from galloping.identification.random_forces.several_modes import SeveralModes
 
 TIME = np.arange(12_000) / 20
 SLOW, FAST = {0.4: 0.01, 0.46: 0.012}, {1.2: 0.008, 2.0: 0.006}  # Hz: damping ratio
@@ -92,7 +92,7 @@ def test_harmonics_of_a_limit_cycle_are_no_modes():
     for slow, is_asked in ((swing(TIME, 0.4, 0.01, 1), True), (np.sin(phase), False)):
         asked.clear()
         motion = recorded(slow + 0.3 * np.sin(3 * phase))
-        assert not list(slowest_modes([motion], 2.5, lambda *given: asked.append(given)))
+        assert not list(SeveralModes([motion], 2.5).slowest(lambda *given: asked.append(given)))
         assert bool(asked) == is_asked
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import fields
 from datetime import UTC, datetime
+from functools import partial
 from numbers import Real
 from types import MappingProxyType
 
@@ -111,17 +112,13 @@ class Immutable:
             name: dict(value) if isinstance(value, MappingProxyType) else value
             for name, value in self._held().items()
         }
-        return _made, (type(self), held)
+        return partial(type(self), **held), ()
 
     def _held(self) -> dict[str, object]:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def _key(self) -> tuple:
         return tuple(map(_comparable, self._held().values()))
-
-
-def _made(of: type, held: dict[str, object]) -> object:
-    return of(**held)
 
 
 def _read_only(value: object) -> object:

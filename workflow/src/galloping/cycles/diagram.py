@@ -9,7 +9,7 @@ import numpy as np
 
 from galloping.cycles import continuation, limit_cycles
 from galloping.cycles.continuation import Branch, Range
-from galloping.cycles.family import Family, VectorField
+from galloping.cycles.family import Family
 from galloping.polynomial import design_matrix
 
 # --- equilibria: where they lose stability to galloping (Hopf), fold or branch ---
@@ -52,21 +52,22 @@ class Eigenvalues:
 
 @dataclass(frozen=True)
 class EquilibriumProblem(continuation.Problem):
-    """Equilibria of a vector field. resolution: longest step of the parameter."""
+    """Equilibria of a family. resolution: longest step of the parameter."""
 
-    field: VectorField
+    family: Family
+    n_states: int
     resolution: float
 
     @property
     def metric(self) -> np.ndarray:
-        return np.append(np.ones(self.field.n_states), self.resolution) ** -2.0
+        return np.append(np.ones(self.n_states), self.resolution) ** -2.0
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         return vector
 
     def linearise(self, unknowns: np.ndarray) -> continuation.Linearised:
-        model, x = self.field.model(unknowns[-1]), unknowns[np.newaxis, :-1]
-        slope = self.field.slope(unknowns[-1], self.resolution)
+        model, x = self.family.model(unknowns[-1]), unknowns[np.newaxis, :-1]
+        slope = self.family.slope(unknowns[-1], self.resolution)
         by_value = design_matrix(x, model.terms) @ slope.T
         jacobian = np.column_stack([model.jacobian(x)[0], by_value[0]])
         found = Equilibrium(unknowns)
@@ -112,7 +113,7 @@ def equilibrium_branch(
     upward: whether the parameter grows at first. Raises ValueError where there is no equilibrium
     near the state.
     """
-    problem = EquilibriumProblem(VectorField(family, value), span.longest)
+    problem = EquilibriumProblem(family, len(state), span.longest)
     along = problem.along_parameter()
     try:
         at = continuation.corrected(problem, np.append(state, value), along)
@@ -129,9 +130,6 @@ def hopf_points(branch: continuation.Branch) -> list[continuation.Bifurcation]:
 
 
 # --- the diagram ---
-
-
-PLACE = ("value", "period")
 
 
 @dataclass(frozen=True)
@@ -162,19 +160,17 @@ class Diagram:
 def diagram(
     family: Family,
     span: Range,
-    n_states: int,
+    rest: np.ndarray,
     depth: int = 1,
     motion: tuple[float, np.ndarray, np.ndarray] | None = None,
-    rest: np.ndarray | None = None,
 ) -> Diagram:
-    """The diagram of the equilibrium near `rest`, or the origin, over the range `span`.
+    """The diagram of the equilibrium near `rest` (n_states,) over the range `span`.
 
     depth: how many period doublings and branch points in a row are followed. motion: where no Hopf
     bifurcation lies in the range, a settled motion to start from: the parameter's value, times
     (n,) in s and states (n, n_states). Raises ValueError where there is no equilibrium near that.
     """
-    begin = np.zeros(n_states) if rest is None else rest
-    equilibria = equilibrium_branch(family, begin, span.low, span)
+    equilibria = equilibrium_branch(family, rest, span.low, span)
     hopfs = enumerate(hopf_points(equilibria), start=1)
     queue = [
         _Start(f"Hopf {k}", 0, lambda at=hopf: (limit_cycles.from_hopf(family, at, span),))
@@ -238,9 +234,8 @@ def _passed(cycles: Sequence[Named], value: float, period: float) -> bool:
     for one in cycles:
         for before, after in pairwise(one.branch.points):
             first, second = before.solution, after.solution
-            (left, right), (low, high) = (
-                sorted((getattr(first, name), getattr(second, name))) for name in PLACE
-            )
+            left, right = sorted((first.value, second.value))
+            low, high = sorted((first.period, second.period))
             margin = right - left
             if left - margin <= value <= right + margin and 0.99 * low < period < 1.01 * high:
                 return True

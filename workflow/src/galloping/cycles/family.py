@@ -33,29 +33,6 @@ class Family:
     parameter: str = "parameter"
     unit: str = ""
 
-
-class VectorField:
-    """f(x, p) of a family: its models, which must have the same states and terms.
-
-    Raises ValueError where they do not.
-    """
-
-    def __init__(self, family: Family, value: float) -> None:
-        self.family = family
-        first = family.model(value)
-        self.states, self.terms = first.states, first.terms
-        self.n_states = len(self.states)
-
-    def model(self, value: float) -> PolynomialModel:
-        """At a value of the parameter."""
-        model = self.family.model(value)
-        if model.states != self.states or model.terms != self.terms:
-            raise ValueError(
-                f"family over {self.family.parameter}: states or terms change at {value:g}; "
-                "all models must be written in one library"
-            )
-        return model
-
     def slope(self, value: float, scale: float) -> np.ndarray:
         """dC/dp (n_states, n_terms) by central differences, `scale` being the parameter's size."""
         step = DIFFERENCE * scale

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.cycles import continuation
-from galloping.cycles.family import Family, VectorField
+from galloping.cycles.family import Family
 from galloping.polynomial import PolynomialModel
 from galloping.simulation import Simulator
 from galloping.taylor import ORDER, integrate, system, tables
@@ -174,7 +174,7 @@ def floquet(monodromy: np.ndarray) -> Floquet:
 
 @dataclass(frozen=True)
 class CycleProblem(continuation.Problem):
-    """Limit cycles of a vector field about a reference orbit, whose phase is kept.
+    """Limit cycles of a family about a reference orbit, whose phase is kept.
 
     Unknowns are the state at phase 0, the period and the parameter. resolution: longest step of the
     parameter. slope: (n_states, n_terms) of the coefficients along the parameter, at the reference.
@@ -182,7 +182,7 @@ class CycleProblem(continuation.Problem):
     of the states) beyond which the branch is not followed.
     """
 
-    field: VectorField
+    family: Family
     reference: Orbit
     resolution: float
     slope: np.ndarray
@@ -193,16 +193,14 @@ class CycleProblem(continuation.Problem):
     def about(
         cls, family: Family, orbit: Orbit, resolution: float, ceiling: float = np.inf
     ) -> Self:
-        field = VectorField(family, orbit.value)
-        slope = field.slope(orbit.value, resolution)
-        return cls(field, orbit, resolution, slope, ceiling, orbit.spread)
+        slope = family.slope(orbit.value, resolution)
+        return cls(family, orbit, resolution, slope, ceiling, orbit.spread)
 
     @classmethod
     def beside(cls, family: Family, orbit: Orbit) -> Self:
         """Limit cycles of a family near an orbit of another one, at its value of the parameter."""
-        field = VectorField(family, orbit.value)
-        still = np.zeros((field.n_states, len(field.terms)))
-        return cls(field, orbit, 1.0, still, np.inf, orbit.spread)
+        still = np.zeros(family.model(orbit.value).coefficients.shape)
+        return cls(family, orbit, 1.0, still, np.inf, orbit.spread)
 
     @cached_property
     def metric(self) -> np.ndarray:
@@ -217,11 +215,11 @@ class CycleProblem(continuation.Problem):
         return np.append(velocity.ravel() / PHASES, [0.0, 0.0])
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
-        return np.append(vector[: self.field.n_states], vector[-2:])
+        return np.append(vector[: len(self.slope)], vector[-2:])
 
     def linearise(self, unknowns: np.ndarray) -> continuation.Linearised:
-        n, (period, value) = self.field.n_states, unknowns[-2:]
-        model = self.field.model(value)
+        n, (period, value) = len(self.slope), unknowns[-2:]
+        model = self.family.model(value)
         free = np.argwhere(self.slope)
         slopes, steps = self.slope[tuple(free.T)], self.reference.steps
         compiled = system(tables(model.terms, n), model.coefficients, free, slopes)
@@ -251,7 +249,7 @@ class CycleProblem(continuation.Problem):
     def examine(
         self, at: continuation.Linearised, tangent: np.ndarray
     ) -> tuple[Floquet, dict[str, float]]:
-        n = self.field.n_states
+        n = len(self.slope)
         stability = floquet(at.jacobian[:n, :n] + np.eye(n))
         mu = stability.multipliers
         pairs = [a * b - 1 for a, b in combinations(mu, 2)]
@@ -270,7 +268,7 @@ class CycleProblem(continuation.Problem):
         return bool(np.any((np.abs(mu.imag) > 1e-6) & (np.abs(np.abs(mu) - 1) < 1e-4)))
 
     def moved(self, orbit: Orbit) -> Self:
-        slope = self.field.slope(orbit.value, self.resolution)
+        slope = self.family.slope(orbit.value, self.resolution)
         largest = max(self.largest, orbit.spread)
         return replace(self, reference=orbit, slope=slope, largest=largest)
 
@@ -386,7 +384,7 @@ def _first(problem: CycleProblem, guess: np.ndarray, border: np.ndarray) -> cont
         return continuation.point_at(problem, found, border)
     except continuation.NotConverged as failure:
         raise ValueError(
-            f"no limit cycle near the given motion at {guess[-1]:g} {problem.field.family.unit}: "
+            f"no limit cycle near the given motion at {guess[-1]:g} {problem.family.unit}: "
             f"{failure}"
         ) from None
 

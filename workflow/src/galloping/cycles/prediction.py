@@ -10,6 +10,7 @@ at two wind speeds.
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -57,16 +58,10 @@ class Split:
         parts = (self.values if values is None else values) * wind**self.powers
         coefficients = self.fixed.copy()
         np.add.at(coefficients, tuple(self.entries.T), parts)
-        present = self.present
-        terms = tuple(term for term, kept in zip(self.terms, present, strict=True) if kept)
-        return PolynomialModel(self.states, terms, coefficients[:, present])
-
-    @property
-    def present(self) -> np.ndarray:
-        """(n_terms,) boolean: the terms that its models have, fewer than the library costs less."""
-        present = np.any(self.fixed, axis=0)
+        present = np.any(self.fixed, axis=0)  # at any wind: fewer than the library cost less
         present[self.entries[:, 1]] = True
-        return present
+        terms = tuple(compress(self.terms, present))
+        return PolynomialModel(self.states, terms, coefficients[:, present])
 
     def family(self, values: np.ndarray | None = None) -> Family:
         return Family(lambda wind: self.model(float(wind), values), "wind speed", "m/s")
@@ -253,12 +248,8 @@ def limit_cycle_ahead(
     if identified.status == "refused":
         raise ValueError(f"there is no model to simulate: {identified.reason}")
     present = np.any(identified.model.coefficients != 0, axis=0)
-    terms = tuple(t for t, kept in zip(identified.model.terms, present, strict=True) if kept)
-
-    def lean(model: PolynomialModel) -> PolynomialModel:
-        return PolynomialModel(model.states, terms, model.coefficients[:, present])
-
-    found = lean(identified.model)
+    terms = tuple(compress(identified.model.terms, present))
+    found = identified.model.on_library(terms)
     simulator = Simulator(found.states, terms, found.support)
     motion = settle(simulator, found, start, SETTLING, WINDOW)
     if not np.all(np.isfinite(motion.states)):
@@ -266,7 +257,7 @@ def limit_cycle_ahead(
     point = settled(Family(lambda _: found), 0.0, motion.time, motion.states, resolution=1.0)
     low = high = np.full(len(found.states), np.nan)
     if len(identified.covariance) == identified.support.sum() > 0:
-        models = map(lean, drawn(identified, SAMPLES, rng))
+        models = (model.on_library(terms) for model in drawn(identified, SAMPLES, rng))
         families = (Family(lambda _, model=model: model) for model in models)
         ranges = [orbit.half_range() for orbit in near(families, point.solution)]
         if len(ranges) > SAMPLES / 2:

@@ -35,7 +35,7 @@ def line_diagram(
     """
     family = line_family(case, name)
     span = Range(low, high, ceiling=CEILING * Line.from_case(case).sag)
-    along = diagram(family, span, len(STATES))
+    along = diagram(family, span, np.zeros(len(STATES)))
     if along.cycles or along.failures:
         return along
     middle = (low + high) / 2
@@ -49,7 +49,7 @@ def line_diagram(
         )
         return replace(along, failures=(reason,))
     motion = middle, settled.time, settled.states
-    return diagram(family, span, len(STATES), motion=motion)
+    return diagram(family, span, np.zeros(len(STATES)), motion=motion)
 
 
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
@@ -111,15 +111,12 @@ def simulation_rows(
     label: str, case: Mapping, name: str, values: Sequence[float], simulator: Simulator
 ) -> list[dict]:
     """The long simulation of a case from its initial state at each value of a parameter."""
-    family, varied = line_family(case, name), parameter(name)
-    motions = (
-        settle(simulator, family.model(value), initial_state(varied.at(case, value)))
-        for value in values
-    )
-    return [
-        _place(label, name, family.unit, value) | {"branch": SIMULATION} | _motion(motion)
-        for value, motion in zip(values, motions, strict=True)
-    ]
+    family, varied, rows = line_family(case, name), parameter(name), []
+    for value in values:
+        motion = settle(simulator, family.model(value), initial_state(varied.at(case, value)))
+        place = _place(label, name, family.unit, value)
+        rows.append(place | {"branch": SIMULATION} | _motion(motion))
+    return rows
 
 
 def _motion(motion: Settled) -> dict:

@@ -278,7 +278,7 @@ def _diagram(
     start = (middle, motion.time, motion.states) if cycle else None
     try:
         bounded = replace(span, ceiling=CEILING * size)
-        found = diagram(family, bounded, len(rest), 0, start, rest)
+        found = diagram(family, bounded, rest, 0, start)
     except ValueError as failure:
         return None, [f"along {along}: {failure}"]
     branches = (found.equilibria, *(each.branch for each in found.cycles))

@@ -317,42 +317,32 @@ class IdentifiedModel(Immutable):
             content = read_json(path)
             if not isinstance(content, dict):
                 raise TypeError("must be a mapping of keys")
-            states = tuple(content.pop("states"))
-            terms = tuple(map(tuple, content.pop("terms")))
-            inputs = tuple(content.pop("inputs", ()))
-            model = PolynomialModel(states, terms, _array(content.pop("coefficients")), inputs)
-            shape = model.coefficients.shape
-            arrays = {name: _array(content.pop(name)).reshape(shape) for name in BY_TERM}
-            arrays["thresholds"] = _array(content.pop("thresholds")).reshape(len(states))
-            for name in ("initial_states", "sigma"):
-                arrays[name] = _array(content.pop(name)).reshape(-1, len(states))
-            covariance = _array(content.pop("covariance"))
-            arrays["covariance"] = covariance.reshape(len(covariance), len(covariance))
-            modes = tuple(FurtherMode(**mode) for mode in content.pop("further_modes"))
-            for name in ("forces", "slow_forces"):
-                if name in content:
-                    arrays[name] = _array(content.pop(name)).reshape(len(states), len(states))
-            resonances = tuple(
-                Resonance(
-                    **{name: tuple(v) if isinstance(v, list) else v for name, v in one.items()}
-                )
-                for one in content.pop("resonances", ())
-            )
-            diagnostics = content.pop("diagnostics")
-            figures = {name: float(v) for name, v in diagnostics.items() if name != "path"}
-            status = content.pop("status")
+            states, inputs = tuple(content["states"]), tuple(content.get("inputs", ()))
+            terms = tuple(map(tuple, content["terms"]))
+            model = PolynomialModel(states, terms, _array(content["coefficients"]), inputs)
+            n, status = len(states), content["status"]
+            shapes = dict.fromkeys(BY_TERM, model.coefficients.shape) | {"thresholds": (n,)}
+            shapes |= dict.fromkeys(("initial_states", "sigma"), (-1, n))
+            shapes["covariance"] = (len(content["covariance"]),) * 2
+            shapes |= {name: (n, n) for name in ("forces", "slow_forces") if name in content}
             if status != "refused" and not np.all(np.isfinite(model.coefficients)):
                 raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
             return cls(
                 model=model,
                 status=status,
-                reason=content.pop("reason"),
-                chi2=float(content.pop("chi2")),
-                known=tuple(content.pop("known")),
-                diagnostics=diagnostics | figures,
-                further_modes=modes,
-                resonances=resonances,
-                **arrays,
+                reason=content["reason"],
+                chi2=float(content["chi2"]),
+                known=tuple(content["known"]),
+                diagnostics={
+                    name: value if name == "path" else float(value)
+                    for name, value in content["diagnostics"].items()
+                },
+                further_modes=tuple(FurtherMode(**mode) for mode in content["further_modes"]),
+                resonances=tuple(
+                    Resonance(**{k: tuple(v) if isinstance(v, list) else v for k, v in one.items()})
+                    for one in content.get("resonances", ())
+                ),
+                **{name: _array(content[name]).reshape(shape) for name, shape in shapes.items()},
             )
         except KeyError as error:
             raise ValueError(f"{path}: not an identified model: no key {error}") from None

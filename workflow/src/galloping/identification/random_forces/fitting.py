@@ -215,7 +215,6 @@ class Fit:
 
     model: Model
     support: np.ndarray
-    correlated: bool
     filtered: Innovations
     slopes: np.ndarray
     centring: np.ndarray
@@ -270,9 +269,8 @@ class _Parameters:
     def vector(self, model: Model) -> np.ndarray:
         scaled = self.centring @ (model.coefficients / self.question.unit)[self.support]
         diagonal = np.diag(model.root)
-        lower = model.root[np.tril_indices(len(diagonal), -1)]
-        of = np.broadcast_to(diagonal, model.root.shape)[np.tril_indices(len(diagonal), -1)]
-        mixed = lower / of if self.correlated else []
+        lower = np.tril_indices(len(diagonal), -1)
+        mixed = (model.root / diagonal)[lower] if self.correlated else []
         slow = np.log([*model.slow, *model.rates])
         least = self.question.least_noise
         noise = np.sqrt(np.maximum(model.noise**2 - least**2, (TINY * least) ** 2))
@@ -310,19 +308,17 @@ def fitted(
     model: Model,
     support: np.ndarray,
     correlated: bool = False,
-    filtered: Callable[[Model], Innovations] | None = None,
 ) -> Fit:
     """The most likely model of the terms `support` (n_candidates,), from one near it.
 
-    correlated: whether the forces of two equations may be. filtered: other than that of `question`.
-    Terms of which the data say nothing are left out. Raises FloatingPointError or
-    numpy.linalg.LinAlgError where the start cannot be followed.
+    correlated: whether the forces of two equations may be. Terms of which the data say
+    nothing are left out. Raises FloatingPointError or numpy.linalg.LinAlgError where the start
+    cannot be followed.
     """
     parameters = _Parameters(question, support, correlated, model)
-    filtered = filtered or question.filtered
 
     def of(vector: np.ndarray) -> Innovations:
-        return filtered(parameters.model(vector))
+        return question.filtered(parameters.model(vector))
 
     vector = parameters.vector(model)
     step = np.full(len(vector), FIRST_STEP)
@@ -335,7 +331,7 @@ def fitted(
     if not told.all():  # such as the position of rest by accelerations
         kept = support.copy()
         kept[support] = told
-        return fitted(question, model, kept, correlated, filtered)
+        return fitted(question, model, kept, correlated)
     for _ in range(MOST_STEPS):
         passing("fit random forces")
         known, rise = information(slopes), score(slopes, here)
@@ -358,7 +354,7 @@ def fitted(
         slopes = _slopes(of, vector, here, step)
         if 0.5 * rise @ change < CONVERGED or is_spent():
             break
-    return Fit(parameters.model(vector), support, correlated, here, slopes, parameters.centring)
+    return Fit(parameters.model(vector), support, here, slopes, parameters.centring)
 
 
 def _slopes(

@@ -5,7 +5,7 @@ linear, the likelihood of the samples is exact. Here is decided which motion is 
 random forces, and which of its modes are modelled; the model itself is made in `model_in_forces`.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -20,15 +20,13 @@ from galloping.identification.likelihood.rate_channels import scaled, scales_tol
 from galloping.identification.likelihood.verdict import by, refused, with_inputs
 from galloping.identification.likelihood.weak_gls import prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel
-from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.model_in_forces import fitted_to_all, fitted_to_some
 from galloping.identification.random_forces.several_modes import (
     CLOSE,
     Find,
+    SeveralModes,
     may_be_two,
-    more_modes,
     parted,
-    slowest_modes,
 )
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.whiteness import Whiteness
@@ -82,36 +80,30 @@ def _of_some_modes(find: Find, recordings: list[Recording], period: float) -> Id
     """The model of recordings or, where that is not `ok`, of their slowest modes or of more; where
     none is, the one that leaves least.
     """
-    others, objection = [], None
+    others, objection, several = [], None, SeveralModes(recordings, period)
     try:
         found = find(recordings, period, 0)
         if found.status == "ok":
-            return _sharper(found, recordings, period, find)
+            return _sharper(found, several, find)
         others.append(found)
     except NO_MODEL as error:
         objection = error
-    of_modes = chain(
-        slowest_modes(recordings, period, find),
-        more_modes(recordings, period, find),
-        slowest_modes(recordings, period, find, apart=CLOSE),
-    )
-    if found := _first_sound(of_modes, others):
+    of_modes = several.slowest(find), several.more(find), several.slowest(find, CLOSE)
+    if found := _first_sound(chain.from_iterable(of_modes), others):
         return found
     if not others:
         raise objection
     return _whitest(others)
 
 
-def _sharper(
-    found: IdentifiedModel, recordings: list[Recording], period: float, find: Find
-) -> IdentifiedModel:
+def _sharper(found: IdentifiedModel, several: SeveralModes, find: Find) -> IdentifiedModel:
     """The model of all that was recorded or, where a mode of it is two, one that tells these."""
-    if not Channels.of(recordings).rates:
-        return parted(found, recordings, period, 0, find)
+    if not several.channels.rates:
+        return parted(found, several.recordings, several.period, 0, find)
     if not may_be_two(found):
         return found
     # accelerations show how the forces differ from white ones, unless all beyond is filtered out
-    more = _first_sound(more_modes(recordings, period, find), [])
+    more = _first_sound(several.more(find), [])
     return more if more and more.resonances else found
 
 
@@ -150,16 +142,6 @@ def if_moved_at_random(
     return None
 
 
-def _will_do(problem: Problem, left: Whiteness) -> bool:
-    """Whether a model that was not asked for answers; beside inputs others are near as well."""
-    return left.nearly and not (problem.inputs and left.relevant)
-
-
-def _will_do_for_lack_of_others(problem: Problem, left: Whiteness) -> bool:
-    """Whether it does where no other model is found."""
-    return _will_do(problem, left) or left.partly
-
-
 def moved_at_random(
     problem: Problem, recordings: list[Recording], period: float
 ) -> tuple[IdentifiedModel | None, bool]:
@@ -170,19 +152,19 @@ def moved_at_random(
     of some modes of many, whose sizes go up and down: better than none. recordings, period: of
     `weak_gls.prepared`.
     """
-    find, others = partial(_moved_at_random, problem), []
-    roughly = partial(find, will_do=_will_do_for_lack_of_others)
-    if found := _first_sound(slowest_modes(recordings, period, roughly), others):
+    several, others = SeveralModes(recordings, period), []
+    find = partial(_moved_at_random, problem)
+    roughly = partial(find, for_lack_of_others=True)
+    if found := _first_sound(several.slowest(roughly), others):
         return found, True
     found = find(recordings, period, 0)
     if found is not None and found.status == "ok":
-        return _sharper(found, recordings, period, find), True
+        return _sharper(found, several, find), True
     at_random = wavers(recordings, period)
-    if Channels.of(recordings).rates or at_random:
+    if several.channels.rates or at_random:
         with limited(recordings, TRIAL / 2.0):
-            more = _first_sound(more_modes(recordings, period, roughly), others)
-        closer = slowest_modes(recordings, period, roughly, apart=CLOSE)
-        found = more or _first_sound(closer, others) or found
+            more = _first_sound(several.more(roughly), others)
+        found = more or _first_sound(several.slowest(roughly, CLOSE), others) or found
     if found is None and at_random:
         return _whitest(others), False
     return found, True
@@ -193,12 +175,17 @@ def _moved_at_random(
     recordings: list[Recording],
     period: float,
     besides: int,
-    will_do: Callable[[Problem, Whiteness], bool] = _will_do,
+    for_lack_of_others: bool = False,
 ) -> IdentifiedModel | None:
     """The same of all modes. A motion that repeats leaves its harmonics in the innovations.
 
-    will_do: whether what a model leaves is little enough.
+    for_lack_of_others: whether a model does that explains most of the motion.
     """
+
+    def will_do(left: Whiteness) -> bool:  # beside inputs other models are near as well
+        near = left.nearly and not (problem.inputs and left.relevant)
+        return near or (for_lack_of_others and left.partly)
+
     try:
         rescaled = scaled(recordings, period)
         with limited(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
@@ -209,10 +196,10 @@ def _moved_at_random(
             unseen = set(question.channels.pairs) - set(question.channels.values)
             if unseen and not question.tracker(whole.model).is_linear:
                 return None  # beside such terms forces imitate displacements that nothing measures
-            if work.ended or not will_do(problem, left):
+            if work.ended or not will_do(left):
                 return None
             found, left = fitted_to_all(question, whole, rescaled, period)
-            if work.ended or not will_do(problem, left):
+            if work.ended or not will_do(left):
                 return None
     except NO_MODEL:
         return None

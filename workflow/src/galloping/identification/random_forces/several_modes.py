@@ -4,7 +4,8 @@ too close for that, it stays in the model, as a force that swings.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtri
@@ -41,70 +42,71 @@ BROAD, LESS_WHITE, LIKELIER = 0.02, 0.75, 1e-7
 Find = Callable[[list[Recording], float, int], IdentifiedModel | None]
 
 
-def slowest_modes(
-    recordings: list[Recording], period: float, find: Find, apart: tuple[float, float] = FAR_APART
-) -> Iterator[IdentifiedModel]:
-    """Models of as many of the slowest modes in random forces as coordinates, where there are more.
+@dataclass(frozen=True)
+class SeveralModes:
+    """Recordings that may have more modes than coordinates; period: s, as of `weak_gls.prepared`.
 
-    recordings, period: of `weak_gls.prepared`. apart: times the last of these modes, between which
-    the next one is. The diagnostic `below` of what is found says from which on, Hz, motion was left
-    out. Each model swings as these modes do; there is none where random forces need not have moved
-    the recordings, and beside inputs.
+    Each model that is found swings as the modes do that it is of; there is none where random forces
+    need not have moved the recordings, and beside inputs. The diagnostic `below` says from which
+    on, Hz, motion was left out.
     """
-    count = len(Channels.of(recordings).pairs)
 
-    def counts(modes: list[float]) -> list[int]:
-        return [count] if len(modes) > count else []
+    recordings: list[Recording]
+    period: float
 
-    return _of_modes(recordings, period, find, counts, apart)
+    @cached_property
+    def modes(self) -> list[float]:
+        """Hz, the slowest first; none beside inputs, whose frequencies are no modes."""
+        return [] if self.recordings[0].inputs else _modes(self.recordings)
 
+    @cached_property
+    def channels(self) -> Channels:
+        return Channels.of(self.recordings)
 
-def more_modes(recordings: list[Recording], period: float, find: Find) -> Iterator[IdentifiedModel]:
-    """The same of more modes than coordinates: all that there are and one that is taken for another
-    of them, or the slowest. Accelerations show forces beyond all modes, where these are no longer
-    white: what is far beyond is left out, also where there are no more modes than coordinates. So
-    it is where samples are many times as fast as the modes.
-    """
-    channels = Channels.of(recordings)
-    own = len(channels.pairs)
+    def slowest(
+        self, find: Find, apart: tuple[float, float] = FAR_APART
+    ) -> Iterator[IdentifiedModel]:
+        """Models of as many of the slowest modes as coordinates, where there are more.
 
-    def counts(modes: list[float]) -> list[int]:
-        more = range(own + 1, min(own + BESIDES, len(modes) + 1) + 1)
-        same = [own] if channels.rates and own >= len(modes) else []
-        return [*same, *sorted(more, key=lambda k: (k < len(modes), k))]
+        apart: times the last of these modes, between which the next one is.
+        """
+        own = len(self.channels.pairs)
+        return self._of_modes(find, [own] if len(self.modes) > own else [], apart)
 
-    return _of_modes(recordings, period, find, counts, (1.0, np.inf))
+    def more(self, find: Find) -> Iterator[IdentifiedModel]:
+        """The same of more modes than coordinates: all that there are and one that is taken for
+        another of them, or the slowest. Accelerations show forces beyond all modes, where these are
+        no longer white: what is far beyond is left out, also where there are no more modes than
+        coordinates. So it is where samples are many times as fast as the modes.
+        """
+        own, every = len(self.channels.pairs), len(self.modes)
+        more = range(own + 1, min(own + BESIDES, every + 1) + 1)
+        same = [own] if self.channels.rates and own >= every else []
+        counts = [*same, *sorted(more, key=lambda k: (k < every, k))]
+        return self._of_modes(find, counts, (1.0, np.inf))
 
-
-def _of_modes(
-    recordings: list[Recording],
-    period: float,
-    find: Find,
-    counts: Callable[[list[float]], Iterable[int]],
-    apart: tuple[float, float],
-) -> Iterator[IdentifiedModel]:
-    """Models of as many of the slowest modes as `counts` says of all; apart: as of `_edges`."""
-    if recordings[0].inputs:
-        return
-    modes, channels = _modes(recordings), Channels.of(recordings)
-    own = len(channels.pairs)
-    step = max(float(np.median(np.diff(each.time))) for each in recordings)
-    fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # that a filter ends at
-    for k in counts(modes):
-        for below in _edges(modes, k, fastest, apart):
-            try:
-                slow = what_is_left(recordings, below)
-                if not _size_varies(slow):
+    def _of_modes(
+        self, find: Find, counts: Iterable[int], apart: tuple[float, float]
+    ) -> Iterator[IdentifiedModel]:
+        """Models of as many of the slowest modes as each of `counts`; apart: as of `_edges`."""
+        recordings, modes, own = self.recordings, self.modes, len(self.channels.pairs)
+        step = max(float(np.median(np.diff(each.time))) for each in recordings)
+        fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # that a filter ends at
+        for k in counts:
+            for below in _edges(modes, k, fastest, apart):
+                try:
+                    slow = what_is_left(recordings, below)
+                    if not _size_varies(slow):
+                        continue
+                    oversampled = MOST_KEPT * _samples(recordings) > _samples(slow)
+                    is_whole = k >= len(modes) and not (self.channels.rates or oversampled)
+                    given = (recordings, self.period) if is_whole else (slow, prepared(slow)[2])
+                    found = find(*given, max(k - own, 0))
+                except NO_MODEL:
                     continue
-                oversampled = MOST_KEPT * _samples(recordings) > _samples(slow)
-                is_whole = k >= len(modes) and not (channels.rates or oversampled)
-                given = (recordings, period) if is_whole else (slow, prepared(slow)[2])
-                found = find(*given, max(k - own, 0))
-            except NO_MODEL:
-                continue
-            if found is not None and _swings_at(found, modes[:k]):
-                found = parted(found, *given, max(k - own, 0), find)
-                yield found if is_whole else _said(found, modes[k:], below)
+                if found is not None and _swings_at(found, modes[:k]):
+                    found = parted(found, *given, max(k - own, 0), find)
+                    yield found if is_whole else _said(found, modes[k:], below)
 
 
 def _samples(recordings: list[Recording]) -> int:

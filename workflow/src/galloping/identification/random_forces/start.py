@@ -278,18 +278,9 @@ def may_be_moved_at_random(start: Start) -> bool:
     if start.fit.misfit >= MOST_MISFIT:
         return True
     with suppress(*NO_MODEL):
-        return wavers(start.recordings, start.period) and (_is_noisy(start) or _is_slow(start))
+        if wavers(start.recordings, start.period):
+            noises = ((one.noise, one.states[one.valid].std(axis=0)) for one in start.smoothed)
+            is_noisy = any(np.any(noise > NOISY * size) for noise, size in noises)
+            step, grids = on_grids(start.recordings)
+            return is_noisy or bool(shortest(grids, step) < start.period / SLOWER)
     return False
-
-
-def _is_noisy(begun: Start) -> bool:
-    """Whether the noise of a channel could hide what random forces leave in the weak form."""
-    return any(
-        np.any(one.noise > NOISY * one.states[one.valid].std(axis=0)) for one in begun.smoothed
-    )
-
-
-def _is_slow(begun: Start) -> bool:
-    """Whether what the start follows is mostly slower than the swings, as in slow forces."""
-    step, grids = on_grids(begun.recordings)
-    return bool(shortest(grids, step) < begun.period / SLOWER)

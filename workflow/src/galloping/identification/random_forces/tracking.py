@@ -145,18 +145,6 @@ class Tracker:
         return system, white
 
     @cached_property
-    def sensing(self) -> np.ndarray:
-        """(n_channels, m), of rates at the sample."""
-        return np.ascontiguousarray(self.channels.sensing(self.driven[0]))
-
-    @property
-    def shift(self) -> np.ndarray:
-        """(n_channels,) what the channels show at rest."""
-        shift = np.zeros(len(self.sensing))
-        shift[: len(self.channels.values)] = self.rest[list(self.channels.values)]
-        return shift
-
-    @cached_property
     def is_linear(self) -> bool:
         """Whether it is, and no input bears on it."""
         exponents, n = np.array(self.model.terms), len(self.size)
@@ -256,17 +244,19 @@ class Tracker:
         if not self.is_linear:
             return self.extended(data, np.zeros((0, 2), np.int64))[0]
         transitions, disturbances = discretised(*self.driven, data.steps.lengths)
-        sensing, kept, m = self.sensing, list(self.channels.kept), len(self.driven[0])
+        values, kept, m = list(self.channels.values), list(self.channels.kept), len(self.driven[0])
+        sensing = self.channels.sensing(self.driven[0])
+        at_rest = np.append(self.rest[values], np.zeros(len(self.channels.rates)))
         if kept:
             transitions, disturbances = with_means(
                 transitions, disturbances, data.steps.lengths, kept
             )
-            sensing = np.eye(len(transitions[0]))[[*self.channels.values, *range(m, m + len(kept))]]
+            sensing = np.eye(len(transitions[0]))[[*values, *range(m, m + len(kept))]]
         p, n = np.pad(self.first_covariance, (0, len(kept))), len(self.rest)
         x = np.zeros(len(p))
         spend(FILTER + OF_STATE * len(data.samples) * len(p))
         innovations, variances, means = kalman_filter(
-            data.samples - self.shift, data.steps.of, transitions, disturbances, sensing,
+            data.samples - at_rest, data.steps.of, transitions, disturbances, sensing,
             self.noise**2, x, p,
         )  # fmt: skip
         x[:n] += self.rest
