@@ -34,8 +34,8 @@ def stable_cycles(name, wind):
     models = line_family(CASES[name], "wind_speed")
     return [
         point.solution.half_range()[:2]
-        for cycles in wind_diagram(name).cycles
-        for point in at_value(models, cycles.branch, wind)
+        for branch in wind_diagram(name).cycles.values()
+        for point in at_value(models, branch, wind)
         if point.stability.stable
     ]
 
@@ -77,19 +77,18 @@ def test_bifurcations_of_the_default_lines():
     of = {
         name: [
             (b.name, round(float(b.point.solution.value), 2))
-            for cycles in wind_diagram(name).cycles
-            for b in cycles.branch.bifurcations
+            for branch in wind_diagram(name).cycles.values()
+            for b in branch.bifurcations
         ]
         for name in CHECKS
     }
     assert of["internal_resonance"] == [("period doubling", 5.54), ("period doubling", 16.56)]
     assert of["non_resonant"][:2] == [("Neimark-Sacker", 20.33), ("fold of cycles", 20.35)]
     for name in CHECKS:
-        assert all(c.branch.complete for c in wind_diagram(name).cycles)
+        branches = wind_diagram(name).cycles.values()
+        assert all(branch.complete for branch in branches)
         assert not wind_diagram(name).failures
-        defects = [
-            p.stability.trivial_defect for c in wind_diagram(name).cycles for p in c.branch.points
-        ]
+        defects = [p.stability.trivial_defect for branch in branches for p in branch.points]
         assert max(defects) <= 1e-6
 
 

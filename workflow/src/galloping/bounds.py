@@ -10,13 +10,7 @@ import numpy as np
 from galloping.measurement import Motion, Noise
 from galloping.polynomial import Exponents, PolynomialModel, beside, design_matrix
 from galloping.recording import Input, at_times
-from galloping.simulation import (
-    COMPILATION,
-    EQUAL_STEPS,
-    check_inputs,
-    equations,
-    most_steps,
-)
+from galloping.simulation import COMPILATION, EQUAL_STEPS, check_inputs, equations, most_steps
 
 MAX_STEPS = 2**16
 Places = tuple[tuple[int, int], ...]
@@ -141,9 +135,8 @@ def weighted_sensitivities(
 ) -> np.ndarray:
     """(n, n_channels, n_free + n_states): what samples depend on, in deviations of their noise.
 
-    Channels are the states and then, where any is measured, their derivatives. Columns are by the
-    free coefficients and then by the initial state. Raises ValueError where the model's
-    solution diverges.
+    Channels are the states and then, where any is measured, their derivatives. Columns, and what it
+    raises: as of `sensitivities`.
     """
     time, inputs = experiment.time, experiment.inputs
     states, moved = sensitivities(model, free, experiment.initial_state, time, inputs)

@@ -1,6 +1,6 @@
 """Equilibria along a parameter and all limit cycles that leave them: the bifurcation diagram."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations, pairwise
@@ -133,27 +133,16 @@ def hopf_points(branch: continuation.Branch) -> list[continuation.Bifurcation]:
 
 
 @dataclass(frozen=True)
-class Named:
-    """A branch of limit cycles and where it comes from, such as `Hopf 1, period doubling 1`.
-
-    Side 1 leads to lower values of the parameter and side 2 to higher ones; from a branch point,
-    they are its two directions.
-    """
-
-    name: str
-    branch: Branch
-
-
-@dataclass(frozen=True)
 class Diagram:
-    """equilibria: one branch. cycles: all branches that leave it, each after its origin.
-
-    failures: what could not be followed, in words; a branch that stopped early says so itself.
+    """equilibria: one branch. cycles: all branches that leave it, each after its origin, by where
+    they come from, such as `Hopf 1, period doubling 1`: side 1 leads to lower values of the
+    parameter and side 2 to higher ones; from a branch point, they are its two directions. failures:
+    what could not be followed, in words; a branch that stopped early says so itself.
     """
 
     family: Family
     equilibria: Branch
-    cycles: tuple[Named, ...]
+    cycles: Mapping[str, Branch]
     failures: tuple[str, ...]
 
 
@@ -179,10 +168,10 @@ def diagram(
     if not queue and motion is not None:
         follow = partial(limit_cycles.from_motion, family, *motion, span)
         queue = [_Start(f"from {motion[0]:g}", 0, follow)]
-    cycles, failures = [], []
+    cycles, failures = {}, []
     while queue:
         start = queue.pop(0)
-        if _passed(cycles, start.value, start.period):
+        if _passed(cycles.values(), start.value, start.period):
             continue
         try:
             branches = start.follow()
@@ -191,9 +180,9 @@ def diagram(
             continue
         for side, branch in enumerate(branches, start=1):
             name = start.name if len(branches) == 1 else f"{start.name}, side {side}"
-            cycles.append(Named(name, branch))
+            cycles[name] = branch
             queue += _leaving(family, branch, name, start.level, depth, span)
-    return Diagram(family, equilibria, tuple(cycles), tuple(failures))
+    return Diagram(family, equilibria, cycles, tuple(failures))
 
 
 @dataclass(frozen=True)
@@ -229,10 +218,10 @@ def _leaving(
             yield _Start(f"{name}, {kind} {k}", level + 1, follow, *known)
 
 
-def _passed(cycles: Sequence[Named], value: float, period: float) -> bool:
+def _passed(branches: Iterable[Branch], value: float, period: float) -> bool:
     """Whether a branch goes by an orbit of this period at this value of the parameter."""
-    for one in cycles:
-        for before, after in pairwise(one.branch.points):
+    for branch in branches:
+        for before, after in pairwise(branch.points):
             first, second = before.solution, after.solution
             left, right = sorted((first.value, second.value))
             low, high = sorted((first.period, second.period))

@@ -66,22 +66,19 @@ def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
     damping, mass = added(after, measure)
     masses = modal_masses(after)
     lighter = masses / (masses + mass)  # of forces by mass, with the added point masses
-    rows = len(STATES) // 2 + np.arange(2)  # the equations of motion
-    factor = np.ones(len(STATES))
-    factor[rows] = lighter
-
+    factor = np.append(np.ones(2), lighter)  # of kinematic equations, and of those of motion
     ratios = np.ones(len(parts.values))
     for k, ((i, j), power) in enumerate(zip(parts.entries.tolist(), parts.powers, strict=True)):
         before, later = (_part(of, i, parts.terms[j], power) for of in (old, new))
         ratios[k] = factor[i] * (later / before if before else 1.0)
     fixed = parts.fixed.copy()
-    for row, (state, _), share in zip(rows, DAMPING, lighter, strict=True):
-        term = parts.terms.index(_linear(state))
-        before, later = (of.fixed[row, of.terms.index(_linear(state))] for of in (old, new))
+    for k, (state, _) in enumerate(DAMPING):
+        row, linear = STATES.index(state), _linear(state)
+        term = parts.terms.index(linear)
+        before, later = (of.fixed[row, of.terms.index(linear)] for of in (old, new))
         # the damping ratio stays, the frequency falls with the added mass
-        fixed[row, term] *= np.sqrt(share) * (later / before if before else 1.0)
-    for row, (state, _), damper, total in zip(rows, DAMPING, damping, masses + mass, strict=True):
-        fixed[row, parts.terms.index(_linear(state))] -= damper / total
+        fixed[row, term] *= np.sqrt(lighter[k]) * (later / before if before else 1.0)
+        fixed[row, term] -= damping[k] / (masses + mass)[k]
     return replace(
         parts,
         fixed=fixed,

@@ -55,12 +55,12 @@ def line_diagram(
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
     """Every limit cycle of a diagram; label: of the case, name: of the parameter."""
     rows = []
-    for cycles in along.cycles:
-        for k, point in enumerate(cycles.branch.points):
+    for branch, cycles in along.cycles.items():
+        for k, point in enumerate(cycles.points):
             orbit, own = point.solution, point.stability
             rows.append({
                 **_place(label, name, along.family.unit, orbit.value),
-                "branch": cycles.name, "point": k, "stable": own.stable, **_size(orbit),
+                "branch": branch, "point": k, "stable": own.stable, **_size(orbit),
                 "largest_multiplier": own.largest, "trivial_defect": own.trivial_defect,
             })  # fmt: skip
     return rows
@@ -97,11 +97,11 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
                 further["closed_form"] = critical_wind(case)
         row("equilibrium", b.point.solution.value, b.name, **further)
     end("equilibrium", along.equilibria)
-    for cycles in along.cycles:
-        for b in cycles.branch.bifurcations:
+    for branch, cycles in along.cycles.items():
+        for b in cycles.bifurcations:
             orbit = b.point.solution
-            row(cycles.name, orbit.value, b.name, located=b.located, **_size(orbit))
-        end(cycles.name, cycles.branch)
+            row(branch, orbit.value, b.name, located=b.located, **_size(orbit))
+        end(branch, cycles)
     for failure in along.failures:
         row(failure.partition(":")[0], np.nan, "end", located=False, note=failure)
     return rows

@@ -259,9 +259,9 @@ def _along(
     for value in values.tolist():
         passing(f"{along} = {value:g}")
         known = []
-        for each in found.cycles if found else ():
+        for branch in found.cycles.values() if found else ():
             try:
-                known += at_value(family, each.branch, value)
+                known += at_value(family, branch, value)
             except ValueError as failure:
                 notes.append(str(failure))
         conditions.append(_condition(of, {**at, along: value}, known))
@@ -281,7 +281,7 @@ def _diagram(
         found = diagram(family, bounded, rest, 0, start)
     except ValueError as failure:
         return None, [f"along {along}: {failure}"]
-    branches = (found.equilibria, *(each.branch for each in found.cycles))
+    branches = (found.equilibria, *found.cycles.values())
     incomplete = [branch.reason for branch in branches if not branch.complete]
     return found, [*found.failures, *incomplete]
 

@@ -303,12 +303,7 @@ class _Parameters:
         )  # fmt: skip
 
 
-def fitted(
-    question: Question,
-    model: Model,
-    support: np.ndarray,
-    correlated: bool = False,
-) -> Fit:
+def fitted(question: Question, model: Model, support: np.ndarray, correlated: bool = False) -> Fit:
     """The most likely model of the terms `support` (n_candidates,), from one near it.
 
     correlated: whether the forces of two equations may be. Terms of which the data say

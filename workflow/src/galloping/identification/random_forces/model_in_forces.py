@@ -89,10 +89,7 @@ def fitted_to_some(
 
 
 def _likeliest(question: Question, starts: list[Model], known: Fit | None = None) -> Fit:
-    """The likeliest of a fit that is known already and those from some starts.
-
-    Raises what NO_MODEL names where there is none.
-    """
+    """The likeliest of a fit that is known already and those from some starts."""
     fits, objection = [known] if known else [], None
     for start in starts:
         try:
@@ -153,7 +150,6 @@ def _begun(
 ) -> tuple[Question, list[Model]]:
     """The question in units of the motion, and starts, the likeliest first.
 
-    besides: how many modes the recordings have that the coordinates have no place for.
     Of rates that are measured at the sample or as means since the last one, what is likelier.
     """
     passing("modes from correlations")
@@ -229,9 +225,8 @@ def _always(problem: Problem, steady: np.ndarray) -> np.ndarray:
     for k, (i, j) in enumerate(problem.candidates):
         if problem.degrees[k] <= 1 and steady[j]:
             powers = sum(map(abs, problem.terms[j][len(problem.states) :]))
-            own = simplest.setdefault((i, *problem.of_states[j]), (powers, k))
-            simplest[(i, *problem.of_states[j])] = min(own, (powers, k))
-    always[[k for _, k in simplest.values()]] = True
+            simplest.setdefault((i, *problem.of_states[j]), []).append((powers, k))
+    always[[min(alike)[1] for alike in simplest.values()]] = True
     return always
 
 
@@ -315,10 +310,8 @@ def _chosen(question: Question, fit: Fit, penalty: float) -> np.ndarray:
     for k in np.flatnonzero(judged):
         equation, j = problem.candidates[k]
         moved = next((s for s, e in enumerate(problem.of_states[j]) if e), None)
-        pair = {own[equation], own.get(moved, moved)} - {None}
-        groups.setdefault((*sorted(pair), k) if moved is None else tuple(sorted(pair)), []).append(
-            k
-        )
+        of = sorted({own[equation], own.get(moved, moved)} - {None})
+        groups.setdefault((*of, k) if moved is None else tuple(of), []).append(k)
     place = np.cumsum(support) - 1
     covariance = fit.coefficient_covariance
     scaled = fit.model.coefficients / question.unit
@@ -414,15 +407,12 @@ def _identified(
 
 
 def _first_states(question: Question, model: Model, period: float) -> np.ndarray:
-    """(n_recordings, n_states) at the first samples, from START_PERIODS after them.
-
-    The filter of the states beside what they were at first, which never changes.
-    """
-    found, n = [], len(question.size)
+    """(n_recordings, n_states) at the first samples, from START_PERIODS after them."""
+    tracker, found = question.tracker(model), []
     for one in question.data:
         lengths = one.steps.lengths[np.maximum(one.steps.of, 0)]
-        count = max(int(np.searchsorted(np.cumsum(lengths), START_PERIODS * period)), 2 * n)
-        found.append(question.tracker(model).first_state(one, count))
+        count = int(np.searchsorted(np.cumsum(lengths), START_PERIODS * period))
+        found.append(tracker.first_state(one, max(count, 2 * len(question.size))))
     return np.array(found)
 
 

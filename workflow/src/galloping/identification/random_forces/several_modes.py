@@ -101,11 +101,11 @@ class SeveralModes:
                     oversampled = MOST_KEPT * _samples(recordings) > _samples(slow)
                     is_whole = k >= len(modes) and not (self.channels.rates or oversampled)
                     given = (recordings, self.period) if is_whole else (slow, prepared(slow)[2])
-                    found = find(*given, max(k - own, 0))
+                    found = find(*given, k - own)
                 except NO_MODEL:
                     continue
                 if found is not None and _swings_at(found, modes[:k]):
-                    found = parted(found, *given, max(k - own, 0), find)
+                    found = parted(found, *given, k - own, find)
                     yield found if is_whole else _said(found, modes[k:], below)
 
 
