@@ -40,6 +40,11 @@ class Family:
         return (above - below) / (2 * step)
 
 
+def constant(model: PolynomialModel) -> Family:
+    """The same model at every value."""
+    return Family(lambda _: model)
+
+
 # every term the derivation can produce, so that the library never changes along a parameter
 LIBRARY = tuple(
     dict.fromkeys([(0, 0, 1, 0), (0, 0, 0, 1), *(exponents for _, exponents in TERMS.values())])

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.cycles import continuation
-from galloping.cycles.family import Family
+from galloping.cycles.family import Family, constant
 from galloping.polynomial import PolynomialModel
 from galloping.simulation import Simulator
 from galloping.taylor import ORDER, integrate, system, tables
@@ -197,10 +197,9 @@ class CycleProblem(continuation.Problem):
         return cls(family, orbit, resolution, slope, ceiling, orbit.spread)
 
     @classmethod
-    def beside(cls, family: Family, orbit: Orbit) -> Self:
-        """Limit cycles of a family near an orbit of another one, at its value of the parameter."""
-        still = np.zeros(family.model(orbit.value).coefficients.shape)
-        return cls(family, orbit, 1.0, still, np.inf, orbit.spread)
+    def beside(cls, model: PolynomialModel, orbit: Orbit) -> Self:
+        """Limit cycles of a model near an orbit of another one."""
+        return cls.about(constant(model), orbit, resolution=1.0)
 
     @cached_property
     def metric(self) -> np.ndarray:

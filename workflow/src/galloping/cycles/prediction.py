@@ -15,7 +15,7 @@ from itertools import compress
 import numpy as np
 
 from galloping.cycles.continuation import NotConverged, Range, corrected
-from galloping.cycles.family import Family
+from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import (
     VANISHED,
     CycleProblem,
@@ -63,8 +63,8 @@ class Split:
         terms = tuple(compress(self.terms, present))
         return PolynomialModel(self.states, terms, coefficients[:, present])
 
-    def family(self, values: np.ndarray | None = None) -> Family:
-        return Family(lambda wind: self.model(float(wind), values), "wind speed", "m/s")
+    def family(self) -> Family:
+        return Family(lambda wind: self.model(float(wind)), "wind speed", "m/s")
 
     def sampled(self, rng: np.random.Generator, samples: int) -> np.ndarray:
         """(samples, n) values drawn from their distribution; (0, n) where it is not known."""
@@ -214,7 +214,7 @@ def predict(
             missing.append(f"{wind:g}")
             continue
         amplitude[k] = stable[0].half_range()
-        orbits = near(map(parts.family, draws), stable[0])
+        orbits = near((parts.model(stable[0].value, each) for each in draws), stable[0])
         ranges = [orbit.half_range() for orbit in orbits]
         found.unresolved[k] = 1 - len(ranges) / max(1, len(draws))
         if len(ranges) > len(draws) / 2:
@@ -223,11 +223,11 @@ def predict(
     return replace(found, reason=reason)
 
 
-def near(families: Iterable[Family], orbit: Orbit) -> list[Orbit]:
-    """The limit cycles of other families near an orbit, of those that have one."""
+def near(models: Iterable[PolynomialModel], orbit: Orbit) -> list[Orbit]:
+    """The limit cycles of other models near an orbit, of those that have one."""
     found = []
-    for family in families:
-        problem = CycleProblem.beside(family, orbit)
+    for model in models:
+        problem = CycleProblem.beside(model, orbit)
         with suppress(NotConverged):
             at = corrected(problem, orbit.vector, problem.along_parameter(), CORRECTED)
             if at.solution.spread > VANISHED * orbit.spread:
@@ -254,12 +254,11 @@ def limit_cycle_ahead(
     motion = settle(simulator, found, start, SETTLING, WINDOW)
     if not np.all(np.isfinite(motion.states)):
         raise ValueError(f"the model does not settle: {motion.kind}")
-    point = settled(Family(lambda _: found), 0.0, motion.time, motion.states, resolution=1.0)
+    point = settled(constant(found), 0.0, motion.time, motion.states, resolution=1.0)
     low = high = np.full(len(found.states), np.nan)
     if len(identified.covariance) == identified.support.sum() > 0:
         models = (model.on_library(terms) for model in drawn(identified, SAMPLES, rng))
-        families = (Family(lambda _, model=model: model) for model in models)
-        ranges = [orbit.half_range() for orbit in near(families, point.solution)]
+        ranges = [orbit.half_range() for orbit in near(models, point.solution)]
         if len(ranges) > SAMPLES / 2:
             low, high = of_draws(ranges)
     return point.solution.half_range(), low, high

@@ -135,8 +135,9 @@ def evaluate(
         still = clearance(np.zeros((1, 2)), np.zeros((1, 2)), design.distance)
         return Outcome(measure, critical_wind, (0.0,) * 3, (0.0,) * 3, (still,) * 3, "rest")
     if (point := cycle_of(line.family(), design.wind, motion)) is not None:
-        orbits = near(map(line.family, scaled), point.solution)
-        centre, half = places(point.solution.states), point.solution.half_range()
+        orbit = point.solution
+        orbits = near((line.model(orbit.value, each) for each in scaled), orbit)
+        centre, half = places(orbit.states), orbit.half_range()
     elif np.all(np.isfinite(motion.states)):  # the motion itself
         orbits, half = [], motion.half_range
         centre = outline(motion)

@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from galloping.arrays import Immutable, one_thread
 from galloping.cycles.continuation import NotConverged, Point, Range, corrected
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
-from galloping.cycles.family import Family
+from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import (
     VANISHED,
     CycleProblem,
@@ -219,7 +219,7 @@ def _condition(of: _Slowed, at: Mapping[str, float], known: Sequence[Point] = ()
             ends.append(motion.kind)
             continue
         try:
-            point = settled(_constant(best), 0.0, motion.time, motion.states, 1.0)
+            point = settled(constant(best), 0.0, motion.time, motion.states, 1.0)
         except ValueError as failure:
             ends.append(str(failure))
             continue
@@ -314,10 +314,6 @@ def _family(model: PolynomialModel, along: str) -> Family:
     return Family(lambda value: model.at({along: float(value)}), along)
 
 
-def _constant(model: PolynomialModel) -> Family:
-    return Family(lambda _: model)
-
-
 def _settled(model: PolynomialModel, start: np.ndarray) -> Settled:
     return settle(simulator_of(model), model, start, duration=DURATION, window=WINDOW)
 
@@ -387,7 +383,7 @@ def _drawn_cycle(best: PolynomialModel, model: PolynomialModel, orbit: Orbit) ->
         try:
             for share in steps:
                 between = replace(best, coefficients=best.coefficients + share * change)
-                problem = CycleProblem.beside(_constant(between), found)
+                problem = CycleProblem.beside(between, found)
                 found = corrected(problem, found.vector, problem.along_parameter()).solution
         except NotConverged:
             continue

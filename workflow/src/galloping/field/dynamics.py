@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, root
 
 from galloping.arrays import Immutable
-from galloping.cycles.family import Family
+from galloping.cycles.family import constant
 from galloping.cycles.limit_cycles import Orbit, cycle_of, settle
 from galloping.cycles.prediction import near
 from galloping.field.forecast import simulator_of
@@ -120,7 +120,7 @@ def dynamics(
     motion = settle(simulator, model, start, duration=DURATION, window=WINDOW)
     if motion.kind != "cycle":
         return Dynamics(rest, frequencies, damping, motion.kind, None, {})
-    point = cycle_of(Family(lambda _: model), 0.0, motion)
+    point = cycle_of(constant(model), 0.0, motion)
     if point is None:  # for the solver: the motion itself does repeat
         half = {model.states[i]: _value(motion.half_range[i], np.array([np.nan])) for i in pairs}
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
@@ -218,11 +218,10 @@ def expected(
 def _orbit(model: PolynomialModel, orbit: Orbit, simulator: Simulator) -> Orbit | None:
     """The limit cycle of another model, near one or where a motion from there ends."""
     passing("draw limit cycles")
-    family = Family(lambda _: model)
-    if close := near([family], orbit):
+    if close := near([model], orbit):
         return close[0]
     motion = settle(simulator, model, orbit.states[0], duration=FROM_NEARBY, window=WINDOW)
-    point = cycle_of(family, 0.0, motion)
+    point = cycle_of(constant(model), 0.0, motion)
     return point and point.solution
 
 
