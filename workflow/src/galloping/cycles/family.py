@@ -87,10 +87,9 @@ def _span(case: Mapping, value: float) -> dict:
 
 def _ice(direction: str, power: int) -> Callable[[Mapping, float], dict]:
     def at(case: Mapping, value: float) -> dict:
-        both = dict(zip(("vertical", "horizontal"), ice_coefficients(case["ice"]), strict=True))
-        changed = list(both[direction])
-        changed[power - 1] = value
-        ice = {name: list(values) for name, values in both.items()} | {direction: changed}
+        both = map(list, ice_coefficients(case["ice"]))
+        ice = dict(zip(("vertical", "horizontal"), both, strict=True))
+        ice[direction][power - 1] = value
         return {**case, "ice": {"reading": "custom", **ice}}
 
     return at
@@ -147,14 +146,8 @@ def critical_wind(case: Mapping) -> float:
     phi, psi = modes(case, line)
     omega_v, _, m_v, _ = frequencies(line, phi, psi)
     (b1, _, _), _ = ice_coefficients(case["ice"])
-    per_speed = (
-        0.5
-        * case["wind"]["air_density"]
-        * case["bundle"]["dimension"]
-        * b1
-        * integrate(phi.shape**2, line.span)
-        / m_v
-    )
+    load = 0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"] * b1
+    per_speed = load * integrate(phi.shape**2, line.span) / m_v
     if per_speed <= 0:
         return float("inf")
     return 2 * case["damping"]["vertical"] * omega_v / per_speed

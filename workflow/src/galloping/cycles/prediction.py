@@ -86,15 +86,15 @@ def split(
     """
     first = identified[0].model
     velocities = sorted(velocity_pairs(first.states).values())
-    own = [  # (equation, term) of each coordinate's velocity in its own equation of motion
-        (i, first.terms.index(linear))
+    own = {  # term of each coordinate's velocity in its own equation of motion
+        i: first.terms.index(linear)
         for i in velocities
         if (linear := tuple(int(k == i) for k in range(len(first.states)))) in first.terms
-    ]
-    unknown = sorted(set(damping or {}) - {first.states[i] for i, _ in own})
+    }
+    unknown = sorted(set(damping or {}) - {first.states[i] for i in own})
     if unknown:
         raise ValueError(f"damping: {unknown[0]} is not the velocity of a coordinate of the model")
-    free = [pair for pair in own if first.states[pair[0]] not in (damping or {})]
+    free = [pair for pair in own.items() if first.states[pair[0]] not in (damping or {})]
     if free and len(set(winds)) == 1:
         raise ValueError(
             f"damping: at one wind speed ({winds[0]:g} m/s) the structural damping of "
@@ -105,8 +105,7 @@ def split(
     fixed = np.where(support, 0.0, first.coefficients)
     for state, ratio in (damping or {}).items():
         i = first.states.index(state)
-        stiffness = _stiffness(identified, i)
-        fixed[i, own[[row for row, _ in own].index(i)][1]] = -2 * ratio * np.sqrt(stiffness)
+        fixed[i, own[i]] = -2 * ratio * np.sqrt(_stiffness(identified, i))
     entries, powers = [], []
     for i, j in np.argwhere(support).tolist():
         # only equations of motion hold loads; d(q)/dt = dq does not depend on the wind

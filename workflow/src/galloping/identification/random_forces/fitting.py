@@ -168,9 +168,8 @@ class Question:
 
         Raises FloatingPointError where the slopes diverge.
         """
-        terms = np.unique(self.problem.candidates[:, 1])
-        candidates = self.problem.candidates.copy()
-        candidates[:, 1] = np.searchsorted(terms, candidates[:, 1])
+        terms, places = np.unique(self.problem.candidates[:, 1], return_inverse=True)
+        candidates = np.column_stack([self.problem.candidates[:, 0], places])
         tracker, n = self.tracker(model), len(self.unit)
         known, right = np.zeros((n, n)), np.zeros(n)
         for one in self.data:
@@ -378,16 +377,15 @@ def forces_are_needed(question: Question, fit: Fit, penalty: float) -> bool:
     return bool(2.0 * lost > penalty * (model.root.size + len(model.slow)))
 
 
-def forces_are_correlated(question: Question, fit: Fit, penalty: float) -> bool:
+def forces_are_correlated(fit: Fit, penalty: float) -> bool:
     """Whether the forces are, by the Wald statistic of what they share."""
     if fit.model.hosts:  # a mode beside those of the coordinates is moved by the same forces
         return True
-    mixed = len(question.forced) * (len(question.forced) - 1) // 2
-    if not mixed:
-        return False
-    first = int(fit.support.sum()) + len(question.forced)
-    own = slice(first, first + mixed)
     root = fit.model.root
     shares = (root / np.diag(root))[np.tril_indices(len(root), -1)]
+    if not len(shares):
+        return False
+    first = int(fit.support.sum()) + len(root)
+    own = slice(first, first + len(shares))
     covariance = np.linalg.inv(information(fit.slopes))[own, own]
-    return bool(shares @ np.linalg.solve(covariance, shares) > penalty * mixed)
+    return bool(shares @ np.linalg.solve(covariance, shares) > penalty * len(shares))

@@ -132,7 +132,7 @@ def fitted_to_all(
     """
     channels, penalty = question.channels, question.penalty
     known, _ = question.regression(whole.model)
-    correlated = forces_are_correlated(question, whole, penalty)
+    correlated = forces_are_correlated(whole, penalty)
     support = _chosen(question, whole, penalty)
     question = replace(question, data=_data(recordings, channels))
     fit = fitted(question, question.without(whole.model, support), support, correlated)

@@ -200,11 +200,10 @@ class Tracker:
         `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`. Raises
         numpy.linalg.LinAlgError where one pass takes more than all the work of a search.
         """
-        x, p, n = self.first_mean, self.first_covariance, len(self.size)
+        n, m, kept = len(self.size), len(self.driven[0]), np.array(self.channels.kept, int)
+        given = self.first_mean, self.first_covariance, self.driven[1]
+        x, p, white = (np.pad(each, (0, len(kept))) for each in given)
         exponents, coefficients = self.equations(terms)
-        m, kept = len(x), np.array(self.channels.kept, int)
-        white, p = (np.pad(each, (0, len(kept))) for each in (self.driven[1], p))
-        x = np.append(x, np.zeros(len(kept)))
         exponents = np.insert(exponents, np.full(len(kept), m), 0, axis=1)
         coefficients = np.pad(coefficients, ((0, len(kept)), (0, 0)))
         innovations, variances, means, slopes = self._extended(
