@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import compress
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -85,8 +86,7 @@ def _divided(term: Exponents, state: int) -> Exponents:
     return tuple(e - (k == state) for k, e in enumerate(term))
 
 
-@dataclass(frozen=True)
-class System:
+class System(NamedTuple):
     """One model in the form the compiled integrator reads, built by `system`.
 
     rates: (n, 2) int, (equation, monomial) of each coefficient present; rate_values: (n,).
@@ -295,9 +295,7 @@ def integrate(
     return propagate(
         float(step), ORDER, np.ascontiguousarray(first, np.int64),
         np.ascontiguousarray(starts, float), functionals, np.ascontiguousarray(observed, np.int64),
-        np.ascontiguousarray(inputs), sensitive, compiled.parent, compiled.factor,
-        compiled.rates, compiled.rate_values, compiled.jacobian, compiled.jacobian_values,
-        compiled.columns, compiled.weights,
+        np.ascontiguousarray(inputs), sensitive, *compiled,
     )  # fmt: skip
 
 
