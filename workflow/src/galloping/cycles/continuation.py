@@ -7,6 +7,7 @@ m + 1 unknowns, of which the last is the parameter.
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -248,16 +249,9 @@ def _bifurcations(problem: Problem, last: Point, point: Point, step: float) -> l
 
 def _located(problem: Problem, last: Point, name: str, step: float) -> tuple[float, Point]:
     """Length along the last tangent and the point where a test vanishes."""
-    points = {0.0: last}
-
-    def test(s: float) -> float:
-        if s not in points:
-            points[s] = _next(problem, last, s)
-        return points[s].tests[name]
-
-    root = brentq(test, 0.0, step, xtol=1e-9, rtol=1e-12, maxiter=60)
-    test(root)
-    return root, points[root]
+    ahead = cache(lambda s: _next(problem, last, s) if s else last)
+    root = brentq(lambda s: ahead(s).tests[name], 0.0, step, xtol=1e-9, rtol=1e-12, maxiter=60)
+    return root, ahead(root)
 
 
 def _returned(start: Any, last: Any, now: Any) -> bool:

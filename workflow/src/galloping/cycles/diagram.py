@@ -160,10 +160,9 @@ def diagram(
     (n,) in s and states (n, n_states). Raises ValueError where there is no equilibrium near that.
     """
     equilibria = equilibrium_branch(family, rest, span.low, span)
-    hopfs = enumerate(hopf_points(equilibria), start=1)
     queue = [
         _Start(f"Hopf {k}", 0, lambda at=hopf: (limit_cycles.from_hopf(family, at, span),))
-        for k, hopf in hopfs
+        for k, hopf in enumerate(hopf_points(equilibria), start=1)
     ]
     if not queue and motion is not None:
         follow = partial(limit_cycles.from_motion, family, *motion, span)

@@ -48,7 +48,7 @@ class Work:
 
 
 _UNLIMITED = Work(float("inf"))
-_work: ContextVar[Work] = ContextVar("work")
+_work: ContextVar[Work] = ContextVar("work", default=_UNLIMITED)
 
 
 def allowed(rows: int, most: float = MOST) -> float:
@@ -63,14 +63,14 @@ def limited(recordings: Sequence[Recording], most: float = MOST) -> Iterator[Wor
     most: s, of recordings of up to ROWS samples in all.
     """
     rows = sum(len(recording.time) for recording in recordings)
-    with _within(min(allowed(rows, most), _work.get(_UNLIMITED).left)) as work:
+    with _within(min(allowed(rows, most), _work.get().left)) as work:
         yield work
 
 
 @contextmanager
 def portion(share: float) -> Iterator[Work]:
     """The block has a share of the work that is left; what it leaves undone is left undone."""
-    around = _work.get(_UNLIMITED)
+    around = _work.get()
     with _within(share * around.left) as work:
         try:
             yield work
@@ -80,7 +80,7 @@ def portion(share: float) -> Iterator[Work]:
 
 @contextmanager
 def _within(most: float) -> Iterator[Work]:
-    around = _work.get(_UNLIMITED)
+    around = _work.get()
     work = Work(most, around=around)
     token = _work.set(work)
     try:
@@ -92,14 +92,14 @@ def _within(most: float) -> Iterator[Work]:
 
 def spend(seconds: float) -> None:
     """Count work that is done."""
-    _work.get(_UNLIMITED).spent += seconds
+    _work.get().spent += seconds
 
 
 def at_most(passed: float) -> float:
     """s, that are left at most after `passed` s, at the speed so far, where that is told already;
     infinite where there is no limit.
     """
-    work, most, spent = _work.get(_UNLIMITED), _UNLIMITED.most, 0.0
+    work, most, spent = _work.get(), _UNLIMITED.most, 0.0
     while work is not _UNLIMITED:
         most, spent, work = work.most, spent + work.spent, work.around
     speed = passed / spent if spent >= TELLING else 1.0
@@ -108,6 +108,6 @@ def at_most(passed: float) -> float:
 
 def is_spent() -> bool:
     """Whether no work is left; what is not begun for that makes the search one that ended early."""
-    work = _work.get(_UNLIMITED)
+    work = _work.get()
     work.ended |= work.left <= 0.0
     return work.left <= 0.0

@@ -238,8 +238,7 @@ def _with_slow_forces(question: Question, start: Model, white: Fit) -> Fit:
     """The fit with slow forces beside the white ones, where they pay."""
     slow = start.slow
     if not slow or question.problem.inputs:
-        own = np.min(np.abs(np.linalg.eigvals(question.tracker(white.model).system)))
-        rate = SLOW * own
+        rate = SLOW * np.min(np.abs(np.linalg.eigvals(question.tracker(white.model).system)))
         slow = tuple(rate * np.diag(white.model.root)[: len(question.forced)])
         start = replace(white.model, slow=slow, rates=(rate,) * len(slow))
     try:
