@@ -9,7 +9,7 @@ import numpy as np
 
 from galloping.bounds import Experiment, bound_of, information
 from galloping.field.dynamics import Surroundings, dynamics
-from galloping.field.forecast import Sensed, simulator_of
+from galloping.field.forecast import Following
 from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, state_unit
 from galloping.identification.likelihood.instrument import DRIFTS
@@ -178,12 +178,10 @@ def kept_up(identified: IdentifiedModel, recordings: Sequence[Recording]) -> boo
     """
     kept = []
     for recording, start in zip(recordings, identified.initial_states, strict=True):
-        sensed, time = Sensed.by(recording), recording.time
-        driven = simulator_of(identified.model, recording)
-        states = driven(identified.model, start, time).states
-        motion = sensed.of(identified.model, states, driven.at(time))
+        follow, time = Following(identified, recording), recording.time
+        motion = follow.motion(identified.model, start, time)
         last = time > time[-1] - (time[-1] - time[0]) / 3
-        for samples, own in zip(sensed.samples(recording).T, motion.T, strict=True):
+        for samples, own in zip(follow.samples.T, motion.T, strict=True):
             known = np.isfinite(samples)
             if (known & last).any():
                 recorded = np.std(samples[known & last])
@@ -243,6 +241,10 @@ class Advice:
     duration: float
     options: tuple[tuple[str, float], ...]
 
+    def percent(self, error: float) -> str:
+        """A standard error as a share of the coefficient."""
+        return f"{100.0 / abs(self.coefficient) * error:.2g} %"
+
 
 def advice(identified: IdentifiedModel, recording: Recording, period: float) -> Advice | None:
     """What one more recording, by the instruments of the last, would do for the weakest term.
@@ -250,13 +252,9 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
     period: s, of the motion. None where there is no exact model, for what an approximate one errs
     by is not the noise, and where no channel is of a state, as its options would be.
     """
-    if identified.status not in ("ok", "not identifiable") or not len(identified.covariance):
-        return None
-    if identified.is_forced:  # of forces that are drawn anew, only more time tells more
-        return None
-    if identified.model.inputs:  # which nobody knows of another recording
-        return None
-    if not np.isfinite(identified.sigma[-1]).any():
+    exact = identified.status in ("ok", "not identifiable") and len(identified.covariance)
+    driven = identified.is_forced or identified.model.inputs  # which differ in another recording
+    if driven or not exact or not np.isfinite(identified.sigma[-1]).any():
         return None
     model, states = identified.model, identified.model.states
     free = np.argwhere(identified.support)
@@ -306,27 +304,26 @@ def _options(
         "the same motion, twice as long": replace(first, time=twice),
         "the same motion, sampled twice as often": replace(first, sigma=first.sigma / np.sqrt(2.0)),
     }
-    last = identified.simulate(first.initial_state, first.time).states[-1]
-    if np.all(np.isfinite(last)):
-        options["what follows on the same motion"] = replace(first, initial_state=last)
+    motion = identified.simulate(first.initial_state, first.time).states
+    bounded = np.all(np.isfinite(motion[-1]))
+    if bounded:
+        options["what follows on the same motion"] = replace(first, initial_state=motion[-1])
     for k in pairs or range(len(states)):
         if np.isfinite(recording.values[:, k]).any():
             away = FARTHER * np.nanmax(np.abs(recording.values[:, k] - rest[k]))
-            height = rest[k] + away
-            height = float(f"{height:.{max(1 - floor(log10(away)), 0)}f}")
-            start = np.where(np.isin(np.arange(len(states)), list(pairs.values())), 0.0,
-                             first.initial_state)  # fmt: skip
+            height = float(f"{rest[k] + away:.{max(1 - floor(log10(away)), 0)}f}")
+            start = first.initial_state.copy()
+            start[list(pairs.values())] = 0.0
             start[k] = height
             at_rest = " at rest" if pairs else ""
             place = f"{states[k]} = {height:g} {state_unit(states[k])}".removesuffix(" 1")
             options[f"a release from {place}{at_rest}"] = replace(first, initial_state=start)
     unseen = [v for k, v in pairs.items() if not np.isfinite(first.sigma[v])]
-    if unseen and np.all(np.isfinite(last)):
+    if unseen and bounded:
         # as well as displacements are: the same share of the motion is noise
-        motion = identified.simulate(first.initial_state, first.time).states.std(axis=0)
-        sigma = first.sigma.copy()
+        size, sigma = motion.std(axis=0), first.sigma.copy()
         for k, v in pairs.items():
-            sigma[v] = min(sigma[v], motion[v] * sigma[k] / motion[k])
+            sigma[v] = min(sigma[v], size[v] * sigma[k] / size[k])
         options["the same motion, its velocities measured as well as its displacements"] = replace(
             first, sigma=sigma
         )

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from galloping.intervals import QUANTILES_90, drawn
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Input, Recording, at_times
-from galloping.simulation import Simulator, Trajectory
+from galloping.simulation import Simulator
 
 ITERATIONS = 4  # of Gauss-Newton on the start, which is nearly linear over a few periods
 NEARBY = 2  # of them, from a start that is near
@@ -62,40 +63,108 @@ class Sensed:
             columns.append(rate[:, np.newaxis])
         return np.hstack(columns)
 
-    def noise(self, identified: IdentifiedModel) -> np.ndarray:
-        """(n_sensed,) of a sample, zero where not measured or not told by the method."""
-        rates = self.names[len(self.states) :]
-        told = [identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
-        return np.append(np.nan_to_num(identified.sigma[-1]), told)
 
-    def of(
-        self, model: PolynomialModel, states: np.ndarray, driven: np.ndarray | None = None
-    ) -> np.ndarray:
-        """(n, n_sensed) of a motion (n, n_states); driven: (n, n_inputs) values of its inputs."""
-        if not self.rates:
-            return states
-        return np.hstack([states, model(states, driven)[:, self.rates]])
+def simulator_of(model: PolynomialModel) -> Simulator:
+    """For the model and others with its terms."""
+    return Simulator(model.states, model.terms, model.coefficients != 0.0, model.inputs)
 
 
 @dataclass(frozen=True)
-class Driven:
-    """Motions of a model and others with its terms, in the inputs of a recording if in any."""
+class Following:
+    """Motions of a model, and of others with its terms, beside the samples of a recording."""
 
-    simulator: Simulator
-    inputs: Mapping[str, Input]
+    identified: IdentifiedModel
+    recording: Recording
 
-    def __call__(self, model: PolynomialModel, start: np.ndarray, time: np.ndarray) -> Trajectory:
-        return self.simulator(model, start, time, self.inputs)
+    @cached_property
+    def sensed(self) -> Sensed:
+        return Sensed.by(self.recording)
 
-    def at(self, time: np.ndarray) -> np.ndarray | None:
-        """(n, n_inputs) values of the inputs."""
-        return at_times(list(self.inputs.values()), time) if self.inputs else None
+    @cached_property
+    def samples(self) -> np.ndarray:
+        """(n, n_sensed), NaN where missing."""
+        return self.sensed.samples(self.recording)
 
+    @cached_property
+    def sigma(self) -> np.ndarray:
+        """(n_sensed,) noise of a sample, zero where not measured or not told by the method."""
+        rates = self.sensed.names[len(self.sensed.states) :]
+        told = [self.identified.diagnostics.get(f"noise_{name}", 0.0) for name in rates]
+        return np.append(np.nan_to_num(self.identified.sigma[-1]), told)
 
-def simulator_of(model: PolynomialModel, recording: Recording | None = None) -> Driven:
-    """For the model and others with its terms, in the inputs of the recording that it has."""
-    simulator = Simulator(model.states, model.terms, model.coefficients != 0.0, model.inputs)
-    return Driven(simulator, {name: recording.inputs[name] for name in model.inputs})
+    @cached_property
+    def _simulator(self) -> Simulator:
+        return simulator_of(self.identified.model)
+
+    @property
+    def _inputs(self) -> dict[str, Input]:
+        return {name: self.recording.inputs[name] for name in self.identified.model.inputs}
+
+    def motion(self, model: PolynomialModel, start: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """(n, n_sensed) of a model from a start, not finite where it diverges."""
+        states = self._simulator(model, start, time, self._inputs).states
+        return self.shown(model, states, time)
+
+    def shown(self, model: PolynomialModel, states: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """(n, n_sensed) of a motion (n, n_states)."""
+        if not self.sensed.rates:
+            return states
+        rates = model(states, at_times(list(self._inputs.values()), time))
+        return np.hstack([states, rates[:, self.sensed.rates]])
+
+    def begin(self, rows: slice) -> np.ndarray | None:
+        """(n_states,) where the model must begin to follow samples best, None where it diverges."""
+        guess = first_guess(self.recording, rows.start)
+        return self.start(self.identified.model, rows, guess, self.samples[rows])
+
+    def start(
+        self,
+        model: PolynomialModel,
+        rows: slice,
+        guess: np.ndarray,
+        values: np.ndarray,
+        slopes: np.ndarray | None = None,
+    ) -> np.ndarray | None:
+        """The same of another model and other samples at these rows.
+
+        guess: (n_states,) near it. values: (n, n_sensed) the samples, NaN where missing. slopes:
+        those of a model and start near by, to spare their own.
+        """
+        sigma, time = self.sigma, self.recording.time[rows]
+        weight = np.isfinite(values) * np.where(sigma > 0, 1.0 / np.where(sigma > 0, sigma, 1), 0.0)
+        target, start = np.nan_to_num(values), guess
+        for stage in STAGES if slopes is None else STAGES[-1:]:
+            n = max(int(stage * len(time)), min(len(time), 2 * len(guess)))
+            for _ in range(ITERATIONS if slopes is None else NEARBY):
+                motion = self.motion(model, start, time[:n])
+                if not np.isfinite(motion).all():
+                    return None
+                own = self.slopes(model, start, motion, time[:n]) if slopes is None else slopes
+                if not np.isfinite(own).all():
+                    return None
+                left = ((target[:n] - motion) * weight[:n]).ravel()
+                design = (own * weight[:n]).reshape(len(start), -1).T
+                start = start + np.linalg.lstsq(design, left, rcond=1e-12)[0]
+        return start
+
+    def slopes(
+        self, model: PolynomialModel, start: np.ndarray, motion: np.ndarray, time: np.ndarray
+    ) -> np.ndarray:
+        """(n_states, n, n_sensed): change of the motion (n, n_sensed) with each state at first."""
+        size = STEP * (np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0) + 1e-6)
+        return np.array(
+            [
+                (self.motion(model, start + size * unit, time) - motion) / size[k]
+                for k, unit in enumerate(np.eye(len(start)))
+            ]
+        )
+
+    def misfit(self, motion: np.ndarray, values: np.ndarray) -> float:
+        """chi^2 per sample of a motion (n, n_sensed), infinite where it diverges."""
+        known = np.isfinite(values) & (self.sigma > 0)
+        squares = ((values - motion) / np.where(self.sigma > 0, self.sigma, 1.0)) ** 2
+        mean = np.mean(squares[known]) if known.any() else np.inf
+        return float(mean) if np.isfinite(mean) else np.inf
 
 
 def first_guess(recording: Recording, begin: int) -> np.ndarray:
@@ -118,71 +187,6 @@ def first_guess(recording: Recording, begin: int) -> np.ndarray:
             near = away <= within
             guess[k] = np.polyfit(time[known][near] - time[begin], source[known][near], 1)[0]
     return guess
-
-
-@dataclass(frozen=True)
-class Following:
-    """Finds where a motion must begin to follow samples best.
-
-    time: (n,) s, of the samples. sigma: (n_sensed,) their noise, zero where not measured.
-    """
-
-    simulator: Driven
-    sensed: Sensed
-    time: np.ndarray
-    sigma: np.ndarray
-
-    def start(
-        self,
-        model: PolynomialModel,
-        guess: np.ndarray,
-        values: np.ndarray,
-        slopes: np.ndarray | None = None,
-    ) -> np.ndarray | None:
-        """(n_states,) at the first sample, None where the model diverges.
-
-        guess: (n_states,) near it. values: (n, n_sensed) the samples, NaN where missing. slopes:
-        those of a model and start near by, to spare their own.
-        """
-        sigma = self.sigma
-        weight = np.isfinite(values) * np.where(sigma > 0, 1.0 / np.where(sigma > 0, sigma, 1), 0.0)
-        target, start = np.nan_to_num(values), guess
-        for stage in STAGES if slopes is None else STAGES[-1:]:
-            n = max(int(stage * len(self.time)), min(len(self.time), 2 * len(guess)))
-            for _ in range(ITERATIONS if slopes is None else NEARBY):
-                motion = self.motion(model, start, self.time[:n])
-                if not np.isfinite(motion).all():
-                    return None
-                own = self.slopes(model, start, motion) if slopes is None else slopes
-                if not np.isfinite(own).all():
-                    return None
-                left = ((target[:n] - motion) * weight[:n]).ravel()
-                design = (own * weight[:n]).reshape(len(start), -1).T
-                start = start + np.linalg.lstsq(design, left, rcond=1e-12)[0]
-        return start
-
-    def motion(self, model: PolynomialModel, start: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """(n, n_sensed) of the model from a start, not finite where it diverges."""
-        states = self.simulator(model, start, time).states
-        return self.sensed.of(model, states, self.simulator.at(time))
-
-    def slopes(self, model: PolynomialModel, start: np.ndarray, motion: np.ndarray) -> np.ndarray:
-        """(n_states, n, n_sensed): change of the motion (n, n_sensed) with each state at first."""
-        time = self.time[: len(motion)]
-        size = STEP * (np.abs(start) + np.nanstd(motion[:, : len(start)], axis=0) + 1e-6)
-        return np.array(
-            [
-                (self.motion(model, start + size * unit, time) - motion) / size[k]
-                for k, unit in enumerate(np.eye(len(start)))
-            ]
-        )
-
-    def misfit(self, motion: np.ndarray, values: np.ndarray) -> float:
-        """chi^2 per sample of a motion (n, n_sensed), infinite where it diverges."""
-        known = np.isfinite(values) & (self.sigma > 0)
-        squares = ((values - motion) / np.where(self.sigma > 0, self.sigma, 1.0)) ** 2
-        mean = np.mean(squares[known]) if known.any() else np.inf
-        return float(mean) if np.isfinite(mean) else np.inf
 
 
 DRAWS = 100  # of models and starts: the ends of a 90 % band then scatter by a tenth of its width
@@ -249,21 +253,21 @@ def forecast(
     factors = np.array([identified.diagnostics.get(f"{WIDER}{name}", 1.0) for name in sensed.names])
     if np.isinf(factors).any():
         raise ValueError(f"the model gives no forecast: {USELESS}")
-    sigma = sensed.noise(identified)
     recording = known_ahead(identified.model, recording, time, inputs)
-    simulator = simulator_of(identified.model, recording)
+    follow = Following(identified, recording)
+    sigma = follow.sigma
     if identified.is_forced:
         models = drawn(identified, DRAWS, rng)
         states = in_random_forces.motions(identified, models, recording, time, rng)
-        driven = simulator.at(time)
-        motions = np.array([sensed.of(*each, driven) for each in zip(models, states, strict=True)])
+        shown = (follow.shown(*each, time) for each in zip(models, states, strict=True))
+        motions = np.array(list(shown))
         missed = in_random_forces.noise_of_means(identified, recording, sensed.rates, sigma)
     elif identified.status == "approximate":
-        motions = _motions(identified, recording, simulator, time, window, np.inf, rng)
-        missed = _missed(identified, recording, simulator, time - recording.time[-1], window)
+        motions = _motions(follow, time, window, np.inf, rng)
+        missed = _missed(follow, time - recording.time[-1], window)
     else:
         for share in SHARES:
-            motions = _motions(identified, recording, simulator, time, share * window, FOLLOWS, rng)
+            motions = _motions(follow, time, share * window, FOLLOWS, rng)
             if len(motions) > ENOUGH * DRAWS:
                 break
         missed = np.zeros_like(sigma)
@@ -363,9 +367,8 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
     """
     if identified.is_forced:
         return in_random_forces.check_followed(identified, recording)
-    sensed = Sensed.by(recording)
-    simulator, sigma = simulator_of(identified.model, recording), sensed.noise(identified)
-    time, values = recording.time, sensed.samples(recording)
+    follow = Following(identified, recording)
+    time, sigma = recording.time, follow.sigma
     least = FOLLOWS
     if identified.status == "approximate":
         least *= max(identified.chi2, 1.0)
@@ -373,15 +376,16 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
     last = max(time[-1] - window, time[0])
     for begin in np.linspace(max(time[-1] - TRIED * window, time[0]), last, ORIGINS):
         own = slice(*np.searchsorted(time, (begin, begin + window)))
-        if np.isfinite(values[own][:, sigma > 0]).sum() < FEWEST * len(sigma):
+        values = follow.samples[own]
+        if np.isfinite(values[:, sigma > 0]).sum() < FEWEST * len(sigma):
             continue
-        follow = Following(simulator, sensed, time[own], sigma)
-        start = follow.start(identified.model, first_guess(recording, own.start), values[own])
+        start = follow.begin(own)
         motion = None if start is None else follow.motion(identified.model, start, time[own])
-        left.append(np.inf if motion is None else follow.misfit(motion, values[own]))
+        left.append(np.inf if motion is None else follow.misfit(motion, values))
     if left and not np.median(left) <= least:
+        names = follow.sensed.names
         noise = ", ".join(
-            f"{name} {each:.2g}" for name, each in zip(sensed.names, sigma, strict=True) if each > 0
+            f"{name} {each:.2g}" for name, each in zip(names, sigma, strict=True) if each > 0
         )
         raise ValueError(
             f"the model does not follow the recording: over {window:.3g} s it misses the samples "
@@ -391,39 +395,31 @@ def check_followed(identified: IdentifiedModel, recording: Recording, window: fl
 
 
 def _motions(
-    identified: IdentifiedModel,
-    recording: Recording,
-    simulator: Driven,
-    time: np.ndarray,
-    window: float,
-    worst: float,
-    rng: np.random.Generator,
+    follow: Following, time: np.ndarray, window: float, worst: float, rng: np.random.Generator
 ) -> np.ndarray:
     """(n_draws, n, n_sensed) motions at `time` of the draws, NaN from where one diverges.
 
     worst: misfit, as of `Following.misfit`, beyond which a draw does not follow its samples and is
     left out.
     """
+    best, recording, sigma = follow.identified.model, follow.recording, follow.sigma
     begin = int(np.searchsorted(recording.time, recording.time[-1] - window))
-    thin = 1 + (len(recording.time) - begin) // MOST_SAMPLES
-    sensed = Sensed.by(recording)
-    sampled, values = recording.time[begin::thin], sensed.samples(recording)[begin::thin]
-    sigma = sensed.noise(identified)
+    rows = slice(begin, None, 1 + (len(recording.time) - begin) // MOST_SAMPLES)
+    sampled, values = recording.time[rows], follow.samples[rows]
     if len(sampled) < len(recording.states):
         raise ValueError(
             f"the last {window:g} s of the recording hold {len(sampled)} samples; a forecast needs "
             f"{len(recording.states)} or more to start from"
         )
-    follow = Following(simulator, sensed, sampled, sigma)
-    fitted = follow.start(identified.model, first_guess(recording, begin), values)
+    fitted = follow.begin(rows)
     motions = []
-    near = None if fitted is None else follow.motion(identified.model, fitted, sampled)
+    near = None if fitted is None else follow.motion(best, fitted, sampled)
     if near is not None and follow.misfit(near, values) < worst:
-        slopes = follow.slopes(identified.model, fitted, near)
-        for model in drawn(identified, DRAWS, rng):
+        slopes = follow.slopes(best, fitted, near, sampled)
+        for model in drawn(follow.identified, DRAWS, rng):
             passing("draw models and starts")
             noisy = values + sigma * rng.standard_normal(values.shape)
-            start = follow.start(model, fitted, noisy, slopes)
+            start = follow.start(model, rows, fitted, noisy, slopes)
             if start is None:
                 continue
             motion = follow.motion(model, start, np.concatenate([sampled, time]))
@@ -432,13 +428,7 @@ def _motions(
     return np.array(motions).reshape(-1, len(time), len(sigma))
 
 
-def _missed(
-    identified: IdentifiedModel,
-    recording: Recording,
-    simulator: Driven,
-    ahead: np.ndarray,
-    window: float,
-) -> np.ndarray:
+def _missed(follow: Following, ahead: np.ndarray, window: float) -> np.ndarray:
     """(n, n_sensed) root mean square errors, noise included, of forecasts from earlier windows.
 
     ahead: (n,) s, of what is forecast. The forecasts begin at `ORIGINS` times of the recording,
@@ -446,8 +436,7 @@ def _missed(
     together in `PARTS` of a window and do not shrink. Later ones grow with the time, as those of a
     phase do, up to what two motions of the channel differ by at random.
     """
-    sensed = Sensed.by(recording)
-    time, values, sigma = recording.time, sensed.samples(recording), sensed.noise(identified)
+    time, values = follow.recording.time, follow.samples
     quarter = (time[-1] - time[0]) / 4
     length = min(window, quarter) / PARTS
     parts = int(min(TRIED * window, quarter) / length + 1e-9)
@@ -455,13 +444,12 @@ def _missed(
     squares, counts = np.zeros((2, parts, values.shape[1]))
     for origin in np.linspace(time[0] + (time[-1] - time[0]) / 2, time[-1] - horizon, ORIGINS):
         begin, now, end = np.searchsorted(time, (origin - window, origin, origin + horizon))
-        if now - begin < len(sigma):
+        if now - begin < len(values[0]):
             continue  # the window falls into a gap
-        follow = Following(simulator, sensed, time[begin:now], sigma)
-        start = follow.start(identified.model, first_guess(recording, begin), values[begin:now])
+        start = follow.begin(slice(begin, now))
         if start is None:
             continue
-        motion = follow.motion(identified.model, start, time[begin:end])[now - begin :]
+        motion = follow.motion(follow.identified.model, start, time[begin:end])[now - begin :]
         part = np.minimum(((time[now:end] - origin) / length).astype(int), parts - 1)
         error = values[now:end] - motion
         known = np.isfinite(error)

@@ -19,8 +19,6 @@ from galloping.field.forecast import (
     Sensed,
     check_followed,
     deviations,
-    first_guess,
-    simulator_of,
     with_factors,
 )
 from galloping.field.quality import PERIODS as PERIODS_HELD
@@ -305,27 +303,20 @@ def stretches(
     Times (n,) and channels (n, n_sensed) of each stretch of `length` s through which the model can
     be followed; it starts where it then follows the samples best.
     """
-    time = recording.time
-    simulator = simulator_of(identified.model, recording)
-    sensed = Sensed.by(recording)
+    time, model = recording.time, identified.model
+    follow = Following(identified, recording)
     told = in_random_forces.followed(identified, recording) if identified.is_forced else None
-    samples, sigma = sensed.samples(recording), sensed.noise(identified)
     motions = []
     for share in (0.0, 0.5, 1.0):
         passing("beside the samples")
         begin = time[0] + share * max(np.ptp(time) - length, 0.0)
-        first, end = np.searchsorted(time, (begin, begin + length))
-        own = time[first:end]
+        rows = slice(*np.searchsorted(time, (begin, begin + length)))
+        own = time[rows]
         if len(own) < 2:
             continue
         if told is not None:
-            driven = simulator.at(own)
-            motions.append((own, sensed.of(identified.model, told[first:end], driven)))
-            continue
-        follow = Following(simulator, sensed, own, sigma)
-        guess = first_guess(recording, first)
-        start = follow.start(identified.model, guess, samples[first:end])
-        if start is not None:
+            motions.append((own, follow.shown(model, told[rows], own)))
+        elif (start := follow.begin(rows)) is not None:
             smooth = np.linspace(own[0], own[-1], POINTS)
-            motions.append((smooth, follow.motion(identified.model, start, smooth)))
+            motions.append((smooth, follow.motion(model, start, smooth)))
     return motions

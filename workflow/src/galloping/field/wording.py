@@ -3,6 +3,7 @@
 The templates beside have the sentences, and here are the values and lists in them.
 """
 
+import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
@@ -13,11 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
 
-from galloping.field.advice import Advice
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
 from galloping.field.forecast import HeldOut, Sensed
 from galloping.field.quality import QUIET, SHOWN, peaks_of, spectrum
-from galloping.field.reasons import HELPS, PLACES, WIND, plain_reasons
 from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, meaning, plain_unit
 from galloping.identification.likelihood.verdict import REPEATS
@@ -49,6 +48,15 @@ PROBLEMS = (  # part of what is wrong with samples, and what would help
     ("clipped", "a sensor with a larger range"),
     ("different values", "a sensor of finer resolution"),
 )
+HELPS = {
+    "wind": "the wind speed, recorded beside the motion (`--input`)",
+    "places": "sensors at more places along the span, which tell its modes apart (`position` in a "
+    "mapping)",
+    "directions": "sensors in both directions",
+    "fewer": "fewer candidate terms (`--library`, `--degree`)",
+    "clocks": "one clock for all sensors, and samples at regular times",
+}
+WIND, PLACES = HELPS["wind"], HELPS["places"]
 LEAST = 1e-6  # width of an interval that is said, in its value
 KNOWN = 0.01  # standard error of a coefficient that no further recording needs to tell better
 STEADY = 12.0  # such factors, that the interval of a damping holds
@@ -69,7 +77,7 @@ def summary_text(
         for report in reports
         for p in report["problems"]
     ]
-    described = list(map(report_text, reports)) or list(map(repr, of.recordings))
+    described = [*map(report_text, reports)] or [*map(repr, of.recordings)]
     of_span = _of_span(found)
     line = "the line" if of_span else "the system"
     values = {
@@ -98,7 +106,6 @@ def summary_text(
         **(_of_trial(trial) if trial else {}),
         **_of_stretches(of.recordings, found),
         **_untold(found),
-        **(_of_advice(of.advice) if of.advice else {}),
     }  # fmt: skip
     text = _template("summary.md").render(values)
     text = re.sub(r"(?<=\S)( *\n {4,})+|(?<=[.:]) {2,}", " ", text)
@@ -162,7 +169,6 @@ def _name(state: str) -> str:
 
 
 def _of_span(found: IdentifiedModel) -> bool:
-    """Whether a model is of a span, and not of another system."""
     return any(map(meaning, found.model.states))
 
 
@@ -327,10 +333,10 @@ def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     advice = of.advice
     if advice and advice.options and advice.error > KNOWN * abs(advice.coefficient):
         name, error = advice.options[0]
-        now, then = (100.0 * e / abs(advice.coefficient) for e in (advice.error, error))
         helps.append(
             f"one more recording{' at the same wind' * span}, best of {name}: the coefficient that "
-            f"is known worst would then be known to {then:.2g} % instead of {now:.2g} %"
+            f"is known worst would then be known to {advice.percent(error)} instead of "
+            f"{advice.percent(advice.error)}"
         )
     if of.found.status == "approximate" and PLACES not in helps:
         helps.append(f"{PLACES}; more of the same kind would not, for what the model misses is no "
@@ -396,13 +402,6 @@ def _untold(identified: IdentifiedModel) -> dict:
     return {"inputs": model.inputs, "untold": [*scales, *room]}
 
 
-def _of_advice(of: Advice) -> dict:
-    """Standard errors of the term known worst, in percent: now, and after a further recording."""
-    share = 100.0 / abs(of.coefficient)
-    then = [f"{name}: {share * error:.2g} %" for name, error in of.options]
-    return {"now": f"{share * of.error:.2g} %", "then": then}
-
-
 def _said(of: Value, unit: str, factor: float = 1.0) -> str:
     """A value times a factor with its interval, if it has one, to the digits that it tells."""
     if factor < 0.0:
@@ -415,3 +414,21 @@ def _said(of: Value, unit: str, factor: float = 1.0) -> str:
                 for end in (of.low, of.high)]  # fmt: skip
         return f"{value} ({ends[0]} to {ends[1]})"
     return in_words(of, unit, factor).replace("  ", " ").rstrip()
+
+
+def plain_reasons(reason: str) -> list[tuple[str, str]]:
+    """What the parts of a verdict's reason mean, and what would help; none where it has none.
+
+    Those that weigh more come first, as in `reasons.csv`. That the model is inadequate, the last of
+    all, is said where nothing tells more.
+    """
+    text = files(__package__).joinpath("reasons.csv").read_text(encoding="utf-8")
+    known, fitting = list(csv.DictReader(text.splitlines())), {}
+    for clause in reason.split("; "):
+        for k, row in enumerate(known):
+            if match := re.search(row["pattern"], clause):
+                told = (match.expand(row["meaning"]), match.expand(row["help"]).format(**HELPS))
+                fitting.setdefault(k, told)
+                break
+    found = [fitting[k] for k in sorted(fitting)]
+    return found[:-1] if len(found) > 1 and len(known) - 1 in fitting else found
