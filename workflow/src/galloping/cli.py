@@ -108,7 +108,7 @@ def _mapping(file, options):
     """The mapping that options tell; how columns are read by their names alone is said."""
     from galloping.field.mapping import asked
 
-    mapping, said = asked(file, **options)
+    mapping, said = asked(file, options)
     if said:
         click.echo(said, err=True)
     return mapping
@@ -126,8 +126,8 @@ seed_option = click.option(
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for machines.")
 
 
-def answered(path):
-    """The model in a file, where there is one."""
+def _answered(path):
+    """The model in a file. Raises ValueError where there is none."""
     from galloping.identification.model import IdentifiedModel
 
     loaded = IdentifiedModel.load(path)
@@ -198,8 +198,9 @@ def identify(
     with replacing_folder(output) as folder, shown():
         field = read_field(files, columns)
         identified = analyse(field, question, folder)
-    for line in field.unused:
-        click.echo(line, err=True)
+    for one in field.series:
+        if one.unused:
+            click.echo(f"{one.path.name}: {one.unused}", err=True)
     if as_json:
         result = {"status": identified.status, "reason": identified.reason, "output": output}
         click.echo(json_text(result))
@@ -281,7 +282,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     from galloping.field.driving import inputs_after
     from galloping.field.summary import forecast as forecast_from
 
-    loaded = answered(model)
+    loaded = _answered(model)
     states = loaded.model.states
     if not mapping["map_file"]:
         mapping["states"] = mapping["states"] or ",".join(states)
@@ -338,7 +339,7 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
 
     from galloping.field.driving import driving
 
-    loaded = answered(model)
+    loaded = _answered(model)
     inputs = driving(model, loaded.model.inputs, at, inputs_file, time_column)
     measured = [one.stretches[-1][1] for one in inputs.values() if not isinstance(one, float)]
     known = min(measured, default=np.inf)
@@ -358,15 +359,12 @@ def simulate(model, duration, rate, initial, at, inputs_file, time_column, as_js
         start = loaded.initial_states[0]
     else:
         raise ValueError(f"{model}: holds no initial state; say --initial")
-    try:
-        rows = _simulated(loaded.model, start, rate, int(duration * rate + 1e-9), inputs)
-        print_rows(rows, as_json)
-    except FloatingPointError as error:
-        raise ValueError(f"{model}: {error}") from None
+    rows = _simulated(model, loaded.model, start, rate, int(duration * rate + 1e-9), inputs)
+    print_rows(rows, as_json)
 
 
-def _simulated(model, state, rate: float, last: int, inputs) -> Iterator[dict]:
-    """Rows 0 to `last` of a motion. Raises FloatingPointError where it ends early."""
+def _simulated(path, model, state, rate: float, last: int, inputs) -> Iterator[dict]:
+    """Rows 0 to `last` of a motion. Raises ValueError, naming the path, where it ends early."""
     import numpy as np
 
     from galloping.simulation import Simulator
@@ -380,7 +378,7 @@ def _simulated(model, state, rate: float, last: int, inputs) -> Iterator[dict]:
         for row in rows[np.isfinite(rows).all(axis=1)].tolist():
             yield dict(zip(names, row, strict=True))
         if trajectory.status != "ok":
-            raise FloatingPointError(trajectory.status)
+            raise ValueError(f"{path}: {trajectory.status}")
         if until == last:
             return
         first, state = until, trajectory.states[-1]
@@ -411,7 +409,7 @@ def assess(model, at, seed, figure, as_csv, as_json):
 
     if as_csv and as_json:
         raise click.UsageError("--csv and --json exclude each other")
-    loaded, units = answered(model), read_json(model).get("units", {})
+    loaded, units = _answered(model), read_json(model).get("units", {})
     with shown():
         found = assessed(loaded, held_at(at, loaded.model.inputs), seed=seed)
     if figure:

@@ -83,9 +83,6 @@ def forecast_rows(predicted: Forecast) -> list[dict]:
     return pd.DataFrame(columns).to_dict("records")
 
 
-UNUSED = "columns that are not used: {}; a wind among them is named by --input U=COLUMN"
-
-
 @dataclass(frozen=True)
 class Field:
     """Recordings of one system as they came from files.
@@ -99,20 +96,6 @@ class Field:
     recordings: tuple[Recording, ...]
     names: tuple[str, ...]
     reports: tuple[dict, ...]
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Of the inputs, by name."""
-        return dict(self.series[0].units)
-
-    @property
-    def unused(self) -> list[str]:
-        """Columns that were measured and are not used, a line for each file."""
-        return [
-            f"{one.path.name}: {UNUSED.format(', '.join(one.unused))}"
-            for one in self.series
-            if one.unused
-        ]
 
     @property
     def faults(self) -> list[str]:
@@ -145,7 +128,7 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
         report["inputs"] = described(one, mapping.inputs)
         report["notes"] += input_notes(of_file)
         if one.unused:
-            report["notes"].append(UNUSED.format(", ".join(one.unused)))
+            report["notes"].append(one.unused)
         if len(parts) > 1 or len(parts[0].time) < len(of_file.time):
             kept = sum(np.ptp(each.time) for each in parts)
             report["notes"].append(
@@ -276,18 +259,18 @@ def write_outputs(
     folder: Path, field: Field, of: Summary, beside: tuple[str, Dynamics | None] | None = None
 ) -> None:
     """The tables, the model and `summary.md`. beside: as `summary_text` takes it."""
-    identified, states = of.found, of.found.model.states
+    identified, states, inputs = of.found, of.found.model.states, dict(field.series[0].units)
     write_json(folder / "quality.json", list(field.reports))
     identified.save(
         folder / "model.json",
-        units={state: state_unit(state) for state in states} | field.units,
+        units={state: state_unit(state) for state in states} | inputs,
         versions={"galloping": __version__},
     )
     channels = Sensed.by(field.recordings[-1]).names
     units = {f"{s}{end}": state_unit(s) for s in channels for end in ("", "_low", "_high")}
     tables = {"model.csv": MODEL_COLUMNS, "forecast.csv": {"time_s": "s", **units}}
     ahead = [row for part in of.forecasts for row in forecast_rows(part)]
-    write_rows(folder / "model.csv", model_rows(identified, field.units), list(MODEL_COLUMNS))
+    write_rows(folder / "model.csv", model_rows(identified, inputs), list(MODEL_COLUMNS))
     write_rows(folder / "forecast.csv", ahead, list(tables["forecast.csv"]))
     write_json(folder / "datapackage.json", _package(tables))
     write_text(folder / "summary.md", summary_text(of, field.reports, beside))

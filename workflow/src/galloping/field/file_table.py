@@ -175,9 +175,10 @@ def _table(path: Path, content: list, first_row: int, notes: tuple[str, ...] = (
     for header, values, unit in content:
         name, own = named(header)
         if name in columns:
-            same = pd.Series(values).equals(pd.Series(columns[name]))
-            unclear |= set() if same else {name}
-            notes += (f"column {name!r} is there twice, with the same samples",) if same else ()
+            if pd.Series(values).equals(pd.Series(columns[name])):
+                notes += (f"column {name!r} is there twice, with the same samples",)
+            else:
+                unclear.add(name)
             continue
         columns[name] = values
         if unit or own:
@@ -258,33 +259,16 @@ def _read_text(
     other = "gb18030" if CHINESE.search(head) else "cp1252"
     for encoding in ("utf-16",) if wide else ("utf-8-sig", other):  # the first that fits
         try:
-            return _read(opened, _lines(head, whole, encoding), encoding, decimal, time, rows)
+            lines = codecs.getincrementaldecoder(encoding)().decode(head, whole).splitlines()
+            layout = _layout(lines if whole else lines[:-1] or lines, decimal, time)
+            frame = _frame(opened, layout, encoding, rows)
+            break
         except UnicodeDecodeError as error:
             byte = error.object[error.start]
-    raise FileError(f"byte {byte:#x} is no text in UTF-8 or {ENCODINGS[other]}; save it as UTF-8")
-
-
-def _lines(head: bytes, whole: bool, encoding: str) -> list[str]:
-    """The first lines of a text file, all of them whole."""
-    lines = codecs.getincrementaldecoder(encoding)().decode(head, whole).splitlines()
-    return lines if whole else lines[:-1] or lines
-
-
-def _read(opened, lines, encoding, decimal, time, rows):  # as `_read_text`
-    layout = _layout(lines, decimal, time)
-    try:
-        with warnings.catch_warnings(), opened() as file:
-            warnings.simplefilter("error", pd.errors.ParserWarning)
-            frame = pd.read_csv(
-                file, sep=layout.separator or r"\s+", decimal=layout.decimal,
-                skiprows=layout.first, header=None, names=range(len(layout.header)),
-                index_col=False, encoding=encoding, skipinitialspace=True, low_memory=False,
-                nrows=rows,
-            )  # fmt: skip
-    except (pd.errors.ParserWarning, pd.errors.ParserError) as error:
-        raise FileError(_uneven(error, layout)) from error
-    except pd.errors.EmptyDataError as error:
-        raise FileError("no rows of data") from error
+    else:
+        raise FileError(
+            f"byte {byte:#x} is no text in UTF-8 or {ENCODINGS[other]}; save it as UTF-8"
+        )
     notes = list(layout.notes)
     if encoding in ENCODINGS:
         notes.append(f"no text in UTF-8; read as {ENCODINGS[encoding]}")
@@ -299,6 +283,24 @@ def _read(opened, lines, encoding, decimal, time, rows):  # as `_read_text`
                 for word, count in words.items()
             ]
     return content, layout.first + 1, tuple(notes)
+
+
+def _frame(
+    opened: Callable[[], BinaryIO], layout: _Layout, encoding: str, rows: int | None
+) -> pd.DataFrame:
+    try:
+        with warnings.catch_warnings(), opened() as file:
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            return pd.read_csv(
+                file, sep=layout.separator or r"\s+", decimal=layout.decimal,
+                skiprows=layout.first, header=None, names=range(len(layout.header)),
+                index_col=False, encoding=encoding, skipinitialspace=True, low_memory=False,
+                nrows=rows,
+            )  # fmt: skip
+    except (pd.errors.ParserWarning, pd.errors.ParserError) as error:
+        raise FileError(_uneven(error, layout)) from error
+    except pd.errors.EmptyDataError as error:
+        raise FileError("no rows of data") from error
 
 
 def _without_words(cells: pd.Series, decimal: str) -> tuple[pd.Series, dict[str, int]]:
@@ -415,13 +417,10 @@ def _parted(lines: list[str], plain: list[int], decimal: str | None) -> tuple[st
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
-    """The cells of a line; white space may part them in any amount."""
     if separator is None:
         line, separator = " ".join(line.split()), " "
-    return [
-        cell.strip()
-        for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
-    ]
+    cells = csv.reader([line], delimiter=separator, skipinitialspace=True)
+    return [cell.strip() for cell in next(cells, [])]
 
 
 def _is_data(cells: list[str], decimal: str) -> bool:
@@ -453,13 +452,13 @@ def _described_units(path: Path, own: Mapping[str, str]) -> dict[str, str]:
         return {}
     try:
         resources = json.loads(description.read_text(encoding="utf-8"))["resources"]
-        fields = [
-            f
+        found = {
+            field["name"]: str(field["unit"])
             for of in resources
             if of.get("path") == path.name
-            for f in of.get("schema", {}).get("fields", [])
-        ]
-        found = {field["name"]: str(field["unit"]) for field in fields if "unit" in field}
+            for field in of.get("schema", {}).get("fields", [])
+            if "unit" in field
+        }
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileError(f"{description}: not a data package: {error}") from error
     if differ := [name for name, unit in found.items() if own.get(name, unit) != unit]:

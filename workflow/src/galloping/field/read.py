@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from itertools import combinations, pairwise
 from pathlib import Path
 from shlex import quote
@@ -12,8 +13,7 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
 from galloping.field.file_table import FileError, FileTable, read_table
-from galloping.field.instants import instants
-from galloping.field.mapping import Channel, ColumnMapping, InputColumn
+from galloping.field.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
 from galloping.field.units import UnitError, amount, factor, input_si, named, state_unit
 from galloping.identification.likelihood.inputs import FEWEST
 from galloping.passes import passing
@@ -27,6 +27,19 @@ HELD = 2  # rows, that a logger repeats a slower sample for at least
 STUCK = 20  # times as long as nearly all runs of one value is that of a sensor that was stuck
 SAME = 1e-9  # less than full correlation, of two channels that are one
 ALIKE, VARIED = 20, 5  # rows of a block, and values in it, that no two recordings share by chance
+DAYS = (
+    "%d.%m.%Y", "%d.%m.%y", "%Y/%m/%d", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%m/%d/%y",
+    "%d/%m/%y", "%d-%b-%Y",
+)  # fmt: skip
+HOURS = [f"%{hours}.%f{half}" for hours, half in (("H:%M:%S", ""), ("I:%M:%S", " %p"))]
+HOURS += [hours.replace(".%f", ":%f") for hours in HOURS]
+WHOLE = r"(?<![:\d])(\d\d?:\d\d:\d\d)(?![.:\d])"  # seconds, which may stand among fractions of them
+FORMS = [f"{day} {hour}" for day in DAYS for hour in HOURS] + HOURS
+HINTS = {  # where a column is missing, by what it is of
+    TimeColumn: "--time names the column of the times (time: in a mapping)",
+    InputColumn: "an input has a column of its name, or of that in --input NAME=COLUMN",
+    Channel: "--measure STATE=COLUMN says which column measures what (channels: in a mapping)",
+}
 
 
 @dataclass(frozen=True)
@@ -37,8 +50,8 @@ class Series:
     noise: (n_channels,) known deviation of a sample, NaN where unknown.
     values: (n, n_channels), NaN where missing, in the order of the mapping's channels. rows: (n,)
     row of each sample in the file. notes: one line for each thing that was mended. inputs: by name,
-    on the same time axis; units: of them. unused: columns that were left aside. origin: s, the
-    first time by the clock of the file, of dates since 1970.
+    on the same time axis; units: of them. unused: a line about columns that were left aside, or ''.
+    origin: s, the first time by the clock of the file, of dates since 1970.
     """
 
     path: Path
@@ -48,10 +61,10 @@ class Series:
     rows: np.ndarray
     notes: tuple[str, ...]
     noise: np.ndarray
-    inputs: Mapping[str, Input] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    unused: tuple[str, ...] = ()
-    origin: float = 0.0
+    inputs: Mapping[str, Input]
+    units: Mapping[str, str]
+    unused: str
+    origin: float
 
 
 def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
@@ -62,8 +75,11 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     passing(Path(path).name)
     table = read_table(path, mapping.decimal, mapping.time.column)
     for one in (mapping.time, *mapping.channels, *mapping.inputs):
-        _column(table, one.column, mapping)
-    times = instants(table, mapping)
+        try:
+            table.column(one.column)
+        except FileError as error:
+            raise FileError(f"{error}; {HINTS[type(one)]}") from None
+    times = _instants(table, mapping.time)
     _check_units(table, mapping, times is None)
     time, start, origin = _seconds(table, mapping, times)
     notes, columns, units = list(table.notes), [], {}
@@ -86,9 +102,10 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                 f"{mapping.time.column!r} have {len(time)}"
             )
         if isinstance(one, Channel):
-            scale = _to_si(table, one.column, one.unit, state_unit(one.measures))
+            to_state = partial(factor, wanted=state_unit(one.measures))
+            scale = _to_si(table, one.column, one.unit, to_state)
         else:
-            scale, units[one.name] = _to_si(table, one.column, one.unit, "m/s", input_si)
+            scale, units[one.name] = _to_si(table, one.column, one.unit, input_si)
         columns.append(scale * column)
     rows = np.arange(len(time)) + table.first_row
     time, values, rows, more = _in_order(table, time, np.column_stack(columns), rows)
@@ -111,9 +128,11 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
     _check_distinct(table, mapping, values)
     noise = np.array([_known_noise(table, channel) for channel in mapping.channels])
     used = {named(c.column)[0] for c in (mapping.time, *mapping.channels, *mapping.inputs)}
+    left = ", ".join(name for name in table.columns if name not in used)
+    unused = f"columns that are not used: {left}; a wind among them is named by --input U=COLUMN"
     return Series(
         table.path, time, start, values, rows, (*notes, *more), noise, inputs, units,
-        tuple(name for name in table.columns if name not in used), origin,
+        unused if left else "", origin,
     )  # fmt: skip
 
 
@@ -207,6 +226,41 @@ def check_apart(series: Sequence[Series]) -> None:
         known |= {block.tobytes(): one for block in blocks[::ALIKE]}
 
 
+def _instants(table: FileTable, time: TimeColumn) -> pd.DatetimeIndex | pd.TimedeltaIndex | None:
+    """Dates or times of a day; None where they, or most of a column of text, are numbers.
+
+    Raises FileError where a day cannot be told from a month, and for what is no time.
+    """
+    name, column = time.column, table.column(time.column)
+    if column.dtype.kind in "mM":
+        return pd.Index(column)
+    if column.dtype.kind not in "OUT" or time.unit is not None:
+        return None
+    text = pd.Series(column).astype("string").str.strip().str.replace(",", ".")
+    text = text.str.replace(WHOLE, r"\1.0", regex=True)
+    if pd.to_numeric(text, errors="coerce").notna().sum() >= text.notna().sum() / 2:
+        return None
+    first = text.dropna()[:1]
+    found = [pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")]
+    if found[0].isna().all():
+        forms = [form for form in FORMS
+                 if pd.to_datetime(first, format=form, errors="coerce").notna().all()]  # fmt: skip
+        found += [pd.to_datetime(text, format=form, errors="coerce") for form in forms]
+    most = max(stamps.notna().sum() for stamps in found)
+    found = [stamps for stamps in found if stamps.notna().sum() == most]
+    strange = np.flatnonzero(text.notna() & found[0].isna())
+    if len(strange):
+        what = "is neither a number nor a time, such as 2026-01-31T12:00:00.04"
+        raise table.fault(strange[0], name, what)
+    if any(not (stamps - stamps.min()).equals(found[0] - found[0].min()) for stamps in found):
+        raise table.fault(0, name, "may be day or month first; write dates as 2026-01-31")
+    stamps = pd.DatetimeIndex(found[0])
+    if ":" in first.iloc[0][:3]:  # without a date: they go on after midnight
+        days = np.cumsum(np.diff(stamps, prepend=stamps[:1]) < -pd.Timedelta(hours=12))
+        stamps += pd.to_timedelta(days, "D")
+    return stamps
+
+
 def _seconds(
     table: FileTable, mapping: ColumnMapping, times: pd.Index | None
 ) -> tuple[np.ndarray, str, float]:
@@ -221,24 +275,12 @@ def _seconds(
     elif times is not None:
         values = np.full(len(times), np.nan)
     else:
-        values = table.numbers(name) * _to_si(table, name, mapping.time.unit, "s")
+        values = table.numbers(name) * _to_si(
+            table, name, mapping.time.unit, partial(factor, wanted="s")
+        )
     if not np.isfinite(values).any():
         raise FileError(f"{table.at(name)} is empty")
     return values - np.nanmin(values), "", float(np.nanmin(values))
-
-
-def _column(table: FileTable, name: str, mapping: ColumnMapping) -> np.ndarray:
-    """A column; where it is missing, the error says how to name what there is."""
-    try:
-        return table.column(name)
-    except FileError as error:
-        if name == mapping.time.column:
-            hint = "--time names the column of the times (time: in a mapping)"
-        elif name in (one.column for one in mapping.inputs):
-            hint = "an input has a column of its name, or of that in --input NAME=COLUMN"
-        else:
-            hint = "--measure STATE=COLUMN says which column measures what (channels: in a mapping)"
-        raise FileError(f"{error}; {hint}") from None
 
 
 def _stuck(values: np.ndarray) -> np.ndarray:
@@ -284,21 +326,19 @@ def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> Non
         )
 
 
-def _to_si(
-    table: FileTable, column: str, said: str | None, wanted: str, convert: Callable = factor
-):
-    """What a column is multiplied by to be in `wanted`, as `convert` tells it from the unit.
+def _to_si(table: FileTable, column: str, said: str | None, convert: Callable):
+    """What a column is multiplied by to be in SI, as `convert` tells it from the unit.
 
     That is the unit that is said, or that of the file, which must not differ. Where the file has
     another name than that of a unit, such as `counts`, what is said stands.
     """
     at, own = table.at(column), table.unit(column).split(" since ")[0]
     try:
-        found = convert(said or own, wanted)
+        found = convert(said or own)
     except UnitError as error:
         raise FileError(f"{at}: {error}") from error
     with suppress(UnitError):
-        if said and own and convert(own, wanted) != found:
+        if said and own and convert(own) != found:
             raise FileError(
                 f"{at} is in {own} by the file and in {said} by the mapping; must be the same"
             )

@@ -33,10 +33,8 @@ def recording(series: "Series", mapping: "ColumnMapping") -> Recording:
     sensor is divided by sin(pi s / l). Samples of a delayed channel are moved to the times when
     they were true. Raises ValueError where places do not tell the modes apart.
     """
-    columns = [series.values[:, k] for k in range(len(mapping.channels))]
-    delays = {channel.delay for channel in mapping.channels}
-    time = series.time
-    if delays != {0.0}:
+    time, columns = series.time, list(series.values.T)
+    if any(channel.delay for channel in mapping.channels):
         time, columns = _aligned(series, mapping)
     n = len(mapping.states)
     values, rates = np.full((2, len(time), n), np.nan)

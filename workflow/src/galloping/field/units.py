@@ -158,11 +158,11 @@ def plain_unit(name: str) -> str:
     return state_unit(name).removeprefix("1")
 
 
-def input_si(unit: str, _wanted: str) -> tuple[float, str]:
+def input_si(unit: str) -> tuple[float, str]:
     """What values of an input are multiplied by, and the unit that they are in then, one of SI.
 
     A unit of SI by itself stays, and one that does not begin at zero, such as degC. Raises
-    UnitError. As `factor`, but any unit is wanted.
+    UnitError.
     """
     if unit in USUAL and USUAL[unit][0] == 1.0:
         return 1.0, unit
@@ -199,7 +199,6 @@ def coefficient_unit(
 
 
 def _symbols(unit: str) -> dict[str, int]:
-    """Powers of the symbols in a unit."""
     if unit in USUAL and USUAL[unit][0] == 1.0:
         return dict(zip("ms", USUAL[unit][1:], strict=True))
     parsed = _registry().parse_units(unit)
