@@ -234,7 +234,6 @@ def _condition(of: _Slowed, at: Mapping[str, float], known: Sequence[Point] = ()
 
 
 def _add(cycles: list[Point], point: Point) -> None:
-    """Add a limit cycle that is not there yet."""
     new = point.solution.half_range()
     others = [one.solution.half_range() for one in cycles]
     if all(np.max(np.abs(new - other)) > APART * np.max(new) for other in others):
@@ -393,11 +392,11 @@ def _drawn_cycle(best: PolynomialModel, model: PolynomialModel, orbit: Orbit) ->
 
 
 def _cycle(of: _Slowed, point: Point) -> Cycle:
-    states, orbits = of.model.states, []
+    states, kept = of.model.states, []
     for model in of.draws:
         passing("draw limit cycles")
-        orbits.append(_drawn_cycle(of.model, model, point.solution))
-    kept = [orbit for orbit in orbits if orbit is not None]
+        if (orbit := _drawn_cycle(of.model, model, point.solution)) is not None:
+            kept.append(orbit)
     found = len(kept) / len(of.draws)
     shown = list(velocity_pairs(states)) or list(range(len(states)))
     ranges = np.array([orbit.half_range() for orbit in kept]).reshape(-1, len(states))

@@ -123,13 +123,12 @@ class Proposal:
         return self.channels
 
     def __str__(self) -> str:
-        parts = [
+        read = (
             f"{channel['column']!r} is read as the {meaning(channel['measures'])} "
             f"{channel['measures']}"
             for channel in self.channels
-        ]
-        parts += [f"{self.time['column']!r} as the time"]
-        return ", ".join(parts)
+        )
+        return ", ".join([*read, f"{self.time['column']!r} as the time"])
 
     def _unused(self) -> list[str]:
         used = {self.time["column"], *(channel["column"] for channel in self.channels)}
@@ -195,9 +194,9 @@ def proposal(
     def said(name: str) -> str:
         return units.get(name) or (for_all if name != clock else "") or behind(name)
 
-    def channel(name: str, measured: str) -> dict:
+    def written(name: str, **measures: str) -> dict:
         unit = {"unit": said(name)} if said(name) and not table.unit(name) else {}
-        return {"column": name, "measures": measured, **unit}
+        return {"column": name, **measures, **unit}
 
     others = [
         name
@@ -205,7 +204,7 @@ def proposal(
         if name != clock and name not in taken and table.kind(name) != "date"
     ]
     channels = [
-        channel(name, measured)
+        written(name, measures=measured)
         for name in others
         if (measured := target(name, units.get(name) or table.unit(name) or said(name)))
     ]
@@ -219,26 +218,23 @@ def proposal(
     if not channels:
         likely = [
             (name, order)
-            for name in _by_axis(others)
+            for name in sorted(others, key=_by_axis)
             if table.kind(name) == "number" and not _among(_words(name), *OTHERS)
             if (order := _order(table.unit(name) or said(name))) is not None
         ]
         for stem, (name, order) in zip(DIRECTION, likely, strict=False):
-            channels.append(channel(name, "d" * order + stem))
+            channels.append(written(name, measures="d" * order + stem))
             doubts[name] = "it could only be guessed, from its place among the columns"
-    used = {clock, *(each["column"] for each in channels)}
-    for name in used:
+    for name in (clock, *(each["column"] for each in channels)):
         if not (table.unit(name) or said(name) or (name == clock and table.kind(name) != "number")):
             doubts[name] = "; ".join(filter(None, [doubts.get(name), NO_UNIT]))
-    given = said(clock) if not table.unit(clock) else ""
     columns = {name: table.unit(name) for name in table.columns}
-    when = {"column": clock, **({"unit": given} if given else {})}
-    return Proposal(columns, when, channels, doubts)
+    return Proposal(columns, written(clock), channels, doubts)
 
 
-def _by_axis(names: list[str]) -> list[str]:
-    """Names with an upward axis z before those with another one y, and these before others."""
-    return sorted(names, key=lambda name: (not _words(name) & UP, not _words(name) & ACROSS))
+def _by_axis(name: str) -> tuple[bool, bool]:
+    """Names with an upward axis z come before those with another one y, and these before others."""
+    return not _words(name) & UP, not _words(name) & ACROSS
 
 
 def _order(unit: str) -> int | None:

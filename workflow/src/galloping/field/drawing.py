@@ -51,61 +51,47 @@ def draw_quality(
         fastest = max((f for one in told for f in one["dominant_frequencies_hz"]), default=np.inf)
         for channel, values in zip(mapping.channels, of_file.values.T, strict=True):
             dominant = report["channels"][channel.column]["dominant_frequencies_hz"]
-            own = of_file.time, values, gaps, dominant, fastest, _with_unit(channel.measures)
-            rows.append((f"{channel.column} of {report['file']}", *own))
+            title, label = f"{channel.column} of {report['file']}", _with_unit(channel.measures)
+            rows.append((title, label, of_file.time, values, gaps, dominant, fastest))
         for column in mapping.inputs:
             one, unit = of_file.inputs[column.name], of_file.units[column.name]
             unknown = [(a[1], b[0]) for a, b in pairwise(one.stretches)]
+            title = f"{column.column} of {report['file']}, an input"
             label = f"{column.name}, {unit}".removesuffix(", 1")
-            own = one.time, one.values, unknown, [], fastest, label
-            rows.append((f"{column.column} of {report['file']}, an input", *own))
+            rows.append((title, label, one.time, one.values, unknown, [], fastest))
     figure = Figure(figsize=(DOUBLE, 0.5 + ROW * len(rows)), layout="constrained")
     shared = len(series) == 1  # files differ in their times
     grid = figure.subplots(
         len(rows), 2, squeeze=False, sharex="col" if shared else "none", width_ratios=(2, 1)
     )
-    for k, (row, panels) in enumerate(zip(rows, grid, strict=True)):
-        _quality_row(2 * k, *panels, *row)
+    for k, ((left, right), row) in enumerate(zip(grid, rows, strict=True)):
+        title, label, time, values, gaps, dominant, fastest = row
+        parts.letter(left, 2 * k, title)
+        parts.letter(right, 2 * k + 1, "spectrum")
+        left.plot(*_envelope(time, values), color=MODEL, lw=0.5)
+        for gap in gaps:
+            left.axvspan(*gap, color=BAND, lw=0, label="gap")
+        left.set(ylabel=label.replace(" ", "\n", 1), xlim=(time[0], time[-1]))
+        known = np.isfinite(values)
+        frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
+        share = np.maximum(share, share.max() * 10.0**-DECADES)
+        for first in dominant[:1]:
+            right.axvline(first, **MARK, label="dominant")
+            right.annotate(
+                f"{first:.3g} Hz", (first, 1.0), xycoords=("data", "axes fraction"),
+                xytext=(2, -2), textcoords="offset points", va="top", color=PAPER, size="x-small",
+            )  # fmt: skip
+        top = min(5 * fastest, frequency[-1])
+        shown = frequency <= top
+        right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
+        right.yaxis.set_minor_locator(NullLocator())
+        right.yaxis.set_major_formatter("{x:.0e}")  # powers as formulas take long
+        right.set(xlim=(0, top), ylabel="share of the power")
     for left, right in grid[-1:] if shared else grid:
         left.set_xlabel("time, s")
         right.set_xlabel("frequency, Hz")
     parts.legend(figure, columns=2, loc="outside upper right")
     return figure
-
-
-def _quality_row(
-    k: int,
-    left: Axes,
-    right: Axes,
-    title: str,
-    time: np.ndarray,
-    values: np.ndarray,
-    gaps: Sequence[tuple[float, float]],
-    dominant: Sequence[float],
-    fastest: float,
-    label: str,
-) -> None:
-    parts.letter(left, k, title)
-    parts.letter(right, k + 1, "spectrum")
-    left.plot(*_envelope(time, values), color=MODEL, lw=0.5)
-    for gap in gaps:
-        left.axvspan(*gap, color=BAND, lw=0, label="gap")
-    left.set(ylabel=label.replace(" ", "\n", 1), xlim=(time[0], time[-1]))
-    known = np.isfinite(values)
-    frequency, share = spectrum(time[known], values[known], float(np.median(np.diff(time))))
-    share = np.maximum(share, share.max() * 10.0**-DECADES)
-    for first in dominant[:1]:
-        right.axvline(first, **MARK, label="dominant")
-        right.annotate(
-            f"{first:.3g} Hz", (first, 1.0), xycoords=("data", "axes fraction"),
-            xytext=(2, -2), textcoords="offset points", va="top", color=PAPER, size="x-small",
-        )  # fmt: skip
-    top = min(5 * fastest, frequency[-1])
-    shown = frequency <= top
-    right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
-    right.yaxis.set_minor_locator(NullLocator())
-    right.yaxis.set_major_formatter("{x:.0e}")  # powers as formulas take long
-    right.set(xlim=(0, top), ylabel="share of the power")
 
 
 def draw_fit(recording: Recording, motions: Sequence[tuple[np.ndarray, np.ndarray]]) -> Figure:

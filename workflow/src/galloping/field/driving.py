@@ -93,7 +93,7 @@ def _held(at: Sequence[str], names: Sequence[str]) -> dict[str, float]:
     for name, value in found.items():
         if np.ndim(value):
             raise ValueError(f"--at {name}: a range is of `galloping assess`; must be one value")
-    return {name: float(value) for name, value in found.items()}
+    return found
 
 
 def held_at(texts: Sequence[str], inputs: Sequence[str]) -> dict[str, float | np.ndarray]:

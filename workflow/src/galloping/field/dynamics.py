@@ -1,7 +1,7 @@
 """What a model says of a line: rest, natural frequencies, damping, limit cycle, with intervals."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,9 +125,9 @@ def dynamics(
         half = {model.states[i]: _value(motion.half_range[i], np.array([np.nan])) for i in pairs}
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
     orbit = point.solution
-    orbits = [_orbit(each, orbit, simulator) for each in models]
-    ranges = np.array([each.half_range() for each in orbits if each is not None])
-    periods = np.array([each.period for each in orbits if each is not None])
+    orbits = [found for each in models if (found := _orbit(each, orbit, simulator)) is not None]
+    ranges = np.array([each.half_range() for each in orbits])
+    periods = np.array([each.period for each in orbits])
     if len(periods) < 0.9 * len(models):  # the band would be that of the tame ones
         ranges, periods = np.full((1, len(model.states)), np.nan), np.array([np.nan])
     half = orbit.half_range()
@@ -167,8 +167,7 @@ def _in_random_forces(
     def of(step: np.ndarray) -> np.ndarray:
         coefficients = model.coefficients.copy()
         coefficients[tuple(support.T)] += step
-        moved = PolynomialModel(model.states, model.terms, coefficients)
-        return _linear(moved, pairs, around)
+        return _linear(replace(model, coefficients=coefficients), pairs, around)
 
     best, steps = of(np.zeros(len(errors))), DIFFERENCE * np.diag(errors)
     decay = 2.0 * np.pi * best[1] * best[2]
@@ -177,22 +176,21 @@ def _in_random_forces(
     deviation = np.sqrt(np.einsum("ikn,ij,jkn->kn", slopes, correlation, slopes))
     slopes = 2.0 * np.pi * (slopes[:, 1] * best[2] + slopes[:, 2] * best[1])
     of_decay = np.sqrt(np.einsum("in,ij,jn->n", slopes, correlation, slopes))
-    half = NORMAL_95 * deviation
+    half, duration = NORMAL_95 * deviation, identified.diagnostics["duration"]
     rest, frequencies, damping = {}, {}, {}
     for n, i in enumerate(pairs):
         name, omega = model.states[i], 2.0 * np.pi * best[1, n]
         rest[name], frequencies[name] = (
             Value(best[k, n], best[k, n] - half[k, n], best[k, n] + half[k, n]) for k in (0, 1)
         )
-        low, high = decay_interval(decay[n], of_decay[n], identified.diagnostics["duration"])
+        low, high = decay_interval(decay[n], of_decay[n], duration)
         damping[name] = Value(best[2, n], low / omega, high / omega)
     for one in filter(lambda each: each.is_mode, identified.resonances):
         (error, of_ratio), omega = one.errors, one.frequency
         half = NORMAL_95 * error / (2.0 * np.pi)
         hz = omega / (2.0 * np.pi)
         frequencies[one.name] = Value(hz, hz - half, hz + half)
-        own = (omega * one.damping, omega * of_ratio, identified.diagnostics["duration"])
-        low, high = decay_interval(*own)
+        low, high = decay_interval(omega * one.damping, omega * of_ratio, duration)
         damping[one.name] = Value(one.damping, low / omega, high / omega)
     rest = {} if np.isnan(best[0]).any() else rest
     return Dynamics(rest, frequencies, damping, "forced", None, {})

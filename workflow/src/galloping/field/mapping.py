@@ -1,9 +1,9 @@
 """What the columns of a file measure: states or their rates, units, places along the span."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -270,39 +270,24 @@ def proposed(
     return proposal(read_table(file, decimal, time, ROWS), *_units(units), time, taken)
 
 
-def asked(
-    file: str,
-    *,
-    time_column: str | None,
-    states: str | None,
-    measures: Sequence[str],
-    units: Sequence[str],
-    noises: Sequence[str],
-    delays: Sequence[str],
-    inputs: Sequence[str],
-    between: str | None,
-    span: float | None,
-    decimal: str | None,
-    map_file: str | None,
-) -> tuple[ColumnMapping, str]:
+def asked(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
     """The mapping that the options of the command, or else the names of a file's columns, tell.
 
-    The second is how columns are read where their names alone say it, else ''.
+    options: all that the command has for columns, by name, None or () where they are not given. The
+    second is how columns are read where their names alone say it, else ''.
     """
-    if map_file:
-        others = (
-            states, measures, units, noises, delays, inputs, between, span, time_column, decimal,
-        )  # fmt: skip
-        if any(other not in (None, ()) for other in others):
+    if options["map_file"]:
+        if any(given not in (None, ()) for name, given in options.items() if name != "map_file"):
             raise MappingError("--map stands alone: leave out all other options of columns")
-        return read_mapping(map_file), ""
+        return read_mapping(options["map_file"]), ""
+    states, units, decimal = options["states"], options["units"], options["decimal"]
     said = ""
     named_states = [name.strip() for name in states.split(",")] if states else []
-    channels = [channel_of(text) for text in measures]
-    driving = [input_of(text, between) for text in inputs]
+    channels = [channel_of(text) for text in options["measures"]]
+    driving = [input_of(text, options["between"]) for text in options["inputs"]]
     by_column, for_all = _units(units)
     taken = [one["column"] for one in driving]
-    found = proposed(file, units, time_column, decimal, taken)
+    found = proposed(file, units, options["time_column"], decimal, taken)
     own = [name for name in named_states if name in found.columns]
     clock = found.time["column"]
     if found.doubts.get(clock, NO_UNIT) != NO_UNIT:
@@ -323,8 +308,8 @@ def asked(
     time = dict(found.time)
     for key, values, of in (
         ("unit", by_column, [time, *channels, *driving]),
-        ("noise", _by_column(noises), channels),
-        ("delay", _by_column(delays), [*channels, *driving]),
+        ("noise", _by_column(options["noises"]), channels),
+        ("delay", _by_column(options["delays"]), [*channels, *driving]),
     ):
         for column, value in values.items():
             meant = [one for one in of if one["column"] == column]
@@ -333,4 +318,4 @@ def asked(
             for one in meant:
                 one[key] = value
     content = {"time": time, "states": named_states, "channels": channels, "inputs": driving}
-    return validated(content | {"decimal": decimal, "span": span}), said
+    return validated(content | {"decimal": decimal, "span": options["span"]}), said

@@ -67,11 +67,9 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
         unit = state_unit(channel.measures)
         described, problems = _channel(time, values, step, series.rows, unit)
-        unlikely = _unlikely(described, unit)
         report["channels"][channel.column] = {"measures": channel.measures, **described}
         report["problems"] += [
-            {"column": channel.column, "row": int(row), "what": what}
-            for row, what in (*problems, *((series.rows[0], what) for what in unlikely))
+            {"column": channel.column, "row": int(row), "what": what} for row, what in problems
         ]
     report["problems"] += _shown_twice(series, mapping, report["channels"])
     return report
@@ -189,8 +187,11 @@ def _channel(
     coarse = len(peaks) > 0 and frequency[peaks[0]] * step > 1.0 / PER_PERIOD
     if outliers.any() and not coarse:
         problems.append((row[outliers][0], f"{outliers.sum()} outliers"))
-    if (flat := _clipped(y)) is not None:
-        problems.append((row[flat], f"clipped at {y[flat]:g}"))
+    at_end = np.isin(y, piled(y))
+    flat = np.convolve(at_end, np.ones(CLIPPED), mode="valid") >= CLIPPED
+    if flat.any():
+        at = np.argmax(flat)
+        problems.append((row[at], f"clipped at {y[at]:g}"))
     elif (jumps := _jumps(t, y, turn / step)) is not None:
         at, by = jumps
         problems.append((row[at], f"{JUMPS} {by:.3g} {unit}".strip()))
@@ -208,6 +209,7 @@ def _channel(
     means = np.array([part.mean() for part in thirds])
     if np.ptp(means) > max(motion, 10 * sigma):
         problems.append((row[0], "the mean drifts by more than the motion"))
+    problems += [(rows[0], what) for what in _unlikely(described, unit)]
     return described, problems
 
 
@@ -259,13 +261,6 @@ def _unlikely(described: dict, unit: str) -> list[str]:
             "the unit of the time right?"
         )
     return said
-
-
-def _clipped(values: np.ndarray) -> int | None:
-    """Where a run of equal samples at an end of the range begins."""
-    at_end = np.isin(values, piled(values))
-    run = np.convolve(at_end, np.ones(CLIPPED), mode="valid") >= CLIPPED
-    return int(np.argmax(run)) if run.any() else None
 
 
 def described(series: "Series", columns: "Sequence[InputColumn]") -> dict[str, dict]:
