@@ -82,6 +82,17 @@ def test_a_refused_model_says_so_and_no_more(recorded):
         galloping.forecast(refused, recorded)
 
 
+def test_a_sensor_that_only_a_later_recording_has_is_told():
+    time = np.arange(500) / 25
+    values, rates = np.full((2, 500, 4), np.nan)
+    values[:, 0], rates[:, 3] = np.sin(2.6 * time), np.cos(1.3 * time)
+    first = galloping.Recording(time, ("q_v", "q_w", "dq_v", "dq_w"), values)
+    refused = galloping.IdentifiedModel.refused(first.states, ((1, 0, 0, 0),), "no luck")
+    text = str(galloping.Summary(refused, (first, replace(first, rates=rates))))
+    assert "| vertical displacement, recorded | ±1 m |" in text
+    assert "| horizontal acceleration, recorded | ±1 m/s^2 |" in text
+
+
 def test_of_another_system_than_a_span_no_wind_is_told():
     true = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 1.0, "x^2 dx": -1.0})
     time = np.linspace(0.0, 25.0, 501)

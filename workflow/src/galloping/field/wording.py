@@ -272,16 +272,17 @@ def _recorded(
     below: Hz, beyond which the recordings have nothing left, None where they are whole.
     """
     slow = f" below {below:.3g} Hz" if below else ""
-    for k, name in enumerate(Sensed.by(recordings[-1]).names):
-        channels = [
-            (own.time[known], values[known])
-            for own in recordings
-            for values in [Sensed.by(own).samples(own)[:, k]]
-            if np.count_nonzero(known := np.isfinite(values)) > 1
-        ]
-        if channels:
-            size = np.ptp(np.concatenate([values for _, values in channels])) / 2
-            time, longest = max(channels, key=lambda channel: len(channel[0]))
+    channels: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for own in recordings:
+        sensed = Sensed.by(own)
+        for name, values in zip(sensed.names, sensed.samples(own).T, strict=True):
+            known, parts = np.isfinite(values), channels.setdefault(name, [])
+            if np.count_nonzero(known) > 1:
+                parts.append((own.time[known], values[known]))
+    for name, parts in channels.items():
+        if parts:
+            size = np.ptp(np.concatenate([values for _, values in parts])) / 2
+            time, longest = max(parts, key=lambda part: len(part[0]))
             frequency, share = spectrum(time, longest, float(np.median(np.diff(time))))
             peaks = peaks_of(share)[1]
             pace = float(frequency[peaks[0]]) if len(peaks) else None
