@@ -232,6 +232,17 @@ def test_a_forecast_needs_the_inputs_ahead(driven):
     assert np.std(ahead["y"] - true) < 0.02 * np.std(true)
     held = pd.read_csv(StringIO(run(*command, "--at", "u=0")))
     assert np.std(held["y"] - true) > 10 * np.std(ahead["y"] - true)
+    told = json.loads((folder / "map.yaml").read_text(encoding="utf-8")) | {"decimal": ","}
+    (folder / "commas.yaml").write_text(json.dumps(told), encoding="utf-8")
+    frame[:2500].to_csv(folder / "commas.csv", sep=";", decimal=",", index=False)
+    rows = "".join(f"{t:.3f};2.000\n".replace(".", ",") for t in np.arange(96.0, 116.0, 0.04))
+    (folder / "thousands.csv").write_text(f"t [s];u [N]\n{rows}", encoding="utf-8")
+    file, mapping = folder / "commas.csv", ("--map", folder / "commas.yaml")
+    ahead, held = (
+        pd.read_csv(StringIO(run(*command[:2], file, *mapping, "--duration", 15, *said)))
+        for said in (("--inputs", folder / "thousands.csv"), ("--at", "u=2"))
+    )
+    np.testing.assert_allclose(ahead["y"], held["y"], atol=1e-3)
     late = ("--inputs", folder / "a.csv")
     assert "it is needed from 99.96 to" in run(*command, *late, code=1)
     assert "must be one value" in run(*command, "--at", "u=1:2", code=1)

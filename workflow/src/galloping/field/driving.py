@@ -9,7 +9,7 @@ from galloping.field.analysis import Field
 from galloping.field.columns import ROWS, clock_of
 from galloping.field.file_table import read_table
 from galloping.field.mapping import ColumnMapping, InputColumn, TimeColumn
-from galloping.field.read import Series, read_series
+from galloping.field.read import read_series
 from galloping.recording import Input
 
 VALUES, MOST_VALUES = 9, 200  # of a range, where no step is said; and at all
@@ -21,15 +21,20 @@ def driving(
     """Inputs by name, held as `at` says, the others from a file, s from its first time.
 
     model: for the message. time: the column of times. Columns have the names of the inputs, and
-    their units behind them. Raises ValueError where an input is not said, and
-    for files that cannot be read.
+    their units behind them. Raises ValueError where an input is not said, and for files that cannot
+    be read.
     """
-    found: dict[str, Input | float] = dict(_held(at, names))
+    found: dict[str, Input | float] = _held(at, names)
     left = [name for name in names if name not in found]
     if path is not None:
         if not left:
             raise ValueError(f"--inputs {path}: the model needs no inputs from a file")
-        found |= read_inputs(path, left, time and TimeColumn(column=time)).inputs
+        clock = time or clock_of(read_table(path, None, None, ROWS), None, {})
+        inputs = tuple(InputColumn(column=name) for name in left)
+        mapping = ColumnMapping.model_construct(
+            time=TimeColumn(column=clock), channels=(), inputs=inputs
+        )
+        found |= read_series(path, mapping).inputs
     elif left:
         name = left[0]
         raise ValueError(
@@ -37,23 +42,6 @@ def driving(
             "(--inputs FILE)"
         )
     return found
-
-
-def read_inputs(
-    path: str,
-    names: Sequence[str],
-    time: TimeColumn | None = None,
-    columns: Sequence[InputColumn] = (),
-) -> Series:
-    """The inputs of a file that may hold nothing else. Raises FileError."""
-    clock = time or TimeColumn(column=clock_of(read_table(path, None, None, ROWS), None, {}))
-    known = {column.name: column for column in columns}
-    mapping = ColumnMapping.model_construct(
-        time=clock,
-        states=(), channels=(), decimal=None,
-        inputs=tuple(known.get(name) or InputColumn(column=name) for name in names),
-    )  # fmt: skip
-    return read_series(path, mapping)
 
 
 def inputs_after(
@@ -76,7 +64,8 @@ def inputs_after(
     left = [name for name in names if name not in found]
     if path is None or not left:
         return found
-    series = read_inputs(path, left, mapping.time, tuple(columns.values()))
+    others = {"channels": (), "inputs": tuple(columns[name] for name in left)}
+    series = read_series(path, mapping.model_copy(update=others))
     if bool(series.start) != bool(recording.start):
         raise ValueError(
             f"{path}: has {'dates' if series.start else 'no dates'} for times, unlike "
