@@ -85,7 +85,8 @@ def test_a_mapping_is_proposed_to_be_checked_and_then_used(tmp_path):
     map_file = tmp_path / "map.yaml"
     said = CliRunner().invoke(main, ["inspect", str(path), "--write-map", str(map_file)])
     assert said.exit_code == 0
-    assert "Check 'z'" in said.output and "the file says no unit" in said.output
+    doubts = [line.partition(" in ")[0] for line in said.output.splitlines()[1:]]
+    assert doubts == ["Check 'z'", "Check 'y'"] and "the file says no unit" in said.output
     assert "is not plain" in run("inspect", path, code=1)
     assert "columns 'z', 'y' have no unit" in run("inspect", path, "--map", map_file, code=1)
     map_file.write_text(map_file.read_text().replace("null", "m"))

@@ -103,16 +103,6 @@ class Proposal:
 
     def sure(self, file: str) -> list[dict]:
         """The channels, where the names of the columns tell them. Raises ValueError."""
-        measures = {channel["column"]: channel["measures"] for channel in self.channels}
-        for column, doubt in self.doubts.items():
-            if doubt != NO_UNIT and self.channels:  # which whoever reads the column says
-                unit = "" if self.columns.get(column) else " [mm]"
-                raise ValueError(
-                    f"{file}: what column {column!r} measures is not plain ({doubt}): say so, such "
-                    f"as --measure '{measures.get(column, 'q_v')}={column}{unit}', or check and "
-                    "edit the mapping that "
-                    f"`galloping inspect {file} --write-map map.yaml` writes"
-                )
         if not self.channels:
             has = (f"{name!r}" + f" [{unit}]" * bool(unit) for name, unit in self.columns.items())
             raise ValueError(
@@ -120,6 +110,16 @@ class Proposal:
                 f"acceleration; it has {', '.join(has)}; say what is measured, such as "
                 "--measure 'q_v=COLUMN [mm]'"
             )
+        measures = {channel["column"]: channel["measures"] for channel in self.channels}
+        for column, doubt in self.doubts.items():
+            if doubt != NO_UNIT:  # which whoever reads the column says
+                unit = "" if self.columns.get(column) else " [mm]"
+                raise ValueError(
+                    f"{file}: what column {column!r} measures is not plain ({doubt}): say so, such "
+                    f"as --measure '{measures.get(column, 'q_v')}={column}{unit}', or check and "
+                    "edit the mapping that "
+                    f"`galloping inspect {file} --write-map map.yaml` writes"
+                )
         return self.channels
 
     def __str__(self) -> str:
