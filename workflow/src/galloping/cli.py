@@ -244,11 +244,10 @@ def _doubts_of_written(file, path, options) -> dict[str, str]:
         raise MappingError(f"--write-map goes with --time, --unit and --decimal; not {min(more)}")
     if Path(path).exists():
         raise MappingError(f"{path}: exists; name another file, or remove it")
-    decimal = options["decimal"]
-    found = proposed(file, options["units"], options["time_column"], decimal)
+    found = proposed(file, options)
     if not found.channels:
         found.sure(file)  # which says why there is nothing to write
-    write_text(Path(path), found.yaml(Path(file).name, decimal))
+    write_text(Path(path), found.yaml(Path(file).name, options["decimal"]))
     click.echo(f"Written {path}: {found}", err=True)
     for column, doubt in found.doubts.items():
         click.echo(f"Check {column!r} in {path}: {doubt}", err=True)

@@ -13,14 +13,7 @@ from galloping.field.forecast import Forecast, Sensed
 from galloping.field.mapping import ColumnMapping
 from galloping.field.quality import JUMPS, QUIET, SHOWN, described, quality
 from galloping.field.read import Series, check_apart, read_series
-from galloping.field.recordings import (
-    LEAST,
-    SILENT,
-    by_excerpts,
-    input_notes,
-    parted,
-    recording,
-)
+from galloping.field.recordings import LEAST, SILENT, by_excerpts, input_notes, parted, recording
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
 from galloping.field.terminal import SEARCHED
 from galloping.field.units import NONE, coefficient_unit, state_unit

@@ -259,15 +259,11 @@ def _by_column(texts: Iterable[str]) -> dict[str, str]:
     return dict(text.partition("=")[::2] for text in texts)
 
 
-def proposed(
-    file: str,
-    units: Sequence[str],
-    time: str | None,
-    decimal: str | None,
-    taken: Sequence[str] = (),
-) -> Proposal:
-    """How a file may be read, as of `columns.proposal`. units: texts of the option."""
-    return proposal(read_table(file, decimal, time, ROWS), *_units(units), time, taken)
+def proposed(file: str, options: Mapping[str, Any], taken: Sequence[str] = ()) -> Proposal:
+    """How a file may be read, as of `columns.proposal`. options: as of `asked`."""
+    time = options["time_column"]
+    table = read_table(file, options["decimal"], time, ROWS)
+    return proposal(table, *_units(options["units"]), time, taken)
 
 
 def asked(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
@@ -280,14 +276,12 @@ def asked(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
         if any(given not in (None, ()) for name, given in options.items() if name != "map_file"):
             raise MappingError("--map stands alone: leave out all other options of columns")
         return read_mapping(options["map_file"]), ""
-    states, units, decimal = options["states"], options["units"], options["decimal"]
-    said = ""
+    states, said = options["states"], ""
     named_states = [name.strip() for name in states.split(",")] if states else []
     channels = [channel_of(text) for text in options["measures"]]
     driving = [input_of(text, options["between"]) for text in options["inputs"]]
-    by_column, for_all = _units(units)
-    taken = [one["column"] for one in driving]
-    found = proposed(file, units, options["time_column"], decimal, taken)
+    by_column, for_all = _units(options["units"])
+    found = proposed(file, options, [one["column"] for one in driving])
     own = [name for name in named_states if name in found.columns]
     clock = found.time["column"]
     if found.doubts.get(clock, NO_UNIT) != NO_UNIT:
@@ -318,4 +312,4 @@ def asked(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
             for one in meant:
                 one[key] = value
     content = {"time": time, "states": named_states, "channels": channels, "inputs": driving}
-    return validated(content | {"decimal": decimal, "span": options["span"]}), said
+    return validated(content | {key: options[key] for key in ("decimal", "span")}), said

@@ -158,7 +158,7 @@ def _cells(of: Value, unit: str, factor: float = 1.0) -> tuple[str, str]:
     elif not np.isfinite(low):
         number, interval = f"{value:.3g}", "interval unknown"
     else:
-        digits = max(0, 1 - floor(log10((high - low) / 2))) if high > low else 6
+        digits = max(0, 1 - floor(log10((high - low) / 2)))
         number, interval = f"{value:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}"
     return f"{number} {unit}".strip(), interval
 
@@ -414,7 +414,7 @@ def _said(of: Value, unit: str, factor: float = 1.0) -> str:
         ends = [f"{factor * end:.4g}" if np.isfinite(end) else "beyond the range"
                 for end in (of.low, of.high)]  # fmt: skip
         return f"{value} ({ends[0]} to {ends[1]})"
-    return in_words(of, unit, factor).replace("  ", " ").rstrip()
+    return in_words(of, unit, factor)
 
 
 def plain_reasons(reason: str) -> list[tuple[str, str]]:
