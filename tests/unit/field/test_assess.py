@@ -9,6 +9,7 @@ import pytest
 from field_files import run as command
 
 from galloping import IdentifiedModel, PolynomialModel, assess, derive
+from galloping.field.driving import held_at
 from galloping.terms import parse
 
 A, B = 0.02, 0.05  # net damping 0.1 - A U, cubic damping B: onset at U = 5, A^2 = 4 (A U - 0.1)/3 B
@@ -95,6 +96,11 @@ def test_systems_that_are_no_oscillators():
     assert not condition.cycles
 
 
+def test_a_range_ends_where_it_is_said_to():
+    for text, values in (("U=8:16:3", [8.0, 11.0, 14.0]), ("U=0:0.3:0.1", [0.0, 0.1, 0.2, 0.3])):
+        assert held_at([text], ["U"])["U"] == pytest.approx(values)
+
+
 def test_the_command_says_the_same_in_words_and_rows(tmp_path):
     path = tmp_path / "model.json"
     found = oscillator()
@@ -116,6 +122,7 @@ def test_the_command_says_the_same_in_words_and_rows(tmp_path):
         (("--at", "U=9:8"), "must be one value, U=12, or a range"),
         (("--at", "U=x"), "must be one value, U=12, or a range"),
         (("--at", "U=1:2:1e-9"), "must be 2 to 200 values"),
+        (("--at", "U=8:16:20"), "must be 2 to 200 values"),
     ):
         printed = run(*options, code=1)
         assert said in printed and printed.count("\n") == 1

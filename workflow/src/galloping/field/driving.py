@@ -13,6 +13,7 @@ from galloping.field.read import read_series
 from galloping.recording import Input
 
 VALUES, MOST_VALUES = 9, 200  # of a range, where no step is said; and at all
+ROUNDING = 1e-9  # of a range, in steps
 
 
 def driving(
@@ -107,8 +108,11 @@ def held_at(texts: Sequence[str], inputs: Sequence[str]) -> dict[str, float | np
                 f"--at {text}: must be one value, {name}=12, or a range with or without a step, "
                 f"{name}=8:16 or {name}=8:16:0.5"
             )
-        count = round((high - low) / step[0]) + 1 if high > low and step[0] > 0 else 1
-        if high > low and (step[0] <= 0 or count > MOST_VALUES):
+        if low == high:
+            found[name] = low
+            continue
+        count = int((high - low) / step[0] + ROUNDING) + 1 if step[0] > 0 else 0
+        if not 2 <= count <= MOST_VALUES:
             raise ValueError(f"--at {text}: must be 2 to {MOST_VALUES} values")
-        found[name] = low if low == high else low + step[0] * np.arange(count)
+        found[name] = low + step[0] * np.arange(count)
     return found
