@@ -11,7 +11,7 @@ from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
 from galloping.field.forecast import Forecast, Sensed
 from galloping.field.mapping import ColumnMapping
-from galloping.field.quality import JUMPS, QUIET, SHOWN, described, quality
+from galloping.field.quality import JUMPS, QUIET, SHOWN, quality
 from galloping.field.read import Series, check_apart, read_series
 from galloping.field.recordings import LEAST, SILENT, by_excerpts, input_notes, parted, recording
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
@@ -118,7 +118,6 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
     names: list[str] = []
     for one, of_file, report in zip(series, whole, reports, strict=True):
         parts = parted(of_file, period)
-        report["inputs"] = described(one, mapping.inputs)
         report["notes"] += input_notes(of_file)
         if one.unused:
             report["notes"].append(one.unused)

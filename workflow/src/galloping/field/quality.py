@@ -1,6 +1,5 @@
 """What a recording is worth before anything is identified: sampling, gaps, noise, spectrum."""
 
-from collections.abc import Sequence
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
@@ -36,7 +35,7 @@ FREQUENCIES = 0.02, 20.0  # Hz, of galloping and of what else moves a span that 
 
 
 def quality(series: "Series", mapping: "ColumnMapping") -> dict:
-    """Plain values: `sampling`, one entry of `channels` for each column, `problems`, `notes`.
+    """Plain values: `sampling`, entries of `channels` and `inputs` by column, `problems`, `notes`.
 
     A problem names its column, the row in the file where it begins, and what it is. Frequencies in
     Hz, times in s, values in SI units.
@@ -72,6 +71,7 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
             {"column": channel.column, "row": int(row), "what": what} for row, what in problems
         ]
     report["problems"] += _shown_twice(series, mapping, report["channels"])
+    report["inputs"] = {one.column: _of_input(series, one) for one in mapping.inputs}
     return report
 
 
@@ -263,18 +263,14 @@ def _unlikely(described: dict, unit: str) -> list[str]:
     return said
 
 
-def described(series: "Series", columns: "Sequence[InputColumn]") -> dict[str, dict]:
-    """What inputs are like, by column, as plain values."""
-    found = {}
-    for column in columns:
-        one = series.inputs[column.name]
-        known = np.isfinite(one.values)
-        found[column.column] = {
-            "name": column.name,
-            "unit": series.units[column.name],
-            **_extent(one.values[known]),
-            "step_s": float(np.median(np.diff(one.time[known]))),
-            "between": one.between,
-            "error": column.error,
-        }
-    return found
+def _of_input(series: "Series", column: "InputColumn") -> dict:
+    one = series.inputs[column.name]
+    known = np.isfinite(one.values)
+    return {
+        "name": column.name,
+        "unit": series.units[column.name],
+        **_extent(one.values[known]),
+        "step_s": float(np.median(np.diff(one.time[known]))),
+        "between": one.between,
+        "error": column.error,
+    }
