@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from galloping.field.units import DIRECTION, LENGTH_OF_ORDER, behind, meaning, measures, named
+from galloping.field.units import DIRECTION, ORDERS, behind, meaning, measures, named
 
 if TYPE_CHECKING:
     from galloping.field.file_table import FileTable
@@ -41,7 +41,6 @@ ROWS = 2000  # of a text file, that its columns are told from
 APART = 0.01  # of their length, by which the times of two clocks may differ
 NO_UNIT = "the file says no unit"
 STATE = re.compile(r"(d{0,2})q_?([vw])", re.IGNORECASE)
-ORDERS = tuple(LENGTH_OF_ORDER.values())
 DATED = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d\d")
 
 

@@ -25,7 +25,7 @@ SPELLINGS = (  # as loggers write units, and as pint reads them
 )
 DIRECTION = {"q_v": "vertical", "q_w": "horizontal"}
 KIND = ("displacement", "velocity", "acceleration")
-LENGTH_OF_ORDER = {0: "m", 1: "m/s", 2: "m/s^2"}
+ORDERS = ("m", "m/s", "m/s^2")  # the units of these
 # What most columns are in: the value in SI and the powers of m and s. pint is asked about all
 # else; it takes a quarter of a second to load.
 USUAL = {
@@ -148,9 +148,8 @@ def meaning(target: str) -> str:
 def state_unit(name: str) -> str:
     """The SI unit of a state of a line, by its name: q_v m, dq_v m/s, ddq_v m/s^2; else `1`."""
     stem = name.lstrip("d")
-    if stem in DIRECTION:
-        return LENGTH_OF_ORDER.get(len(name) - len(stem), "1")
-    return "1"
+    order = len(name) - len(stem)
+    return ORDERS[order] if stem in DIRECTION and order < len(ORDERS) else "1"
 
 
 def plain_unit(name: str) -> str:
