@@ -15,8 +15,8 @@ from galloping.field.advice import objected
 from galloping.field.analysis import read_field
 from galloping.field.mapping import input_of, validated
 from galloping.field.read import read_series
-from galloping.field.wording import plain_reasons
 from galloping.field.units import USUAL, coefficient_unit
+from galloping.field.wording import plain_reasons
 from galloping.recording import extrapolated
 from galloping.terms import parse
 
