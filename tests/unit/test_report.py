@@ -9,8 +9,8 @@ import pytest
 
 from galloping.configuration.load import load, plain
 from galloping.report.data_dictionary import meaning
-from galloping.report.page import Item, Page, RecordingSection, as_html, render
-from galloping.report.printed_numbers import PaperCell, PaperSection, Row, headline
+from galloping.report.page import Item, as_html, render
+from galloping.report.printed_numbers import PaperCell, headline
 from galloping.tables import judged_claims as claims
 
 
@@ -25,11 +25,15 @@ def page(tmp_path):
         PaperCell("0.83", "2.1 (0.2 to 6)", "reproduced", "so it is"),
         PaperCell("1", "9", "worse", "<"),
     ]
-    paper = PaperSection("1 of 2 holds.", [Row("errors", cells)], ["errors: worse; <."], "")
-    return Page("A study", paper, None, "commit abc", ["One & one."], figure,
-                plain(load({})), "Words.", [figure], [table],
-                [RecordingSection("span", "# <Summary>", [figure])],
-                {"python": "3.11"}, "pages")  # fmt: skip
+    paper = {"count": "1 of 2 holds.", "rows": {"errors": cells},
+             "failures": ["errors: worse; <."], "by_settings": ""}  # fmt: skip
+    recording = {"name": "span", "summary": "# <Summary>", "figures": [figure]}
+    return {
+        "title": "A study", "paper": paper, "printed": None, "made": "commit abc",
+        "headline": ["One & one."], "first": figure, "study": plain(load({})),
+        "introduction": "Words.", "figures": [figure], "tables": [table],
+        "recordings": [recording], "versions": {"python": "3.11"}, "pages": "pages",
+    }  # fmt: skip
 
 
 def test_the_page_shows_everything_and_escapes_it(page):

@@ -3,7 +3,7 @@
 from os.path import relpath
 from pathlib import Path
 
-from galloping.report.page import Item, Page, RecordingSection, made_by, render, versions
+from galloping.report.page import Item, made_by, render, versions
 from galloping.report.printed_numbers import headline as found
 from galloping.report.printed_numbers import inferred, section, verdicts
 from galloping.reproducibility.job import run
@@ -28,16 +28,16 @@ def _items(paths: list[str], captions: dict[str, str], labels: dict[str, str]) -
     }
 
 
-def _recording(name: str, paths: list[str]) -> RecordingSection:
+def _recording(name: str, paths: list[str]) -> dict:
     files = {path.name: path for path in map(Path, paths) if path.parent.name == name}
-    return RecordingSection(
-        name,
-        files["summary.md"].read_text(encoding="utf-8"),
-        [
+    return {
+        "name": name,
+        "summary": files["summary.md"].read_text(encoding="utf-8"),
+        "figures": [
             Item(figure, f"{name}: {figure}", caption, files[f"{figure}.svg"])
             for figure, caption in CAPTIONS_OF_FIELD.items()
         ],
-    )
+    }
 
 
 def write_report(
@@ -57,25 +57,25 @@ def write_report(
         for name in ("paper", "reproduction")
     )
     first = next((drawn.pop(name) for name in FIRST if name in drawn), None)
-    page = Page(
-        title="Galloping of iced overhead lines",
-        paper=section(paper, varied) if paper is not None else None,
-        printed=drawn.pop("printed", None),
-        made=made_by(),
-        headline=[
+    page = {
+        "title": "Galloping of iced overhead lines",
+        "paper": section(paper, varied) if paper is not None else None,
+        "printed": drawn.pop("printed", None),
+        "made": made_by(),
+        "headline": [
             *told(found, *FOUND, **headline),
             *told(verdicts, "trust"),
             *told(inferred, "paper_region"),
         ],
-        first=first,
-        study=study,
-        introduction=introduction,
-        figures=list(drawn.values()),
-        tables=list(shown.values()),
-        recordings=[_recording(name, recordings) for name in study["recordings"]],
-        versions=versions(),
-        pages=Path(relpath(PAGES, Path(report).parent)).as_posix(),
-    )
+        "first": first,
+        "study": study,
+        "introduction": introduction,
+        "figures": list(drawn.values()),
+        "tables": list(shown.values()),
+        "recordings": [_recording(name, recordings) for name in study["recordings"]],
+        "versions": versions(),
+        "pages": Path(relpath(PAGES, Path(report).parent)).as_posix(),
+    }
     write_text(report, render(page))
 
 

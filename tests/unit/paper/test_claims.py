@@ -183,7 +183,7 @@ def test_the_first_screen_counts_and_lists_them():
     single = table[~table["claim"].str.contains("in the same draw")]
     held = single["verdict"].isin(HELD).sum()
     assert f"{len(single)} printed numbers and bounds {held} hold" in report.count(table)
-    rows = {row.statement: row.cells for row in report.rows(table)}
+    rows = report.rows(table)
     assert [cell.printed for cell in rows["amplitude error from 30000 points"]] == ["0.83", "1.03"]
     assert (
         len(report.failures(table))

@@ -18,7 +18,6 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from galloping.report.data_dictionary import meaning
-from galloping.report.printed_numbers import PaperSection
 from galloping.reproducibility.digest import commit
 
 LIBRARIES = ("numpy", "scipy", "pandas", "heyoka", "numba", "pysindy", "matplotlib", "snakemake")
@@ -67,10 +66,6 @@ class Item:
         found = re.search(r'<svg[^>]* width="([\d.]+)pt"', self.path.read_text(encoding="utf-8"))
         return f"{ENLARGED * float(found[1]):.0f}px" if found else ""
 
-    def meaning(self, column: str) -> str:
-        """What a column of a table holds."""
-        return meaning(self.name, column)
-
     @property
     def rows(self) -> pd.DataFrame:
         """The cells of a table as text, numbers with four significant digits."""
@@ -80,63 +75,38 @@ class Item:
         return table.astype(str).replace({"nan": "", "<NA>": ""})
 
 
-@dataclass(frozen=True)
-class RecordingSection:
-    """What recordings from the field gave: a summary in Markdown, shown as it is, and figures."""
-
-    name: str
-    summary: str
-    figures: list[Item]
-
-
-@dataclass(frozen=True)
-class Page:
-    """What the page shows, in this order.
-
-    paper: what the paper prints beside ours, with the figure `printed`, or None. made: by which
-    commit. headline: sentences that say what was found beyond the paper, with the figure `first`.
-    study: its settings, in plain values. versions: of Python and the libraries, by name.
-    introduction: reStructuredText. pages: folder of the documents, from that of the report.
-    """
-
-    title: str
-    paper: PaperSection | None
-    printed: Item | None
-    made: str
-    headline: list[str]
-    first: Item | None
-    study: Mapping
-    introduction: str
-    figures: list[Item]
-    tables: list[Item]
-    recordings: list[RecordingSection]
-    versions: dict[str, str]
-    pages: str
-
-    @property
-    def figure_groups(self) -> dict[str, list[Item]]:
-        """The paper's own figures in its order, then the others; without groups that are empty."""
-        of_paper = [item for item in self.figures if OF_PAPER.fullmatch(item.name)]
-        others = [item for item in self.figures if item not in of_paper]
-        groups = {"Figures of the paper": of_paper, "Figures beyond the paper": others}
-        return {title: items for title, items in groups.items() if items}
-
-
 def as_html(text: str) -> Markup:
     """reStructuredText as an HTML fragment. Raises docutils.utils.SystemMessage if it is broken."""
     settings = {"halt_level": 2, "report_level": 5, "file_insertion_enabled": False}
     return Markup(publish_parts(text, writer="html5", settings_overrides=settings)["body"])
 
 
-def render(page: Page) -> str:
-    """The page as HTML that refers to nothing outside itself, the same bytes for the same page."""
+def render(page: Mapping) -> str:
+    """The page as HTML that refers to nothing outside itself, the same bytes for the same page.
+
+    page: what it shows, by name. title. paper: what the paper prints beside ours, as of
+    `printed_numbers.section`, with the figure `printed`, or None. made: by which commit. headline:
+    sentences that say what was found beyond the paper, with the figure `first`. study: its
+    settings, in plain values. introduction: reStructuredText. figures, tables: lists of Item.
+    recordings: what those from the field gave, each with its name, a summary in Markdown, shown as
+    it is, and figures. versions: of Python and the libraries, by name. pages: folder of the
+    documents, from that of the report.
+    """
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     template = environment.from_string(
         files(__package__).joinpath("page.html.jinja").read_text(encoding="utf-8")
     )
-    return template.render(page=page, introduction=as_html(page.introduction))
+    of_paper = [item for item in page["figures"] if OF_PAPER.fullmatch(item.name)]
+    others = [item for item in page["figures"] if item not in of_paper]
+    groups = {"Figures of the paper": of_paper, "Figures beyond the paper": others}
+    return template.render(
+        page=page,
+        figure_groups={title: items for title, items in groups.items() if items},
+        introduction=as_html(page["introduction"]),
+        meaning=meaning,
+    )
 
 
 def made_by() -> str:

@@ -132,33 +132,19 @@ class PaperCell:
         return self.verdict in HELD
 
 
-@dataclass(frozen=True)
-class Row:
-    """A statement with its cells: of both directions together, or vertical and horizontal."""
-
-    statement: str
-    cells: list[PaperCell]
-
-
-@dataclass(frozen=True)
-class PaperSection:
-    """What the page begins with.
+def section(paper: pd.DataFrame, varied: pd.DataFrame | None) -> dict:
+    """What the page begins with, of paper.csv and of reproduction.csv, where the study has it.
 
     count: the sentence on how many claims hold. rows: the table. failures: a sentence for each
     claim that does not hold. by_settings: a sentence on settings that the paper does not print, or
     "".
     """
-
-    count: str
-    rows: list[Row]
-    failures: list[str]
-    by_settings: str
-
-
-def section(paper: pd.DataFrame, varied: pd.DataFrame | None) -> PaperSection:
-    """Of paper.csv and of reproduction.csv, where the study has it."""
-    others = "" if varied is None else by_settings(varied)
-    return PaperSection(count(paper), rows(paper), failures(paper), others)
+    return {
+        "count": count(paper),
+        "rows": rows(paper),
+        "failures": failures(paper),
+        "by_settings": "" if varied is None else by_settings(varied),
+    }
 
 
 def count(paper: pd.DataFrame) -> str:
@@ -182,8 +168,10 @@ def count(paper: pd.DataFrame) -> str:
     return text
 
 
-def rows(paper: pd.DataFrame) -> list[Row]:
-    """The table of the first screen, without the looser bounds of the first abstract."""
+def rows(paper: pd.DataFrame) -> dict[str, list[PaperCell]]:
+    """The table of the first screen, without the looser bounds of the first abstract: of each
+    statement one cell of both directions together, or one of each.
+    """
     first = next(iter(paper["case"]), "")
     printed = {claim.name: (SIGNS[claim.kind], claim.tolerance) for claim in CLAIMS}
     found: dict[str, list[PaperCell]] = {}
@@ -193,7 +181,7 @@ def rows(paper: pd.DataFrame) -> list[Row]:
         if row["case"] != first:
             statement += f" ({row['case'].replace('_', '-')})"
         found.setdefault(statement, []).append(_cell(row, *printed.get(row["claim"], ("", 0.0))))
-    return [Row(statement, cells) for statement, cells in found.items()]
+    return found
 
 
 def failures(paper: pd.DataFrame) -> list[str]:
