@@ -39,9 +39,9 @@ rule simulate_sweep:
             wildcards.case, {sweep(wildcards).parameter, sweep(wildcards).second}
         ),
         parameter=of_sweep("parameter"),
-        values=lambda wildcards: {"values": list(block(wildcards).values)},
+        values=lambda wildcards: {"values": list(sweep(wildcards).values)},
         second=of_sweep("second"),
-        second_value=lambda wildcards: {"second_value": block(wildcards).second},
+        second_value=lambda wildcards: {"second_value": sweep(wildcards).blocks[wildcards.block]},
         code=lambda wildcards: code("simulate_sweep.py"),
     message:
         "Simulating {wildcards.case} along {wildcards.sweep}, {wildcards.block}"

@@ -112,12 +112,6 @@ def sweep(wildcards):
     return STUDY.sweep(wildcards.sweep)
 
 
-def block(wildcards):
-    """The values of a sweep that one job simulates."""
-    blocks = sweep(wildcards).blocks
-    return next(each for each in blocks if each.name == wildcards.block)
-
-
 def trial(wildcards):
     return STUDY.trial(wildcards.trial)
 

@@ -52,7 +52,7 @@ def swept(pattern, cases=LINES, maps=False):
         for name in pattern
         for path in expand(
             f"<results>/sweeps/{case}/{sweep.name}/{name}.csv",
-            block=[block.name for block in sweep.blocks],
+            block=sweep.blocks,
         )
     }
 

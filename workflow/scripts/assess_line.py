@@ -10,7 +10,7 @@ from galloping.cycles.prediction import SAMPLES, split
 from galloping.cycles.ranking import Design, damping_ratios, derived, places, ranked
 from galloping.cycles.rows import clearance_rows, measure_rows
 from galloping.physics.galerkin import STATES
-from galloping.physics.measures import measure, usual
+from galloping.physics.measures import KINDS, usual
 from galloping.reproducibility.job import run
 from galloping.results import OURS
 from galloping.simulation import Simulator
@@ -40,7 +40,7 @@ def assess_line(
             draws = told.sampled(generator(seed, "measures", case), SAMPLES)
             parts = told
     given = ({k: v for k, v in each.items() if v is not None} for each in chosen.values())
-    asked = [measure(**each) for each in given] or usual(line)
+    asked = [KINDS[each.pop("kind")](**each) for each in given] or usual(line)
     design = Design(design_wind, start, distance, limit)
     outcomes = ranked(parts, line, asked, design, simulator, draws)
     write_rows(measures, measure_rows(case, outcomes, design))

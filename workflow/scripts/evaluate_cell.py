@@ -1,8 +1,8 @@
 """The Cramer-Rao bound of one cell, and scores of its models and of models at the bound."""
 
-from galloping.evaluation.bounds_of_cells import cell_bounds, deviations, models_at, no_models
+from galloping.evaluation.bounds_of_cells import cell_bounds, deviations, models_at
 from galloping.evaluation.score import Truth, evaluate
-from galloping.physics.galerkin import EQUATIONS
+from galloping.identification.model import IdentifiedModel
 from galloping.polynomial import extended, library
 from galloping.reproducibility.job import run
 from galloping.results import BOUND
@@ -27,13 +27,14 @@ def evaluate_cell(
     status = next(
         (m.status for m in motions[: measurement["recordings"]] if m.status != "ok"), "ok"
     )
-    if not is_own_model:
-        known, at_bound = [], []
-    elif status == "ok":
-        known = cell_bounds(line, tuple(EQUATIONS), motions, *drawn)
+    known, at_bound = [], []
+    if is_own_model and status == "ok":
+        known = cell_bounds(line, motions, *drawn)
         at_bound = models_at(line, known, *drawn, lacking=line.term_names[len(terms) :])
-    else:
-        known, at_bound = [], no_models(line, measurement, "the line itself diverges")
+    elif is_own_model:
+        why = "bound: the line itself diverges"
+        nothing = IdentifiedModel.refused(line.states, line.terms, why)
+        at_bound = [nothing] * measurement["replicates"]
     models = ({BOUND: at_bound} if at_bound else {}) | read_families(identified)
     first = motions[0]
     truth = Truth(

@@ -14,10 +14,8 @@ def vary_parameter(
         "draws": number, "threshold": threshold, "kinematics": kinematics, "degree": degree,
         "seed": seed,
     }  # fmt: skip
-    own = read_table(drawn)
-    write_table(
-        claims, variation_rows(line, plan, Amounts(**amounts), {parameter: values}, case, own)
-    )
+    own, amounts = read_table(drawn), Amounts(**amounts)
+    write_table(claims, variation_rows(line, plan, amounts, parameter, values, case, own))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from galloping.cycles.ranking import Design, changed, critical_winds, derived, e
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
 from galloping.physics.galerkin import STATES, Derived, coefficients, model
-from galloping.physics.measures import NOTHING, damper, measure, pendulum, tension, usual
+from galloping.physics.measures import NOTHING, damper, pendulum, tension, usual
 from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.tables.limit_cycle_ahead import limit_cycles_ahead
@@ -124,12 +124,6 @@ def test_ranking():
 
 
 def test_measures_that_cannot_be():
-    with pytest.raises(ValueError, match="measure: 'prayer' must be one of tension, damper"):
-        measure("prayer")
-    with pytest.raises(ValueError, match=r"measure tension: .*unexpected keyword"):
-        measure("tension", colour=1)
-    with pytest.raises(ValueError, match="factor: -1 must be > 0"):
-        measure("tension", factor=-1)
     with pytest.raises(ValueError, match="position 400 m must be inside the span"):
         changed(derived(case()), case(), damper(400.0, 100.0))
 

@@ -1,6 +1,5 @@
 """The settings of a study; what each key is, `keys/keys.csv` says."""
 
-from collections.abc import Iterator
 from inspect import signature
 from itertools import pairwise
 from math import inf
@@ -350,36 +349,32 @@ class Settings(
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        for fault in self._faults():
-            raise fault
-        return self
-
-    def _faults(self) -> Iterator[Exception]:
-        """What does not fit together, of sections that are right in themselves."""
+        """Sections that are right in themselves must fit together."""
         if not (self.cases or self.trials):
-            yield invalid("there is none; must hold at least one, or there must be trials", "cases")
+            raise invalid("there is none; must hold at least one, or there must be trials", "cases")
         most = self.simulation.samples
         for points in self.measurement.subsets.points:
             if points > most:
                 told = f"{points} is larger than the record ({most} samples)"
-                yield invalid(told, "measurement", "subsets", "points")
+                raise invalid(told, "measurement", "subsets", "points")
         methods, protocols = self.identification.methods, self.measurement.protocols
         usable = [m.name for m in METHODS if set(m.protocols) & set(protocols)]
         if not set(usable) & set(methods):
             told = f"{show(methods)} cannot use the recordings of protocol {', '.join(protocols)}"
             told += f"; must hold one of {', '.join(usable)}"
-            yield invalid(told, "identification", "methods")
+            raise invalid(told, "identification", "methods")
         for name, recordings in self.recordings.items():
             if recordings.case is not None and recordings.case not in self.cases:
                 told = f"{show(recordings.case)} is no case; must be one of {', '.join(self.cases)}"
-                yield invalid(told, "recordings", name, "case")
+                raise invalid(told, "recordings", name, "case")
         for name, case in self.cases.items():
             for label, measure in self.assessment.measures.items():
                 for place in measure.places:
                     if not 0 < place < case.line.span:
                         told = f"{show(place)} m is outside the span of {name}; must be inside "
                         told += f"0..{show(case.line.span)} m"
-                        yield invalid(told, "assessment", "measures", label)
+                        raise invalid(told, "assessment", "measures", label)
         if Path(self.results).resolve().is_relative_to(Path(self.reference).resolve()):
             told = f"{show(self.results)} is in the folder of the reference, {show(self.reference)}"
-            yield invalid(f"{told}; must be outside it", "results")
+            raise invalid(f"{told}; must be outside it", "results")
+        return self

@@ -44,11 +44,7 @@ def at_the_bound(
 
 
 def cell_bounds(
-    model: PolynomialModel,
-    equations: Sequence[int],
-    motions: Sequence[Motion],
-    measurement: Mapping,
-    name: Sequence[str],
+    model: PolynomialModel, motions: Sequence[Motion], measurement: Mapping, name: Sequence[str]
 ) -> list[Bound]:
     """The bounds of a cell: one for all replicates, or each its own where their times differ.
 
@@ -66,7 +62,7 @@ def cell_bounds(
         [np.searchsorted(motions[0].time, recording.time) for recording in recordings]
         for recordings in measure(motions, name=name, **{**measurement, "replicates": replicates})
     ]
-    return bounds_of(model, equations, motions, noises, samplings)
+    return bounds_of(model, tuple(EQUATIONS), motions, noises, samplings)
 
 
 def models_at(
@@ -76,10 +72,7 @@ def models_at(
     name: Sequence[str],
     lacking: Sequence[str] = (),
 ) -> list[IdentifiedModel]:
-    """What an efficient method would find from each replicate; without noise, the line itself.
-
-    lacking: names of the terms that the candidate library lacks.
-    """
+    """What an efficient method would find from each replicate; without noise, the line itself."""
     if not bounds:
         return [IdentifiedModel(model, "unjudged")]
     return [
@@ -91,12 +84,6 @@ def models_at(
         )
         for k in range(measurement["replicates"])
     ]
-
-
-def no_models(model: PolynomialModel, measurement: Mapping, reason: str) -> list[IdentifiedModel]:
-    """None from any replicate, for `reason`."""
-    refused = IdentifiedModel.refused(model.states, model.terms, f"bound: {reason}")
-    return [refused] * measurement["replicates"]
 
 
 def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int) -> np.ndarray:
@@ -138,15 +125,13 @@ def ranked_releases(
         bound = bound_of(line, free, before + added)
         weakest = int(np.argmin(bound.t))
         equation, term = bound.free[weakest]
-        rows.append(
-            {
-                "release": f"{state}(0) = {height:g} m",
-                "level": level,
-                "weakest_t": float(bound.t[weakest]),
-                "weakest_term": f"{EQUATIONS[equation]} {term_name(line.terms[term], line.states)}",
-                "identifiable": bool(bound.t[weakest] > IDENTIFIABLE),
-            }
-        )
+        rows.append({
+            "release": f"{state}(0) = {height:g} m",
+            "level": level,
+            "weakest_t": float(bound.t[weakest]),
+            "weakest_term": f"{EQUATIONS[equation]} {term_name(line.terms[term], line.states)}",
+            "identifiable": bool(bound.t[weakest] > IDENTIFIABLE),
+        })  # fmt: skip
     return sorted(rows, key=lambda row: -row["weakest_t"])
 
 

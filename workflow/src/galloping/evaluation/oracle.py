@@ -19,16 +19,19 @@ from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
 CHOICES = ("least error", "right terms")
-EVIDENCE = ((evidence.reduce, ("stlsq", "frols")), (evidence.reduce_weakly, ("weak",)))
+
+
+def _by_thresholds(length: int) -> Path:
+    return partial(stlsq.models_along, threshold_path(length))
+
+
+# By method what `alternatives` needs of it, by the length of a path of thresholds. LASSO is left
+# out: it finds no better supports than FROLS, at twenty times the cost.
 PATHS: dict[str, Callable[[int], Path]] = {
-    "stlsq": lambda length: partial(stlsq.models_along, threshold_path(length)),
+    "stlsq": _by_thresholds,
     "frols": lambda length: frols.models_along,
 }
-"""By method, what `alternatives` needs of it; length: of a path of thresholds.
-
-LASSO is left out: it finds no better supports than FROLS, at twenty times the cost.
-"""
-PATHS["weak"] = PATHS["stlsq"]
+EVIDENCE = ((evidence.reduce, PATHS), (evidence.reduce_weakly, {"weak": _by_thresholds}))
 
 
 def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -72,8 +75,7 @@ def oracle_rows(
     """
     named, models = [], []
     for replicate, recordings in enumerate(replicates):
-        for make, methods in EVIDENCE:
-            paths = {method: PATHS[method] for method in methods}
+        for make, paths in EVIDENCE:
             for method, chosen in _chosen(truth.model, recordings, make, paths, path_length):
                 for choice, model in zip(CHOICES, chosen, strict=True):
                     named.append({"choice": choice, "method": method, "replicate": replicate})

@@ -45,17 +45,6 @@ VARIANTS = {
 }
 
 
-@dataclass(frozen=True)
-class SpanMotion:
-    """time: (n,) s. mid_span: (n, 2) m, vertical and horizontal. antisymmetric: (n, 2) m, half of
-    the difference between both quarters of the span.
-    """
-
-    time: np.ndarray
-    mid_span: np.ndarray
-    antisymmetric: np.ndarray
-
-
 def reduction_table(settings: Mapping) -> pd.DataFrame:
     """The table of `reduction` for VARIANTS. settings: case; seed, length_scale and spectrum of
     the gusts.
@@ -66,8 +55,12 @@ def reduction_table(settings: Mapping) -> pd.DataFrame:
 
 def line_motion(
     case: Mapping, variant: LineVariant, *, length_scale: float, spectrum: str, seed: int
-) -> SpanMotion:
-    """The continuous line, released as the two-mode model is. The rest is that of the gusts."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """The continuous line, released as the two-mode model is. The rest is that of the gusts.
+
+    At mid-span, and half of the difference between both quarters of the span: (n, 2) m each,
+    vertical and horizontal.
+    """
     line = continuous.continuous_line(
         case, variant.modes, aerodynamic=variant.aerodynamics, drag=variant.drag
     )
@@ -84,17 +77,15 @@ def _time() -> np.ndarray:
 
 def _motion(
     line: continuous.Span, start: np.ndarray, speed: np.ndarray | None = None
-) -> SpanMotion:
-    time = _time()
+) -> tuple[np.ndarray, np.ndarray]:
     where = [share * line.line.span for share in continuous.QUARTERS]
-    states = continuous.simulate(line, start, time, speed, STEP)
-    left, middle, right = np.moveaxis(
-        continuous.readings(line, states, where, "displacement"), 1, 0
-    )
-    return SpanMotion(time, middle, (left - right) / 2.0)
+    states = continuous.simulate(line, start, _time(), speed, STEP)
+    readings = continuous.readings(line, states, where, "displacement")
+    left, middle, right = np.moveaxis(readings, 1, 0)
+    return middle, (left - right) / 2.0
 
 
-def reduction(case: Mapping, motions: Mapping[str, SpanMotion]) -> pd.DataFrame:
+def reduction(case: Mapping, motions: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> pd.DataFrame:
     """One row for each line and direction, at mid-span, the two-mode model first.
 
     motions: of the lines, as `line_motion` gives them. Amplitude and frequency are those of
@@ -106,9 +97,9 @@ def reduction(case: Mapping, motions: Mapping[str, SpanMotion]) -> pd.DataFrame:
     """
     phi, psi = galerkin.modes(case, Line.from_case(case))
     model = _motion(continuous.span(case, [phi], [psi]), np.array(initial_state(case)))
-    of_model, tables = _described(model), []
+    of_model, tables = _described(*model), []
     for name, motion in {"two modes": model, **motions}.items():
-        own, row = _described(motion), {"line": name, "direction": DIRECTIONS}
+        own, row = _described(*motion), {"line": name, "direction": DIRECTIONS}
         for quantity in ("amplitude_m", "frequency_hz", "limit_cycle_m"):
             ratio = of_model[quantity] / own[quantity]
             common = np.all((ratio >= 1 / COMMON) & (ratio <= COMMON))
@@ -116,23 +107,22 @@ def reduction(case: Mapping, motions: Mapping[str, SpanMotion]) -> pd.DataFrame:
             error = f"{quantity.rsplit('_', 1)[0]}_error_percent"
             row[error] = 100.0 * (ratio - 1.0) if common else np.nan
         for begin, end in WINDOWS:
-            part = _between(motion.time, (begin, end))
-            row[f"r2_{begin}_{end}_s"] = r_squared(motion.mid_span[part], model.mid_span[part])
+            part = _between(begin, end)
+            row[f"r2_{begin}_{end}_s"] = r_squared(motion[0][part], model[0][part])
         tables.append(pd.DataFrame({**row, "antisymmetric_m": own["antisymmetric_m"]}))
     return pd.concat(tables, ignore_index=True)
 
 
-def _between(time: np.ndarray, window: tuple[int, int]) -> np.ndarray:
-    return (time >= window[0]) & (time <= window[1])
+def _between(begin: float, end: float) -> np.ndarray:
+    return (_time() >= begin) & (_time() <= end)
 
 
-def _described(motion: SpanMotion) -> dict[str, np.ndarray]:
+def _described(mid_span: np.ndarray, antisymmetric: np.ndarray) -> dict[str, np.ndarray]:
     """Amplitude, frequency, limit cycle and antisymmetric motion, (2,) each."""
-    steady = _between(motion.time, STEADY)
-    settled = _between(motion.time, LIMIT_CYCLE)
+    steady, settled = _between(*STEADY), _between(*LIMIT_CYCLE)
     return {
-        "amplitude_m": steady_amplitude(motion.mid_span[steady]),
-        "frequency_hz": steady_frequency(motion.mid_span[steady], 1.0 / RATE),
-        "limit_cycle_m": steady_amplitude(motion.mid_span[settled]),
-        "antisymmetric_m": steady_amplitude(motion.antisymmetric[settled]),
+        "amplitude_m": steady_amplitude(mid_span[steady]),
+        "frequency_hz": steady_frequency(mid_span[steady], 1.0 / RATE),
+        "limit_cycle_m": steady_amplitude(mid_span[settled]),
+        "antisymmetric_m": steady_amplitude(antisymmetric[settled]),
     }

@@ -110,22 +110,17 @@ class LogAxis:
     """A logarithmic axis of positive values, with zero in a place of its own at the left."""
 
     values: tuple[float, ...]
+    zero: float
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "LogAxis":
-        return cls(tuple(sorted({float(v) for v in values})))
-
-    @property
-    def _positive(self) -> tuple[float, ...]:
-        return tuple(v for v in self.values if v > 0)
-
-    @property
-    def _zero(self) -> float:
-        return self._positive[0] / 2 if self._positive else 1.0
+        values = tuple(sorted({float(v) for v in values}))
+        least = next((v for v in values if v > 0), 2.0)
+        return cls(values, least / 2)
 
     def position(self, value: float, shift: float = 0.0) -> float:
         """Where a value stands; shift: in decades, to keep methods apart."""
-        return (value if value > 0 else self._zero) * 10**shift
+        return (value if value > 0 else self.zero) * 10**shift
 
     def prepare(self, axes: Axes, label: str) -> None:
         places = [self.position(v) for v in self.values]
@@ -136,8 +131,8 @@ class LogAxis:
         axes.xaxis.set_minor_locator(NullLocator())
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel(label)
-        if 0 in self.values and self._positive:
-            axes.axvline(np.sqrt(self._zero * self._positive[0]), color="#bbbbbb", lw=0.6, ls=":")
+        if 0 in self.values and self.values[-1] > 0:
+            axes.axvline(np.sqrt(self.zero * (2 * self.zero)), color="#bbbbbb", lw=0.6, ls=":")
 
 
 def prepare_log(axes: Axes, limits: tuple[float, float], label: str) -> None:

@@ -27,57 +27,44 @@ from galloping.physics.gusts import wind_speed
 from galloping.results import Motion
 
 AERODYNAMICS = ("small_angle", "relative")
+STEP = 0.005  # s, of the integrator: an eightieth of the shortest period of 13 modes
+
+
 # of a `Span`, what its rates are computed from
 Arrays = namedtuple(
     "Arrays",
     "stiffness damping strain quadratic pull stretch shapes loading coefficients pressure relative",
 )
-STEP = 0.005  # s, of the integrator: an eightieth of the shortest period of 13 modes
 
 
 @dataclass(frozen=True)
 class Span:
     """A line on n in-plane and n out-of-plane shapes, per unit of modal mass.
 
-    line: what it is made of. vertical: its in-plane shapes. speed: mean wind, m/s.
-    masses: (2, n, n) kg. stiffness, damping: (2, n, n), 1/s2 and 1/s, M^-1 K and M^-1 C without
-    the strain. strain: (n,) 1/m, of the in-plane coordinates. quadratic: (2, n, n) 1/m2, strain
-    by their squares. pull: (n,) and stretch: (2, n, n), M^-1 EA l times the derivatives of both.
-    shapes: (2, n_nodes, n), at the nodes of the span. loading: (2, n, n_nodes), M^-1 times shape
-    times quadrature weight. coefficients: (2, 4) of 1, alpha .. alpha^3. pressure: rho D/2.
-    relative: whether the load is that of the full relative wind.
+    line: what it is made of. speed: mean wind, m/s. masses: (2, n, n) kg. arrays: stiffness,
+    damping, (2, n, n), 1/s2 and 1/s, M^-1 K and M^-1 C without the strain; strain, (n,) 1/m, of the
+    in-plane coordinates; quadratic, (2, n, n) 1/m2, strain by their squares; pull, (n,), and
+    stretch, (2, n, n), M^-1 EA l times the derivatives of both; shapes, (2, n_nodes, n), at the
+    nodes of the span; loading, (2, n, n_nodes), M^-1 times shape times quadrature weight;
+    coefficients, (2, 4) of 1, alpha .. alpha^3; pressure, rho D/2; relative, whether the load is
+    that of the full relative wind.
     """
 
     line: Line
-    vertical: tuple[Mode, ...]
     speed: float
     masses: np.ndarray
-    stiffness: np.ndarray
-    damping: np.ndarray
-    strain: np.ndarray
-    quadratic: np.ndarray
-    pull: np.ndarray
-    stretch: np.ndarray
-    shapes: np.ndarray
-    loading: np.ndarray
-    coefficients: np.ndarray
-    pressure: float
-    relative: bool
+    arrays: Arrays
 
     @property
     def modes(self) -> int:
         """How many shapes each direction has."""
-        return len(self.vertical)
+        return len(self.arrays.strain)
 
     def rates(self, state: np.ndarray, speed: float) -> np.ndarray:
         """d(q, p, dq, dp)/dt, (4 n,), in a wind of `speed` m/s."""
         rate = np.empty_like(state)
-        _rates(state, speed, self.arrays, rate, np.empty((2, self.shapes.shape[1])))
+        _rates(state, speed, self.arrays, rate, np.empty((2, self.arrays.shapes.shape[1])))
         return rate
-
-    @property
-    def arrays(self) -> Arrays:
-        return Arrays(*(getattr(self, name) for name in Arrays._fields))
 
 
 def span(
@@ -100,7 +87,7 @@ def span(
         raise ValueError(f"aerodynamics: {aerodynamic} is none of {', '.join(AERODYNAMICS)}")
     line = Line.from_case(case)
     weight = weights(line.span)
-    directions = (tuple(vertical), tuple(horizontal))
+    directions = (vertical, horizontal)
     shapes = np.array([np.column_stack([mode.shape for mode in modes]) for modes in directions])
     strain = -line.static_curvature() * (weight @ shapes[0]) / line.span
     stretch = line.axial_stiffness * line.span
@@ -122,8 +109,7 @@ def span(
         damping.append(normal @ np.diag(2.0 * ratio * omega) @ normal.T @ mass)
         quadratic.append(tension / (2.0 * line.span))
     static = np.array([[0.0], [drag]])
-    return Span(
-        line, directions[0], float(case["wind"]["speed"]), np.array(masses),
+    arrays = Arrays(
         np.array(stiffness), np.array(damping), strain, np.array(quadratic),
         inverses[0] @ strain * stretch,
         np.array([2.0 * stretch * a @ b for a, b in zip(inverses, quadratic, strict=True)]),
@@ -133,6 +119,7 @@ def span(
         0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"],
         aerodynamic == "relative",
     )  # fmt: skip
+    return Span(line, float(case["wind"]["speed"]), np.array(masses), arrays)
 
 
 def continuous_line(case: Mapping, modes: int = 9, **load) -> Span:
@@ -156,7 +143,7 @@ def shapes_at(line: Span, where: Sequence[float]) -> np.ndarray:
     points = 2.0 * np.asarray(where, dtype=float) / line.line.span - 1.0
     # exact to rounding: the quadrature nodes are those of a polynomial of high degree
     basis = np.linalg.solve(legvander(nodes, len(nodes) - 1).T, legvander(points, len(nodes) - 1).T)
-    return basis.T @ line.shapes
+    return basis.T @ line.arrays.shapes
 
 
 def natural_modes(line: Span, direction: int) -> tuple[np.ndarray, np.ndarray]:
@@ -165,9 +152,9 @@ def natural_modes(line: Span, direction: int) -> tuple[np.ndarray, np.ndarray]:
     direction: 0 in plane, 1 out of plane. The modes are in columns, by frequency, scaled to one
     at mid-span or, where that is their node, at a quarter of the span.
     """
-    stiffness = line.masses[direction] @ line.stiffness[direction]
+    stiffness = line.masses[direction] @ line.arrays.stiffness[direction]
     if direction == 0:
-        stiffness = stiffness + line.masses[0] @ np.outer(line.pull, line.strain)
+        stiffness = stiffness + line.masses[0] @ np.outer(line.arrays.pull, line.arrays.strain)
     omega, coordinates = _modes(line.masses[direction], stiffness)
     middle, quarter = shapes_at(line, [line.line.span / 2, line.line.span / 4])[direction]
     scale = np.where(
@@ -178,7 +165,7 @@ def natural_modes(line: Span, direction: int) -> tuple[np.ndarray, np.ndarray]:
 
 def symmetric(line: Span, coordinates: np.ndarray, direction: int) -> np.ndarray:
     """Whether each shape, of coordinates (n, n_shapes), is symmetric about mid-span."""
-    shape = line.shapes[direction] @ coordinates
+    shape = line.arrays.shapes[direction] @ coordinates
     return np.sum(shape * shape[::-1], axis=0) > 0.0
 
 
@@ -189,7 +176,7 @@ def equilibrium(line: Span) -> np.ndarray:
     """
     n = 2 * line.modes
     state = np.zeros(2 * n)
-    if not line.coefficients[:, 0].any():
+    if not line.arrays.coefficients[:, 0].any():
         return state
 
     def forces(displaced: np.ndarray) -> np.ndarray:

@@ -161,6 +161,7 @@ TERMS = {
     "kappa_9": (3, (0, 0, 3, 0)),
     "kappa_10": (3, (1, 2, 0, 0)),
 }
+SYMBOLS = {place: symbol for symbol, place in TERMS.items()}
 EQUATIONS = {2: "vertical", 3: "horizontal"}
 
 
@@ -188,10 +189,7 @@ def model(values: Mapping[str, float]) -> PolynomialModel:
 
 def symbol_of(row: int, exponents: tuple[int, ...]) -> str:
     """gamma_i or kappa_i of a term, or its name where the paper has no symbol for it."""
-    for symbol, place in TERMS.items():
-        if place == (row, exponents):
-            return symbol
-    return term_name(exponents, STATES)
+    return SYMBOLS.get((row, exponents)) or term_name(exponents, STATES)
 
 
 # --- from the line ---

@@ -11,7 +11,7 @@ from functools import cached_property
 
 from galloping.configuration.kinds import KINDS, Kind
 from galloping.configuration.load import plain
-from galloping.configuration.settings import Settings, SweepSection, TrialSection
+from galloping.configuration.settings import Settings, TrialSection
 from galloping.cycles.family import PARAMETERS
 from galloping.identification import registry
 from galloping.identification.registry import Method
@@ -30,15 +30,6 @@ def without(line: Mapping, *parameters: str | None) -> dict:
         else of
         for section, of in line.items()
     }
-
-
-@dataclass(frozen=True)
-class Block:
-    """What one job simulates: values of the first parameter, and one of the second of a map."""
-
-    name: str
-    values: tuple[float, ...]
-    second: float | None = None
 
 
 @dataclass(frozen=True)
@@ -61,28 +52,17 @@ class Sweep:
         return [self.values[0], self.values[-1]]
 
     @property
-    def blocks(self) -> tuple[Block, ...]:
-        """New values are added to the file of each."""
+    def blocks(self) -> dict[str, float | None]:
+        """What jobs simulate, by name: all values, of a map at one value of the second parameter.
+
+        New values are added to the file of each.
+        """
         if not self.is_map:
-            return (Block(self.parameter, self.values),)
-        return tuple(
-            Block(f"{self.second}_{value:.12g}", self.values, value) for value in self.second_values
-        )
+            return {self.parameter: None}
+        return {f"{self.second}_{value:.12g}": value for value in self.second_values}
 
 
-def sweep(name: str, configured: SweepSection) -> Sweep:
-    """A sweep as configured, its ranges written out."""
-    return Sweep(
-        name,
-        configured.parameter,
-        _values(configured.values),
-        configured.second,
-        _values(configured.second_values) if configured.second_values else (),
-    )
-
-
-def _values(given: tuple[float, float, float]) -> tuple[float, ...]:
-    first, last, step = given
+def _values(first: float, last: float, step: float) -> tuple[float, ...]:
     count = int((last - first) / step + 1e-9) + 1
     return tuple(round(first + k * step, 12) for k in range(count))
 
@@ -312,7 +292,11 @@ class Study:
 
     @cached_property
     def sweeps(self) -> tuple[Sweep, ...]:
-        return tuple(sweep(name, of) for name, of in self.settings.sweeps.items())
+        return tuple(
+            Sweep(name, of.parameter, _values(*of.values), of.second,
+                  _values(*of.second_values) if of.second_values else ())
+            for name, of in self.settings.sweeps.items()
+        )  # fmt: skip
 
     def sweep(self, name: str) -> Sweep:
         return next(each for each in self.sweeps if each.name == name)

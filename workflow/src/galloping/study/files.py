@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -172,15 +172,12 @@ def write_identified(
 def read_identified(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]:
     """The model of each replicate, by method."""
     with np.load(path) as file:
-        arrays = dict(file)
-    states = tuple(arrays.pop("states").tolist())
-    terms = tuple(map(tuple, arrays.pop("terms").tolist()))
+        states = tuple(file["states"].tolist())
+        terms = tuple(map(tuple, file["terms"].tolist()))
+        methods = _by_method(file)
 
-    def model(method: str, replicate: int) -> IdentifiedModel:
-        part = {
-            name: arrays[f"{method}/{name}"][replicate]
-            for name in (*BY_STATE, *TEXTS, "coefficients", "chi2", "known", "covariance")
-        }
+    def model(arrays: Mapping[str, np.ndarray], replicate: int) -> IdentifiedModel:
+        part = {name: array[replicate] for name, array in arrays.items()}
         stated = int(np.isfinite(np.diag(part["covariance"])).sum())
         return IdentifiedModel(
             model=PolynomialModel(states, terms, part["coefficients"]),
@@ -191,11 +188,20 @@ def read_identified(path: str | os.PathLike) -> dict[str, list[IdentifiedModel]]
             **{name: str(part[name]) for name in TEXTS},
         )
 
-    methods = dict.fromkeys(name.partition("/")[0] for name in arrays)
     return {
-        method: [model(method, k) for k in range(len(arrays[f"{method}/status"]))]
-        for method in methods
+        method: [model(arrays, k) for k in range(len(arrays["status"]))]
+        for method, arrays in methods.items()
     }
+
+
+def _by_method(file: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+    """What is kept as `method/name`."""
+    methods: dict[str, dict[str, np.ndarray]] = {}
+    for key in file:
+        method, is_of_one, name = key.partition("/")
+        if is_of_one:
+            methods.setdefault(method, {})[name] = file[key]
+    return methods
 
 
 def read_families(paths: Iterable[str | os.PathLike]) -> dict[str, list[IdentifiedModel]]:
@@ -248,13 +254,8 @@ def write_reconstructions(
 
 def read_reconstructions(path: str | os.PathLike) -> dict[str, Reconstruction]:
     """Reconstructions by method."""
-    names = [field.name for field in fields(Reconstruction)]
     with np.load(path) as file:
-        methods = dict.fromkeys(key.partition("/")[0] for key in file)
-        return {
-            method: Reconstruction(*(file[f"{method}/{name}"] for name in names))
-            for method in methods
-        }
+        return {method: Reconstruction(**of) for method, of in _by_method(file).items()}
 
 
 # --- assessment/{case}/orbits.npz: settled orbits at mid-span ---

@@ -163,38 +163,36 @@ def variation_rows(
     case: Mapping,
     plan: Mapping,
     amounts: Amounts,
-    values: Mapping[str, Sequence[float]],
+    parameter: str,
+    values: Sequence[float],
     name: str,
     drawn: pd.DataFrame,
 ) -> pd.DataFrame:
-    """Every claim of the paper for every value of every open setting, one varied at a time.
+    """Every claim of the paper for every value of one open setting.
 
     case: settings of the line with its release; name: the paper's, by which claims are about it.
-    plan, amounts: keywords of `paper_draws`. values: by name in OPEN. drawn: the study's own draws,
+    plan, amounts: keywords of `paper_draws`. parameter: in OPEN. drawn: the study's own draws,
     by which its own settings are judged. Columns parameter, unit, value, default (whether it is the
-    case's own), held, then those of the claims table. Raises ValueError for a name that is not
-    open.
+    case's own), held, then those of the claims table.
     """
-    if unknown := sorted(set(values) - set(OPEN)):
-        raise ValueError(f"{unknown[0]}: the paper does not leave it open; {', '.join(OPEN)}")
     tables = []
-    for parameter, of in values.items():
-        for value in of:
-            varied, other = OPEN[parameter].at(case, value), plan
-            if parameter == THRESHOLD:
-                is_own, other = value == plan["threshold"], {**plan, "threshold": value}
-            else:  # the model and its release are the same to rounding
-                sides = (
-                    [*coefficients(each).values(), *initial_state(each)] for each in (case, varied)
-                )
-                is_own = np.allclose(*sides, rtol=1e-8, atol=1e-12)
-            if not is_own:
-                found = paper_draws(varied, name=(name,), amounts=amounts, **other)
-            table = _claims(varied, drawn if is_own else found, amounts, name)
-            place = {"parameter": parameter, "unit": OPEN[parameter].unit, "value": value}
-            held = table["verdict"].isin(HELD)
-            table = table.assign(**place, default=is_own, held=held)
-            tables.append(table[[*place, "default", "held", *COLUMNS]])
+    for value in values:
+        varied, other = OPEN[parameter].at(case, value), plan
+        if parameter == THRESHOLD:
+            is_own, other = value == plan["threshold"], {**plan, "threshold": value}
+        else:  # the model and its release are the same to rounding
+            sides = (
+                [*coefficients(each).values(), *initial_state(each)] for each in (case, varied)
+            )
+            is_own = np.allclose(*sides, rtol=1e-8, atol=1e-12)
+        found = drawn
+        if not is_own:
+            found = paper_draws(varied, name=(name,), amounts=amounts, **other)
+        table = _claims(varied, found, amounts, name)
+        place = {"parameter": parameter, "unit": OPEN[parameter].unit, "value": value}
+        held = table["verdict"].isin(HELD)
+        table = table.assign(**place, default=is_own, held=held)
+        tables.append(table[[*place, "default", "held", *COLUMNS]])
     return pd.concat(tables, ignore_index=True)
 
 

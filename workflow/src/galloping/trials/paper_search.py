@@ -29,7 +29,7 @@ from galloping.measurement import Motion
 from galloping.paper import unknowns
 from galloping.paper.draws import Amounts, line_motion
 from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
-from galloping.paper.unknowns import BY_NAME, HIGH, LOW, NAMES, Variant
+from galloping.paper.unknowns import BY_NAME, HIGH, LOW, NAMES, Setting, Variant
 from galloping.physics.galerkin import coefficients
 from galloping.streams import generator
 
@@ -144,7 +144,8 @@ def evaluated(
         return row
     if variant.steady and row["change"] >= STEADY:
         return {**row, "height": IMPOSSIBLE - 100 * np.log(row["change"] / STEADY)}
-    scores = _scores(motion, line, setting, draws, rng)
+    study = QuickStudy(motion, line, AMOUNTS)
+    scores = study.draws(setting, draws, rng, still=unknowns.STILL)
     logs = unknowns.log_probabilities(scores)
     row["log_probability"] = row["height"] = sum(logs.values())
     row["without_amplitudes"] = sum(
@@ -156,21 +157,16 @@ def evaluated(
     return row | logs | {"draws": [unknowns.one_draw(scores, k) for k in range(0, draws, SHARING)]}
 
 
-def _scores(motion, line, setting, draws, rng) -> pd.DataFrame:
-    return QuickStudy(motion, line, AMOUNTS).draws(setting, draws, rng, still=unknowns.STILL)
-
-
 def evaluated_scores(
     variant: Variant, values: Mapping[str, float], draws: int, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Draws of the paper's study at one setting, whatever its motion."""
-    moved = line_motion(
-        variant.case(_line(unknowns.CASE), values), AMOUNTS.duration, AMOUNTS.sampling_rate
-    )
-    return _scores(*moved, variant.method(values), draws, rng)
+    case = variant.case(_line(unknowns.CASE), values)
+    study = QuickStudy(*line_motion(case, AMOUNTS.duration, AMOUNTS.sampling_rate), AMOUNTS)
+    return study.draws(variant.method(values), draws, rng, still=unknowns.STILL)
 
 
-def _is_raw(setting) -> bool:
+def _is_raw(setting: Setting) -> bool:
     return setting.columns == "raw" and setting.threshold is not None
 
 

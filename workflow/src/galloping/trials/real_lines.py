@@ -295,21 +295,17 @@ def _judged(values: np.ndarray, widths: np.ndarray, true: np.ndarray) -> dict[st
 
 
 def _true_quantities(line: continuous.Span, steady: np.ndarray) -> np.ndarray:
-    """(6,) QUANTITIES of a line whose motion in its steady window is `steady` (n, 4)."""
-    vertical, horizontal = _symmetric_modes(line)
-    modes = (-2.0 * vertical.real, vertical.imag, -2.0 * horizontal.real, horizontal.imag)
-    return np.array([*steady_amplitude(steady)[:2], *modes])
+    """(6,) QUANTITIES of a line whose motion in its steady window is `steady` (n, 4).
 
-
-def _symmetric_modes(line: continuous.Span) -> tuple[complex, complex]:
-    """Eigenvalues of the first symmetric modes in plane and out of plane."""
+    Its modes are the first symmetric ones in plane and out of plane.
+    """
     values, vectors = continuous.eigenvalues(line)
-    found = []
+    moving, found = np.linalg.norm(vectors[: 2 * line.modes], axis=0), []
     for direction in (0, 1):
         own = slice(direction * line.modes, (direction + 1) * line.modes)
-        moving = np.linalg.norm(vectors[: 2 * line.modes], axis=0)
         share = np.linalg.norm(vectors[own], axis=0) / moving
-        shapes = np.abs(line.shapes[direction] @ vectors[own])
+        shapes = np.abs(line.arrays.shapes[direction] @ vectors[own])
         middle = shapes[len(shapes) // 2] > 0.5 * shapes.max(axis=0)
-        found.append(values[np.flatnonzero((share > 0.7) & middle)[0]])
-    return found[0], found[1]
+        first = values[np.flatnonzero((share > 0.7) & middle)[0]]
+        found += [-2.0 * first.real, first.imag]
+    return np.array([*steady_amplitude(steady)[:2], *found])

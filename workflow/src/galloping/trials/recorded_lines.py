@@ -152,30 +152,25 @@ def of_random_lines(
 def of_long_and_steady_motions(
     seed: int, case: str, replicates: Sequence[int], *, levels: list[float]
 ) -> Iterator[Attempt]:
+    time, simulator = time_grid(*LONG.get(case, (DURATION, RATE))), Simulator(STATES, TERMS)
     for level, replicate in product(levels, replicates):
-        yield _long_or_steady(seed, case, replicate, level)
-
-
-def _long_or_steady(seed: int, case: str, replicate: int, level: float) -> Attempt:
-    rng = generator(seed, LONG_AND_STEADY, case, replicate)
-    time = time_grid(*LONG.get(case, (DURATION, RATE)))
-    simulator = Simulator(STATES, TERMS)
-    if case in CHOSEN:
-        states, drawn = None, lines(rng, simulator, time)
-        while states is None:
-            true, motions = next(drawn)
-            states = CHOSEN[case](simulator, true, motions[0], time)
-    else:
-        line = default_line()
-        true, start = line.model.on_library(TERMS), line.start
-        if case == "limit cycle":
-            start = settle(simulator, true, start).states[-1]
-        states = simulator(true, start, time).states
-    columns = {
-        "group": LONG_AND_STEADY, "case": case, "protocol": "state", "level": level,
-        "seed": seed, "replicate": replicate,
-    }  # fmt: skip
-    return measured(columns, true, time, states)
+        if case in CHOSEN:
+            rng, states = generator(seed, LONG_AND_STEADY, case, replicate), None
+            drawn = lines(rng, simulator, time)
+            while states is None:
+                true, motions = next(drawn)
+                states = CHOSEN[case](simulator, true, motions[0], time)
+        else:
+            line = default_line()
+            true, start = line.model.on_library(TERMS), line.start
+            if case == "limit cycle":
+                start = settle(simulator, true, start).states[-1]
+            states = simulator(true, start, time).states
+        columns = {
+            "group": LONG_AND_STEADY, "case": case, "protocol": "state", "level": level,
+            "seed": seed, "replicate": replicate,
+        }  # fmt: skip
+        yield measured(columns, true, time, states)
 
 
 def _settled(
