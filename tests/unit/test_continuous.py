@@ -116,7 +116,7 @@ def test_static_drag_displaces_and_damps(case):
     case = case | {"ice": BARE}
     light = continuous_line(case, 1, aerodynamic="relative", drag=1e-3)
     growth = [eigenvalues(one)[0][0].real for one in (light, continuous_line(case, 1))]
-    expected = light.pressure * light.speed * 1e-3 * 150 / light.masses[1, 0, 0]
+    expected = light.arrays.pressure * light.speed * 1e-3 * 150 / light.masses[1, 0, 0]
     assert growth[1] - growth[0] == pytest.approx(expected, rel=1e-3)
 
 

@@ -36,6 +36,7 @@ WRITTEN = {
     "png": {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 3}},
 }
 
+PATHS = re.compile(r' d="[^"]*"')  # of an SVG
 DIGITS = re.compile(r"(\d\.\d)\d+")  # of coordinates: all beyond a tenth of a point is cut
 BLANKS = re.compile(r"(?<=\d)\s+([LCQz])|(?<=[MLCQ]) ")  # around the commands of a path
 
@@ -168,14 +169,11 @@ def write_figure(
             with replacing(path) as partial:
                 figure.savefig(partial, format=form, dpi=dpi, **WRITTEN[form])
                 if form == "svg":
-                    _shorten(Path(partial))
+                    _shorten(partial)
 
 
 def _shorten(svg: Path) -> None:
     """Paths of an SVG without needless blanks, to a tenth of a point (720 dpi), in place."""
     text = re.sub(r"\n +(?=<)", "\n", svg.read_text(encoding="utf-8"))
-    svg.write_text(re.sub(r' d="[^"]*"', _shortened, text), encoding="utf-8")
-
-
-def _shortened(path: re.Match) -> str:
-    return BLANKS.sub(r"\1", DIGITS.sub(r"\1", path[0]))
+    text = PATHS.sub(lambda path: BLANKS.sub(r"\1", DIGITS.sub(r"\1", path[0])), text)
+    svg.write_text(text, encoding="utf-8")

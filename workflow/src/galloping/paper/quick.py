@@ -45,7 +45,6 @@ class QuickStudy:
     motion: Motion
     line: PolynomialModel
     amounts: Amounts
-    degree: int = 3
 
     def draws(
         self, setting: Setting, number: int, rng: np.random.Generator, still: Sequence[float] = ()
@@ -76,7 +75,7 @@ class QuickStudy:
 
     @cached_property
     def terms(self) -> tuple[Exponents, ...]:
-        return library(len(self.line.states), self.degree)
+        return library(len(self.line.states), 3)
 
     @cached_property
     def true(self) -> PolynomialModel:
@@ -94,19 +93,17 @@ class QuickStudy:
 
     def _motion_scores(self, models: np.ndarray) -> dict[str, np.ndarray]:
         quality, amplitudes = self._motions(models)
-        _, own = self._own
+        off = np.abs(amplitudes - self._own) / self._own
         columns = {}
         for k, name in enumerate(DISPLACEMENT_COLUMNS):
             columns[f"r2_{name}"] = quality[:, k]
-            off = np.abs(amplitudes[:, k] - own[k]) / own[k]
-            columns[f"amplitude_error_{name}_percent"] = 100 * off
+            columns[f"amplitude_error_{name}_percent"] = 100 * off[:, k]
         return columns
 
     @cached_property
-    def _own(self) -> tuple[np.ndarray, np.ndarray]:
-        """R2 and amplitude of the line itself, as simulated here."""
-        quality, amplitudes = self._motions(self.true.coefficients[np.newaxis])
-        return quality[0], amplitudes[0]
+    def _own(self) -> np.ndarray:
+        """(2,) amplitudes of the line itself, as simulated here."""
+        return self._motions(self.true.coefficients[np.newaxis])[1][0]
 
     def _motions(self, models: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """R2 (draws, 2), -inf for a model that diverges, and amplitude (draws, 2), inf for it."""

@@ -38,6 +38,13 @@ class Unknown:
     label: str
     path: tuple[str, ...]
 
+    def at(self, case: Mapping, value: float) -> dict:
+        """The settings of a case at a value."""
+        if not self.path:
+            return dict(case)
+        section, key = self.path
+        return {**case, section: {**case[section], key: value}}
+
 
 UNKNOWNS = (
     Unknown("wind_speed", 1, 30, "m/s", "wind speed", ("wind", "speed")),
@@ -86,16 +93,11 @@ class Variant:
 
     def case(self, line: Mapping, values: Mapping[str, float]) -> dict:
         """The settings of a case at values of the unknowns. line: those of the paper's line."""
-        case = {
-            key: dict(part) if isinstance(part, Mapping) else part for key, part in line.items()
-        }
-        case["line"]["mode_shape"] = self.mode_shape
         vertical, horizontal = map(list, self.ice)
-        case["ice"] = {"reading": "custom", "vertical": vertical, "horizontal": horizontal}
+        ice = {"reading": "custom", "vertical": vertical, "horizontal": horizontal}
+        case = {**line, "line": {**line["line"], "mode_shape": self.mode_shape}, "ice": ice}
         for unknown in UNKNOWNS:
-            if unknown.path:
-                section, key = unknown.path
-                case[section][key] = values[unknown.name]
+            case = unknown.at(case, values[unknown.name])
         return case
 
     def method(self, values: Mapping[str, float]) -> Setting:

@@ -49,12 +49,10 @@ class PlannedJob:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
-    def made(self, receipt: Receipt | None) -> bool:
+    def made(self, receipt: Receipt) -> bool:
         """Whether a receipt is of this very job: settings, code and the inputs by name."""
-        return receipt is not None and (
-            (receipt.rule, receipt.settings, receipt.inputs.keys())
-            == (self.rule, self.settings, set(self.inputs))
-        )
+        own = self.rule, self.settings, set(self.inputs)
+        return (receipt.rule, receipt.settings, receipt.inputs.keys()) == own
 
 
 @dataclass(frozen=True)

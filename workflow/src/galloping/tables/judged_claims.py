@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from galloping.cycles.family import PARAMETERS, Parameter, initial_state
+from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import steady_amplitude
 from galloping.measurement import Motion
 from galloping.paper.claims import CLAIMS, HELD, Claim, judged, together, verdict_of_share
 from galloping.paper.draws import Amounts, line_motion, paper_draws
+from galloping.paper.unknowns import UNKNOWNS
 from galloping.physics.galerkin import coefficients
 from galloping.results import NOISE, PAPER_METHOD, PAPER_PROTOCOL
 
@@ -147,18 +148,6 @@ def _row(claim: Claim, case: str, pair: tuple[str, str], scores: pd.DataFrame) -
 # --- at other settings ---
 
 
-THRESHOLD = "threshold"  # of the method, not of the line
-OPEN = {
-    **{
-        name: PARAMETERS[name]
-        for name in ("wind_speed", "damping_vertical", "damping_horizontal", "bundle_dimension")
-    },
-    "release_vertical": Parameter("vertical release", "m", (("initial_state", "q_v"),)),
-    "release_horizontal": Parameter("horizontal release", "m", (("initial_state", "q_w"),)),
-    THRESHOLD: Parameter("threshold", "1"),
-}
-
-
 def variation_rows(
     case: Mapping,
     plan: Mapping,
@@ -171,14 +160,15 @@ def variation_rows(
     """Every claim of the paper for every value of one open setting.
 
     case: settings of the line with its release; name: the paper's, by which claims are about it.
-    plan, amounts: keywords of `paper_draws`. parameter: in OPEN. drawn: the study's own draws,
-    by which its own settings are judged. Columns parameter, unit, value, default (whether it is the
-    case's own), held, then those of the claims table.
+    plan, amounts: keywords of `paper_draws`. parameter: its name in UNKNOWNS. drawn: the study's
+    own draws, by which its own settings are judged. Columns parameter, unit, value, default
+    (whether it is the case's own), held, then those of the claims table.
     """
     tables = []
+    opened = next(unknown for unknown in UNKNOWNS if unknown.name == parameter)
     for value in values:
-        varied, other = OPEN[parameter].at(case, value), plan
-        if parameter == THRESHOLD:
+        varied, other = opened.at(case, value), plan
+        if not opened.path:  # the threshold is of the method, not of the line
             is_own, other = value == plan["threshold"], {**plan, "threshold": value}
         else:  # the model and its release are the same to rounding
             sides = (
@@ -189,7 +179,7 @@ def variation_rows(
         if not is_own:
             found = paper_draws(varied, name=(name,), amounts=amounts, **other)
         table = _claims(varied, found, amounts, name)
-        place = {"parameter": parameter, "unit": OPEN[parameter].unit, "value": value}
+        place = {"parameter": parameter, "unit": opened.unit, "value": value}
         held = table["verdict"].isin(HELD)
         table = table.assign(**place, default=is_own, held=held)
         tables.append(table[[*place, "default", "held", *COLUMNS]])

@@ -64,17 +64,14 @@ def model_of(equations: str, degree: int) -> PolynomialModel:
     return known_model(texts, states, library(len(states), degree))[0]
 
 
-def _published() -> Iterator[tuple[str, PublishedSystem]]:
-    with Path(__file__).with_name("systems.csv").open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            start, period = tuple(json.loads(row["start"])), float(row["period"])
-            yield (
-                row["name"],
-                PublishedSystem(row["equations"], start, period, bool(row["chaotic"])),
-            )
-
-
-SYSTEMS = dict(_published())
+with Path(__file__).with_name("systems.csv").open(encoding="utf-8", newline="") as file:
+    SYSTEMS = {
+        row["name"]: PublishedSystem(
+            row["equations"], tuple(json.loads(row["start"])), float(row["period"]),
+            bool(row["chaotic"]),
+        )
+        for row in csv.DictReader(file)
+    }  # fmt: skip
 
 
 @trial_of

@@ -11,7 +11,6 @@ checked beyond type and range. why: the reason for the range, which is that of l
 
 import csv
 import json
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -30,12 +29,8 @@ LISTS = {
     "distinct": fields.distinct,
     "some": fields.selection,
 }
-
-
-@cache
-def _rows() -> list[dict[str, str]]:
-    with Path(__file__).with_name("keys.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+with Path(__file__).with_name("keys.csv").open(encoding="utf-8", newline="") as file:
+    ROWS = list(csv.DictReader(file))
 
 
 def keys(section: str, doc: str | None = None, **types: Any) -> type[fields.Section]:
@@ -45,7 +40,7 @@ def keys(section: str, doc: str | None = None, **types: Any) -> type[fields.Sect
     whose type is not in the table; a pair of type and the function that makes the default, where
     that is neither in the table nor what the type makes of nothing.
     """
-    rows = [row for row in _rows() if row["section"] == section]
+    rows = [row for row in ROWS if row["section"] == section]
     return create_model(
         f"{section.title().replace('_', '')}Section",
         __base__=fields.Section,
