@@ -18,10 +18,10 @@ from galloping.configuration.load import configured, load, merged, ordered, plai
 from galloping.configuration.schema import leaves, schema
 from galloping.configuration.settings import Settings
 from galloping.configuration.yaml_file import ENDLESS, ConfigurationError, read
+from galloping.paper.unknowns import NAMES
 from galloping.physics import continuous
 from galloping.physics.galerkin import derive
 from galloping.study.shown import departures
-from galloping.tables.judged_claims import OPEN
 from galloping.tables.line_parameters import conductor, spacers
 
 unhurried = hypothesis.settings(deadline=None)  # a busy machine is not a failure
@@ -499,4 +499,4 @@ def test_settings_allow_what_there_is():
     nodes = dict(leaves())
     aerodynamics = nodes["cases.<name>.truth.aerodynamics"]["enum"]
     assert tuple(aerodynamics) == continuous.AERODYNAMICS
-    assert set(plain(load({}))["assessment"]["open_parameters"]) == set(OPEN)
+    assert set(plain(load({}))["assessment"]["open_parameters"]) == set(NAMES)

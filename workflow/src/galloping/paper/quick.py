@@ -186,12 +186,10 @@ def _move(values, rows, columns, lower, last, start, step, true, first):
     true: (n, 2), every step of the motion that their displacements are compared with. first: the
     step from which their amplitudes count, at every step and, by Hermite's cubic, between steps.
     """
-    states = len(start)
     monomials = np.ones((len(lower), LANES))
-    x, y = np.empty((states, LANES)), np.empty((states, LANES))
-    k1, k2 = np.empty((states, LANES)), np.empty((states, LANES))
-    k3, k4 = np.empty((states, LANES)), np.empty((states, LANES))
-    for i in range(states):
+    x = np.empty((len(start), LANES))
+    k1, k2, k3, k4 = np.empty_like(x), np.empty_like(x), np.empty_like(x), np.empty_like(x)
+    for i in range(len(start)):
         x[i] = start[i]
     lost = np.zeros(LANES)
     squares = np.zeros((2, LANES))
@@ -201,50 +199,21 @@ def _move(values, rows, columns, lower, last, start, step, true, first):
         for i in range(2):
             for lane in range(LANES):
                 squares[i, lane] += (x[i, lane] - true[n, i]) ** 2
-                if n >= first:
-                    least[i, lane] = min(least[i, lane], x[i, lane])
-                    most[i, lane] = max(most[i, lane], x[i, lane])
+        if n >= first:
+            least, most = np.minimum(least, x[:2]), np.maximum(most, x[:2])
         if n == len(true) - 1:
             break
-        for i in range(states):
-            for lane in range(LANES):
-                y[i, lane] = x[i, lane] + 0.5 * step * k1[i, lane]
-        _rates(y, values, rows, columns, lower, last, monomials, k2)
-        for i in range(states):
-            for lane in range(LANES):
-                y[i, lane] = x[i, lane] + 0.5 * step * k2[i, lane]
-        _rates(y, values, rows, columns, lower, last, monomials, k3)
-        for i in range(states):
-            for lane in range(LANES):
-                y[i, lane] = x[i, lane] + step * k3[i, lane]
-        _rates(y, values, rows, columns, lower, last, monomials, k4)
-        for i in range(states):
-            for lane in range(LANES):
-                slope = k1[i, lane] + 2 * k2[i, lane] + 2 * k3[i, lane] + k4[i, lane]
-                y[i, lane] = x[i, lane] + step / 6 * slope
-        for lane in range(LANES):
-            size = 0.0
-            for i in range(states):
-                size += abs(y[i, lane])
-            if size > FARTHEST:
-                lost[lane] = 1.0
-            for i in range(states):
-                y[i, lane] *= 1.0 - lost[lane]
+        _rates(x + 0.5 * step * k1, values, rows, columns, lower, last, monomials, k2)
+        _rates(x + 0.5 * step * k2, values, rows, columns, lower, last, monomials, k3)
+        _rates(x + step * k3, values, rows, columns, lower, last, monomials, k4)
+        y = x + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        lost = np.where(np.abs(y).sum(axis=0) > FARTHEST, 1.0, lost)
+        y *= 1.0 - lost
         _rates(y, values, rows, columns, lower, last, monomials, k2)
         if n >= first:
-            for i in range(2):
-                for lane in range(LANES):
-                    bend = step / 8 * (k1[i, lane] - k2[i, lane])
-                    between = 0.5 * (x[i, lane] + y[i, lane]) + bend
-                    least[i, lane] = min(least[i, lane], between)
-                    most[i, lane] = max(most[i, lane], between)
-        for i in range(states):
-            for lane in range(LANES):
-                x[i, lane] = y[i, lane]
-                k1[i, lane] = k2[i, lane]
-    found = np.empty((LANES, 4))
-    for lane in range(LANES):
-        for i in range(2):
-            found[lane, i] = np.inf if lost[lane] > 0 else squares[i, lane]
-            found[lane, 2 + i] = np.inf if lost[lane] > 0 else (most[i, lane] - least[i, lane]) / 2
-    return found
+            between = 0.5 * (x[:2] + y[:2]) + step / 8 * (k1[:2] - k2[:2])
+            least, most = np.minimum(least, between), np.maximum(most, between)
+        x[:] = y
+        k1[:] = k2
+    found = np.concatenate((squares, (most - least) / 2))
+    return np.where(lost > 0, np.inf, found).T
