@@ -165,9 +165,6 @@ def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Tra
     return motions
 
 
-# --- of coefficients and terms ---
-
-
 def mean_error_by_order(
     true: PolynomialModel, coefficients: np.ndarray, equations: tuple[int, ...]
 ) -> dict[str, float]:

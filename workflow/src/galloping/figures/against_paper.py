@@ -54,9 +54,6 @@ def _is_r2(claim: Claim) -> bool:
     return claim.column.startswith("r2_") and not claim.minus
 
 
-# --- every method ---
-
-
 def draw_claims(table: pd.DataFrame, settings: Mapping) -> Figure:
     """Dots with intervals where claims share a unit, and values with verdicts for all of them.
 
@@ -159,9 +156,6 @@ def _number(value: float, digits: int) -> str:
     return f"{value:.{digits}g}".replace("-", "−")
 
 
-# --- the paper's own method ---
-
-
 def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     """Left the printed errors on the draws' 5 to 95 %, right the share of draws that keep a bound.
 
@@ -211,9 +205,6 @@ def _short(name: str) -> str:
     return parts.typeset(name)
 
 
-# --- other settings ---
-
-
 def draw_reproduction(table: pd.DataFrame, settings: Mapping) -> Figure:
     """A row for each claim, a column for each value, one block for each parameter.
 
@@ -253,9 +244,6 @@ def draw_reproduction(table: pd.DataFrame, settings: Mapping) -> Figure:
     title = "framed: the study's value; above: how many claims hold"
     parts.legend(figure, *squares, columns=2, loc="outside lower center", title=title)
     return figure
-
-
-# --- what the paper leaves out ---
 
 
 def draw_region(samples: pd.DataFrame, readings: pd.DataFrame) -> Figure:

@@ -34,9 +34,6 @@ def _greek(symbol: str) -> str:
     return f"$\\{letter}_{{{number}}}$"
 
 
-# --- identified over true ---
-
-
 def draw_coefficients(
     model: Derived, identified: Mapping[str, Mapping[str, list[IdentifiedModel]]], settings: Mapping
 ) -> Figure:
@@ -117,9 +114,6 @@ def _ratios(
     axes.vlines(x, lows, highs, color=color, lw=1.2, label=spread)
     axes.plot(x, medians, ls="", marker="_", color=color, ms=7)
     parts.points(axes, x, _ratio(first)[:, 0], limits, color, marker, 4)
-
-
-# --- identifiability ---
 
 
 def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:

@@ -36,9 +36,6 @@ MEASURED = {
 SIZE, DPI, RATE = (7.2, 3.2), 130, 12  # inches, px/inch, frames per second
 
 
-# --- orbits ---
-
-
 def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapping) -> Figure:
     """Lissajous figures at mid-span, one panel for each case, equal scales in both directions.
 
@@ -89,9 +86,6 @@ def _orbits(axes: Axes, case: Mapping, orbits: Mapping[float, np.ndarray], reach
     axes.set(aspect="equal", xlim=(-reach, reach), xlabel="along the wind, m from rest")
 
 
-# --- measures ---
-
-
 def draw_measures(table: pd.DataFrame, settings: Mapping) -> Figure:
     """Vertical motion at the design wind, critical wind and clearance of each measure.
 
@@ -134,9 +128,6 @@ def _told(value: float, low: float, high: float) -> str:
         return f"{value:.3g}"
     decimals = max(0, -int(np.floor(np.log10(high - low))))
     return f"{value:.{decimals}f}  ({low:.{decimals}f} to {high:.{decimals}f})"
-
-
-# --- the span, moving ---
 
 
 def write_animation(

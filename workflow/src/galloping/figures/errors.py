@@ -98,9 +98,6 @@ def printed(column: str, case: str) -> list[Claim]:
     return [c for c in CLAIMS if c.column == column and c.case in (case, "") and not c.minus]
 
 
-# --- the paper's method ---
-
-
 def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | None = None) -> Figure:
     """A row for each quantity, a panel for each of its columns: the first draw, the median and the
     5th to 95th percentile of all, and what the paper prints.
@@ -176,9 +173,6 @@ def _draws(
         x, np.clip(first, *limits), color=MODEL, lw=0.8, marker="o", ms=4.5, markevery=inside,
         label="one draw, the first",
     )  # fmt: skip
-
-
-# --- all methods ---
 
 
 def draw_methods(table: pd.DataFrame, settings: Mapping) -> Figure:
@@ -281,9 +275,6 @@ def _places(axes: Axes, table: pd.DataFrame, label: str) -> dict[tuple[int, floa
         axes.set_xlim(right=max(places.values()) * 1.5)
         axes.axvline(last * np.sqrt(STEP), color="#bbbbbb", lw=0.6, ls=":")
     return places
-
-
-# --- the study in one picture ---
 
 
 def draw_overview(

@@ -130,9 +130,6 @@ def _history(
         )  # fmt: skip
 
 
-# --- settled motions ---
-
-
 STATES = {"v": "q_v", "w": "q_w"}
 SMALL = 0.35  # velocity over wind speed, 20 degrees: the model's load is that of small angles
 HIGHEST = 6.0  # m: larger motions, a sag or more, are drawn alike in the map
@@ -148,9 +145,6 @@ MARKS = {
 
 def _title(axes: Axes, index: int, state: str, more: str = "") -> None:
     parts.letter(axes, index, f"{style.DIRECTIONS[state]}, {style.STATE_LABELS[state]}{more}")
-
-
-# --- along one parameter ---
 
 
 def draw_limit_cycles(
@@ -218,9 +212,6 @@ def _branches(axes: Axes, cycles: pd.DataFrame, bifurcations: pd.DataFrame, dire
             axes.plot(at["value"], at[name], marker=marker, label=kind, **look)
 
 
-# --- over two parameters ---
-
-
 def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
     """Half range of both directions over the map of one case, and where the frequencies are 2:1.
 
@@ -258,9 +249,6 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
     line = parts.key(r"$\omega_v = 2\,\omega_w$", color="white", ls="-", lw=1.4, path_effects=dark)
     parts.legend(figure, line, columns=3, loc="outside lower center")
     return figure
-
-
-# --- predicted ---
 
 
 def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:

@@ -53,9 +53,6 @@ def _say(axes: Axes, *texts: tuple[float, float, str, str, str], **look: object)
         axes.text(x, y, words, ha=ha, va=va, **look)
 
 
-# --- figure 1 ---
-
-
 def draw_line(model: Derived, settings: Mapping) -> Figure:
     """Elevation with a stated exaggeration, and the bundle's cross-section (not to scale).
 
@@ -144,9 +141,6 @@ def _section(axes: Axes, count: int) -> None:
     parts.letter(axes, 1, f"bundle of {count}, not to scale")
 
 
-# --- figure 2 ---
-
-
 def draw_aerodynamic_load(trajectory: Sequence[Motion], settings: Mapping) -> Figure:
     """Wind and forces on the section, and the force coefficients without their static parts.
 
@@ -214,9 +208,6 @@ def _vectors(axes: Axes) -> None:
     axes.set(xlim=(-2.65, 1.5), ylim=(-1.05, 1.35), aspect="equal", anchor="N")
     axes.axis("off")
     parts.letter(axes, 0, "section with crescent-shaped ice")
-
-
-# --- figure 3 ---
 
 
 def draw_flow(settings: Mapping) -> Figure:

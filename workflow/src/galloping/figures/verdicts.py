@@ -37,9 +37,6 @@ LOOKS = {"vertical": {"color": MODEL, "marker": "o"}, "horizontal": {"color": PA
 STRETCHES = {"r2_0_100_s": "white", "r2_100_200_s": "#bbbbbb", "r2_200_300_s": ""}
 
 
-# --- statuses ---
-
-
 def draw_trust(table: pd.DataFrame) -> Figure:
     """A panel for each group of fits, a bar for each status: how often it is right.
 
@@ -79,9 +76,6 @@ def _right(fits: pd.DataFrame) -> pd.Series:
     status, faulty = fits["status"], fits["cause_named"].notna()
     unsure = (status == "not identifiable") & ~fits["exact"]
     return ((status == "ok") & ~fits["ok_and_wrong"]) | unsure | ((status != "ok") & faulty)
-
-
-# --- beside published numbers ---
 
 
 def draw_published_terms(table: pd.DataFrame) -> Figure:
@@ -143,9 +137,6 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     right.plot([], [], "o", ms=9, mfc="none", mec="k", label="published power")
     parts.legend(figure, columns=6)
     return figure
-
-
-# --- lines that are not their own model ---
 
 
 def draw_model_error(table: pd.DataFrame) -> Figure:

@@ -117,9 +117,6 @@ def needed(
     return [level for level in levels if level in asked], [n for n in points if n in sizes]
 
 
-# --- judged ---
-
-
 HELD = ("reproduced", "better", "met")  # verdicts of claims that hold
 MOST, SELDOM = 1 / 2, 1 / 20  # shares of the draws
 WIDE = 10.0  # an interval whose ends differ by this factor holds nearly any printed error

@@ -25,8 +25,6 @@ from galloping.results import IDENTIFIED, KNOWN, NOISE, SUBSET
 from galloping.simulation import Simulator, time_grid
 from galloping.streams import generator
 
-# --- noise ---
-
 
 @dataclass(frozen=True)
 class Products:
@@ -144,9 +142,6 @@ class VelocityNoise(_Noise):
 
 # by name: how noise comes into the regression, and which of `channel_scale` a level is in units of
 PROTOCOLS = {"derivative": (DerivativeNoise, 1), "velocity": (VelocityNoise, 0)}
-
-
-# --- draws ---
 
 
 COLUMNS = {"raw": stlsq.raw, "normalised": stlsq.normalised}  # of the library, for thresholds

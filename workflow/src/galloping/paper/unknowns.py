@@ -22,8 +22,6 @@ from galloping.results import IDENTIFIED, KNOWN, NOISE
 if TYPE_CHECKING:
     import pandas as pd
 
-# --- settings ---
-
 
 @dataclass(frozen=True)
 class Unknown:
@@ -144,9 +142,6 @@ VARIANTS = (
     *_ICE[1:],
 )
 BY_NAME = {variant.name: variant for variant in VARIANTS}
-
-
-# --- likelihood ---
 
 
 CASE = "internal_resonance"

@@ -135,9 +135,6 @@ def irvine_mode(line: Line) -> Mode:
 MODES = {"irvine": irvine_mode, "sine": sine_mode}
 
 
-# --- the equations ---
-
-
 STATES = ("q_v", "q_w", "dq_v", "dq_w")
 
 # symbol -> (row of the state derivative, exponents of q_v, q_w, dq_v, dq_w)
@@ -190,9 +187,6 @@ def model(values: Mapping[str, float]) -> PolynomialModel:
 def symbol_of(row: int, exponents: tuple[int, ...]) -> str:
     """gamma_i or kappa_i of a term, or its name where the paper has no symbol for it."""
     return SYMBOLS.get((row, exponents)) or term_name(exponents, STATES)
-
-
-# --- from the line ---
 
 
 # The paper's digits are damaged; each reading restores them in one way (docs: config/README.md).

@@ -15,9 +15,6 @@ import numpy as np
 
 from galloping.physics.galerkin import Line, frequencies, modes
 
-# --- measures ---
-
-
 EPRI = "EPRI, Transmission Line Reference Book: Wind-Induced Conductor Motion (2009), ch. 4"
 CIGRE = "CIGRE Technical Brochure 322 (2007)"
 
@@ -128,9 +125,6 @@ def modal_masses(case: Mapping) -> np.ndarray:
     """(2,) of the vertical and the horizontal mode, kg."""
     line = Line.from_case(case)
     return np.array(frequencies(line, *modes(case, line))[2:])
-
-
-# --- clearance ---
 
 
 FOOT = 0.3048  # m

@@ -9,8 +9,6 @@ import pandas as pd
 from galloping.paper.claims import AT_LEAST, CLAIMS, HELD
 from galloping.results import OURS
 
-# --- the headline ---
-
 
 def headline(
     efficiency: pd.DataFrame,

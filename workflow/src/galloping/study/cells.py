@@ -18,8 +18,6 @@ from galloping.identification.registry import Method
 from galloping.measurement import BY_NAME, Protocol
 from galloping.results import JOINT, NOISE, SUBSET
 
-# --- pieces of sweeps and trials ---
-
 
 def without(line: Mapping, *parameters: str | None) -> dict:
     """A line without its own values of what is varied, on which nothing of a sweep depends."""
@@ -115,9 +113,6 @@ def trial(name: str, configured: TrialSection) -> Trial:
         tuple(registry.BY_NAME[name] for name in configured.methods or kind.methods),
         {key: list(values) for key, values in options.items()},
     )
-
-
-# --- cells ---
 
 
 @dataclass(frozen=True)

@@ -167,9 +167,6 @@ def _values(*sides: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-# --- a run beside the reference ---
-
-
 # What stands among the tables by these names: what the numbers were made with.
 SETTINGS, PROCESSOR = "settings", "processor"
 

@@ -145,9 +145,6 @@ def _row(claim: Claim, case: str, pair: tuple[str, str], scores: pd.DataFrame) -
     }  # fmt: skip
 
 
-# --- at other settings ---
-
-
 def variation_rows(
     case: Mapping,
     plan: Mapping,

@@ -20,9 +20,6 @@ from scipy.stats import binomtest
 
 from galloping.tables.scores import together
 
-# --- published ---
-
-
 DRAWS = 128
 METHODS = {
     "odr_bindy": "ODR-BINDy (told the noise)",
@@ -50,9 +47,6 @@ EXACT = {"lorenz": _shares()}  # by system
 HOLDING, NAIVE_REJECTIONS = (0.946, 0.956), (0.074, 0.087)
 WIDTHS = {200: 0.385, 3200: 0.096}
 POWER = {("gamma 0.02", 800): 0.0675, ("gamma 0.16", 800): 0.6485}
-
-
-# --- summaries ---
 
 
 EVERY_TERM = 9.0  # least t at the bound of lines whose terms a recording tells without doubt

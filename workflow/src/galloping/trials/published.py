@@ -113,9 +113,6 @@ def _deviations(
     return on_library(true, state_bound(true, np.argwhere(true.support), experiments))
 
 
-# --- as others set them up ---
-
-
 GROUP = "published settings"
 SETTINGS = {  # systems as they were recorded, and s between samples
     "lorenz": (PublishedSystem(

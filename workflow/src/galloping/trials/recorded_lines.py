@@ -192,9 +192,6 @@ def _sensitive(
 CHOSEN = {"limit cycle, random lines": _settled, "sensitive lines": _sensitive}  # first of its kind
 
 
-# --- faults of sensors, and unsteady winds ---
-
-
 GROUP = "sensor faults"
 FORCE_RATE = 10.0  # Hz, of the values between which a random force is linear
 SUBSTEPS = 2  # of the integration between two such values; a fortieth of the shortest period
