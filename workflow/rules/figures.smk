@@ -74,7 +74,7 @@ def histories(number, what, cells_of):
             label,
             "motions:draw_histories",
             {"case": FIRST, **names(pair), "cells": cells, "window": WINDOW},
-            trajectory=f"<results>/trajectories/{FIRST}.npz",
+            trajectory=TRAJECTORY,
             reconstructions=every("<results>/reconstructions/{cell}.npz", cell=cells),
         )
     return found
@@ -90,46 +90,34 @@ if DEPARTURES:
     )
 if LINES:
     first_line = {"case": FIRST, "line": first_case.line}
-    trajectory = f"<results>/trajectories/{FIRST}.npz"
     by_paper = shown.paper_pair(STUDY)
     papers = {"case": FIRST, **names(by_paper)}  # the paper's method on the first case
-    draws = {  # its scores, and its many draws where the study has them
-        "table": SCORES,
-        **(
-            {"draws": f"<results>/paper/{FIRST}.csv"}
-            if shown.is_papers(by_paper) and FIRST in REDRAWN
-            else {}
-        ),
-    }
+    draws = {"table": SCORES}  # its scores, and its many draws where the study has them
+    if shown.is_papers(by_paper) and FIRST in REDRAWN:
+        draws["draws"] = f"<results>/paper/{FIRST}.csv"
     everything = {  # in the study's order
         "cases": LINES,
         "protocols": [protocol.name for protocol in STUDY.protocols],
         "methods": [*(method.name for method in STUDY.methods), BOUND],
     }
-    noisy_cells = (  # without noise, and where no coefficients are true, there are none to show
-        {}
-        if first_case.is_continuous
-        else {
-            each.name: each.level for each in shown.noise_cells(STUDY, by_paper, COEFFICIENT_LEVELS)
-        }
-    )
+    noisy_cells = {}  # without noise, and where no coefficients are true, there are none to show
+    if not first_case.is_continuous:
+        chosen = shown.noise_cells(STUDY, by_paper, COEFFICIENT_LEVELS)
+        noisy_cells = {each.name: each.level for each in chosen}
     coefficients_at = f"<results>/identified/{FIRST}/{by_paper[0].name}"
     levels, points = STUDY.settings.measurement.levels, STUDY.settings.measurement.subsets.points
-    sensors = shown.sensor_protocol(STUDY)
+    sensors, noise_labels = shown.sensor_protocol(STUDY), against_noise()["labels"]
     predicted = shown.predicted_cells(STUDY, FIRST)
     predicting = [shown.predicting_methods(each) for each in predicted.values()][:1] or [[""]]
     FIGURES |= {
         "figure01": drawn(
-            "01 line and coordinates",
-            "schematics:draw_line",
-            first_line,
-            model=f"<results>/models/{FIRST}.json",
+            "01 line and coordinates", "schematics:draw_line", first_line, model=MODEL
         ),
         "figure02": drawn(
             "02 aerodynamic load",
             "schematics:draw_aerodynamic_load",
             first_line,
-            trajectory=trajectory,
+            trajectory=TRAJECTORY,
         ),
         "figure03": drawn(
             "03 flow chart",
@@ -156,7 +144,7 @@ if LINES:
             "05 coefficients under noise",
             "each_term:draw_coefficients",
             {**papers, "levels": noisy_cells, "unit": unit(by_paper[0]), "degree": DEGREE},
-            model=f"<results>/models/{FIRST}.json",
+            model=MODEL,
             identified=every(
                 f"{coefficients_at}/{{cell}}/{by_paper[1].family}.npz", cell=noisy_cells
             ),
@@ -205,18 +193,14 @@ if LINES:
         "overview": drawn(
             "overview: error against noise, and the bound",
             "errors:draw_overview",
-            {
-                "case": FIRST,
-                "protocol": sensors.name,
-                "label": against_noise()["labels"][sensors.name],
-            },
+            {"case": FIRST, "protocol": sensors.name, "label": noise_labels[sensors.name]},
             table=SCORES,
             peers=table_of("peers"),
         ),
         "efficiency": drawn(
             "efficiency against noise",
             "errors:draw_efficiency",
-            everything | {"labels": against_noise()["labels"]},
+            everything | {"labels": noise_labels},
             table=table_of("efficiency"),
         ),
         "identifiability": drawn(

@@ -11,6 +11,7 @@ from galloping.configuration.kinds import EXACT_TERMS, INTERVALS, MODEL_ERROR, S
 SCORES = "<results>/tables/scores.csv"
 SAMPLES = "<results>/tables/paper_samples.csv"
 READINGS = "<results>/tables/paper_readings.csv"
+MODEL, TRAJECTORY = f"<results>/models/{FIRST}.json", f"<results>/trajectories/{FIRST}.npz"
 REGION = "results/reference/paper/paper_region.csv"  # what `make paper` found, kept
 
 
@@ -50,10 +51,7 @@ def swept(pattern, cases=LINES, maps=False):
         for sweep in STUDY.sweeps
         if sweep.is_map == maps
         for name in pattern
-        for path in expand(
-            f"<results>/sweeps/{case}/{sweep.name}/{name}.csv",
-            block=sweep.blocks,
-        )
+        for path in expand(f"<results>/sweeps/{case}/{sweep.name}/{name}.csv", block=sweep.blocks)
     }
 
 
@@ -178,8 +176,8 @@ if LINES:
                 "is_continuous": first_case.is_continuous,
                 "cells": ahead,
             },
-            model=f"<results>/models/{FIRST}.json",
-            trajectory=f"<results>/trajectories/{FIRST}.npz",
+            model=MODEL,
+            trajectory=TRAJECTORY,
             identified=every(f"<results>/identified/{{cell}}/{OURS_FAMILY}.npz", cell=ahead),
         ),
         "reduction": made(
