@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import timeit
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -42,14 +43,9 @@ CASE = "internal_resonance"
 LEVELS = 310  # noise levels of a study of 5,000 jobs
 
 
-def seconds(work, repeats: int) -> float:
+def seconds(work: Callable, repeats: int) -> float:
     """Median wall time of `work`."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return float(np.median(times))
+    return float(np.median(timeit.repeat(work, number=1, repeat=repeats)))
 
 
 def row(quantity: str, value: float, unit: str, peer: str = "", ratio: float = np.nan, bar=""):

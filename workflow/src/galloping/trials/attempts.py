@@ -15,10 +15,6 @@ from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 
 FAR = 4.0  # standard errors beyond which a coefficient is wrong
-COUNTS = (
-    "false_terms", "above_limit", "off", "off_given_terms", "terms", "terms_found",
-    "holding_given_terms", "holding_unconditional",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -134,34 +130,29 @@ def claims(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
     """
     terms = true.support.copy()
     terms[list(result.known)] = False
-    present = result.support
-    row: dict[str, object] = {
+    present, is_model = result.support, result.status != "refused"
+    trusting, errors = result.standard_errors, result.unconditional_errors
+    distance = np.abs(result.model.coefficients - true.coefficients)
+    both = terms & present
+    counted = {
+        "false_terms": present & ~terms,
+        "above_limit": terms & ~present & (np.abs(true.coefficients) > result.detection_limits),
+        "off": present & (distance > FAR * errors),
+        "off_given_terms": present & (distance > FAR * trusting),
+        "terms": terms,
+        "terms_found": both,
+        "holding_given_terms": both & (distance <= NORMAL_95 * trusting),
+        "holding_unconditional": terms & (distance <= NORMAL_95 * errors),
+    }
+    counts = {name: int(np.sum(which & is_model)) for name, which in counted.items()}
+    wrong = counts["false_terms"] or counts["above_limit"] or counts["off"]
+    ratios = (errors / trusting)[present & is_model]
+    return {
         "status": result.status,
         "exact": bool(np.array_equal(present, terms)),
-        "ok_and_wrong": False,
-        **dict.fromkeys(COUNTS, 0),
-        "width_ratio": np.nan,
+        "ok_and_wrong": bool(result.status == "ok" and wrong),
+        **counts,
+        "width_ratio": float(np.median(ratios)) if ratios.size else np.nan,
         "reason": result.reason,
         "path": result.diagnostics.get("path", ""),
     }
-    if result.status == "refused":
-        return row
-    trusting, errors = result.standard_errors, result.unconditional_errors
-    distance = np.abs(result.model.coefficients - true.coefficients)
-    unseen, both = terms & ~present, terms & present
-    counted = (
-        present & ~terms,
-        unseen & (np.abs(true.coefficients) > result.detection_limits),
-        present & (distance > FAR * errors),
-        present & (distance > FAR * trusting),
-        terms,
-        both,
-        both & (distance <= NORMAL_95 * trusting),
-        terms & (distance <= NORMAL_95 * errors),
-    )
-    row |= {name: int(which.sum()) for name, which in zip(COUNTS, counted, strict=True)}
-    wrong = row["false_terms"] or row["above_limit"] or row["off"]
-    row["ok_and_wrong"] = bool(result.status == "ok" and wrong)
-    ratios = (errors / trusting)[present]
-    row["width_ratio"] = float(np.median(ratios)) if ratios.size else np.nan
-    return row
