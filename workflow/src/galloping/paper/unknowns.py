@@ -62,7 +62,7 @@ LOW, HIGH = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "hig
 class Setting:
     """What the paper does not say of its method. Fields as the keywords of `draws.paper_draws`."""
 
-    threshold: float | None
+    threshold: float | None = 1.0
     columns: str = "raw"
     kinematics: str = KNOWN
     protocol: str = "derivative"
@@ -84,7 +84,7 @@ class Variant:
     kind: str = ""
     mode_shape: str = "irvine"
     ice: tuple[tuple[float, ...], tuple[float, ...]] = ((0.442, 2.126, -4.432), (3.33, 0.0, 0.0))
-    setting: Setting = Setting(threshold=1.0, kinematics=KNOWN)
+    setting: Setting = Setting()
     chosen: bool = False
     steady: bool = True
     cost: int = 1
@@ -100,13 +100,6 @@ class Variant:
 
     def method(self, values: Mapping[str, float]) -> Setting:
         return replace(self.setting, threshold=None if self.chosen else values["threshold"])
-
-
-def _method(
-    name: str, kind: str, chosen: bool = False, cost: int = 1, **changes: object
-) -> Variant:
-    setting = Setting(**{"threshold": 1.0, "kinematics": KNOWN, **changes})
-    return Variant(name, kind, setting=setting, chosen=chosen, cost=cost)
 
 
 # beta_2 and beta_3 with integer and fraction exchanged, or a thousandth of what is printed; eta_1
@@ -133,14 +126,15 @@ VARIANTS = (
     BASE,
     Variant("any motion", "steadiness", steady=False),
     Variant("sine", "mode shape", mode_shape="sine"),
-    _method("kinematics identified", "kinematics", kinematics=IDENTIFIED),
-    _method("columns normalised", "columns", columns="normalised"),
-    _method("threshold chosen", "threshold", chosen=True),
-    _method("threshold chosen normalised", "threshold", chosen=True, columns="normalised"),
-    _method("noise relative", "noise", relative=True),
-    _method("noisy velocities", "protocol", cost=8, protocol="velocity"),
+    Variant("kinematics identified", "kinematics", setting=Setting(kinematics=IDENTIFIED)),
+    Variant("columns normalised", "columns", setting=Setting(columns="normalised")),
+    Variant("threshold chosen", "threshold", chosen=True),
+    Variant("threshold chosen normalised", "threshold", setting=Setting(columns="normalised"),
+            chosen=True),
+    Variant("noise relative", "noise", setting=Setting(relative=True)),
+    Variant("noisy velocities", "protocol", setting=Setting(protocol="velocity"), cost=8),
     *_ICE[1:],
-)
+)  # fmt: skip
 BY_NAME = {variant.name: variant for variant in VARIANTS}
 
 

@@ -87,8 +87,7 @@ def trial(
         rng = generator(seed, "inference", case, replicate)
         named = {"variant": case, "replicate": replicate}
         tried = [*STARTS[: 0 if replicate else None], *_at_random(variant, screened, rng)]
-        rows = [evaluated(variant, values, draws, rng) for values in tried]
-        stages = ["screened"] * len(rows)
+        rows = [{"stage": "screened", **evaluated(variant, values, draws, rng)} for values in tried]
         start = max(rows, key=itemgetter("height"))
         strategy = cma.CMAEvolutionStrategy(
             np.log([start[name] for name in NAMES]),
@@ -97,17 +96,17 @@ def trial(
         )
         while len(rows) < len(tried) + evaluations and not strategy.stop():
             points = strategy.ask()
+            settings = [dict(zip(NAMES, np.exp(x), strict=True)) for x in points]
             found = [
-                evaluated(variant, dict(zip(NAMES, np.exp(x), strict=True)), draws, rng)
-                for x in points
+                {"stage": "searched", **evaluated(variant, values, draws, rng)}
+                for values in settings
             ]
             strategy.tell(points, [-row["height"] for row in found])
             rows += found
-            stages += ["searched"] * len(found)
-        for stage, row in zip(stages, rows, strict=True):
+        for row in rows:
             drawn = row.pop("draws", [])
-            yield {**named, "stage": stage, **row}
-            yield from ({**named, "stage": "draw", **row, **draw} for draw in drawn)
+            yield {**named, **row}
+            yield from ({**named, **row, "stage": "draw", **draw} for draw in drawn)
         yield {**named, "stage": "best", **_best(variant, rows, judged, rng)}
 
 
