@@ -14,7 +14,7 @@ more than SENSITIVE times. Faulty: one fault, of a size drawn evenly from its ra
 noise; what is identified must not be `ok` and wrong, and the reason should name the fault.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
@@ -197,20 +197,6 @@ FORCE_RATE = 10.0  # Hz, of the values between which a random force is linear
 SUBSTEPS = 2  # of the integration between two such values; a fortieth of the shortest period
 
 
-@dataclass(frozen=True)
-class InjectedFault:
-    """named: what the reason must contain. sizes: range from which the size is drawn.
-
-    record: (line, size, noise (n, 4), rng) -> times (n,) and values (n, 4).
-    """
-
-    named: str
-    sizes: tuple[float, float]
-    record: Callable[
-        [MovingLine, float, np.ndarray, np.random.Generator], tuple[np.ndarray, np.ndarray]
-    ]
-
-
 def _none(line, size, noise, rng):
     return line.time, line.states + noise
 
@@ -309,15 +295,17 @@ def _driven(
     return CubicSpline(times, states)(line.time)
 
 
+# what the reason must contain, the range from which the size is drawn, and what is recorded of
+# (line, size, noise (n, 4), rng): times (n,) and values (n, 4)
 FAULTS = {
-    "none": InjectedFault("", (0.0, 0.0), _none),
-    "clock": InjectedFault(instrument.CLOCK, (0.001, 0.005), _clock),
-    "velocity scale": InjectedFault(instrument.SCALE, (1.005, 1.005), _scale),
-    "late channels": InjectedFault(instrument.DELAYED, (0.02, 0.2), _delay),
-    "random force": InjectedFault(instrument.FORCES, (0.005, 0.02), _forced),
-    "gusts": InjectedFault(instrument.FORCES, (0.001, 0.005), _gusts),
-    "jitter": InjectedFault(instrument.JITTER, (4.0, 4.0), _jitter),
-    "multiplicative noise": InjectedFault(instrument.GROWING, (0.01, 0.01), _multiplicative),
+    "none": ("", (0.0, 0.0), _none),
+    "clock": (instrument.CLOCK, (0.001, 0.005), _clock),
+    "velocity scale": (instrument.SCALE, (1.005, 1.005), _scale),
+    "late channels": (instrument.DELAYED, (0.02, 0.2), _delay),
+    "random force": (instrument.FORCES, (0.005, 0.02), _forced),
+    "gusts": (instrument.FORCES, (0.001, 0.005), _gusts),
+    "jitter": (instrument.JITTER, (4.0, 4.0), _jitter),
+    "multiplicative noise": (instrument.GROWING, (0.01, 0.01), _multiplicative),
 }
 
 
@@ -325,14 +313,14 @@ FAULTS = {
 def of_faulty_recordings(
     seed: int, case: str, replicates: Sequence[int], *, levels: list[float]
 ) -> Iterator[Attempt]:
-    line, fault = default_line(), FAULTS[case]
+    line, (named, sizes, record) = default_line(), FAULTS[case]
     for level, replicate in product(levels, replicates):
         rng = generator(seed, GROUP, case, replicate)
-        size = rng.uniform(*fault.sizes)
+        size = rng.uniform(*sizes)
         noise = level * line.states.std(axis=0) * rng.standard_normal(line.states.shape)
-        time, values = fault.record(line, size, noise, rng)
+        time, values = record(line, size, noise, rng)
         columns = {
             "group": GROUP, "case": case, "protocol": "state", "level": level,
             "seed": seed, "replicate": replicate, "size": size,
         }  # fmt: skip
-        yield Attempt(columns, line.model, Recording(time, STATES, values), cause=fault.named)
+        yield Attempt(columns, line.model, Recording(time, STATES, values), cause=named)
