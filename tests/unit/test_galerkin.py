@@ -199,11 +199,6 @@ def test_line_gallops_above_the_critical_wind_speed():
         assert (np.ptp(states[-500:, 0]) > np.ptp(states[:500, 0])) == grows
 
 
-def test_unknown_symbol_is_named():
-    with pytest.raises(ValueError, match=r"gamma_9: the derivation has no such term.*gamma_8"):
-        model({"gamma_1": 1.0, "gamma_9": 2.0})
-
-
 @pytest.fixture
 def line(cases):
     return Line.from_case(cases["internal_resonance"])

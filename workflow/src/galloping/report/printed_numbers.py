@@ -25,12 +25,12 @@ def headline(
     limit_cycles.csv and bifurcations.csv. case: the line that the sentences are about. protocol:
     that of its sensors. A sentence whose rows the study does not have is left out.
     """
-    sentences = [
+    sentences = (
         _from_sensors(efficiency, errors, case, protocol),
         _least_data(efficiency, case, protocol),
         _galloping(cycles, bifurcations, case),
-    ]
-    return [sentence for sentence in sentences if sentence]
+    )
+    return list(filter(None, sentences))
 
 
 def verdicts(trust: pd.DataFrame) -> list[str]:

@@ -175,19 +175,11 @@ def variation_rows(
         found = drawn
         if not is_own:
             found = paper_draws(varied, name=(name,), amounts=amounts, **other)
-        table = _claims(varied, found, amounts, name)
+        motion, _ = line_motion(varied, amounts.duration, amounts.sampling_rate)
+        about = {"cases": [name], "pairs": [PAPER], "steady_window": amounts.steady_window}
+        table = claims_table(found, about, {name: found}, {name: [motion]})
         place = {"parameter": parameter, "unit": opened.unit, "value": value}
         held = table["verdict"].isin(HELD)
         table = table.assign(**place, default=is_own, held=held)
         tables.append(table[[*place, "default", "held", *COLUMNS]])
     return pd.concat(tables, ignore_index=True)
-
-
-def _claims(case: Mapping, drawn: pd.DataFrame, amounts: Amounts, name: str) -> pd.DataFrame:
-    motion, _ = line_motion(case, amounts.duration, amounts.sampling_rate)
-    settings = {
-        "cases": [name],
-        "pairs": [(PAPER_PROTOCOL, PAPER_METHOD)],
-        "steady_window": amounts.steady_window,
-    }
-    return claims_table(drawn, settings, {name: drawn}, {name: [motion]})
