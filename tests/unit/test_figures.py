@@ -193,7 +193,8 @@ def test_identifiability_of_any_size(table):
 def test_overview_with_the_methods_there_are(methods, error, levels):
     settings = {"case": "line", "protocol": "state", "label": "noise"}
     table = scores(levels, error=error, methods=methods).fillna(0.0)
-    drawn(lambda: draw_overview(table, settings))
+    columns = ["case", "protocol", "level", "method", "setting", "mean_error_percent"]
+    drawn(lambda: draw_overview(table, settings, pd.DataFrame(columns=columns)))
 
 
 def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():

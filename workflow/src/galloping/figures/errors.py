@@ -277,14 +277,12 @@ def _places(axes: Axes, table: pd.DataFrame, label: str) -> dict[tuple[int, floa
     return places
 
 
-def draw_overview(
-    table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame | None = None
-) -> Figure:
+def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -> Figure:
     """Mean coefficient error over the orders against noise: the paper's method, the best of
     pysindy, its oracle, ours, and the bound; those that the study has.
 
-    table: scores.csv. peers: peers.csv, or None to draw no oracle. settings: case and protocol to
-    show, and the label of the noise.
+    table: scores.csv. peers: peers.csv. settings: case and protocol to show, and the label of the
+    noise.
     """
     case, protocol = settings["case"], settings["protocol"]
     figure = Figure(figsize=(SINGLE, 3.7), layout="constrained")
@@ -345,21 +343,19 @@ def beaten_at(table: pd.DataFrame) -> str:
     return ", ".join(f"{level:g}" for level in medians.index[medians[ORACLES] < medians[OURS]])
 
 
-def _errors(
-    scores: pd.DataFrame, peers: pd.DataFrame | None, case: str, protocol: str
-) -> pd.DataFrame:
+def _errors(scores: pd.DataFrame, peers: pd.DataFrame, case: str, protocol: str) -> pd.DataFrame:
     """method, level, median, low, high over replicates, at the levels above zero; of the oracle
     the lowest of STLSQ, FROLS and the weak form.
     """
     cells, others = (
         rows[(rows["case"] == case) & (rows["protocol"] == protocol) & (rows["level"] > 0)]
-        for rows in (of_kind(scores, NOISE), scores[:0] if peers is None else peers)
+        for rows in (of_kind(scores, NOISE), peers)
     )
     groups = cells.assign(error=mean_error(cells)).groupby(["method", "level"], as_index=False)
     errors = groups.agg(**spread("error"))
-    if peers is None:
-        return errors
     others = others[(others["setting"] == ORACLE) & others["method"].isin(PYSINDY)]
+    if others.empty:  # its columns have no numbers
+        return errors
     least = others.groupby("level")["mean_error_percent"].min()
     columns = dict.fromkeys(("median", "low", "high"), least)
     return pd.concat([errors, pd.DataFrame(columns).reset_index().assign(method=ORACLES)])
