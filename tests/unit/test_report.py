@@ -83,6 +83,8 @@ def test_the_headline_is_read_from_the_tables():
     assert "down to 5,000 samples" in said[1]
     assert "from a wind of 5.25 m/s" in said[2] and "1.60 m (vertical)" in said[2]
     assert headline(efficiency[:0], errors, cycles[:0], changes, **about) == []
+    no_sweeps = pd.DataFrame(columns=["case"])
+    assert headline(efficiency, errors, no_sweeps, no_sweeps, **about) == said[:2]
 
 
 # --- the data dictionary ---

@@ -94,6 +94,8 @@ def _least_data(efficiency: pd.DataFrame, case: str, protocol: str) -> str:
 
 
 def _galloping(cycles: pd.DataFrame, bifurcations: pd.DataFrame, case: str) -> str:
+    if cycles.empty or bifurcations.empty:  # of a study without sweeps: they have no parameter
+        return ""
     along = (bifurcations["case"] == case) & (bifurcations["parameter"] == "wind_speed")
     onset = bifurcations[along & (bifurcations["name"] == "Hopf")]["value"]
     steady = cycles[(cycles["case"] == case) & (cycles["parameter"] == "wind_speed")]
