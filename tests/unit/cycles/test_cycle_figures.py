@@ -93,7 +93,10 @@ def test_map_and_orbits(case):
     assert table["frequency_ratio"].is_monotonic_decreasing
     assert not np.isfinite(table["v_m"]).all()  # 30 m/s is too much for the model
     settings = {"case": "line", "x_label": "x", "y_label": "y", "y_scale": 1000}
-    drawn(lambda: draw_resonance_map(table, settings))
+    alone = drawn(lambda: draw_resonance_map(table, settings))
+    more = pd.concat([table, table.assign(y_parameter="span"), table])  # of other sweeps
+    assert drawn(lambda: draw_resonance_map(more, settings)) == alone
+    assert drawn(lambda: draw_resonance_map(more[more["y_parameter"] == "span"], settings))
     angle = np.linspace(0, 6.28, 50)
     orbits = {"line": {8.0: np.column_stack([np.cos(angle), np.sin(2 * angle)])}}
     drawn(lambda: draw_orbits(orbits, {"cases": {"line": case}}))

@@ -213,14 +213,16 @@ def _branches(axes: Axes, cycles: pd.DataFrame, bifurcations: pd.DataFrame, dire
 
 
 def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
-    """Half range of both directions over the map of one case, and where the frequencies are 2:1.
+    """Half range of both directions over wind and tension, and where the frequencies are 2:1.
 
-    table: resonance_map.csv. settings: case, x_label, y_label, y_scale (units of the axis in one
-    of the table, such as 1000 for kN).
+    table: resonance_map.csv, which may hold maps over other parameters as well. settings: case,
+    x_label, y_label, y_scale (units of the axis in one of the table, such as 1000 for kN).
     """
+    if len(table):  # without a map it has no such columns
+        over = (table["x_parameter"] == "wind_speed") & (table["y_parameter"] == "tension")
+        table = table[over & (table["case"] == settings["case"])].drop_duplicates(["x", "y"])
     if table.empty:
-        return parts.nothing_at_all("this study varies no two parameters")
-    table = table[table["case"] == settings["case"]]
+        return parts.nothing_at_all("this study does not vary wind and tension together")
     table = table.assign(y=table["y"] / settings["y_scale"])
     figure = Figure(figsize=(style.DOUBLE, 3.1), layout="constrained")
     ratio = table.pivot(index="y", columns="x", values="frequency_ratio")
