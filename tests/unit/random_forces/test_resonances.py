@@ -151,6 +151,20 @@ def test_friction_is_no_random_force(force: float, status: str) -> None:
     assert ("what it leaves goes with dx" in found.reason) == bool(force)
 
 
+def test_friction_that_ends_a_swing_is_no_random_force() -> None:
+    """Of many samples in a period each hardly shows it."""
+    rate, steps, x, v, motion = 500, 20, 0.066, 0.0, []
+    for _ in range(5 * rate):
+        motion.append(x)
+        for _ in range(steps):
+            v -= (65.6 * x + 0.05 * v + 0.17 * np.sign(v)) / rate / steps
+            x += v / rate / steps
+    read = 1.6e-4 * np.round(np.array(motion) / 1.6e-4)  # an encoder
+    values = np.column_stack([read, np.full(len(read), np.nan)])
+    recording = Recording(np.arange(len(read)) / rate, ("x", "dx"), values)
+    assert not maximum_likelihood(recording, polynomial_library(2, 3)).is_forced
+
+
 def test_a_steady_tone_is_no_mode_that_may_gallop():
     tone = 0.5 * np.sin(2 * np.pi * 0.47 * TIME)
     noise = 0.05 * np.random.default_rng(2).standard_normal(len(TIME))
