@@ -11,7 +11,7 @@ from lines import moved, recorded, simulate
 from galloping.configuration.load import load, plain
 from galloping.identification import cell
 from galloping.identification.cell import identify
-from galloping.identification.model import BY_TERM, IdentifiedModel, Unusable
+from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.identification.registry import BY_NAME, METHODS
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import differentiate, reduce
@@ -50,17 +50,6 @@ def run(method, replicates, **options):
     settings["options"] |= options
     items = [[recording] for recording in replicates]
     return identify({method: settings}, items, TERMS, NAME)[method]
-
-
-def equal(a, b):
-    return (
-        a.verdict == b.verdict
-        and all(
-            np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
-            for name in (*BY_TERM, "thresholds", "chi2", "known")
-        )
-        and np.array_equal(a.model.coefficients, b.model.coefficients, equal_nan=True)
-    )
 
 
 # --- what comes back without noise ---
@@ -124,8 +113,7 @@ def test_thresholded_supports_are_those_of_pysindy(resonant, protocol):
 
 @pytest.mark.filterwarnings("ignore:Sparsity parameter is too big")
 def test_thresholds_beyond_every_term_leave_nothing(resonant):
-    (recording,) = recordings(resonant, "derivative")
-    found = stlsq.normalised(reduce([recording], TERMS), threshold=1e3, path_length=30)
+    (found,) = run("stlsq", recordings(resonant, "derivative"), threshold=1e3)
     assert not found.model.coefficients.any()
 
 
@@ -142,11 +130,9 @@ def test_joint_recordings_are_one_regression(resonant):
 
 
 def test_ebic_charges_for_terms():
-    lean, rich = ebic(np.array([1.0, 1.0]), np.array([3, 4]), 1000, 35)
-    assert rich - lean == pytest.approx(np.log(1000) + 2 * np.log(35))
-    worse, better = ebic(np.array([2.0, 1.0]), np.array([3, 3]), 1000, 35)
-    assert worse - better == pytest.approx(1000 * np.log(2))
-    assert np.isfinite(ebic(np.array([0.0]), np.array([3]), 1000, 35)).all()
+    found = ebic(np.array([1.0, 1.0, 2.0]), np.array([3, 4, 3]), 1000, 35)
+    assert np.diff(found[[0, 1]]) == pytest.approx(np.log(1000) + 2 * np.log(35))
+    assert np.diff(found[[0, 2]]) == pytest.approx(1000 * np.log(2))
 
 
 def test_best_threshold_is_the_middle_of_its_range():
@@ -265,16 +251,15 @@ def replicates():
 @pytest.mark.parametrize("method", BY_NAME)
 def test_a_replicate_does_not_depend_on_how_many_there_are(replicates, method):
     items = replicates[method]
-    few, many = run(method, items[:1]), run(method, items[:2])
-    assert all(equal(a, b) for a, b in zip(few, many, strict=False))
+    assert run(method, items[:1]) == run(method, items[:2])[:1]
 
 
 def test_bootstraps_are_drawn_by_position(replicates):
     # every replicate has its own draws: the same recording twice gives two models
     item = replicates["ensemble"][0]
     several = run("ensemble", [item] * 3, models=2)
-    assert not all(equal(several[0], one) for one in several[1:])
-    assert equal(several[0], run("ensemble", [item], models=2)[0])
+    assert len(set(several)) > 1
+    assert several[:1] == run("ensemble", [item], models=2)
 
 
 def test_bagging_is_that_of_pysindy(resonant):
@@ -316,18 +301,19 @@ def test_a_method_is_told_its_own_settings_alone():
 def test_results_come_back_from_files(tmp_path):
     model = OSCILLATOR
     errors = np.array([[np.nan] * 3, [0.01, np.nan, 2e-4]])
-    sure = IdentifiedModel(
+    kept = IdentifiedModel(
         model, "not identifiable", "one term", errors, detection_limits=np.full((2, 3), np.inf),
-        covariance=np.eye(2), sigma=np.ones((1, 2)), initial_states=np.zeros((1, 2)), chi2=1.5,
-        known=(0,), diagnostics={"removed_share": 0.25, "path": "few terms"},
+        covariance=np.eye(2), chi2=1.5, known=(0,),
     )  # fmt: skip
+    of_its_recording = {"removed_share": 0.25, "path": "few terms"}
+    sure = replace(
+        kept, sigma=np.ones((1, 2)), initial_states=np.zeros((1, 2)), diagnostics=of_its_recording
+    )
     failed = IdentifiedModel.refused(model.states, model.terms, "stlsq: no luck")
     unjudged = IdentifiedModel(model, "unjudged", thresholds=np.array([0.1, 0.2]))
     for name in ("a.npz", "b.npz"):
         write_identified(tmp_path / name, {"a": [sure, failed], "b": [unjudged]})
-    read = read_identified(tmp_path / "a.npz")
-    assert list(read) == ["a", "b"]
-    assert all(map(equal, read["a"] + read["b"], [sure, failed, unjudged]))
+    assert read_identified(tmp_path / "a.npz") == {"a": [kept, failed], "b": [unjudged]}
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
     for result in (sure, failed, unjudged):
         result.save(tmp_path / "one.json")
