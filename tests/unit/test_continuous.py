@@ -9,21 +9,8 @@ from galloping.configuration.load import load, plain
 from galloping.evaluation import reduction as trial
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.model import IdentifiedModel
-from galloping.physics import galerkin
-from galloping.physics.continuous import (
-    QUARTERS,
-    continuous_line,
-    eigenvalues,
-    equilibrium,
-    first_modes,
-    natural_modes,
-    observed,
-    readings,
-    release,
-    shapes_at,
-    simulate,
-    span,
-)
+from galloping.physics import continuous, galerkin
+from galloping.physics.continuous import continuous_line, readings, release, simulate
 from galloping.physics.galerkin import STATES, Line, coefficients, model
 from galloping.physics.gusts import SPECTRA, wind_speed
 
@@ -48,14 +35,14 @@ def mid_span(line, states):
 )
 def test_line_on_more_and_more_modes(case, modes, aerodynamic, frequency, v, w):
     line = continuous_line(case, modes, aerodynamic=aerodynamic)
-    assert natural_modes(line, 0)[0][0] == pytest.approx(frequency, abs=6e-5)
+    assert continuous.natural_modes(line, 0)[0][0] == pytest.approx(frequency, abs=6e-5)
     motion = mid_span(line, simulate(line, release(line, (0.1, 0.1)), TIME))
     assert np.ptp(motion[20000:], axis=0) / 2 == pytest.approx([v, w], abs=6e-4)
 
 
 def test_one_pair_of_shapes_is_the_model_of_the_paper(case):
     phi, psi = galerkin.modes(case, Line.from_case(case))
-    line = span(case, [phi], [psi])
+    line = continuous.span(case, [phi], [psi])
     end = simulate(line, np.array([0.1, 0.1, 0.0, 0.0]), TIME)[-1]
     # the numbers of physics.md; the fixed step is good to a millionth after 300 s
     expected = [0.35202677, 1.81831793, -1.84807987, -0.88856756]
@@ -79,7 +66,7 @@ def test_second_integrator_confirms(case):
 
 
 def test_eigenvalues_at_rest_in_the_wind(case):
-    values = eigenvalues(continuous_line(case, 9))[0]
+    values = continuous.eigenvalues(continuous_line(case, 9))[0]
     assert values[:3].real == pytest.approx([-0.00672, 0.01696, 0.01673], abs=6e-6)
     assert values[:3].imag == pytest.approx([1.3448, 2.6423, 2.6895], abs=6e-5)
 
@@ -110,12 +97,13 @@ def test_antisymmetric_mode_gallops_once_disturbed(case):
 
 def test_static_drag_displaces_and_damps(case):
     line = continuous_line(case, 3, aerodynamic="relative", drag=1.0)
-    rest = equilibrium(line)
+    rest = continuous.equilibrium(line)
     assert np.abs(line.rates(rest, line.speed)).max() < 1e-9
-    assert 0.9 < shapes_at(line, [150.0])[1] @ rest[3:6] < 1.3
+    assert 0.9 < continuous.shapes_at(line, [150.0])[1] @ rest[3:6] < 1.3
     case = case | {"ice": BARE}
     light = continuous_line(case, 1, aerodynamic="relative", drag=1e-3)
-    growth = [eigenvalues(one)[0][0].real for one in (light, continuous_line(case, 1))]
+    both = (light, continuous_line(case, 1))
+    growth = [continuous.eigenvalues(one)[0][0].real for one in both]
     expected = light.arrays.pressure * light.speed * 1e-3 * 150 / light.masses[1, 0, 0]
     assert growth[1] - growth[0] == pytest.approx(expected, rel=1e-3)
 
@@ -123,9 +111,10 @@ def test_static_drag_displaces_and_damps(case):
 def test_sensors_read_the_line_and_tell_the_first_modes_apart(case):
     line = continuous_line(case, 3)
     states = simulate(line, release(line, (0.5, 0.5), antisymmetric=0.2), TIME[:2001])
-    where = [share * line.line.span for share in QUARTERS]
+    where = [share * line.line.span for share in continuous.QUARTERS]
     for quantity, half in (("displacement", 0), ("velocity", 2)):
-        modal = first_modes(readings(line, states, where, quantity), where, line.line.span)
+        read = readings(line, states, where, quantity)
+        modal = continuous.first_modes(read, where, line.line.span)
         coordinates = states.reshape(-1, 4, 3)[:, half : half + 2].transpose(0, 2, 1)
         assert modal == pytest.approx(coordinates, abs=1e-10)
     velocity, acceleration = (
@@ -177,23 +166,16 @@ def test_wind_has_the_named_spectrum(name):
 # --- what two modes are worth ---
 
 
-@pytest.fixture
-def short(monkeypatch):
-    """The limit cycle is looked for earlier, for time."""
-    monkeypatch.setattr(trial, "LIMIT_CYCLE", (250, 350))
-
-
-def motion(case, variant):
-    return trial.line_motion(case, variant, length_scale=100, spectrum="kaimal", seed=1)
-
-
-def test_table_of_the_two_mode_model_and_lines(case, short):
+def test_table_of_the_two_mode_model_and_lines(case, monkeypatch):
+    monkeypatch.setattr(trial, "LIMIT_CYCLE", (250, 350))  # looked for earlier, for time
     lines = {
         "3 modes": trial.LineVariant(3),
         "disturbed": trial.LineVariant(3, antisymmetric=0.1),
         "gusty": trial.LineVariant(3, intensity=0.05),
     }
-    table = trial.reduction(case, {name: motion(case, line) for name, line in lines.items()})
+    about = {"length_scale": 100, "spectrum": "kaimal", "seed": 1}
+    motions = {name: trial.line_motion(case, line, **about) for name, line in lines.items()}
+    table = trial.reduction(case, motions)
     assert table.shape[0] == 8
     table = table.set_index(["line", "direction"])
     model = table.loc["two modes"]
@@ -213,17 +195,13 @@ def test_table_of_the_two_mode_model_and_lines(case, short):
 # --- as the truth of a case: its motion as sensors see it, and how it is judged ---
 
 SHORT = TIME[:3001]
-REST = dict.fromkeys(STATES, 0.0)
-
-
-def settings(**truth):
-    return load({"cases": {"line": {"truth": {"model": "continuous", **truth}}}})
 
 
 def seen(**truth):
-    case = plain(settings(**truth))["cases"]["line"]
-    start = {**REST, "q_v": 0.5, "q_w": 0.5, "dq_w": 0.2}
-    return observed(case, case["truth"], start, SHORT, np.random.default_rng(1))
+    settings = load({"cases": {"line": {"truth": {"model": "continuous", **truth}}}})
+    case = plain(settings)["cases"]["line"]
+    start = {"q_v": 0.5, "q_w": 0.5, "dq_v": 0.0, "dq_w": 0.2}
+    return continuous.observed(case, case["truth"], start, SHORT, np.random.default_rng(1))
 
 
 def test_first_modes_of_the_line_as_three_sensors_see_them():

@@ -13,7 +13,6 @@ from galloping.identification import cell
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.identification.registry import BY_NAME, METHODS
-from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import differentiate, reduce
 from galloping.identification.sparse.stlsq import bagged_medians
 from galloping.identification.sparse.supports import best_threshold, ebic, thresholded_supports

@@ -62,16 +62,10 @@ def energies(case, states):
     bend = [integrate(mode.curvature**2, span) for mode in (phi, psi)]
     sway = line.static_curvature() * integrate(phi.shape, span)
     strain = (-sway * q_v + (stretch[0] * q_v**2 + stretch[1] * q_w**2) / 2) / span
-    quadratic = [
-        line.tension * s + line.bending_stiffness * b for s, b in zip(stretch, bend, strict=True)
-    ]
-    return (
-        m_v * dq_v**2
-        + m_w * dq_w**2
-        + quadratic[0] * q_v**2
-        + quadratic[1] * q_w**2
-        + line.axial_stiffness * span * strain**2
-    ) / 2
+    twice = m_v * dq_v**2 + m_w * dq_w**2 + line.axial_stiffness * span * strain**2
+    for s, b, q in zip(stretch, bend, (q_v, q_w), strict=True):
+        twice += (line.tension * s + line.bending_stiffness * b) * q**2
+    return twice / 2
 
 
 def test_diverging_model_ends_early_and_leaves_the_simulator_usable(resonant):
@@ -80,16 +74,11 @@ def test_diverging_model_ends_early_and_leaves_the_simulator_usable(resonant):
     values = coefficients(RESONANT)
     wild = simulator(model(values | {"gamma_6": 0.0, "gamma_1": -3.0}), START, TIME)
     assert wild.status.startswith("diverged: |x| exceeded 1000 at t = ")
-    ended = np.isnan(wild.states).any(axis=1)
-    first = np.argmax(ended)
-    assert 0 < first < len(TIME)
-    assert not ended[:first].any() and np.isnan(wild.states[first:]).all()
+    first = np.argmax(np.isnan(wild.states).any(axis=1))
+    assert first > 0 and np.isnan(wild.states[first:]).all()
     assert np.abs(wild.states[:first]).max() <= 1000
     assert float(wild.status.split()[-2]) == pytest.approx(TIME[first], abs=0.02)
-
-    again = simulator(line, START, TIME)
-    assert again.status == "ok"
-    assert np.array_equal(again.states, trajectory.states)
+    assert simulator(line, START, TIME) == trajectory
 
 
 @pytest.mark.parametrize("inputs", [(), ("u",)])
@@ -104,11 +93,9 @@ def test_motions_in_small_units_do_not_count_as_diverged(inputs):
 
 @pytest.mark.parametrize(
     ("symbol", "value", "reason"),
-    [
-        ("gamma_2", np.nan, "diverged: not finite"),
-        ("gamma_1", 1e8, "stopped: more than 60003 integration steps"),
-    ],
-)
+    [("gamma_2", np.nan, "diverged: not finite"),
+     ("gamma_1", 1e8, "stopped: more than 60003 integration steps")],
+)  # fmt: skip
 @pytest.mark.filterwarnings("ignore")
 def test_models_that_cannot_be_integrated_end_with_a_reason(resonant, symbol, value, reason):
     line, trajectory = resonant
@@ -117,7 +104,7 @@ def test_models_that_cannot_be_integrated_end_with_a_reason(resonant, symbol, va
     ended = simulator(model(values | {symbol: value}), START, TIME)
     assert ended.status.startswith(reason)
     assert np.isnan(ended.states[-1]).all()
-    assert np.array_equal(simulator(line, START, TIME).states, trajectory.states)
+    assert simulator(line, START, TIME) == trajectory
 
 
 def test_motion_does_not_depend_on_the_grid_it_is_read_on(resonant):
@@ -128,7 +115,4 @@ def test_motion_does_not_depend_on_the_grid_it_is_read_on(resonant):
 
 
 def test_time_grid():
-    time = time_grid(300, 100)
-    assert len(time) == 30001
-    assert (time[0], time[1], time[-1]) == (0.0, 0.01, 300.0)
     assert time_grid(0.3, 10).tolist() == [0.0, 0.1, 0.2, 0.3]
