@@ -32,8 +32,15 @@ def two_modes(
     for k in range(1, count):
         states[k] = transition @ states[k - 1] + root @ rng.standard_normal(4)
     values = states + noise * states.std(axis=0) * rng.standard_normal(states.shape)
-    values[:, 2:] = np.nan
-    return Recording(np.arange(count) / rate, STATES, values), states, system
+    return displacements(np.arange(count) / rate, *values[:, :2].T), states, system
+
+
+def displacements(time: np.ndarray, *channels: np.ndarray, noise=0.0, seed=0) -> Recording:
+    """A recording of one coordinate or two, with white noise of a deviation, and of no velocity."""
+    values = np.full((len(time), 2 * len(channels)), np.nan)
+    drawn = np.random.default_rng(seed).standard_normal((len(time), len(channels)))
+    values[:, : len(channels)] = np.transpose(channels) + noise * drawn
+    return Recording(time, ("q_v", "dq_v") if len(channels) == 1 else STATES, values)
 
 
 def swing(time: np.ndarray, frequency: float, damping: float, seed: int) -> np.ndarray:

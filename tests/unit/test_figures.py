@@ -1,15 +1,14 @@
 """Figures: the same bytes for the same data, one look per method, and nothing that stops them."""
 
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, cycle
 
 import numpy as np
 import pandas as pd
 import pytest
 from drawing import drawn
-from lines import RESONANT
+from lines import RESONANT, edited
 
-from galloping.configuration.load import load, plain
 from galloping.evaluation.motion import Reconstruction
 from galloping.figures.against_paper import draw_claims
 from galloping.figures.each_term import draw_coefficients, draw_identifiability
@@ -75,16 +74,9 @@ def scores(levels=(0, 0.05), points=(), error=5.0, worst=np.inf, case="line", me
     return table.assign(**columns)
 
 
-def motion(states):
-    time = np.linspace(0, 100, len(states))
-    return Reconstruction(time, states, states - 1, states + 1)
-
-
-@pytest.fixture
-def swing():
-    t = np.linspace(0, 100, 2001)
-    states = np.column_stack([np.sin(t), np.cos(t), np.cos(t), -np.sin(t)])
-    return Motion(("q_v", "q_w", "dq_v", "dq_w"), t, states, np.gradient(states, t, axis=0))
+T = np.linspace(0, 100, 2001)
+STATES = np.column_stack([np.sin(T), np.cos(T), np.cos(T), -np.sin(T)])
+SWING = Motion(("q_v", "q_w", "dq_v", "dq_w"), T, STATES, np.gradient(STATES, T, axis=0))
 
 
 def test_same_data_same_bytes_without_a_date(tmp_path):
@@ -125,43 +117,35 @@ def test_the_first_draw_stands_beside_the_spread_of_all_and_what_the_paper_print
     table = scores((0.01, 0.05), case=case, worst=90.0).assign(mean_error_linear_percent=[
         7.0, 1.0, 2.0, 3.0, 8.0, 2.0, 4.0, 6.0
     ])  # fmt: skip
-    figure = draw_draws(table, {**NOISE, **CELL, "case": case})
-    drawn_lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
-    assert list(drawn_lines["one draw, the first"]) == [7.0, 8.0]
-    assert list(drawn_lines["their median"]) == [2.5, 5.0]
-    (of_paper,) = printed("mean_error_linear_percent", case)
-    assert list(drawn_lines["paper: printed"]) == [of_paper.paper_value]
     more = table[4:5].rename(columns={"replicate": "draw"})
     more = pd.concat([more.assign(draw=k, mean_error_linear_percent=k + 1.0) for k in range(9)])
-    figure = draw_draws(table, {**NOISE, **CELL, "case": case}, more)
-    drawn_lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
-    assert list(drawn_lines["one draw, the first"]) == [7.0, 1.0]
-    assert list(drawn_lines["their median"]) == [2.5, 5.0]
-
-
-def efficiencies(methods=("weak", "maximum_likelihood", "bound"), joint=True, levels=(0.01, 0.05)):
-    cells = [*((1, level, 1.0) for level in levels[:-1]), (1, levels[-1], np.inf)]
-    cells += [(2, levels[-1], np.nan)] * joint
-    return pd.DataFrame(
-        {"case": "line", "recordings": recordings, "protocol": "state", "level": level,
-         "points": 30001, "method": method, "efficiency": value, "failures": 1, "replicates": 20}
-        for recordings, level, value in cells
-        for method in methods
-    )  # fmt: skip
+    (of_paper,) = printed("mean_error_linear_percent", case)
+    for further, first in (((), [7.0, 8.0]), ((more,), [7.0, 1.0])):
+        figure = draw_draws(table, {**NOISE, **CELL, "case": case}, *further)
+        drawn_lines = {line.get_label(): list(line.get_ydata()) for line in figure.axes[0].lines}
+        assert drawn_lines["one draw, the first"] == first
+        assert drawn_lines["their median"] == [2.5, 5.0]
+        assert drawn_lines["paper: printed"] == [of_paper.paper_value]
 
 
 def test_efficiency_with_failures_and_joint_recordings():
     settings = {"cases": ["line", "other"], "protocols": ["state", "displacement"],
                 "methods": ["weak", "maximum_likelihood", "absent", "bound"],
                 "labels": NOISE["labels"]}  # fmt: skip
-    figure = draw_efficiency(efficiencies(), settings)
+    whole = pd.DataFrame(
+        {"case": "line", "recordings": recordings, "protocol": "state", "level": level,
+         "points": 30001, "method": method, "efficiency": value, "failures": 1, "replicates": 20}
+        for recordings, level, value in ((1, 0.01, 1.0), (1, 0.05, np.inf), (2, 0.05, np.nan))
+        for method in ("weak", "maximum_likelihood", "bound")
+    )  # fmt: skip
+    figure = draw_efficiency(whole, settings)
     written = [text.get_text() for text in figure.axes[0].texts]
     assert written == ["1 of 20"] * 2  # beside the triangles of the methods that lost a draw
     ticks = [label.get_text() for label in figure.axes[0].get_xticklabels()]
     assert ticks == ["0.01", "0.05", "0.05\n2 rec."]
-    joint = efficiencies().query("recordings == 2")  # of a study whose whole records have no noise
-    for table in (efficiencies(joint=False), efficiencies(["bound"]), efficiencies()[:0], joint):
-        drawn(lambda table=table: draw_efficiency(table, settings))
+    some = ("recordings == 1", "method == 'bound'", "method == 'none'", "recordings == 2")
+    for these in some:
+        drawn(lambda these=these: draw_efficiency(whole.query(these), settings))
 
 
 def identifiable(t, recordings=(1, 2)):
@@ -208,17 +192,18 @@ def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
 
 
 @pytest.mark.parametrize("bad", [0.0, np.nan])
-def test_motions_that_ended_early(swing, bad):
-    of_cell = dict.fromkeys(("weak", "maximum_likelihood"), motion(swing.states + bad))
+def test_motions_that_ended_early(bad):
+    shown = Reconstruction(T, STATES + bad, STATES + bad - 1, STATES + bad + 1)
+    of_cell = dict.fromkeys(("weak", "maximum_likelihood"), shown)
     settings = histories({"line/state/noise_0.1": "noise level 0.1"})
-    drawn(lambda: draw_histories([swing], {"line/state/noise_0.1": of_cell}, settings))
+    drawn(lambda: draw_histories([SWING], {"line/state/noise_0.1": of_cell}, settings))
     settings = {"cases": ["line"], "protocol": "state", "method": "weak", "level": 0}
-    drawn(lambda: draw_recovery({"line": [swing]}, {"line": of_cell}, settings))
+    drawn(lambda: draw_recovery({"line": [SWING]}, {"line": of_cell}, settings))
 
 
-def test_figures_without_cells_say_so(tmp_path, swing):
+def test_figures_without_cells_say_so(tmp_path):
     for draw in (
-        lambda: draw_histories([swing], {}, histories({})),
+        lambda: draw_histories([SWING], {}, histories({})),
         lambda: draw_coefficients(LINE, {}, {**CELL, "levels": {}, "unit": "m", "degree": 3}),
         lambda: draw_claims(
             pd.DataFrame(columns=["claim", "case", "protocol", "method"]), {"combinations": []}
@@ -228,44 +213,35 @@ def test_figures_without_cells_say_so(tmp_path, swing):
 
 
 def test_coefficients_with_missing_and_spurious_terms():
-    values = LINE.model.on_library(library(4, 3)).coefficients
-    off = values.copy()
-    off[2, 0], off[3, 4] = 9.0, 0.0
     line = LINE.model.on_library(library(4, 3))
-    replicates = [IdentifiedModel(replace(line, coefficients=c), "unjudged") for c in (values, off)]
-    models = {"cell": {"weak": replicates}}
+    off = line.coefficients.copy()
+    off[2, 0], off[3, 4] = 9.0, 0.0
+    models = (line, replace(line, coefficients=off))
+    replicates = [IdentifiedModel(model, "unjudged") for model in models]
     settings = {**CELL, "levels": {"cell": 0.05}, "unit": "m", "degree": 3}
-    drawn(lambda: draw_coefficients(LINE, models, settings))
+    drawn(lambda: draw_coefficients(LINE, {"cell": {"weak": replicates}}, settings))
 
 
 def test_claims_with_failures_and_cells_not_run():
-    def row(claim, verdict, value):
-        return {
-            "claim": claim.name, "case": "line", "quantity": claim.quantity,
-            "paper_value": claim.paper_value, "study_value": value, "low": value, "high": value,
-            "met_by": np.nan if verdict == "not run" else 0.5,
-            "replicates": 0 if verdict == "not run" else 2, "protocol": "state", "method": "weak",
-            "verdict": verdict,
-        }  # fmt: skip
-
-    verdicts = [("better", 0.1), ("seldom met", 1.0), ("not run", np.nan), ("not met", np.inf)]
+    verdicts = {"better": 0.1, "seldom met": 1.0, "not run": np.nan, "not met": np.inf}
     table = pd.DataFrame(
-        [row(claim, *verdicts[k % len(verdicts)]) for k, claim in enumerate(CLAIMS)]
-    )
+        {"claim": claim.name, "case": "line", "quantity": claim.quantity,
+         "paper_value": claim.paper_value, "study_value": value, "low": value, "high": value,
+         "met_by": 0.5 if replicates else np.nan, "replicates": replicates, "protocol": "state",
+         "method": "weak", "verdict": verdict}
+        for claim, (verdict, value) in zip(CLAIMS, cycle(verdicts.items()))
+        for replicates in [0 if verdict == "not run" else 2]
+    )  # fmt: skip
     drawn(lambda: draw_claims(table, {"combinations": [["state", "weak"]]}))
 
 
-def test_drawings_of_the_configured_line(swing):
-    study = plain(load({"cases": {"pair": {"bundle": {"subconductors": 2}}}}))
-    case = study["cases"]["pair"]
+def test_drawings_of_the_configured_line():
+    case = edited(bundle__subconductors=2)
     settings = {"degree": 3, "protocols": ["state"], "methods": ["weak"], "levels": [0],
                 "points": [1000], "replicates": 1}  # fmt: skip
-    for draw in (
-        lambda: draw_line(derive(case), {"case": "pair", "line": case}),
-        lambda: draw_aerodynamic_load([swing], {"line": case}),
-        lambda: draw_flow(settings),
-    ):
-        drawn(draw)
+    drawn(lambda: draw_line(derive(case), {"case": "pair", "line": case}))
+    drawn(lambda: draw_aerodynamic_load([SWING], {"line": case}))
+    drawn(lambda: draw_flow(settings))
 
 
 def test_a_status_is_right_where_its_claim_holds_or_its_doubt_is_due():

@@ -6,90 +6,63 @@ import numpy as np
 import pandas as pd
 import pytest
 from drawing import drawn
-from lines import RESONANT, START, edited, simulator
+from lines import START, edited, simulator
 from PIL import Image
 
+from galloping.cycles import rows
 from galloping.cycles.family import line_family
 from galloping.cycles.limit_cycles import circle, settle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, derived, ranked
-from galloping.cycles.rows import (
-    bifurcation_rows,
-    clearance_rows,
-    limit_cycle_rows,
-    line_diagram,
-    map_rows,
-    measure_rows,
-    prediction_rows,
-    simulation_rows,
-    steady_truth,
-)
 from galloping.figures.against_paper import draw_reproduction
 from galloping.figures.engineering import draw_measures, draw_orbits, write_animation
 from galloping.figures.motions import draw_limit_cycles, draw_prediction, draw_resonance_map
 from galloping.figures.parts import TALLEST
-from galloping.physics.measures import (
-    FOOT,
-    Ellipse,
-    cigre,
-    clearance,
-    davison,
-    design_ellipses,
-    envelope,
-    ice_removal,
-    pendulum,
-    toye,
-)
+from galloping.physics import measures
+from galloping.physics.measures import FOOT, cigre, clearance, davison, ice_removal, pendulum, toye
 
 
 def test_diagram(case):
-    along = line_diagram(case, "wind_speed", 4, 9, simulator())
-    simulated = simulation_rows("line", case, "wind_speed", [4, 8], simulator())
+    along = rows.line_diagram(case, "wind_speed", 4, 9, simulator())
+    simulated = rows.simulation_rows("line", case, "wind_speed", [4, 8], simulator())
     assert [row["kind"] for row in simulated] == ["rest", "cycle"]
-    cycles = pd.DataFrame(limit_cycle_rows("line", "wind_speed", along) + simulated)
+    cycles = pd.DataFrame(rows.limit_cycle_rows("line", "wind_speed", along) + simulated)
     assert set(cycles["unit"]) == {"m/s"} and cycles["trivial_defect"].max() <= 1e-6
-    changes = pd.DataFrame(bifurcation_rows("line", "wind_speed", along, case))
+    changes = pd.DataFrame(rows.bifurcation_rows("line", "wind_speed", along, case))
     (hopf,) = changes[changes["name"] == "Hopf"].to_dict("records")
     assert hopf["value"] == pytest.approx(hopf["closed_form"], rel=1e-9)
     ends = changes[changes["name"] == "end"]
     assert list(ends["note"]) == ["reached 9"] * 3
-    settings = {"parameter": "wind_speed", "label": "wind speed, m/s"}
-    plain_lines, shaded = (
-        drawn(
-            lambda line=line: draw_limit_cycles(
-                cycles, changes, {**settings, "cases": {"line": line}}
-            )
-        )
-        for line in (None, case)
-    )
-    assert plain_lines != shaded
+
+    def figure(line):
+        settings = {"parameter": "wind_speed", "label": "wind speed", "cases": {"line": line}}
+        return drawn(lambda: draw_limit_cycles(cycles, changes, settings))
+
+    assert figure(None) != figure(case)  # which is shaded
 
 
 def test_parameters_without_a_hopf_bifurcation_in_their_range(case):
-    along = line_diagram(case, "tension", 18e3, 34e3, simulator())
-    cycles = pd.DataFrame(limit_cycle_rows("line", "tension", along))
+    along = rows.line_diagram(case, "tension", 18e3, 34e3, simulator())
+    cycles = pd.DataFrame(rows.limit_cycle_rows("line", "tension", along))
     assert set(cycles["unit"]) == {"N"} and {18e3, 34e3} <= set(cycles["value"])
     assert list(cycles["branch"].unique()) == [
         "from 26000, side 1", "from 26000, side 2",  # of two vertical swings, about resonance
         "from 26000, side 1, halved, side 1", "from 26000, side 1, halved, side 2",
     ]  # fmt: skip
-    changes = pd.DataFrame(bifurcation_rows("line", "tension", along, case))
+    changes = pd.DataFrame(rows.bifurcation_rows("line", "tension", along, case))
     doublings = changes.loc[changes["name"] == "period doubling", "value"]
     assert sorted(doublings) == pytest.approx([21434.1, 28031.9], abs=0.1)
     assert not changes["note"].str.contains("incomplete").any()
-    calm = line_diagram(case, "wind_speed", 2, 4, simulator())
-    rows = bifurcation_rows("line", "wind_speed", calm, case)
-    assert rows[-1]["note"].startswith("no limit cycle: no Hopf bifurcation in 2..4 m/s, and at 3")
+    calm = rows.line_diagram(case, "wind_speed", 2, 4, simulator())
+    *_, last = rows.bifurcation_rows("line", "wind_speed", calm, case)
+    assert last["note"].startswith("no limit cycle: no Hopf bifurcation in 2..4 m/s, and at 3")
     with pytest.raises(ValueError, match="it can vary wind_speed"):
-        line_diagram(case, "phase_of_the_moon", 0, 1, simulator())
+        rows.line_diagram(case, "phase_of_the_moon", 0, 1, simulator())
 
 
 def test_map_and_orbits(case):
-    table = pd.DataFrame(
-        map_rows(
-            "line", case, ("wind_speed", [8.0, 30.0]), ("tension", [22e3, 25e3, 28e3]), simulator()
-        )
-    )
+    winds, tensions = ("wind_speed", [8.0, 30.0]), ("tension", [22e3, 25e3, 28e3])
+    table = pd.DataFrame(rows.map_rows("line", case, winds, tensions, simulator()))
     assert table["frequency_ratio"].is_monotonic_decreasing
     assert not np.isfinite(table["v_m"]).all()  # 30 m/s is too much for the model
     settings = {"case": "line", "x_label": "x", "y_label": "y", "y_scale": 1000}
@@ -104,19 +77,17 @@ def test_map_and_orbits(case):
 
 def test_clearance_and_measures(case):
     motion = settle(simulator(), line_family(case, "wind_speed").model(12.0), START)
-    rows = clearance_rows("line", case, {12.0: motion}, (0.0, 8.0), 3.0)
-    assert [row["what"] for row in rows] == ["Davison", "Toye", "CIGRE 322", "cycle"]
-    assert rows[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3) and rows[-1]["kept"]
+    told = rows.clearance_rows("line", case, {12.0: motion}, (0.0, 8.0), 3.0)
+    assert [row["what"] for row in told] == ["Davison", "Toye", "CIGRE 322", "cycle"]
+    assert told[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3) and told[-1]["kept"]
     growing = motion.states * np.linspace(1.0, 2.0, len(motion.states))[:, np.newaxis]
     irregular = replace(motion, kind="irregular", states=growing)
-    last = clearance_rows("line", case, {12.0: irregular}, (0.0, 8.0), 3.0)[-1]
-    assert last["height_m"] == pytest.approx(2 * rows[-1]["height_m"], rel=0.01)  # its last swings
+    *_, last = rows.clearance_rows("line", case, {12.0: irregular}, (0.0, 8.0), 3.0)
+    assert last["height_m"] == pytest.approx(2 * told[-1]["height_m"], rel=0.01)  # its last swings
     design, parts = Design(12.0, START, (0.0, 8.0), 3.0), derived(case)
-    outcomes = ranked(
-        parts, case, [ice_removal(), pendulum(20.0, (100.0,))], design, simulator(),
-        np.zeros((0, len(parts.values))),
-    )  # fmt: skip
-    table = pd.DataFrame(measure_rows("line", outcomes, design))
+    tried, no_draws = [ice_removal(), pendulum(20.0, (100.0,))], np.zeros((0, len(parts.values)))
+    outcomes = ranked(parts, case, tried, design, simulator(), no_draws)
+    table = pd.DataFrame(rows.measure_rows("line", outcomes, design))
     assert table["measure"][0] == "ice removed" and "torsion" in " ".join(table["note"])
     drawn(lambda: draw_measures(table, {"cases": ["line"]}))
     many = [f"line {k}" for k in range(20)]
@@ -125,19 +96,19 @@ def test_clearance_and_measures(case):
 
 
 def test_prediction(case):
-    true = steady_truth(case, [8.0, 12.0], simulator())
+    true = rows.steady_truth(case, [8.0, 12.0], simulator())
     near = np.column_stack([true, true])
     wide = Prediction(np.array([8.0, 12.0]), near, 0.9 * near, 1.1 * near, np.zeros(2))
     cell = {"case": "line", "protocol": "state", "method": "maximum_likelihood", "replicate": 0}
-    rows = prediction_rows(cell, wide, true, "not identifiable: q_v^3")
-    assert len(rows) == 4 and all(row["inside"] for row in rows)
+    told = rows.prediction_rows(cell, wide, true, "not identifiable: q_v^3")
+    assert len(told) == 4 and all(row["inside"] for row in told)
     nothing = np.full((2, 4), np.nan)
     lost = Prediction(wide.winds, nothing, nothing, nothing, np.ones(2), "it does not settle")
-    rows += prediction_rows({**cell, "method": "stlsq"}, lost, true, "unjudged")
-    assert not any(row["inside"] for row in rows[4:])
+    told += rows.prediction_rows({**cell, "method": "stlsq"}, lost, true, "unjudged")
+    assert not any(row["inside"] for row in told[4:])
     settings = {"case": "line", "protocols": ["state"], "method": "maximum_likelihood",
                 "replicate": 0, "recorded": 12.0, "peer": "stlsq"}  # fmt: skip
-    drawn(lambda: draw_prediction(pd.DataFrame(rows), settings))
+    drawn(lambda: draw_prediction(pd.DataFrame(told), settings))
 
 
 def test_animation_is_the_same_twice_and_small(tmp_path, case):
@@ -179,11 +150,10 @@ def test_worked_values(ellipse, feet):
 
 
 def test_outline_and_envelope():
-    ellipse = Ellipse(major=4.0, minor=1.0, below=1.5)
-    assert envelope(ellipse.outline()) == pytest.approx((4.0, 1.0, 1.5))
-    assert design_ellipses(RESONANT).keys() == {"Davison", "Toye", "CIGRE 322"}
-    short = edited(line__span=150, spacers__positions=[75])
-    assert design_ellipses(short).keys() == {"Davison", "Toye"}  # its sag is too small for the last
+    ellipse = measures.Ellipse(major=4.0, minor=1.0, below=1.5)
+    assert measures.envelope(ellipse.outline()) == pytest.approx((4.0, 1.0, 1.5))
+    short = edited(line__span=150, spacers__positions=[75])  # its sag is too small for the last
+    assert measures.design_ellipses(short).keys() == {"Davison", "Toye"}
 
 
 def test_clearance_of_two_circles():

@@ -24,20 +24,30 @@ MAPPING = {
 }
 
 
+FRAME = pd.DataFrame({"t": TIME, "v": 1000 * V, "w": W})
+
+
 def write(path, frame):
     frame.to_csv(path, index=False)
     return path
 
 
-@pytest.fixture
-def frame():
-    return pd.DataFrame({"t": TIME, "v": 1000 * V, "w": W})
+def recorded(path, frame, **more):
+    """The recording of a file of a frame, by the mapping with other keys."""
+    mapping = validated({**MAPPING, **more})
+    return recording(read_series(write(path, frame), mapping), mapping)
 
 
-def test_units_come_from_the_description_beside_a_file(tmp_path, frame):
+def questioned(path, frame):
+    """What is said of the quality of a file of a frame."""
+    mapping = validated(MAPPING)
+    return quality(read_series(write(path, frame), mapping), mapping)
+
+
+def test_units_come_from_the_description_beside_a_file(tmp_path):
     channels = [{"column": c, "measures": f"q_{c}"} for c in "vw"]
     mapping = validated({**MAPPING, "time": {"column": "t"}, "channels": channels})
-    described = write(tmp_path / "b.csv", frame)
+    described = write(tmp_path / "b.csv", FRAME)
     fields = [{"name": n, "unit": u} for n, u in (("t", "s"), ("v", "mm"), ("w", "m"))]
     package = {"resources": [{"path": "b.csv", "schema": {"fields": fields}}]}
     (tmp_path / "datapackage.json").write_text(json.dumps(package))
@@ -49,13 +59,14 @@ def test_units_come_from_the_description_beside_a_file(tmp_path, frame):
         read_series(described, mapping)
 
 
-def test_what_is_safe_is_mended_and_said(tmp_path, frame):
+def test_what_is_safe_is_mended_and_said(tmp_path):
+    frame = FRAME.copy()
     frame.loc[100:104, "v"] = np.nan
     mixed = pd.concat([frame[:200], frame[199:200], frame[250:], frame[200:250]])
     series = read_series(write(tmp_path / "a.csv", mixed), validated(MAPPING))
     np.testing.assert_allclose(series.time, TIME, atol=1e-12)
     assert np.isnan(series.values[100:105, 0]).all()
-    assert [note.split(":")[-1].strip() for note in series.notes][:1] == ["sorted"]
+    assert series.notes[0].endswith("sorted")
     assert "repeated rows were dropped" in series.notes[1]
 
 
@@ -63,26 +74,21 @@ def test_what_holds_too_much_or_nothing_is_refused_in_one_line(tmp_path):
     with (tmp_path / "large.csv").open("wb") as file:
         file.truncate(LARGEST + 1)
     (tmp_path / "folder.csv").mkdir()
-    for name, message in (
-        ("large.csv", "more than"), ("folder.csv", "not a file"), ("absent.csv", "no such file"),
-    ):  # fmt: skip
-        with pytest.raises(FileError, match=message) as error:
-            read_series(tmp_path / name, validated(MAPPING))
-        assert str(tmp_path / name) in str(error.value) and "\n" not in str(error.value)
+    for name, message in {
+        "large": "more than", "folder": "not a file", "absent": "no such file",
+    }.items():  # fmt: skip
+        with pytest.raises(FileError, match=rf"{name}\.csv.*{message}[^\n]*$"):
+            read_series(tmp_path / f"{name}.csv", validated(MAPPING))
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"states": ["q v"]}, "'q v' is not a name"),
         ({"states": ["x", "x"]}, "x is named twice"),
         ({"channels": []}, "at least 1"),
         ({"channels": [{"column": "v", "measures": "z"}]}, "measures 'z', which is neither"),
         ({"channels": [{"column": "v", "measures": "q_v", "position": 3}]}, "needs the span"),
-        (
-            {"span": 2, "channels": [{"column": "v", "measures": "q_v", "position": 3}]},
-            "not inside",
-        ),
+        ({"span": 2, "channels": [{"column": "v", "measures": "q_v", "position": 3}]}, "not in"),
         ({"speed": 3}, "speed: 3: there is no such key"),
         ({"decimal": ";"}, "decimal: ';': must be"),
         ({"random_force": ["z"]}, "random_force: 'z'; must be all, or among"),
@@ -97,8 +103,6 @@ def test_short_form_of_a_channel():
     assert channel_of("ddq_v=acc mid[g_n]@150") == {
         "measures": "ddq_v", "column": "acc mid", "unit": "g_n", "position": "150",
     }  # fmt: skip
-    with pytest.raises(MappingError, match="expected"):
-        channel_of("acc")
 
 
 def test_three_sensors_separate_the_first_mode_from_two_others(tmp_path):
@@ -108,13 +112,12 @@ def test_three_sensors_separate_the_first_mode_from_two_others(tmp_path):
         f"s{k}": sum(m * np.sin((j + 1) * np.pi * place / 300) for j, m in enumerate(modes))
         for k, place in enumerate(places)
     }
-    path = write(tmp_path / "a.csv", pd.DataFrame({"t": TIME, **columns}))
     channels = [
         {"column": f"s{k}", "measures": "q_v", "unit": "m", "position": place}
         for k, place in enumerate(places)
     ]
-    mapping = validated({**MAPPING, "channels": channels, "span": 300})
-    read = recording(read_series(path, mapping), mapping)
+    frame = pd.DataFrame({"t": TIME, **columns})
+    read = recorded(tmp_path / "a.csv", frame, channels=channels, span=300)
     np.testing.assert_allclose(read.values[:, 0], modes[0], atol=1e-12)
 
 
@@ -136,9 +139,7 @@ def test_quality_tells_noise_frequency_outliers_gaps_and_clipping(tmp_path):
     values = 1000 * np.sin(2.6 * time) + 50 * rng.standard_normal(len(time))
     values[7] = 1e5
     frame = pd.DataFrame({"t": time, "v": values, "w": np.clip(np.cos(1.3 * time), -1, 0.9)})
-    path = write(tmp_path / "a.csv", frame.drop(index=range(2000, 2100)))
-    mapping = validated(MAPPING)
-    report = quality(read_series(path, mapping), mapping)
+    report = questioned(tmp_path / "a.csv", frame.drop(index=range(2000, 2100)))
     assert report["sampling"]["gaps"][0] == {
         "row": 2001, "from_s": pytest.approx(79.96), "length_s": pytest.approx(4.04),
     }  # fmt: skip
@@ -155,9 +156,7 @@ def test_quick_swings_and_gaps_are_no_outliers_and_what_a_sensor_missed_is_told(
     time = np.arange(7500) / 25
     frame = pd.DataFrame({"t": time, "v": 1000 * np.sin(15 * time), "w": np.cos(1.3 * time)})
     frame.loc[1000:2500, "w"] = np.nan
-    path = write(tmp_path / "a.csv", frame)
-    mapping = validated(MAPPING)
-    assert quality(read_series(path, mapping), mapping)["problems"] == [
+    assert questioned(tmp_path / "a.csv", frame)["problems"] == [
         {"column": "w", "row": 1001, "what": "no samples for 20% of the time"}
     ]
 

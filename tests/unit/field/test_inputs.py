@@ -32,25 +32,15 @@ def written(path, **columns):
     return path
 
 
-def mapping(*inputs, **more):
-    return validated(
-        {
-            "time": {"column": "t"},
-            "states": ["y", "dy"],
-            "channels": [{"column": "y", "measures": "y"}],
-            "inputs": list(inputs),
-            **more,
-        }
-    )
+def content(*inputs, **more):
+    """Of a mapping."""
+    channels = [{"column": "y", "measures": "y"}]
+    known = {"time": {"column": "t"}, "states": ["y", "dy"], "channels": channels}
+    return known | {"inputs": list(inputs)} | more
 
 
-def refused(tmp_path, *options, said, **columns):
-    path = written(tmp_path / "a.csv", **columns)
-    output = tmp_path / "out"
-    printed = run("identify", path, "--states", "y,dy", "--measure", "y=y", *options,
-                  "--output", output, code=1)  # fmt: skip
-    assert said in printed and printed.count("\n") == 1
-    assert not output.exists()
+def mapping(*inputs):
+    return validated(content(*inputs))
 
 
 def test_units_and_names_of_inputs_are_read(tmp_path):
@@ -68,10 +58,9 @@ def test_units_and_names_of_inputs_are_read(tmp_path):
 
 def test_a_column_that_is_not_used_is_named(tmp_path):
     path = written(tmp_path / "a.csv", wind=WIND, note=["fine"] * len(TIME))
-    printed = run("inspect", path, "--states", "y,dy", "--measure", "y=y")
-    assert "columns that are not used: wind, note" in printed
-    printed = run("inspect", path, "--states", "y,dy", "--measure", "y=y", "--input", "wind",
-                  "--unit", "wind=m/s")  # fmt: skip
+    inspect = ("inspect", path, "--states", "y,dy", "--measure", "y=y")
+    assert "columns that are not used: wind, note" in run(*inspect)
+    printed = run(*inspect, "--input", "wind", "--unit", "wind=m/s")
     assert "columns that are not used: note" in printed and "wind is an input" in printed
 
 
@@ -117,41 +106,40 @@ def test_an_anemometer_that_lags_is_put_right(tmp_path):
     assert meaning.startswith("U lags behind the motion by 1.3 s") and "--delay COLUMN=1.3" in help_
 
 
-def test_inputs_that_cannot_be_used_get_one_line(tmp_path):
-    of = {"U [m/s]": WIND}
-    refused(tmp_path, "--input", "V", said="no column 'V'", **of)
-    refused(tmp_path, "--input", "U", said="'U' has no unit; add --unit U=m/s", U=WIND)
-    refused(tmp_path, "--input", "U[parsec/beer]", said="unit 'parsec/beer' is not known", U=WIND)
-    refused(tmp_path, "--input", "dy=U", said="inputs: dy is a state", **of)
-    refused(tmp_path, "--input", "U", "--input", "U", said="inputs: U is named twice", **of)
-    refused(tmp_path, "--input", "U +- two", said="expected NAME=COLUMN[UNIT] +- ERROR %", **of)
-    refused(tmp_path, "--input", "U", said="row 7, column 'U': 'calm' is not a number",
-            **{"U [m/s]": [*WIND[:5], "calm", *WIND[6:]]})  # fmt: skip
-    refused(
-        tmp_path, "--input", "U", said="input U is 12 throughout", **{"U [m/s]": 12.0 + 0 * TIME}
-    )
-    refused(tmp_path, "--input", "U", said="column 'U' has 0 samples", **{"U [m/s]": np.nan * TIME})
-    divides = ("--input", "U", "--library", "poly(y, dy; 3) + dy^3/U")
-    refused(tmp_path, *divides, said="input U crosses zero, from -1.29669 to 1.27022, and",
-            **{"U [m/s]": WIND - 12.0})  # fmt: skip
-    refused(tmp_path, "--library", "y + U*dy", said="character 5: 'U' is neither a state", **of)
-    refused(tmp_path, "--library", "y + ", said="character 4: more is needed here", **of)
-    unused = ("--input", "U", "--library", "y + dy")
-    refused(tmp_path, *unused, said="input U is in no term of the library", **of)
-    refused(tmp_path, "--library", "y", "--degree", "2", said="--degree: leave it out", **of)
-    refused(tmp_path, "--known", "dy: U*dy = 3", said="'U' is neither a state", **of)
-    refused(tmp_path, "--random-force", "y,z", "--input", "U",
-            said="--random-force: 'z'; must be all, or among y, dy",
-            **{"U [m/s]": ["calm", *WIND[1:]]})  # fmt: skip
-    refused(tmp_path, "--known", "dy: y^2 = 3", "--library", "y + dy",
-            said="known term y^2 is not in the library", **of)  # fmt: skip
+U, CALM = ("--input", "U"), [*WIND[:5], "calm", *WIND[6:]]
+REFUSED = [  # options, the samples of U, and what the one line says
+    (("--input", "V"), WIND, "no column 'V'"),
+    (("--input", "U[parsec/beer]"), WIND, "unit 'parsec/beer' is not known"),
+    (("--input", "dy=U"), WIND, "inputs: dy is a state"),
+    ((*U, *U), WIND, "inputs: U is named twice"),
+    (("--input", "U +- two"), WIND, "expected NAME=COLUMN[UNIT] +- ERROR %"),
+    (U, CALM, "row 7, column 'U': 'calm' is not a number"),
+    (U, 12.0 + 0 * TIME, "input U is 12 throughout"),
+    (U, np.nan * TIME, "column 'U' has 0 samples"),
+    ((*U, "--library", "poly(y, dy; 3) + dy^3/U"), WIND - 12.0,
+     "input U crosses zero, from -1.29669 to 1.27022, and"),
+    (("--library", "y + U*dy"), WIND, "character 5: 'U' is neither a state"),
+    ((*U, "--library", "y + dy"), WIND, "input U is in no term of the library"),
+    (("--library", "y", "--degree", "2"), WIND, "--degree: leave it out"),
+    (("--known", "dy: U*dy = 3"), WIND, "'U' is neither a state"),
+    ((*U, "--random-force", "y,z"), CALM, "--random-force: 'z'; must be all, or among y, dy"),
+    (("--known", "dy: y^2 = 3", "--library", "y + dy"), WIND,
+     "known term y^2 is not in the library"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "samples", "said"), REFUSED)
+def test_inputs_that_cannot_be_used_get_one_line(tmp_path, options, samples, said):
+    path = written(tmp_path / "a.csv", **{"U [m/s]": samples})
+    command = ("identify", path, "--states", "y,dy", "--measure", "y=y", "--output")
+    printed = run(*command, tmp_path / "out", *options, code=1)
+    assert said in printed and printed.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 def test_an_input_that_ends_before_the_motion_is_said(tmp_path):
     path = written(tmp_path / "a.csv", **{"U [m/s]": np.where(TIME < 30.0, WIND, np.nan)})
-    with_map = {"time": {"column": "t"}, "states": ["y", "dy"], "inputs": ["U"],
-                "channels": [{"column": "y", "measures": "y"}]}  # fmt: skip
-    (tmp_path / "map.yaml").write_text(json.dumps(with_map), encoding="utf-8")
+    (tmp_path / "map.yaml").write_text(json.dumps(content("U")), encoding="utf-8")
     printed = run("inspect", path, "--map", tmp_path / "map.yaml")
     assert "input U is not known for 10.0 s" in printed
     nowhere = written(tmp_path / "b.csv", **{"U [m/s]": np.where(TIME < 3.0, WIND, np.nan)})
@@ -188,15 +176,12 @@ def driven(tmp_path_factory):
     states = Simulator(truth.states, terms, inputs=("u",))(
         truth, np.array([0.5, 0.0]), time, {"u": Input(time, force)}
     ).states
-    frame = {"t [s]": time, "y [1]": states[:, 0] + 0.005 * rng.standard_normal(len(time)),
-             "u [N]": force}  # fmt: skip
-    frame = pd.DataFrame(frame)
+    noisy = states[:, 0] + 0.005 * rng.standard_normal(len(time))
+    frame = pd.DataFrame({"t [s]": time, "y [1]": noisy, "u [N]": force})
     frame[:2500].to_csv(folder / "a.csv", index=False)
     frame[2400:][["t [s]", "u [N]"]].to_csv(folder / "ahead.csv", index=False)
-    content = {"time": {"column": "t"}, "states": ["y", "dy"], "inputs": ["u"],
-               "channels": [{"column": "y", "measures": "y"}], "library": "poly(y, dy; 2) + u",
-               "known": ["dy: y = -6 +- 0.01"]}  # fmt: skip
-    (folder / "map.yaml").write_text(json.dumps(content), encoding="utf-8")
+    more = {"library": "poly(y, dy; 2) + u", "known": ["dy: y = -6 +- 0.01"]}
+    (folder / "map.yaml").write_text(json.dumps(content("u", **more)), encoding="utf-8")
     run("identify", folder / "a.csv", "--map", folder / "map.yaml", "--output", folder / "out")
     return folder, frame, states
 
@@ -221,12 +206,9 @@ def test_a_forecast_needs_the_inputs_ahead(driven):
     folder, frame, states = driven
     command = ("forecast", folder / "out" / "model.json", folder / "a.csv", "--map",
                folder / "map.yaml", "--duration", 15)  # fmt: skip
+    said = "driven by u: say what it is after the recording, in a file (--inputs FILE) or held"
     printed = run(*command, code=1)
-    assert (
-        "driven by u: say what it is after the recording, in a file (--inputs FILE) or held"
-        in (printed)
-        and printed.count("\n") == 1
-    )
+    assert said in printed and printed.count("\n") == 1
     ahead = pd.read_csv(StringIO(run(*command, "--inputs", folder / "ahead.csv")))
     true = np.interp(ahead["time_s"], frame["t [s]"], states[:, 0])
     assert np.std(ahead["y"] - true) < 0.02 * np.std(true)
@@ -259,9 +241,8 @@ def test_a_model_with_inputs_is_simulated_in_them(driven, tmp_path):
     assert len(simulated) == 2500
     measured = frame["y [1]"][:2500].to_numpy()
     assert np.std(simulated["y"] - measured) < 0.03 * np.std(measured)
-    assert "ends 99.96 s after its begin" in (
-        run("simulate", model, "--inputs", path, "--duration", 200, code=1)
-    )
+    printed = run("simulate", model, "--inputs", path, "--duration", 200, code=1)
+    assert "ends 99.96 s after its begin" in printed
 
 
 def test_what_jumps_anywhere_is_held_unless_the_mapping_says_otherwise(tmp_path):

@@ -111,7 +111,7 @@ def test_a_sensor_that_dies_leaves_the_recording_up_to_then(tmp_path):
 
 
 def test_a_clock_that_starts_again_parts_a_recording_and_rows_out_of_order_do_not(tmp_path):
-    field = read(files.restarted(tmp_path / "a.csv"))
+    field = read(files.two_events(tmp_path / "a.csv", -150.0))
     assert [np.ptp(one.time) for one in field.recordings] == pytest.approx([150.0, 150.0])
     assert "the clock starts again in row 3753" in field.reports[0]["notes"][0]
     head, *rows = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()[:3752]
@@ -122,22 +122,18 @@ def test_a_clock_that_starts_again_parts_a_recording_and_rows_out_of_order_do_no
 
 
 def test_samples_count_once(tmp_path):
-    path = files.shifted(tmp_path / "a.csv", (0.0, 0.0))
+    path = files.cameras(tmp_path / "a.csv")
     head, *rows = path.read_text(encoding="utf-8").splitlines()
     (tmp_path / "end.csv").write_text("\n".join([head, *rows[3000:]]), encoding="utf-8")
     for second in (path, tmp_path / "end.csv"):
         with pytest.raises(FileError, match=r"are also in .*a\.csv: a recording counts once"):
             read(path, second)
-    assert len(read(path, files.shifted(tmp_path / "b.csv", (0, 0), seed=9)).recordings) == 2
-    time, states = files.motion()
-    same = files.seen(states, 1)[:, :1] * (1.0, 1e-3)
-    files.write(tmp_path / "c.csv", time, np.round(same, 8))
-    with pytest.raises(FileError, match="'q_v' and 'q_w' hold the same samples"):
-        read(files.write(tmp_path / "c.csv", time, same.repeat(2, axis=1)[:, :2]))
+    assert len(read(path, files.cameras(tmp_path / "b.csv", seed=9)).recordings) == 2
 
 
 def test_a_cut_off_last_cell_is_an_outlier(tmp_path):
-    (recording,) = read(files.damaged(tmp_path / "a.csv")).recordings
+    path = files.cameras(tmp_path / "a.csv", duration=120.0, noise=0.002, harm=files.cut_off)
+    (recording,) = read(path).recordings
     kept, _ = smooth_without_outliers(recording, 2.3)
     assert np.isnan(kept.values[-1, 1])
     assert np.isfinite(kept.values[:-10, :2]).all()
@@ -221,7 +217,7 @@ def test_recordings_differ_where_models_of_each_miss_much_less(together, alone, 
 
 
 def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
-    (recording,) = read(files.ambient(tmp_path / "a.csv", duration=300.0)).recordings
+    (recording,) = read(files.ambient(tmp_path / "a.csv")).recordings
     omega, ratio = 2 * np.pi * np.array([0.38, 0.21]), np.array([0.01, 0.02])
     rows = np.block(
         [[np.zeros((2, 2)), np.eye(2)], [-np.diag(omega**2), -np.diag(2 * ratio * omega)]]
@@ -252,7 +248,7 @@ def test_a_motion_that_only_repeats_is_told_from_one_that_settles_or_beats():
 
 
 def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):
-    field = read(files.clipped(tmp_path / "a.csv"))
+    field = read(files.cameras(tmp_path / "a.csv", harm=files.clipped))
     refused = IdentifiedModel.refused(files.STATES, TERMS, "the iteration diverges")
     period = longest_period(field.recordings)
     given = (field.recordings, field.names, period, lambda parts: refused, field.faults)
@@ -265,22 +261,29 @@ def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):
 
 LIMIT_CYCLE = {"q_v": 1.305, "q_w": 2.133}  # m, of the line in 12 m/s, simulated over 4000 s
 ABOUT_REST = {"q_v": (0.4205, -0.640), "q_w": (0.2140, 0.499)}  # Hz, % of critical
-# Files, by what makes them in a folder. What an engineer reads first of most of them is kept.
+# Files, by what makes them. What an engineer reads first of most of them is kept.
 KEPT = Path(__file__).parents[2] / "summaries"
 FILES = {
-    "release": lambda folder: files.shifted(folder / "release.csv", (6.0, 0.0)),
-    "accelerations": lambda folder: files.accelerations(folder / "accelerations.csv"),
-    "seldom": lambda folder: files.seldom(folder / "seldom.csv"),
-    "clipped": lambda folder: files.clipped(folder / "clipped.csv"),
-    "settled": lambda folder: files.settled(folder / "settled.csv"),
-    "short": lambda folder: files.short(folder / "short.csv"),
-    "below_onset": lambda folder: files.below_onset(folder / "below_onset.csv"),
-    "three_winds": lambda folder: files.of_winds(folder, (10.0, 12.0, 14.0)),
-    "changing_wind": lambda folder: files.of_changing_wind(folder / "wind.csv", (11.0, 13.0)),
-    "ambient": lambda folder: files.ambient(folder / "ambient.csv", duration=300.0),
-    "noisy": lambda folder: files.noisy(folder / "noisy.csv"),
-    "an hour apart": lambda folder: files.two_events(folder / "a.csv", 3600.0),
-    "a cut off last cell": lambda folder: files.damaged(folder / "a.csv"),
+    "release": lambda name: files.cameras(name, 1, harm=files.shifted),
+    "accelerations": files.accelerations,
+    # three samples a period
+    "seldom": lambda name: files.cameras(name, 13, rows=slice(None, None, 20)),
+    "clipped": lambda name: files.cameras(name, 7, harm=files.clipped),
+    # the limit cycle alone, reached long before
+    "settled": lambda name: files.cameras(name, 11, duration=1500.0, rows=slice(-7501, None)),
+    "short": lambda name: files.cameras(name, 12, duration=20.0),  # eight periods
+    "below_onset": lambda name: files.cameras(name, 10, wind=5.0, noise=0.005),
+    "three_winds": lambda name: [
+        files.cameras(name.with_stem(f"wind_{wind:g}"), 2 + k, wind=wind)
+        for k, wind in enumerate((10.0, 12.0, 14.0))
+    ],
+    "changing_wind": lambda name: files.of_changing_wind(name, 11.0, 13.0),
+    "ambient": files.ambient,
+    "noisy": lambda name: files.cameras(name, 14, noise=1.5),  # more than the line moves
+    "an hour apart": lambda name: files.two_events(name, 3600.0),
+    "a cut off last cell": lambda name: files.cameras(
+        name, 2, duration=120.0, noise=0.002, harm=files.cut_off
+    ),
 }
 WITHOUT = ("settled", "short", "below_onset", "three_winds", "changing_wind", "ambient", "noisy")
 
@@ -293,7 +296,7 @@ def first_read(summary):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_is_answered_right_or_refused_for_its_fault(tmp_path, name):
-    made = FILES[name](tmp_path)
+    made = FILES[name](tmp_path / f"{name}.csv")
     paths = made if isinstance(made, list) else [made]
     arguments = ["identify", *map(str, paths), "--output", str(tmp_path / "out")]
     result = CliRunner().invoke(main, arguments)

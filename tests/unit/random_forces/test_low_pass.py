@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from ambient import swing
 
-from galloping import (
-    Recording,
-    forecast,
-    maximum_likelihood,
-    polynomial_library,
-    summarise,
-)
+from galloping import Recording, forecast, maximum_likelihood, polynomial_library, summarise
 from galloping.identification.model import Unusable
 from galloping.identification.random_forces.low_pass import REACH, low_passed
 from galloping.identification.random_forces.several_modes import SeveralModes

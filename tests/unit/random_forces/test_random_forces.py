@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ambient import DAMPING, FREQUENCIES, STATES, two_modes
+from ambient import DAMPING, FREQUENCIES, STATES, displacements, swing, two_modes
 from scipy.signal import lfilter
 
 from galloping import maximum_likelihood, summarise
@@ -12,7 +12,7 @@ from galloping.field.summary import dynamics, forecast
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.intervals import decay_interval
-from galloping.polynomial import library
+from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 
 pytestmark = pytest.mark.xdist_group("ambient")
@@ -43,14 +43,9 @@ def test_answers_without_being_told_of_forces(ambient):
     assert found.status == "ok"
     assert found.is_forced
     assert all(held(found, recording))
-    own = found.support
-    coefficients = found.model.coefficients
-    exact = np.zeros_like(coefficients)
-    for j, term in enumerate(found.model.terms):
-        if sum(term) == 1:
-            exact[:, j] = system[:, term.index(1)]
-    error = (coefficients - exact)[own] / found.standard_errors[own]
-    assert np.all(np.abs(error) < 3.5)
+    exact = PolynomialModel(STATES, library(4, 1)[1:], system).on_library(found.model.terms)
+    error = (found.model.coefficients - exact.coefficients) / found.standard_errors
+    assert np.all(np.abs(error[found.support]) < 3.5)
     np.testing.assert_allclose(np.sqrt(np.diag(found.forces)[2:]), 0.01, rtol=0.1)
     np.testing.assert_allclose(
         found.sigma[0, :2], 0.05 * np.nanstd(recording.values[:, :2], 0), rtol=0.1
@@ -95,12 +90,8 @@ def test_units_change_nothing_but_units(ambient):
     recording, found, _ = ambient
     scaled = maximum_likelihood(replace(recording, values=1000 * recording.values), library(4, 3))
     linear = np.array(found.model.terms).sum(axis=1) == 1
-    np.testing.assert_allclose(
-        scaled.model.coefficients[:, linear],
-        found.model.coefficients[:, linear],
-        rtol=1e-5,
-        atol=1e-8,
-    )
+    own, same = (model.model.coefficients[:, linear] for model in (found, scaled))
+    np.testing.assert_allclose(same, own, rtol=1e-5, atol=1e-8)
     np.testing.assert_allclose(scaled.forces, 1e6 * found.forces, rtol=1e-5)
 
 
@@ -217,25 +208,24 @@ def test_unknown_force_is_an_error_in_one_line(ambient, name):
 
 
 def test_noise_alone_is_refused_in_words():
-    values = np.full((2000, 4), np.nan)
-    values[:, :2] = np.random.default_rng(8).standard_normal((2000, 2))
-    found = maximum_likelihood(Recording(np.arange(2000) / 10, STATES, values), LINEAR, forced=())
+    noise = displacements(np.arange(2000) / 10, *np.zeros((2, 2000)), noise=1.0, seed=8)
+    found = maximum_likelihood(noise, LINEAR, forced=())
     assert found.status in ("refused", "approximate") and found.reason
 
 
-def of_one_coordinate(time, values=None, accelerations=None):
-    held = np.full((2, len(time), 2), np.nan)
-    held[0, :, 0] = np.nan if values is None else values
-    held[1, :, 1] = np.nan if accelerations is None else accelerations
-    rates = {} if accelerations is None else {"rates": held[1], "unknown_offsets": [False, True]}
-    return Recording(time, ("q_v", "dq_v"), held[0], **rates)
+def accelerated(recording, accelerations):
+    """As it is of accelerations alone, of an unknown offset."""
+    missing = np.full(recording.values.shape, np.nan)
+    rates = np.column_stack([missing[:, 0], accelerations])
+    return replace(recording, values=missing, rates=rates, unknown_offsets=[False, True])
 
 
 @pytest.mark.parametrize("of", ["values", "accelerations"])
 def test_a_swing_that_goes_on_by_itself_needs_no_random_force(of):
     time = np.arange(0.0, 40.0, 0.05)
-    swing = np.sin(4.4 * time) + 0.05 * np.random.default_rng(9).standard_normal(len(time))
-    recording = of_one_coordinate(time, **{of: swing})
+    recording = displacements(time, np.sin(4.4 * time), noise=0.05, seed=9)
+    if of == "accelerations":
+        recording = accelerated(recording, recording.values[:, 0])
     assert not maximum_likelihood(recording, library(2, 3)).is_forced
     told = maximum_likelihood(recording, library(2, 1), forced=())
     assert told.status == "refused"
@@ -244,20 +234,15 @@ def test_a_swing_that_goes_on_by_itself_needs_no_random_force(of):
 
 def test_a_weak_mode_that_is_missing_is_told():
     recording, _, _ = two_modes(2, shapes=((1, 0.3), (0, 1)))
-    alone = of_one_coordinate(recording.time, recording.values[:, 0])
+    alone = displacements(recording.time, recording.values[:, 0])
     found = maximum_likelihood(alone, library(2, 1), forced=())
     (other,) = found.resonances
     assert found.status == "ok"
     assert other.frequency == pytest.approx(2.0 * np.pi * 0.8, rel=0.01)
 
 
-def test_intervals_of_decay_are_skewed_and_open_where_little_is_told():
-    low, high = decay_interval(0.05, 0.007, 1000.0)
-    assert low < 0.05 < high
-    low, high = decay_interval(0.01, 0.006, 300.0)
-    assert low < 0.0 < high
-    wide = decay_interval(0.05, 0.02, 300.0)
-    assert wide[0] < decay_interval(0.05, 0.007, 1000.0)[0]
+def test_intervals_of_decay_are_open_where_little_is_told():
+    assert decay_interval(0.01, 0.006, 300.0)[0] < 0.0 < decay_interval(0.05, 0.007, 1000.0)[0]
     assert decay_interval(-0.1, 0.01, 300.0)[1] < 0.0
     assert decay_interval(1e-5, 0.003, 600.0)[1] < 0.03  # not wide beyond what an error explains
 
@@ -279,44 +264,40 @@ def test_intervals_of_decay_hold(swings):
     assert 0.93 <= held <= 0.98
 
 
+def sine(frequency, time):
+    return np.sin(2 * np.pi * frequency * time)
+
+
 def test_further_modes_that_gallop_are_named():
     time = np.arange(0.0, 100.0, 0.04)
-    rng = np.random.default_rng(12)
-    values = np.full((len(time), 2), np.nan)
-    values[:, 0] = np.sin(2 * np.pi * 0.4 * time) + 0.01 * rng.standard_normal(len(time))
-    assert unmodelled([Recording(time, ("q_v", "dq_v"), values)]) == ""
-    values[:, 0] += 0.3 * np.sin(2 * np.pi * 2.1 * time) + 0.3 * np.sin(2 * np.pi * 2.8 * time)
-    values[:, 0] += time**2 / 1000  # its mean drifts
-    said = unmodelled([Recording(time, ("q_v", "dq_v"), values)])
+    slow = displacements(time, sine(0.4, time), noise=0.01, seed=12)
+    assert unmodelled([slow]) == ""
+    moved = slow.values[:, 0] + 0.3 * sine(2.1, time) + 0.3 * sine(2.8, time)
+    moved += time**2 / 1000  # its mean drifts
+    said = unmodelled([displacements(time, moved)])
     assert said.endswith("q_v, which swings at 0.38 Hz, moves at 2.1, 2.8 Hz")  # in bins
-    rates = np.full_like(values, np.nan)
-    rates[:, 1] = np.gradient(np.gradient(values[:, 0], time), time)
-    alone = Recording(time, ("q_v", "dq_v"), np.full_like(values, np.nan), rates=rates)
+    alone = accelerated(slow, np.gradient(np.gradient(moved, time), time))
     assert unmodelled([alone]) == said
 
 
 @pytest.mark.parametrize("kept", [0.8, 0.95, 0.99])
 def test_noise_of_a_slow_colour_is_no_further_mode(kept):
-    time, values = np.arange(7500) / 25, np.full((7500, 2), np.nan)
-    values[:, 0] = lfilter([1.0], [1.0, -kept], np.random.default_rng(14).standard_normal(7500))
-    assert unmodelled([Recording(time, ("q_v", "dq_v"), values)]) == ""
+    noise = lfilter([1.0], [1.0, -kept], np.random.default_rng(14).standard_normal(7500))
+    assert unmodelled([displacements(np.arange(7500) / 25, noise)]) == ""
 
 
 def test_a_further_mode_that_is_damped_well_is_named():
-    rng, time = np.random.default_rng(15), np.arange(15000) / 25
-    values, turn = np.full((15000, 2), np.nan), 2.1 * 2 * np.pi / 25
-    poles = [1.0, -2 * np.exp(-0.05 * turn) * np.cos(turn), np.exp(-0.1 * turn)]
-    mode = lfilter([1.0], poles, rng.standard_normal(15000))
-    values[:, 0] = np.sin(2 * np.pi * 0.4 * time) + 0.2 * mode / mode.std()
-    assert "moves at" in unmodelled([Recording(time, ("q_v", "dq_v"), values)])
+    time = np.arange(15000) / 25
+    moved = sine(0.4, time) + 0.2 * swing(time, 2.1, 0.05, 15)
+    assert "moves at" in unmodelled([displacements(time, moved)])
 
 
 def test_gaps_are_no_further_modes():
-    rng, time = np.random.default_rng(13), np.arange(0.0, 400.0, 0.04)
-    values = np.full((len(time), 2), np.nan)
-    values[:, 0] = np.sin(2 * np.pi * 0.2 * time) + 0.03 * rng.standard_normal(len(time))
+    time, rng = np.arange(0.0, 400.0, 0.04), np.random.default_rng(13)
+    known = np.ones(len(time))
     for first in rng.integers(0, len(time), 40):
-        values[first : first + 100, 0] = np.nan
-    assert unmodelled([Recording(time, ("q_v", "dq_v"), values)]) == ""
-    values[:, 0] += 0.1 * np.sin(2 * np.pi * 2.1 * time)
-    assert "moves at 2.1 Hz" in unmodelled([Recording(time, ("q_v", "dq_v"), values)])
+        known[first : first + 100] = np.nan
+    for further, said in ((0.0, ""), (0.1, "moves at 2.1 Hz")):
+        moved = known * (sine(0.2, time) + further * sine(2.1, time))
+        told = unmodelled([displacements(time, moved, noise=0.03, seed=13)])
+        assert said in told and bool(told) == bool(said)
