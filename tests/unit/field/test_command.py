@@ -141,7 +141,6 @@ def test_a_refused_model_and_a_broken_mapping_are_told_in_one_line(tmp_path):
         ("holds no model; refused: nothing", "forecast", tmp_path / "model.json", SPAN),
         ("holds no model; refused: nothing", "simulate", tmp_path / "model.json"),
         ("map.yaml:2: ", "inspect", SPAN, "--map", tmp_path / "map.yaml"),
-        ("--map stands alone", "inspect", SPAN, *MAP, "--unit", "mm"),
         ("case.yaml:2: ", "derive", tmp_path / "case.yaml"),
     ):
         output = run(*options, code=1)

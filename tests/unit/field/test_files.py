@@ -122,12 +122,10 @@ def test_three_sensors_separate_the_first_mode_from_two_others(tmp_path):
 
 
 def test_a_delayed_channel_is_moved_to_when_it_was_true(tmp_path):
-    late = np.sin(2.6 * (TIME - 0.12))
-    path = write(tmp_path / "a.csv", pd.DataFrame({"t": TIME, "v": 1000 * V, "w": late}))
-    channels = [*MAPPING["channels"][:1],
-                {"column": "w", "measures": "q_w", "unit": "m", "delay": 0.12}]  # fmt: skip
-    mapping = validated({**MAPPING, "channels": channels})
-    read = recording(read_series(path, mapping), mapping)
+    vertical, horizontal = MAPPING["channels"]
+    channels = [vertical, {**horizontal, "delay": 0.12}]
+    frame = FRAME.assign(w=np.sin(2.6 * (TIME - 0.12)))
+    read = recorded(tmp_path / "a.csv", frame, channels=channels)
     both = np.isfinite(read.values[:, :2]).all(axis=1)
     assert both.sum() > 400
     np.testing.assert_allclose(read.values[both, 0], read.values[both, 1], atol=1e-9)
@@ -163,12 +161,8 @@ def test_quick_swings_and_gaps_are_no_outliers_and_what_a_sensor_missed_is_told(
 
 @pytest.mark.parametrize(("share", "said"), [(0.0, ["w"]), (0.3, [])])
 def test_a_sensor_that_shows_nothing_of_its_own_is_told(tmp_path, share, said):
-    rng = np.random.default_rng(3)
-    noises = 0.02 * rng.standard_normal((2, len(TIME)))
-    own = 1.7 * V + share * W
-    path = write(tmp_path / "a.csv", pd.DataFrame({"t": TIME, "v": 1000 * (V + noises[0]),
-                                                   "w": own + noises[1]}))  # fmt: skip
-    mapping = validated(MAPPING)
-    problems = quality(read_series(path, mapping), mapping)["problems"]
+    noises = 0.02 * np.random.default_rng(3).standard_normal((2, len(TIME)))
+    frame = FRAME.assign(v=1000 * (V + noises[0]), w=1.7 * V + share * W + noises[1])
+    problems = questioned(tmp_path / "a.csv", frame)["problems"]
     same = [one for one in problems if one["what"].startswith("shows only what 'v' shows, 1.7")]
     assert [one["column"] for one in same] == said

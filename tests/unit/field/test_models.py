@@ -29,17 +29,21 @@ STATES = ("q_v", "q_w", "dq_v", "dq_w")
 TERMS = library(4, 3)
 
 
+def mapped(channels, **more):
+    time = {"column": "t", "unit": "s"}
+    return validated({"time": time, "states": STATES, "channels": channels} | more)
+
+
 def mapping(**noise):
-    channels = [
-        {"column": q, "measures": q, "unit": "m", "noise": noise.get(q)} for q in STATES[:2]
-    ]
-    return validated({"time": {"column": "t", "unit": "s"}, "states": STATES, "channels": channels})
+    return mapped(
+        [{"column": q, "measures": q, "unit": "m", "noise": noise.get(q)} for q in STATES[:2]]
+    )
 
 
-def recorded(path, time, states, level=0.05, seed=4):
+def recorded(path, time, states):
     """A file of noisy displacements."""
     q = states[:, :2]
-    q = q + level * q.std(axis=0) * np.random.default_rng(seed).standard_normal(q.shape)
+    q = q + 0.05 * q.std(axis=0) * np.random.default_rng(4).standard_normal(q.shape)
     pd.DataFrame({"t": time, "q_v": q[:, 0], "q_w": q[:, 1]}).to_csv(path, index=False)
     return path
 
@@ -64,14 +68,14 @@ def test_a_span_gives_the_same_numbers_through_a_file_as_its_projected_sensors(t
     noisy = clean + 0.05 * clean.std(axis=0) * np.random.default_rng(7).standard_normal(clean.shape)
     states = combined(line, truth, noisy)
     states[:, 2:] = np.nan
-    places = [line.line.span * share for share in LAYOUTS[truth.sensors]]
-    columns = {(f"{q}_{k}", q, x): noisy[:, k, j] for k, x in enumerate(places)
-               for j, q in enumerate(STATES[:2])}  # fmt: skip
-    frame = {"t": time} | {name: values for (name, *_), values in columns.items()}
+    frame, channels = {"t": time}, []
+    for k, share in enumerate(LAYOUTS[truth.sensors]):
+        for j, q in enumerate(STATES[:2]):
+            frame[f"{q}_{k}"] = noisy[:, k, j]
+            about = {"measures": q, "unit": "m", "position": line.line.span * share}
+            channels.append({"column": f"{q}_{k}", **about})
     pd.DataFrame(frame).to_csv(tmp_path / "a.csv", index=False)
-    channels = [{"column": c, "measures": q, "unit": "m", "position": x} for c, q, x in columns]
-    mapped = {"time": {"column": "t", "unit": "s"}, "states": STATES, "channels": channels}
-    field = read_field([tmp_path / "a.csv"], validated(mapped | {"span": line.line.span}))
+    field = read_field([tmp_path / "a.csv"], mapped(channels, span=line.line.span))
     read, direct = (
         maximum_likelihood(one, TERMS)
         for one in (list(field.recordings), Recording(time, STATES, states))
@@ -131,9 +135,8 @@ def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):
         case, (start, _) = draw(generator(771203, "random line", number))
         line = model(coefficients(case)).on_library(TERMS)
         time = np.arange(7501) / 25.0
-        path = recorded(
-            tmp_path / "a.csv", time, Simulator(STATES, TERMS)(line, start, time).states
-        )
+        states = Simulator(STATES, TERMS)(line, start, time).states
+        path = recorded(tmp_path / "a.csv", time, states)
         held.append(tried(read_field([path], mapping())).held[:2])
     assert np.min(held) > 0.8 and 0.85 < np.mean(held) < 0.95
 
@@ -143,15 +146,10 @@ def test_accelerations_alone_are_forecast_with_the_displacements(tmp_path):
     time, states = motion.time[:30001:4], motion.states[:30001:4]
     rates = line(states)[:, 2:]
     noise = 0.05 * rates.std(axis=0) * np.random.default_rng(9).standard_normal(rates.shape)
-    columns = dict(zip(("t", "a", "b"), (time, *((rates + noise).T / 9.80665 + 0.02)), strict=True))
-    pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
-    channels = [
-        {"column": column, "measures": f"dd{q}", "unit": "g_n"}
-        for column, q in zip("ab", STATES[:2], strict=True)
-    ]
-    own = {"time": {"column": "t", "unit": "s"}, "states": STATES, "channels": channels}
-    field = read_field([tmp_path / "a.csv"], validated(own))
-    trial = tried(field)
+    measured = pd.DataFrame((rates + noise) / 9.80665 + 0.02, columns=["ddq_v", "ddq_w"])
+    measured.assign(t=time).to_csv(tmp_path / "a.csv", index=False)
+    channels = [{"column": ddq, "measures": ddq, "unit": "g_n"} for ddq in measured]
+    trial = tried(read_field([tmp_path / "a.csv"], mapped(channels)))
     ahead = trial.forecast
     assert ahead.names == (*STATES, "ddq_v", "ddq_w")
     assert np.isnan(trial.skill[:4]).all() and np.min(trial.skill[4:]) > 0.9

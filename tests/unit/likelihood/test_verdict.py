@@ -20,23 +20,24 @@ from galloping.recording import Recording
 
 TERMS = tuple((k,) for k in range(12))
 PROBLEM = posed(("x",), TERMS)
-PENALTY = 2.0 * np.log(2000)
+
+
+def verdict(
+    problem: Problem, columns: np.ndarray, observed: np.ndarray, start: list[int]
+) -> IdentifiedModel:
+    """Of a regression with unit noise, by selection from the terms `start`."""
+    information, right = columns.T @ columns, columns.T @ observed
+    penalty = 2.0 * np.log(len(columns))
+    worth = costs(problem.prior, problem.complexity, penalty)
+    starts = [np.isin(np.arange(columns.shape[1]), start)]
+    support = select(information, right, starts, worth)
+    largest = np.sqrt(np.mean(observed**2)) / np.sqrt(np.mean(columns**2, axis=0))
+    return judged(problem, Regression(information, right, support, penalty, largest))
 
 
 def verdict_on(true: np.ndarray, columns: np.ndarray, rng: np.random.Generator) -> IdentifiedModel:
     observed = columns @ true + rng.normal(size=len(columns))
-    information, right = columns.T @ columns, columns.T @ observed
-    support = select(information, right, [np.ones(len(true), bool)], PENALTY)
-    size = np.sqrt(np.mean(columns**2, axis=0))
-    largest = np.sqrt(np.mean(observed**2)) / size
-    return judged(PROBLEM, Regression(information, right, support, PENALTY, largest))
-
-
-def imitating(rng: np.random.Generator) -> np.ndarray:
-    columns = rng.normal(size=(2000, 12))
-    for k in range(1, 12):
-        columns[:, k] = columns[:, k - 1] + rng.choice([0.1, 0.3, 1.0]) * columns[:, k]
-    return columns
+    return verdict(PROBLEM, columns, observed, [*range(len(true))])
 
 
 def test_what_ok_claims_holds_and_the_unconditional_interval_covers() -> None:
@@ -44,7 +45,9 @@ def test_what_ok_claims_holds_and_the_unconditional_interval_covers() -> None:
     rng = np.random.default_rng(2024)
     sure = wrong = held = terms = 0
     for _ in range(200):
-        columns = imitating(rng)
+        columns = rng.normal(size=(2000, 12))
+        for k in range(1, 12):
+            columns[:, k] = columns[:, k - 1] + rng.choice([0.1, 0.3, 1.0]) * columns[:, k]
         size = 10.0 ** rng.uniform(-2.5, 0.5, 12)
         true = np.where(rng.random(12) < 0.4, size * rng.choice([-1.0, 1.0], 12), 0.0)
         result = verdict_on(true, columns, rng)
@@ -110,34 +113,25 @@ def alike(
     return problem, columns, 3.0 * columns[:, 1], rng.normal(size=rows)
 
 
-def chosen(problem: Problem, columns: np.ndarray, rates: np.ndarray) -> IdentifiedModel:
-    """By selection from the false term, and the verdict on it."""
-    information, right = columns.T @ columns, columns.T @ rates
-    penalty = 2.0 * np.log(len(rates))
-    start = np.isin(np.arange(6), [1, XY])
-    worth = problem.costs(penalty)
-    support = select(information, right, [start], worth)
-    size = np.sqrt(np.mean(columns**2, axis=0))
-    largest = np.sqrt(np.mean(rates**2)) / size
-    return judged(problem, Regression(information, right, support, penalty, largest))
+FALSE = [1, XY]  # x and the wrong one of two alike
 
 
 def test_between_terms_that_the_data_cannot_tell_apart_the_prior_takes_the_simpler() -> None:
     problem, columns, rates, noise = alike(Prior())
     rates = rates + 0.5 * (columns[:, Y] + columns[:, XY]) + noise  # as much for each
-    result = chosen(problem, columns, rates)
+    result = verdict(problem, columns, rates, FALSE)
     assert np.flatnonzero(result.support[0]).tolist() == [1, Y]
     assert result.status == "ok"
     assert "the data alone cannot tell y in d(x)/dt from x y in d(x)/dt" in result.reason
     assert "the prior prefers the simpler terms" in result.reason
     without, *_ = alike(None)
-    result = chosen(without, columns, rates)
+    result = verdict(without, columns, rates, FALSE)
     assert result.status == "not identifiable" and "the data cannot tell" in result.reason
 
 
 def test_the_prior_yields_to_the_data() -> None:
     problem, columns, rates, noise = alike(Prior(), 4000)
-    result = chosen(problem, columns, rates + 3.0 * columns[:, XY] + noise)
+    result = verdict(problem, columns, rates + 3.0 * columns[:, XY] + noise, FALSE)
     assert np.flatnonzero(result.support[0]).tolist() == [1, XY]
     assert (result.status, result.reason) == ("ok", "")
 
@@ -146,9 +140,8 @@ def test_a_simple_term_that_the_data_would_not_show_is_never_under_an_ok() -> No
     problem, columns, rates, noise = alike(Prior())
     columns[:, Y] *= 0.2  # of little effect on rates unless its coefficient is large
     columns[:, XY] = np.random.default_rng(1).normal(size=400)
-    few = slice(40)
-    assert chosen(problem, columns, rates + noise).status == "ok"
-    result = chosen(problem, columns[few], (rates + noise)[few])
+    assert verdict(problem, columns, rates + noise, FALSE).status == "ok"
+    result = verdict(problem, columns[:40], (rates + noise)[:40], FALSE)
     assert np.flatnonzero(result.support[0]).tolist() == [1]
     assert result.status == "not identifiable"
     assert "in d(x)/dt may be missing: the data would not show" in result.reason
