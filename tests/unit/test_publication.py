@@ -14,16 +14,7 @@ import yaml
 
 from galloping.configuration.load import load, plain
 from galloping.publication import archive
-from galloping.publication.archive import (
-    MANIFEST,
-    NotRestorable,
-    changed_settings,
-    faults,
-    pack,
-    restore,
-    unpack,
-    write_manifest,
-)
+from galloping.publication.archive import MANIFEST, NotRestorable, faults, pack, restore, unpack
 from galloping.publication.publishing import files, obstacles
 from galloping.reproducibility import repair
 from galloping.reproducibility.digest import Commit, commit
@@ -85,18 +76,7 @@ def cut(path):
     path.write_bytes(path.read_bytes()[:-30])
 
 
-NAMES = (
-    "/etc/passwd",
-    "../a",
-    "a/../../b",
-    "a//b",
-    "a/",
-    "C:/a",
-    "a\\b",
-    "a/.git",
-    "naïve",
-    "a\0b",
-)
+NAMES = "/etc/passwd", "../a", "a/../../b", "a//b", "a/", "C:/a", "a\\b", "a/.git", "naïve", "a\0b"
 REFUSED = [
     *((lambda p, n=n: zipped(p, (n, "1"), ("fine", "1")), "not a plain path", 0) for n in NAMES),
     (lambda p: zipped(p, ("a", "123"), ("b", "456")), "2 files of 6 bytes; at most .* of 5", 0),
@@ -182,15 +162,23 @@ def published(tmp_path, monkeypatch):
         (folder / "receipts.json").write_text(json.dumps([asdict(r) for r in made_here().values()]))
     settings = plain(load({"results": RESULTS}))
     (folder / "configuration.yaml").write_text(yaml.safe_dump(settings))
-    write_manifest(folder)
+    archive.write_manifest(folder)
     return folder
 
 
 def archived(folder):
     (folder / MANIFEST).unlink()
-    write_manifest(folder)
+    archive.write_manifest(folder)
     pack(folder, folder.with_suffix(".zip"))
     return folder.with_suffix(".zip")
+
+
+def forged(folder, number, **changes):
+    """The archive, with other entries in one of its receipts."""
+    made = json.loads((folder / "receipts.json").read_text())
+    made[number] |= changes
+    (folder / "receipts.json").write_text(json.dumps(made))
+    return archived(folder)
 
 
 @pytest.mark.parametrize(
@@ -218,11 +206,8 @@ def test_faults_of_a_manifest_are_named(published, line, fault):
     ],
 )
 def test_receipts_that_reach_outside_are_refused(published, changes, fault):
-    made = json.loads((published / "receipts.json").read_text())
-    made[0] |= changes
-    (published / "receipts.json").write_text(json.dumps(made))
     with pytest.raises(NotRestorable, match=fault):
-        list(restore(archived(published), plan()))
+        list(restore(forged(published, 0, **changes), plan()))
     assert present() == {}
 
 
@@ -240,9 +225,9 @@ def test_results_that_contradict_their_records_are_named(published):
 
 def test_settings_of_two_studies_are_compared():
     one, other = plain(load({})), plain(load({"results": "results/other"}))
-    assert list(changed_settings(one, other)) == []
+    assert list(archive.changed_settings(one, other)) == []
     other["measurement"]["replicates"] = 7
-    assert list(changed_settings(one, other)) == [
+    assert list(archive.changed_settings(one, other)) == [
         f"measurement.replicates: {one['measurement']['replicates']} in the archive, 7 here"
     ]
 
@@ -327,11 +312,8 @@ def test_a_forged_table_does_not_replace_what_was_computed_here(published, told)
         write_receipt(made)
     before = present()
     write(published, {TABLE: "case,r2\na,2\n"})  # and receipts and manifest made to agree
-    made = json.loads((published / "receipts.json").read_text())
-    made[-2]["sha256"] = digest(published / TABLE)
-    (published / "receipts.json").write_text(json.dumps(made))
-    forged = archived(published)
+    wrong = forged(published, -2, sha256=digest(published / TABLE))
     assert list(faults(published)) == []
     with pytest.raises(NotRestorable, match=r"r2: reference 2, found 1 .*\n.*has other numbers"):
-        list(restore(forged, plan(), replacing=True))
+        list(restore(wrong, plan(), replacing=True))
     assert present() == before and told == []

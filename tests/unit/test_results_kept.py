@@ -9,17 +9,9 @@ import pytest
 from snakemake.iocontainers import InputFiles, OutputFiles, Params
 
 from galloping.reproducibility import job, lock, repair
+from galloping.reproducibility import receipts as kept
 from galloping.reproducibility.plan import Plan, PlannedJob, duration_in_words, outlook
-from galloping.reproducibility.receipts import (
-    SEEN,
-    digest,
-    inspect,
-    read_receipt,
-    receipt_path,
-    receipts,
-    remember,
-    write_receipt,
-)
+from galloping.reproducibility.receipts import digest, read_receipt, receipt_path, receipts
 from galloping.reproducibility.repair import audit
 
 RESULTS = "results/mine"
@@ -75,8 +67,8 @@ def adopted(monkeypatch):
     return lambda study: (list(repair.adopt(study)), len(told))
 
 
-def look(**options):
-    return inspect(RESULTS, receipts(RESULTS), **options)
+def look():
+    return kept.inspect(RESULTS, receipts(RESULTS))
 
 
 # jobs
@@ -144,14 +136,14 @@ def same_size_and_times(path):
 @pytest.mark.parametrize("harm", [lambda p: os.truncate(p, 1), same_size_and_times])
 def test_what_is_not_as_its_receipt_says_is_named(harm):
     model, table, lost = make("models/a.json"), make("tables/t.csv"), make("tables/u.csv")
-    remember(RESULTS, look())
+    kept.remember(RESULTS, look())
     harm(Path(model))
     Path(lost).unlink()
     receipt_path(table).unlink()
     findings = look()
     assert (findings.damaged, findings.missing) == ((model,), (lost,))
     assert (findings.unknown, findings.new) == ((table,), ())
-    SEEN.unlink()
+    kept.SEEN.unlink()
     findings = look()
     assert (findings.damaged, findings.unknown, findings.new) == ((model,), (), (model,))
 
@@ -183,19 +175,26 @@ def test_files_are_set_aside_over_no_other():
     assert len(list(lock.clear_unfinished(RESULTS))) == 1 and not left.exists()
 
 
-def test_only_what_is_made_as_planned_is_adopted(adopted):
+def test_each_file_has_one_state_and_what_is_made_as_planned_is_adopted(adopted):
     model = make("models/a.json")
-    table = make("tables/t.csv", inputs=["models/a.json"])
-    other = make("tables/u.csv", settings=OTHER)
-    unknown = make("tables/v.csv")
-    receipt_path(unknown).unlink()
-    old = make("tables/w.csv")
-    names = ("models/a.json", "tables/t.csv", "tables/u.csv", "tables/v.csv")
-    (kept, aside), times = adopted(plan(*names, t=["models/a.json"]))
-    assert kept.startswith("2 files") and aside.startswith("3 files") and times == 1
-    assert Path(model).exists() and Path(table).exists()
-    assert not any(Path(path).exists() for path in (other, unknown, old))
-    assert set(receipts(RESULTS)) == {model, table, other}
+    sound = make("tables/sound.csv", inputs=["models/a.json"])
+    make("tables/outdated.csv", settings=OTHER)
+    old = make("tables/old.csv")
+    receipt_path(make("tables/unknown.csv")).unlink()
+    Path(make("tables/missing.csv")).unlink()
+    Path(make("tables/damaged.csv")).write_text("2\n")
+    names = ("sound", "damaged", "missing", "outdated", "unknown")
+    tables = [f"tables/{name}.csv" for name in names]
+    checked = audit(plan(*tables, sound=["models/a.json"]))
+    states = {name: getattr(checked, name) for name in names}
+    assert states == {name: (f"{RESULTS}/tables/{name}.csv",) for name in names}
+    assert [receipt.path for receipt in checked.left_over] == [model, old]
+    Path(*checked.damaged).unlink()  # as is done first
+    (adopting, aside), times = adopted(plan("models/a.json", *tables, sound=["models/a.json"]))
+    assert adopting.startswith("2 files") and aside.startswith("3 files") and times == 1
+    all_of_them = (model, old, *(path for (path,) in states.values()))
+    assert [path for path in all_of_them if Path(path).exists()] == [model, sound]
+    assert old not in receipts(RESULTS)
 
 
 def test_nothing_made_from_another_input_is_as_planned(folder):
@@ -224,7 +223,7 @@ def test_nothing_made_from_another_input_is_as_planned(folder):
 def test_a_file_left_elsewhere_stands_for_its_job_if_made_as_planned(adopted, settings):
     model = make("models/a.json", settings=settings)
     table = make("tables/t.csv", inputs=["models/a.json"])
-    write_receipt(replace(read_receipt(model), kept=False))
+    kept.write_receipt(replace(read_receipt(model), kept=False))
     Path(model).unlink()
     assert look().missing == ()
     study = plan("models/a.json", "tables/t.csv", t=["models/a.json"])
@@ -235,25 +234,6 @@ def test_a_file_left_elsewhere_stands_for_its_job_if_made_as_planned(adopted, se
     assert as_planned(study) == ([model, table] if same else [])
     adopted(study)
     assert Path(table).exists() == same
-
-
-# audit
-
-
-def test_each_file_has_one_state():
-    make("models/a.json")
-    make("tables/sound.csv", inputs=["models/a.json"])
-    Path(make("tables/damaged.csv")).write_text("2\n")
-    Path(make("tables/missing.csv")).unlink()
-    make("tables/outdated.csv", settings=OTHER)
-    receipt_path(make("tables/unknown.csv")).unlink()
-    left = make("tables/left_over.csv")
-    names = ("sound", "damaged", "missing", "outdated", "unknown")
-    checked = audit(plan(*(f"tables/{name}.csv" for name in names), sound=["models/a.json"]))
-    for name in names:
-        assert getattr(checked, name) == (f"{RESULTS}/tables/{name}.csv",)
-    assert [receipt.path for receipt in checked.left_over] == [f"{RESULTS}/models/a.json", left]
-    assert audit(plan("models/b.json")).missing == (f"{RESULTS}/models/b.json",)
 
 
 # what a run says before it begins
@@ -268,7 +248,7 @@ def timed():
     """A model that took a minute, a table of it that took two, and a report of the study."""
     made = make(NAMES[0]), make(NAMES[1], inputs=NAMES[:1]), make("report.html", settings=REPORT)
     for path, seconds in zip(made, (58.5, 118.5, 1.0), strict=True):
-        write_receipt(replace(read_receipt(path), seconds=seconds))
+        kept.write_receipt(replace(read_receipt(path), seconds=seconds))
 
 
 def told(model=SETTINGS, study=STUDY, cores=2):
