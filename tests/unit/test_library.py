@@ -40,8 +40,7 @@ def recording(**changes):
 def test_the_examples_of_the_library_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     failed, tried = doctest.testmod(galloping)
-    assert tried > 15
-    assert failed == 0
+    assert tried > 15 and failed == 0
 
 
 def test_the_examples_of_the_page_run(tmp_path, monkeypatch, capsys):
@@ -111,10 +110,9 @@ def test_what_is_printed_says_what_it_is_in_a_few_lines():
         "200 samples from 0 to 9.95 s, every 0.05 s\n"
         "measured: q (10 % missing), dq (10 % missing), ddq"
     )
-    assert repr(LINE) == (
-        "PolynomialModel of q, dq, 3 candidate terms\nd(q)/dt = 1 dq\nd(dq)/dt = -1 q"
-    )
-    assert repr(FOUND) == "IdentifiedModel of q, dq\nd(q)/dt = 1 dq\nd(dq)/dt = -1 q\nok"
+    equations = "d(q)/dt = 1 dq\nd(dq)/dt = -1 q"
+    assert repr(LINE) == f"PolynomialModel of q, dq, 3 candidate terms\n{equations}"
+    assert repr(FOUND) == f"IdentifiedModel of q, dq\n{equations}\nok"
     assert repr(MOTION) == "Trajectory: 200 samples of 2 states from 0 to 9.95 s, ok"
 
 
@@ -164,10 +162,10 @@ def test_type_checkers_see_what_is_there():
     package = Path(galloping.__file__).parent
     assert (package / "py.typed").exists()
     stub = ast.parse((package / "__init__.pyi").read_text())
-    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
     names = {
         alias.asname or alias.name: (node.module, alias.name)
-        for node in imports
+        for node in stub.body
+        if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
     [exported] = [node.value for node in stub.body if isinstance(node, ast.Assign)]
@@ -184,12 +182,7 @@ MOTION = galloping.Trajectory(TIME, VALUES, "ok")
 ENDED = galloping.Trajectory(TIME, VALUES, "diverged: far away")
 
 
-def fits(*arguments, **keywords):
-    galloping.weak_gls(*arguments, **keywords)
-
-
-def likely(*arguments, **keywords):
-    galloping.maximum_likelihood(*arguments, **keywords)
+fits, likely = galloping.weak_gls, galloping.maximum_likelihood
 
 
 # Calls, of which those of `fits` are tried with `likely` too, and the line that answers them.

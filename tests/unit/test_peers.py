@@ -59,7 +59,7 @@ def test_test_functions_are_those_of_pysindy(noisy, half, order):
     cells = [np.asarray(cell[0]) for cell in weak.inds_k]
     same = np.array([len(cell) == 2 * half + 1 for cell in cells])
     assert same.any()
-    centres = np.array([cell[half] for cell, chosen in zip(cells, same, strict=True) if chosen])
+    centres = np.array([cell[half] for cell in cells if len(cell) == 2 * half + 1])
     states, slopes = (
         Filtered(noisy, 2 * half + 1)(kernel, centres) for kernel in weak_form(half, order, STEP)
     )
@@ -114,22 +114,15 @@ def test_forward_models_take_the_best_next_term():
         assert models[step, taken] == pytest.approx(expected)
 
 
-def test_the_sparsest_within_one_standard_error_is_chosen():
+@pytest.mark.parametrize(("spread", "chosen"), [(1.0, 1), (0.1, 2)])
+def test_the_sparsest_within_one_standard_error_is_chosen(spread, chosen):
     supports = np.tri(4, 3, -1, dtype=bool)[np.newaxis]  # 0 to 3 terms
-    spread = np.array([-1.0, 1, -1, 1, 0])[:, np.newaxis, np.newaxis]
-    errors = np.array([90.0, 10.4, 10, 10]) + spread * np.array([0, 1.0, 0.1, 0])
-    assert Judged(supports, errors).chosen().tolist() == [1]
-    errors = np.array([90.0, 10.4, 10, 10]) + spread * np.array([0, 0.1, 0.1, 0])
-    assert Judged(supports, errors).chosen().tolist() == [2]
+    folds = np.array([-1.0, 1, -1, 1, 0])[:, np.newaxis, np.newaxis]
+    errors = np.array([90.0, 10.4, 10, 10]) + folds * np.array([0, spread, 0.1, 0])
+    assert Judged(supports, errors).chosen().tolist() == [chosen]
 
 
 # --- a noisy line ---
-
-
-@pytest.fixture
-def line(resonant):
-    (recording,) = recorded(moved(*resonant), seed=71)
-    return resonant[0].on_library(TERMS), reduce([recording], TERMS)
 
 
 def error(true, coefficients):
@@ -138,13 +131,13 @@ def error(true, coefficients):
     return np.mean(np.abs(coefficients[present] - right) / np.abs(right))
 
 
-def test_tuned_smoothing_is_better_than_a_spline_and_worse_than_the_oracle(line):
-    true, evidence = line
-    options = {"threshold": None, "path_length": 30}
-    tuned = stlsq.normalised(evidence, **options).model.coefficients
-    plain = stlsq.normalised(
-        Regressions(evidence.plain, evidence.plain), **options
-    ).model.coefficients
+def test_tuned_smoothing_is_better_than_a_spline_and_worse_than_the_oracle(resonant):
+    (recording,) = recorded(moved(*resonant), seed=71)
+    true, evidence = resonant[0].on_library(TERMS), reduce([recording], TERMS)
+    tuned, plain = (
+        stlsq.normalised(each, threshold=None, path_length=30).model.coefficients
+        for each in (evidence, Regressions(evidence.plain, evidence.plain))
+    )
     assert error(true, tuned) < 0.6 * error(true, plain)
     models = alternatives(evidence, PATHS["stlsq"](30))
     assert error(true, oracles(true, models)[0]) < error(true, tuned)
@@ -179,14 +172,9 @@ def test_the_oracle_is_never_worse_than_what_was_chosen():
     scores = pd.DataFrame(
         scored(method, k, 10 + k, 1, 0.5) for method in ("stlsq", "ours") for k in range(4)
     )
-    best = pd.DataFrame(
-        row
-        for k in range(3)
-        for row in (
-            scored("stlsq", k, 3 + k, 5, -np.inf, choice="least error"),
-            scored("stlsq", k, 20, 0, 0.4, choice="right terms"),
-        )
-    )
+    least = [scored("stlsq", k, 3 + k, 5, -np.inf, choice="least error") for k in range(3)]
+    right = [scored("stlsq", k, 20, 0, 0.4, choice="right terms") for k in range(3)]
+    best = pd.DataFrame(least + right)
     table = peers(scores, {"a cell": best}).set_index(["method", "setting"])
     numbers = ["mean_error_percent", "exact", "r2_q_v", "r2_q_w", "replicates"]
     assert table.loc[("stlsq", CHOSEN), numbers].tolist() == [12.5, 0, 0.5, 0.5, 4]

@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from galloping.storage import (
-    replacing,
-    replacing_folder,
-    write_rows,
-    write_text,
-)
+from galloping.storage import replacing, replacing_folder, write_rows, write_text
 
 
 def files(folder):

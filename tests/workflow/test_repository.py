@@ -43,9 +43,7 @@ def test_the_profiles_agree_and_that_for_slurm_names_every_rule(fresh):
     assert rules == set(slurm["set-resources"])
     assert rules | {"all"} == {line for line in listed.stdout.splitlines() if line.isidentifier()}
     shared = default.keys() & slurm.keys() - {"cores"}
-    assert len(shared) > 3 and {key: default[key] for key in shared} == {
-        k: slurm[k] for k in shared
-    }
+    assert len(shared) > 3 and [key for key in shared if default[key] != slurm[key]] == []
 
 
 # --- the order of the rooms in docs/architecture.md is the order of imports ---

@@ -36,11 +36,10 @@ FORCE = Input(TIME, multisine(TIME))
 GUSTS = Input(TIME, 12.0 + multisine(TIME, 1, 0.01, 0.4, 0.3))
 
 
-def recorded(model, inputs, start=(0.1, 0.0), seed=3, time=TIME, level=0.05, **changes):
-    motion = galloping.simulate(model, start, time, inputs)
-    assert motion.status == "ok"
-    recording = galloping.measure(model, motion, level=level, seed=seed, inputs=inputs)
-    return replace(recording, **changes)
+def recorded(model, inputs, time=TIME, **measured):
+    motion = galloping.simulate(model, (0.1, 0.0), time, inputs)
+    about = {"level": 0.05, "seed": 3, "inputs": inputs} | measured
+    return galloping.measure(model, motion, **about)
 
 
 def on(model, terms):
@@ -63,9 +62,7 @@ def test_a_driven_oscillator_is_found_at_the_bound(protocol):
         DUFFING.on_library(CUBIC), [0.1, 0.0], TIME, sigma, inputs={"F": FORCE}
     )
     for seed in range(8):
-        recording = galloping.measure(
-            DUFFING, motion, protocol=protocol, level=0.05, seed=seed, inputs={"F": FORCE}
-        )
+        recording = recorded(DUFFING, {"F": FORCE}, protocol=protocol, seed=seed)
         found = galloping.maximum_likelihood(recording, CUBIC)
         assert found.status == "ok"
         assert np.array_equal(found.support, support)
@@ -75,10 +72,7 @@ def test_a_driven_oscillator_is_found_at_the_bound(protocol):
 
 
 def test_exact_states_with_noisy_derivatives():
-    motion = galloping.simulate(LINE, [0.1, 0.0], TIME, {"U": GUSTS})
-    recording = galloping.measure(
-        LINE, motion, protocol="derivative", level=0.02, seed=1, inputs={"U": GUSTS}
-    )
+    recording = recorded(LINE, {"U": GUSTS}, protocol="derivative", level=0.02, seed=1)
     found = galloping.maximum_likelihood(recording, WIND_LIBRARY)
     support = unknown(on(LINE, WIND_LIBRARY))
     assert np.array_equal(found.support, support)
@@ -115,14 +109,13 @@ def test_stretches_without_the_input_do_not_count():
     values = np.array(FORCE.values)
     values[600:700] = np.nan
     recording = recorded(DUFFING, {"F": FORCE})
-    found = galloping.maximum_likelihood(
-        replace(recording, inputs={"F": Input(TIME, values)}), CUBIC
+    given = replace(recording, inputs={"F": Input(TIME, values)})
+    found, of_parts = (
+        galloping.maximum_likelihood(each, CUBIC)
+        for each in (given, [recording[:600], recording[700:]])
     )
-    parts = [recording[:600], recording[700:]]
     assert found.status == "ok"
-    assert found.model.coefficients == pytest.approx(
-        galloping.maximum_likelihood(parts, CUBIC).model.coefficients, rel=1e-3
-    )
+    assert found.model.coefficients == pytest.approx(of_parts.model.coefficients, rel=1e-3)
     assert found.initial_states.shape == (2, 2)
     assert found.diagnostics["without_inputs_share"] == pytest.approx(100 / 1601)
 
@@ -139,11 +132,8 @@ def test_what_no_model_follows_is_followed_best_when_it_runs_freely(seed):
     """Of a library that lacks a term in F^2 the model errs least over the whole recording, whether
     its segments could be joined or not, and says less of it than if what it misses were white.
     """
-    odd = replace(
-        DUFFING,
-        terms=(*DUFFING_TERMS, (0, 0, 2)),
-        coefficients=np.hstack([DUFFING.coefficients, [[0.0], [0.03]]]),
-    )
+    rows = np.hstack([DUFFING.coefficients, [[0.0], [0.03]]])
+    odd = replace(DUFFING, terms=(*DUFFING_TERMS, (0, 0, 2)), coefficients=rows)
     recording = recorded(odd, {"F": Input(TIME, multisine(TIME, seed))}, level=0.002)
     found = galloping.maximum_likelihood(recording, DUFFING_TERMS)
     assert found.status == "approximate"
@@ -169,16 +159,13 @@ def test_what_no_model_follows_is_followed_best_when_it_runs_freely(seed):
 
 @pytest.mark.parametrize("protocol", ["state", "derivative"])
 def test_single_coefficients_are_fixed_or_bounded(protocol):
-    motion = galloping.simulate(DUFFING, [0.1, 0.0], TIME, {"F": FORCE})
-    recording = galloping.measure(
-        DUFFING, motion, protocol=protocol, level=0.1, seed=2, inputs={"F": FORCE}
-    )
-    free = galloping.maximum_likelihood(recording, CUBIC)
+    recording = recorded(DUFFING, {"F": FORCE}, protocol=protocol, level=0.1, seed=2)
     stiffness, cubic, odd = (CUBIC.index(term) for term in ((1, 0, 0), (3, 0, 0), (1, 1, 0)))
 
-    fixed = galloping.maximum_likelihood(
-        recording, CUBIC, coefficients=[Coefficient("dy", (3, 0, 0), -0.7)]
-    )
+    def told(*coefficients):
+        return galloping.maximum_likelihood(recording, CUBIC, coefficients=coefficients)
+
+    free, fixed = told(), told(Coefficient("dy", (3, 0, 0), -0.7))
     assert fixed.model.coefficients[1, cubic] == -0.7
     assert fixed.standard_errors[1, cubic] == 0.0
     assert fixed.standard_errors[1, stiffness] < 0.7 * free.standard_errors[1, stiffness]
@@ -187,18 +174,15 @@ def test_single_coefficients_are_fixed_or_bounded(protocol):
     assert not fixed.covariance[row].any()
 
     deviation = free.standard_errors[1, cubic]
-    bounded = galloping.maximum_likelihood(
-        recording, CUBIC, coefficients=[Coefficient("dy", (3, 0, 0), -0.7, deviation)]
-    )
+    bounded = told(Coefficient("dy", (3, 0, 0), -0.7, deviation))
     middle = (free.model.coefficients[1, cubic] - 0.7) / 2.0  # two statements as sure
     assert bounded.model.coefficients[1, cubic] == pytest.approx(middle, abs=0.05 * deviation)
     assert bounded.standard_errors[1, cubic] == pytest.approx(deviation / np.sqrt(2.0), rel=0.05)
 
-    small = Coefficient("dy", (1, 1, 0), 0.0, 1e-4)  # not told by the data, yet not left out
-    told = galloping.maximum_likelihood(recording, CUBIC, coefficients=[small])
-    assert told.support[1, odd]
-    assert told.standard_errors[1, odd] == pytest.approx(1e-4, rel=0.05)
-    assert np.array_equal(told.support.sum(), free.support.sum() + 1)
+    # not told by the data, yet not left out
+    small = told(Coefficient("dy", (1, 1, 0), 0.0, 1e-4))
+    assert small.support[1, odd] and small.support.sum() == free.support.sum() + 1
+    assert small.standard_errors[1, odd] == pytest.approx(1e-4, rel=0.05)
 
 
 def test_terms_are_sought_where_they_are_allowed():

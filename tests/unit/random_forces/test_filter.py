@@ -48,23 +48,12 @@ def test_critical_damping_cannot_be_told_apart():
         discretised(np.array([[0.0, 1.0], [-1.0, -2.0]]), np.eye(2), np.array([1.0]))
 
 
-def test_times_are_steps_of_few_lengths():
-    time = np.array([5.0, 5.1, 5.2, 5.5, 5.6])
-    steps = Steps.between(time)
-    assert steps.of[0] == -1
-    np.testing.assert_allclose(steps.lengths[steps.of[1:]], np.diff(time))
-    assert len(steps.lengths) == 2
-
-
 @pytest.mark.parametrize("missing", [0.0, 0.3])
 @pytest.mark.parametrize("regular", [True, False])
 def test_likelihood_is_that_of_all_samples_together(missing, regular):
     rng = np.random.default_rng(3)
     time = np.arange(40) * 0.1 if regular else np.sort(rng.uniform(0.0, 4.0, 40))
-    sensing, noise = (
-        np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], SYSTEM[2]]),
-        np.array([0.1, 0.2, 0.5]),
-    )
+    sensing, noise = np.vstack([np.eye(2, 4), SYSTEM[2]]), np.array([0.1, 0.2, 0.5])
     first = np.diag([1.0, 2.0, 3.0, 4.0])
     samples = rng.standard_normal((40, 3))
     samples[rng.random((40, 3)) < missing] = np.nan
@@ -109,16 +98,24 @@ def test_settled_gains_change_nothing():
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11)
 
 
+def linear(system):
+    return PolynomialModel(STATES, library(4, 1), np.hstack([np.zeros((4, 1)), system]))
+
+
+def tracker(model, recording, slow=(0.0, 0.0), **means):
+    white = np.diag([0.0, 0.0, 1e-4, 1e-4])
+    forces = Forces(white, np.diag([0.0, 0.0, *slow]), np.full(4, 0.3))
+    size = np.tile(recording.values[:, :2].std(axis=0), 2) * np.array([1, 1, 4, 4])
+    return Tracker(model, forces, Channels.of([recording]), 0.05 * size[:2], size, means)
+
+
 def test_extended_filter_of_a_linear_system_is_that_of_kalman():
     recording, _, system = two_modes(4, duration=60.0)
-    slow = np.diag([0.0, 0.0, 1e-4, 2e-4])
-    forces = Forces(np.diag([0.0, 0.0, 1e-4, 1e-4]), slow, np.full(4, 0.3))
-    model = PolynomialModel(STATES, library(4, 1), np.hstack([np.zeros((4, 1)), system]))
-    size = np.tile(recording.values[:, :2].std(axis=0), 2) * np.array([1, 1, 4, 4])
-    follow = Tracker(model, forces, Channels.of([recording]), 0.05 * size[:2], size)
+    follow = tracker(linear(system), recording, slow=(1e-4, 2e-4))
     data = Data(recording.values[:, :2], Steps.between(recording.time))
     exact, other = follow.over(data), follow.extended(data, np.zeros((0, 2), np.int64))[0]
-    np.testing.assert_allclose(other.innovations, exact.innovations, atol=1e-3 * size[0])
+    atol = 1e-3 * np.std(data.samples[:, 0])
+    np.testing.assert_allclose(other.innovations, exact.innovations, atol=atol)
     np.testing.assert_allclose(other.variances[9:], exact.variances[9:], rtol=1e-4)
 
 
@@ -145,21 +142,14 @@ def test_a_known_force_is_added_to_the_motion():
     fine = np.linspace(0.0, time[-1], 20 * (len(time) - 1) + 1)
     push = np.array([[0.0], [0.0], [0.2], [-0.1]])
     response = lsim((system, push, np.eye(4), np.zeros((4, 1))), force(fine), fine)[1][::20]
-    unmoved = PolynomialModel(STATES, library(4, 1), np.hstack([np.zeros((4, 1)), system]))
+    unmoved = linear(system)
     terms = (*((*term, 0) for term in unmoved.terms), (0, 0, 0, 0, 1))
     driven = PolynomialModel(STATES, terms, np.hstack([unmoved.coefficients, push]), ("F",))
-    forces = Forces(np.diag([0.0, 0.0, 1e-4, 1e-4]), np.zeros((4, 4)), np.ones(4))
-    size = np.tile(recording.values[:, :2].std(axis=0), 2) * np.array([1, 1, 4, 4])
-    channels, none = Channels.of([recording]), np.zeros((0, 2), np.int64)
-    left = []
-    for model, added, inputs in ((unmoved, 0.0, ()), (driven, response[:, :2], (force,))):
-        follow = Tracker(
-            model, forces, channels, 0.05 * size[:2], size, {"F": 0.0} if inputs else {}
-        )
-        data = Data(recording.values[:, :2] + added, Steps.between(time, inputs))
-        left.append(follow.extended(data, none)[0])
+    follow = tracker(driven, recording, F=0.0)
+    samples, none = recording.values[:, :2], np.zeros((0, 2), np.int64)
+    own = tracker(unmoved, recording).extended(Data(samples, Steps.between(time)), none)[0]
+    moved = Data(samples + response[:, :2], Steps.between(time, (force,)))
+    found, atol = follow.extended(moved, none)[0], 1e-4 * np.std(samples[:, 0])
     assert not follow.is_linear
-    for one, other in zip(
-        *[(each.innovations[9:], each.variances[9:]) for each in left], strict=True
-    ):
-        np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-4 * size[0])
+    np.testing.assert_allclose(found.innovations[9:], own.innovations[9:], rtol=1e-4, atol=atol)
+    np.testing.assert_allclose(found.variances[9:], own.variances[9:], rtol=1e-4, atol=atol)

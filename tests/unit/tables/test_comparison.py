@@ -6,21 +6,8 @@ import io
 import pandas as pd
 import pytest
 
-from galloping.tables.comparison import (
-    AGREES,
-    COLUMNS,
-    DIFFERENCE_COLUMNS,
-    DIFFERS,
-    NO_REFERENCE,
-    REASONS,
-    SUMMARY_COLUMNS,
-    Origin,
-    compare_study,
-    compare_tables,
-    describe,
-    read_origin,
-    table_differences,
-)
+from galloping.tables import comparison
+from galloping.tables.comparison import AGREES, DIFFERS, NO_REFERENCE, REASONS, Origin
 
 TABLE = """case,method,level,r2,value,verdict
 a,stlsq,0.05,0.9,0,ok
@@ -35,7 +22,7 @@ def table(text=TABLE, **options):
 
 
 def changes(text):
-    found = compare_tables(table(), table(text))
+    found = comparison.compare_tables(table(), table(text))
     return [tuple(row) for row in found[["row", "column", "reference", "found"]].to_numpy()]
 
 
@@ -47,8 +34,8 @@ def test_a_table_agrees_with_itself_in_any_order_and_form():
         (table(), table(dtype=str, keep_default_na=False)),
         (twice, twice),
     ):
-        found = compare_tables(one, other)
-        assert len(found) == 0 and tuple(found.columns) == COLUMNS
+        found = comparison.compare_tables(one, other)
+        assert len(found) == 0 and tuple(found.columns) == comparison.COLUMNS
 
 
 @pytest.mark.parametrize(
@@ -60,7 +47,7 @@ def test_a_table_agrees_with_itself_in_any_order_and_form():
 )  # fmt: skip
 def test_numbers_agree_to_a_thousandth_or_a_millionth(reference, found, agrees):
     both = (table(TABLE.replace("0.9,", f"{value},")) for value in (reference, found))
-    assert compare_tables(*both)["column"].to_list() == ([] if agrees else ["r2"])
+    assert comparison.compare_tables(*both)["column"].to_list() == ([] if agrees else ["r2"])
 
 
 @pytest.mark.parametrize(
@@ -96,13 +83,15 @@ def test_rows_and_columns_that_one_table_lacks_are_named():
 
 
 def test_a_difference_in_words_and_rows_about_the_same_by_their_order():
-    found = compare_tables(table(), table(TABLE.replace("0.9,", "1,").replace("refused", "ok")))
-    assert [describe(row) for _, row in found.iterrows()] == [
+    found = comparison.compare_tables(
+        table(), table(TABLE.replace("0.9,", "1,").replace("refused", "ok"))
+    )
+    assert [comparison.describe(row) for _, row in found.iterrows()] == [
         "case=a, method=stlsq, level=0.05, r2: reference 0.9, found 1.0 (allowed 0.0009)",
         "case=b, method=stlsq, level=0.05, verdict: reference refused, found ok",
     ]
     twice = TABLE.replace("lasso", "stlsq")
-    found = compare_tables(table(twice), table(twice.replace("0.8,1", "0.7,1")))
+    found = comparison.compare_tables(table(twice), table(twice.replace("0.8,1", "0.7,1")))
     assert found["row"].tolist() == ["case=a, method=stlsq, level=0.05, row 2"]
 
 
@@ -112,9 +101,9 @@ def test_the_first_differences_of_two_folders_are_told(tmp_path):
     for folder, value in ((archived, "1"), (here, "2")):
         (folder / "tables").mkdir(parents=True)
         (folder / "tables/t.csv").write_text("case,r2\n" + rows.replace("{}", value))
-    assert list(table_differences(here, here)) == []
+    assert list(comparison.table_differences(here, here)) == []
     (here / "tables/u.csv").touch()
-    lines = list(table_differences(archived, here))
+    lines = list(comparison.table_differences(archived, here))
     assert lines[0] == "tables/t.csv: case=a, r2: reference 1, found 2 (allowed 0.001)"
     assert lines[-2:] == ["tables/t.csv: 2 more differences", "tables/u.csv: not in the archive"]
 
@@ -131,8 +120,11 @@ def noise(*values):
 def compare(found, settings=SETTINGS, processor="one"):
     """(summary by table, differences) of tables beside a reference with the table `noise`."""
     made, present = Origin(SETTINGS, "one"), Origin(settings, processor)
-    summary, differences = compare_study({"noise": noise(0.5, 0.9)}, made, found, present)
-    assert tuple(summary) == SUMMARY_COLUMNS and tuple(differences) == DIFFERENCE_COLUMNS
+    summary, differences = comparison.compare_study(
+        {"noise": noise(0.5, 0.9)}, made, found, present
+    )
+    assert tuple(summary) == comparison.SUMMARY_COLUMNS
+    assert tuple(differences) == comparison.DIFFERENCE_COLUMNS
     assert list(summary["table"]) == ["settings", "processor", *found]
     rows = summary.to_dict("records")
     return {row["table"]: row for row in rows}, differences.to_dict("records")
@@ -199,7 +191,9 @@ def test_another_processor_is_named_and_may_be_the_reason():
 
 
 def test_what_cannot_be_compared_does_not_stop_the_study():
-    summary, differences = compare_study({}, None, {"noise": noise(1)}, Origin(SETTINGS, "one"))
+    summary, differences = comparison.compare_study(
+        {}, None, {"noise": noise(1)}, Origin(SETTINGS, "one")
+    )
     assert differences.empty and set(summary["verdict"]) == {NO_REFERENCE}
     summary, _ = compare({"noise": pd.DataFrame({"r2": [0.5, 0.6]})})
     assert summary["noise"]["verdict"] == (
@@ -212,4 +206,4 @@ def test_a_broken_reference_is_named(tmp_path, content):
     file = tmp_path / "origin.json"
     file.write_text(content)
     with pytest.raises(ValueError, match=r"origin\.json: does not say how the reference was made"):
-        read_origin(str(file))
+        comparison.read_origin(str(file))
