@@ -1,7 +1,6 @@
 """Which cells a study has, what is in its files, and scripts as functions without Snakemake."""
 
-import importlib.util
-from pathlib import Path
+import runpy
 
 import numpy as np
 import pytest
@@ -93,25 +92,17 @@ def test_a_sweep_does_not_read_what_it_varies(default):
 
 # --- scripts ---
 
-ROOT = Path(__file__).parents[2]
 
+def test_from_a_line_to_recordings_without_snakemake(cases, root, tmp_path):
+    def script(name):
+        """The function of a script, which has the script's name."""
+        return runpy.run_path(str(root / "workflow" / "scripts" / f"{name}.py"))[name]
 
-def script(name):
-    """The function of a script, which has the script's name."""
-    path = ROOT / "workflow" / "scripts" / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return getattr(module, name)
-
-
-def test_from_a_line_to_recordings_without_snakemake(cases, tmp_path):
     model, trajectory, recordings = (
         tmp_path / name
         for name in ("models/a.json", "trajectories/a.npz", "recordings/a/state/c.npz")
     )
-    line = cases["non_resonant"]
-    script("derive_model")(line, model)
+    script("derive_model")(cases["non_resonant"], model)
     releases = [{"q_v": 0.1, "q_w": 0.2, "dq_v": 0.0, "dq_w": 0.0}]
     script("simulate_line")(model, trajectory, releases, duration=20, sampling_rate=50)
     measurement = {

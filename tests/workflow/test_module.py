@@ -83,9 +83,9 @@ class User:
         (self.folder / "config.yaml").write_text(settings)
 
     def snakemake(self, *options, libraries=(), **environment):
-        paths = os.pathsep.join(str(path) for path in (self.folder / "lib", *libraries))
+        paths = os.pathsep.join(map(str, (self.folder / "lib", *libraries)))
         command = ("-m", "snakemake", "--cores", "2", *options)
-        return run(self.folder, *command, **{"PYTHONPATH": paths, **environment})
+        return run(self.folder, *command, PYTHONPATH=paths, **environment)
 
     def table(self, name):
         return pd.read_csv(self.folder / "study" / "tables" / f"{name}.csv")
@@ -98,20 +98,13 @@ def clone(root):
 
 
 @pytest.fixture(scope="module")
-def finished(clone, tmp_path_factory):
+def user(clone, tmp_path_factory):
     """A user who has run their workflow once."""
     user = User(tmp_path_factory.mktemp("user"))
     user.write(clone)
     run = user.snakemake()
     assert run.returncode == 0, run.stdout
     return user
-
-
-@pytest.fixture
-def user(finished, clone):
-    """The same, with the Snakefile and settings of that run."""
-    finished.write(clone)
-    return finished
 
 
 def test_it_runs_to_the_end_in_the_users_folder(user):

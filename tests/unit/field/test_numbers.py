@@ -54,11 +54,21 @@ def sure(model, share=1e-3, status="ok", **more):
     return IdentifiedModel(model, status, **given, **more)
 
 
-def recorded(wind=12.0, duration=300.0, seed=1):
-    time, states = files.motion(wind, duration)
+def recorded(wind=12.0, seed=1):
+    time, states = files.motion(wind)
     values = np.full(states.shape, np.nan)
     values[:, :2] = files.seen(states, seed)
     return Recording(time, files.STATES, values)
+
+
+def linear(stiffness, damping=(0.0, 0.0)):
+    """Two oscillators, the stiffness and the damping of each."""
+    rows = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag(stiffness), -np.diag(damping)]])
+    return PolynomialModel(files.STATES, library(4, 1)[1:], rows)
+
+
+def ahead_of(recording, identified, time):
+    return forecast(identified, recording, time, 25.0, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("by", [0.0, 6.0])
@@ -144,10 +154,7 @@ def test_the_band_at_an_instant_is_one_band(status):
     recording = recorded()
     identified = sure(files.line().on_library(TERMS), status=status, chi2=1.0)
     time = recording.time[-1] + np.arange(1, 400) / files.RATE
-    short, long = (
-        forecast(identified, recording, time[:count], 25.0, np.random.default_rng(0))
-        for count in (100, 399)
-    )
+    short, long = (ahead_of(recording, identified, time[:count]) for count in (100, 399))
     for name in ("low", "median", "high"):
         np.testing.assert_allclose(getattr(short, name), getattr(long, name)[:100], rtol=1e-9)
 
@@ -165,9 +172,7 @@ def test_a_model_that_does_not_follow_a_file_is_refused():
 def test_a_band_that_did_not_hold_is_widened_to_what_was_seen_or_gives_no_forecast():
     recording, identified = recorded(), sure(files.line().on_library(TERMS), 1e-5)
     seen, cut = recording.values[:, :2], 6500
-    ahead = forecast(
-        identified, recording[:cut], recording.time[cut:], 25.0, np.random.default_rng(0)
-    )
+    ahead = ahead_of(recording[:cut], identified, recording.time[cut:])
     samples = np.column_stack([seen, np.full((len(seen), 2), np.nan)])
     size = samples.std(axis=0)
     right = held_out(ahead, samples[cut:], size)
@@ -178,17 +183,14 @@ def test_a_band_that_did_not_hold_is_widened_to_what_was_seen_or_gives_no_foreca
     assert narrow.held[0] < 0.6 and again.held[:2] == pytest.approx(0.9, abs=0.01)
     told = with_factors(identified, narrow)
     later = recording.time[-1] + np.arange(1, 50) / files.RATE
-    plain, widened = (
-        forecast(each, recording, later, 25.0, np.random.default_rng(0))
-        for each in (identified, told)
-    )
+    plain, widened = (ahead_of(recording, each, later) for each in (identified, told))
     ratio = (widened.high - widened.low) / (plain.high - plain.low)
     assert ratio[:, 0] == pytest.approx(narrow.factors[0])
     ends = {end: getattr(ahead, end) - 6.0 * ahead.median for end in ("low", "median", "high")}
     lost = held_out(replace(ahead, **ends), samples[cut:], size)
     assert not lost.useful
     with pytest.raises(ValueError, match="gives no forecast"):
-        forecast(with_factors(identified, lost), recording, later, 25.0, np.random.default_rng(0))
+        ahead_of(recording, with_factors(identified, lost), later)
 
 
 @pytest.mark.parametrize(
@@ -219,12 +221,8 @@ def test_recordings_differ_where_models_of_each_miss_much_less(together, alone, 
 def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
     (recording,) = read(files.ambient(tmp_path / "a.csv")).recordings
     omega, ratio = 2 * np.pi * np.array([0.38, 0.21]), np.array([0.01, 0.02])
-    rows = np.block(
-        [[np.zeros((2, 2)), np.eye(2)], [-np.diag(omega**2), -np.diag(2 * ratio * omega)]]
-    )
-    linear = PolynomialModel(files.STATES, library(4, 1)[1:], rows)
-    start = np.array([[0.3, 0.3, 0.0, 0.0]])
-    found = IdentifiedModel(linear, "approximate", initial_states=start)
+    stable, start = linear(omega**2, 2 * ratio * omega), np.array([[0.3, 0.3, 0.0, 0.0]])
+    found = IdentifiedModel(stable, "approximate", initial_states=start)
     assert kept_up(found, [recording]) and wavers([recording], 4.0)
     motion = found.simulate(start[0], recording.time).states
     decay = replace(recording, values=np.where(np.isfinite(recording.values), motion, np.nan))
@@ -232,8 +230,7 @@ def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
     galloping = sure(files.line().on_library(TERMS))
     assert not kept_up(galloping, [recorded()]) and not unmoved(galloping)
     assert not wavers([recorded()], 4.0) and not wavers([decay], 4.0)
-    rows[2] = 0.0
-    still = PolynomialModel(files.STATES, library(4, 1)[1:], rows)
+    still = linear([0.0, omega[1] ** 2])
     assert unmoved(IdentifiedModel(still, "not identifiable")) == ["q_v"]
 
 
@@ -242,8 +239,7 @@ def test_a_motion_that_only_repeats_is_told_from_one_that_settles_or_beats():
     _, states = files.motion(12.0, 1500.0)
     assert only_repeats(exact, states[-1:], [recording], 2.4)
     assert not only_repeats(exact, np.array([files.RELEASE]), [recording], 2.4)
-    rows = np.block([[np.zeros((2, 2)), np.eye(2)], [np.diag([-6.0, -2.1]), np.zeros((2, 2))]])
-    beats = PolynomialModel(files.STATES, library(4, 1)[1:], rows)
+    beats = linear([6.0, 2.1])
     assert not only_repeats(beats, np.array([[0.3, 0.3, 0.0, 0.0]]), [recording], 2.4)
 
 

@@ -76,20 +76,14 @@ def test_a_saturated_sensor(share: float) -> None:
     assert_good(identify(values))
 
 
-def test_a_stuck_velocity_sensor_is_done_without() -> None:
-    values = measured()
-    values[:, 2] = 1.0
-    found = identify(values)
+def test_a_stuck_velocity_is_done_without_and_a_stuck_displacement_refused() -> None:
+    without, refused = measured(), measured()
+    without[:, 2] = refused[:, 0] = 1.0
+    found = identify(without)
     assert_good(found)
     assert np.isnan(found.sigma[0, 2])
-
-
-def test_a_stuck_displacement_sensor_is_refused() -> None:
-    values = measured()
-    values[:, 0] = 1.0
-    found = identify(values)
-    assert found.status == "refused"
-    assert "q_v is not measured" in found.reason
+    found = identify(refused)
+    assert found.status == "refused" and "q_v is not measured" in found.reason
 
 
 @pytest.mark.parametrize("method", [maximum_likelihood, weak_gls])
