@@ -6,6 +6,7 @@ each time, and harms it as loggers, cameras and hands do.
 
 from __future__ import annotations
 
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -22,6 +23,9 @@ STATES = ("q_v", "q_w", "dq_v", "dq_w")
 RATE = 25.0  # Hz
 NOISE = 0.02  # m, of a camera
 RELEASE = (0.4, 0.3, 0.0, 0.0)
+COMMAND = (sys.executable, "-c", "from galloping.cli import main; main()")
+EXAMPLES = Path(__file__).parents[1] / "examples"
+SPAN, MAP = EXAMPLES / "span.csv", ("--map", EXAMPLES / "span.yaml")
 
 
 def run(*arguments: object, code: int = 0) -> str:

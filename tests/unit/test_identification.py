@@ -55,9 +55,9 @@ def run(method, replicates, **options):
 
 
 @pytest.mark.parametrize(("method", "protocol"), COMBINATIONS)
-def test_exact_without_noise(simulated, method, protocol):
-    true = simulated[0].on_library(TERMS)
-    (found,) = run(method, recordings(simulated, protocol, level=0))
+def test_exact_without_noise(resonant, method, protocol):
+    true = resonant[0].on_library(TERMS)
+    (found,) = run(method, recordings(resonant, protocol, level=0))
     assert found.status != "refused"
     assert np.array_equal(found.model.coefficients != 0, true.support)
     ratio = found.model.coefficients[true.support] / true.coefficients[true.support]

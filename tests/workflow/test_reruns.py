@@ -24,8 +24,6 @@ PAGE = Path(__file__).parents[2] / "config" / "reruns.md"
 HEADER = ["| Edit | Rules that run again | Of which cells |", "| --- | --- | --- |"]
 FAMILIES = {method.family for method in METHODS}
 CELL = re.compile(r"(noise|points|joint)_[\d.]+")
-
-
 REPORT = "write_report"  # shows all of them, and is made again when one is
 
 
@@ -120,14 +118,6 @@ def upgraded(name: str) -> Edit:
     return edit
 
 
-def touched(*names: str) -> Edit:
-    def edit(folder):
-        for name in names:
-            (folder / name).touch()
-
-    return edit
-
-
 NEW_METHOD = """METHODS = (
     Method(
         name="ridge",
@@ -140,46 +130,43 @@ NEW_METHOD = """METHODS = (
     ),
 """
 
-EDITS = {
-    "the wind speed of the first case": settings(
-        "cases: {internal_resonance: {wind: {speed: 12.5}}}"),
-    "the wind speed of another case": settings("cases: {non_resonant: {wind: {speed: 12.5}}}"),
-    "an initial state of the first case": settings(
-        "cases: {internal_resonance: {initial_state: {q_v: 0.2}}}"),
-    "a case added": settings("cases: {strong_wind: {wind: {speed: 16}}}"),
-    "a noise level added between others": settings("measurement: {levels: [0, 0.03, 0.05]}"),
-    "a noise level added above the others": settings("measurement: {levels: [0, 0.05, 0.1]}"),
-    "a noise level removed": settings("measurement: {levels: [0]}"),
-    "the number of replicates": settings("measurement: {replicates: 3}"),
-    "the seed": settings("measurement: {seed: 1}"),
-    "a subset size added": settings("measurement: {subsets: {points: [1000, 2000]}}"),
-    "the noise level of the subsets": settings("measurement: {subsets: {level: 0.04}}"),
-    "a method added": settings(
-        "identification: {methods: [paper, stlsq, maximum_likelihood, lasso]}"),
-    "a method removed": settings("identification: {methods: [paper, stlsq]}"),
-    "the order of the methods": settings(
-        "identification: {methods: [maximum_likelihood, stlsq, paper]}"),
-    "two damping ratios swapped": settings(
-        "cases: {internal_resonance: {damping: {vertical: 0.0014, horizontal: 0.0016}}}"),
-    "the threshold of the paper's method": settings("identification: {paper: {threshold: 0.004}}"),
-    "a threshold of `stlsq`": settings("identification: {stlsq: {threshold: 0.01}}"),
-    "the degree of the library": settings("identification: {degree: 2}"),
-    "the steady window": settings("simulation: {steady_window: [210, 300]}"),
-    "the length of the record": settings("simulation: {duration: 310}"),
-    "the resolution of figures": settings("figures: {dpi: 100}"),
+SETTINGS = {
+    "the wind speed of the first case": "cases: {internal_resonance: {wind: {speed: 12.5}}}",
+    "the wind speed of another case": "cases: {non_resonant: {wind: {speed: 12.5}}}",
+    "an initial state of the first case":
+        "cases: {internal_resonance: {initial_state: {q_v: 0.2}}}",
+    "a case added": "cases: {strong_wind: {wind: {speed: 16}}}",
+    "a noise level added between others": "measurement: {levels: [0, 0.03, 0.05]}",
+    "a noise level added above the others": "measurement: {levels: [0, 0.05, 0.1]}",
+    "a noise level removed": "measurement: {levels: [0]}",
+    "the number of replicates": "measurement: {replicates: 3}",
+    "the seed": "measurement: {seed: 1}",
+    "a subset size added": "measurement: {subsets: {points: [1000, 2000]}}",
+    "the noise level of the subsets": "measurement: {subsets: {level: 0.04}}",
+    "a method added": "identification: {methods: [paper, stlsq, maximum_likelihood, lasso]}",
+    "a method removed": "identification: {methods: [paper, stlsq]}",
+    "the order of the methods": "identification: {methods: [maximum_likelihood, stlsq, paper]}",
+    "two damping ratios swapped":
+        "cases: {internal_resonance: {damping: {vertical: 0.0014, horizontal: 0.0016}}}",
+    "the threshold of the paper's method": "identification: {paper: {threshold: 0.004}}",
+    "a threshold of `stlsq`": "identification: {stlsq: {threshold: 0.01}}",
+    "the degree of the library": "identification: {degree: 2}",
+    "the steady window": "simulation: {steady_window: [210, 300]}",
+    "the length of the record": "simulation: {duration: 310}",
+    "the resolution of figures": "figures: {dpi: 100}",
+}  # fmt: skip
+MODULES = (
+    "physics/galerkin.py", "identification/sparse/stlsq.py", "evaluation/motion.py",
+    "figures/errors.py", "tables/table3.py", "storage.py",
+)  # fmt: skip
+OTHERS = {
     "a comment, or the order of two keys": replaced(
         "config/config.yaml",
         "  duration: 300 # s\n  sampling_rate: 100 # Hz\n",
         "  # a comment\n  sampling_rate: 1e2\n  duration: 300.0\n",
     ),
-    "a function body in `physics/galerkin.py`": statement_added("physics/galerkin.py"),
-    "a function body in `sparse/stlsq.py`": statement_added("identification/sparse/stlsq.py"),
-    "a function body in `evaluation/motion.py`": statement_added("evaluation/motion.py"),
-    "a function body in `figures/errors.py`": statement_added("figures/errors.py"),
     "a colour in `figures/style.py`": replaced(
         module("figures/style.py"), 'BAND = "#f2c46d"', 'BAND = "#f2c46e"'),
-    "a function body in `tables/table3.py`": statement_added("tables/table3.py"),
-    "a function body in `storage.py`": statement_added("storage.py"),
     "a script's own code: `rank_releases.py`": replaced(
         "workflow/scripts/rank_releases.py", "heights=HEIGHTS):\n", "heights=HEIGHTS):\n    pass\n"
     ),
@@ -206,14 +193,21 @@ EDITS = {
         "internal_resonance,spacers.mass,m_s,4.8,",
         "internal_resonance,spacers.mass,m_s,4.9,",
     ),
-    "a script, module, rule file or result touched": touched(
-        "workflow/scripts/derive_model.py",
-        module("physics/galerkin.py"),
-        "workflow/rules/simulate.smk",
-        "results/smoke/models/non_resonant.json",
-        "results/smoke/identified/non_resonant/state/joint_0.05/sparse.npz",
-    ),
+    "a script, module, rule file or result touched": lambda folder: [
+        (folder / name).touch()
+        for name in (
+            "workflow/scripts/derive_model.py",
+            module("physics/galerkin.py"),
+            "workflow/rules/simulate.smk",
+            "results/smoke/models/non_resonant.json",
+            "results/smoke/identified/non_resonant/state/joint_0.05/sparse.npz",
+        )
+    ],
 }  # fmt: skip
+EDITS = {row: settings(text) for row, text in SETTINGS.items()} | OTHERS
+for name in MODULES:
+    row = f"a function body in `{name.removeprefix('identification/')}`"
+    EDITS[row] = statement_added(name)
 
 
 # --- what the table says, and what Snakemake does ---

@@ -5,24 +5,19 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from field_files import run
+from field_files import COMMAND, MAP, SPAN, run
 from odd_files import QUESTIONED, READ, REFUSED, TIME, UNITS, V, W, lines, written
 
 from galloping import IdentifiedModel, PolynomialModel
 from galloping.cli import main
 from galloping.field import OUTPUTS, analysis
 from galloping.polynomial import library
-
-EXAMPLES = Path(__file__).parents[3] / "examples"
-SPAN, MAP = EXAMPLES / "span.csv", ("--map", EXAMPLES / "span.yaml")
-COMMAND = (sys.executable, "-c", "from galloping.cli import main; main()")
 
 
 @pytest.fixture(scope="module")

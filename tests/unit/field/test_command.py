@@ -3,12 +3,11 @@
 import csv
 import json
 import runpy
-from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from field_files import run
+from field_files import EXAMPLES, MAP, SPAN, run
 from lines import RESONANT
 
 from galloping import IdentifiedModel, Simulator, derive
@@ -20,8 +19,6 @@ from galloping.storage import write_text
 
 pytestmark = pytest.mark.xdist_group("examples")
 
-EXAMPLES = Path(__file__).parents[3] / "examples"
-SPAN, MAP = str(EXAMPLES / "span.csv"), ["--map", str(EXAMPLES / "span.yaml")]
 LIMIT_CYCLE = {"q_v": 1.125, "q_w": 2.215}  # m, of the continuous line after 1500 s
 
 

@@ -2,12 +2,12 @@
 
 import os
 import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
+from field_files import COMMAND, STATES
 from lines import RESONANT, simulate
 
 from galloping.field.advice import advice
@@ -25,7 +25,6 @@ from galloping.streams import generator
 from galloping.trials.real_lines import LAYOUTS, TRUTHS, combined, line_of, motion
 from galloping.trials.recorded_lines import draw
 
-STATES = ("q_v", "q_w", "dq_v", "dq_w")
 TERMS = library(4, 3)
 
 
@@ -166,9 +165,9 @@ def test_a_million_rows_need_no_two_gigabytes(tmp_path):
     states = Simulator(line.states, line.terms)(line, np.array([0.2, 0.1, 0, 0]), time).states
     path = recorded(tmp_path / "a.csv", time, states)
     process = subprocess.Popen(
-        [sys.executable, "-c", "from galloping.cli import main; main()", "identify", path,
-         "--time", "t", "--states", ",".join(STATES), "--measure", "q_v=q_v", "--measure",
-         "q_w=q_w", "--unit", "m", "--unit", "t=s", "--output", tmp_path / "out"],
+        [*COMMAND, "identify", path, "--time", "t", "--states", ",".join(STATES), "--unit", "m",
+         "--unit", "t=s", "--measure", "q_v=q_v", "--measure", "q_w=q_w",
+         "--output", tmp_path / "out"],
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     _, status, used = os.wait4(process.pid, 0)

@@ -28,7 +28,7 @@ def verdict(
     """Of a regression with unit noise, by selection from the terms `start`."""
     information, right = columns.T @ columns, columns.T @ observed
     penalty = 2.0 * np.log(len(columns))
-    worth = costs(problem.prior, problem.complexity, penalty)
+    worth = problem.costs(penalty)
     starts = [np.isin(np.arange(columns.shape[1]), start)]
     support = select(information, right, starts, worth)
     largest = np.sqrt(np.mean(observed**2)) / np.sqrt(np.mean(columns**2, axis=0))
