@@ -4,7 +4,6 @@ import os
 from pathlib import Path
 
 import hypothesis
-import pandas as pd
 import pytest
 from lines import simulate
 from threadpoolctl import threadpool_limits
@@ -62,34 +61,3 @@ def resonant():
 def root():
     """The repository."""
     return ROOT
-
-
-@pytest.fixture(scope="session")
-def hold_to_reference():
-    """Asserts that a study's tables have the numbers of its reference.
-
-    Where they should not have them any more, `make reference` takes the new ones.
-    """
-
-    def hold(tables, reference):
-        summary = pd.read_csv(tables / "reference_summary.csv").set_index("table")
-        differences = pd.read_csv(tables / "reference_differences.csv")
-        names = {path.stem for path in reference.glob("*.csv")}
-        assert names | {"settings", "processor"} == set(summary.index)
-        assert (summary["values_compared"] > 0).all()
-        verdicts = summary["verdict"]
-        assert verdicts["settings"] == "agrees"
-        if verdicts["processor"] == "agrees":
-            assert verdicts[verdicts != "agrees"].to_dict() == {}
-            assert differences.empty
-            assert summary["largest_difference_in_tolerances"].max() < 0.1
-        # Another processor rounds otherwise, which decides where the data cannot tell models apart,
-        # and the whole of motion that never repeats: the resonant line's from 12 m/s on.
-        assert not differences["verdict"].str.startswith("only").any()
-        chaotic = differences["row"].str.contains(r"\bcase=internal_resonance(?:,|$)")
-        chaotic &= differences["table"].isin(("resonance_map", "clearance", "measures"))
-        tables = differences.loc[~chaotic & (differences["table"] != "processor"), "table"]
-        share = tables.value_counts() / summary["values_compared"]
-        assert share[share > 0.05].to_dict() == {}
-
-    return hold

@@ -6,6 +6,7 @@ The bars are those of 20 replicates with the study's own seed, which no method w
 import numpy as np
 import pandas as pd
 import pytest
+from studies import hold_to_reference
 
 SPARSE = ["stlsq", "paper", "frols", "ensemble", "weak"]
 LINE = "internal_resonance"
@@ -146,5 +147,5 @@ def test_maximum_likelihood_beats_any_setting_of_pysindy(tables):
         assert ours[LINE, level] < best[LINE, level]
 
 
-def test_the_numbers_of_the_reference_come_out_again(root, hold_to_reference):
+def test_the_numbers_of_the_reference_come_out_again(root):
     hold_to_reference(root / "results" / "tables", root / "results" / "reference")

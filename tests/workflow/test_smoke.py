@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pandas as pd
 import pytest
-from studies import script
+from studies import hold_to_reference, script
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 
@@ -48,7 +48,7 @@ def test_a_bad_configuration_ends_in_one_line_and_writes_nothing(fresh, tmp_path
 # beside the reference
 
 
-def test_the_numbers_of_the_reference_come_out_again(study, root, hold_to_reference):
+def test_the_numbers_of_the_reference_come_out_again(study, root):
     hold_to_reference(study.results / "tables", root / "results" / "reference" / "smoke")
 
 
@@ -63,7 +63,7 @@ def edited(study, tmp_path_factory):
     return replace(edited, first=edited.snakemake())
 
 
-def test_another_reference_runs_the_comparison_alone_and_shows(edited, hold_to_reference):
+def test_another_reference_runs_the_comparison_alone_and_shows(edited):
     run = edited.first
     assert run.returncode == 0, run.stdout
     assert "3 of 3 steps (100%) done" in run.stdout  # the comparison, the report, the rule of all
