@@ -36,11 +36,9 @@ OSCILLATOR = PolynomialModel(
 )
 
 
-def recordings(simulated, protocol, level=0.05, points=None, replicates=1):
-    return recorded(
-        moved(*simulated), protocol=protocol, level=level, samples=points, replicates=replicates,
-        name=("a_case", protocol, "a_cell"),
-    )  # fmt: skip
+def recordings(simulated, protocol, points=None, **drawn):
+    name = ("a_case", protocol, "a_cell")
+    return recorded(moved(*simulated), protocol=protocol, samples=points, name=name, **drawn)
 
 
 def run(method, replicates, **options):
@@ -241,21 +239,19 @@ def test_a_motionless_recording_is_a_row_with_a_reason(resonant, method):
 
 @pytest.fixture(scope="module")
 def replicates():
-    """Three replicates of what each method takes, of a short record."""
-    noisy = recordings(simulate("internal_resonance"), "state", replicates=3)
-    short = [Recording(r.time[:6000], r.states, r.values[:6000]) for r in noisy]
-    return {method.name: short for method in METHODS}
+    """Three replicates of a short record."""
+    whole = recordings(simulate("internal_resonance"), "state", replicates=3)
+    return [recording[:6000] for recording in whole]
 
 
 @pytest.mark.parametrize("method", BY_NAME)
 def test_a_replicate_does_not_depend_on_how_many_there_are(replicates, method):
-    items = replicates[method]
-    assert run(method, items[:1]) == run(method, items[:2])[:1]
+    assert run(method, replicates[:1]) == run(method, replicates[:2])[:1]
 
 
 def test_bootstraps_are_drawn_by_position(replicates):
     # every replicate has its own draws: the same recording twice gives two models
-    item = replicates["ensemble"][0]
+    item = replicates[0]
     several = run("ensemble", [item] * 3, models=2)
     assert len(set(several)) > 1
     assert several[:1] == run("ensemble", [item], models=2)
@@ -279,7 +275,7 @@ def test_bagging_is_that_of_pysindy(resonant):
 def test_global_random_state_is_left_alone(replicates, method):
     np.random.seed(12)
     before = np.random.get_state()
-    run(method, replicates[method][:1])
+    run(method, replicates[:1])
     after = np.random.get_state()
     assert np.array_equal(before[1], after[1]) and before[2:] == after[2:]
 
