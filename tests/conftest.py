@@ -8,8 +8,6 @@ import pytest
 from lines import simulate
 from threadpoolctl import threadpool_limits
 
-from galloping.configuration.load import load, plain
-
 pytest_plugins = ["browser", "studies"]
 SLOW = (
     "Slow tests were not run, such as studies killed, damaged, grown, moved and published, and "
@@ -31,18 +29,6 @@ def one_thread():
     """As in the jobs of a study."""
     with threadpool_limits(1):
         yield
-
-
-@pytest.fixture
-def cases():
-    """The default cases as plain dicts."""
-    return plain(load({}))["cases"]
-
-
-@pytest.fixture
-def case(cases):
-    """The internally resonant line as a plain dict."""
-    return cases["internal_resonance"]
 
 
 @pytest.fixture(params=["internal_resonance", "non_resonant"])

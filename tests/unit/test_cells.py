@@ -4,6 +4,7 @@ import runpy
 
 import numpy as np
 import pytest
+from lines import CASES
 
 from galloping.configuration.load import load
 from galloping.results import Motion
@@ -93,7 +94,7 @@ def test_a_sweep_does_not_read_what_it_varies(default):
 # --- scripts ---
 
 
-def test_from_a_line_to_recordings_without_snakemake(cases, root, tmp_path):
+def test_from_a_line_to_recordings_without_snakemake(root, tmp_path):
     def script(name):
         """The function of a script, which has the script's name."""
         return runpy.run_path(str(root / "workflow" / "scripts" / f"{name}.py"))[name]
@@ -102,7 +103,7 @@ def test_from_a_line_to_recordings_without_snakemake(cases, root, tmp_path):
         tmp_path / name
         for name in ("models/a.json", "trajectories/a.npz", "recordings/a/state/c.npz")
     )
-    script("derive_model")(cases["non_resonant"], model)
+    script("derive_model")(CASES["non_resonant"], model)
     releases = [{"q_v": 0.1, "q_w": 0.2, "dq_v": 0.0, "dq_w": 0.0}]
     script("simulate_line")(model, trajectory, releases, duration=20, sampling_rate=50)
     measurement = {

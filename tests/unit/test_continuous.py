@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from lines import RESONANT
 from scipy.integrate import quad, solve_ivp
 from scipy.signal import welch
 
@@ -18,10 +19,6 @@ TIME = np.arange(30001) / 100
 BARE = {"reading": "custom", "vertical": [0.0, 0.0, 0.0], "horizontal": [0.0, 0.0, 0.0]}
 
 
-def mid_span(line, states):
-    return readings(line, states, [line.line.span / 2], "displacement")[:, 0]
-
-
 @pytest.mark.parametrize(
     ("modes", "aerodynamic", "frequency", "v", "w"),
     [
@@ -33,24 +30,25 @@ def mid_span(line, states):
         (9, "relative", 2.6423, 1.159, 1.861),
     ],
 )
-def test_line_on_more_and_more_modes(case, modes, aerodynamic, frequency, v, w):
-    line = continuous_line(case, modes, aerodynamic=aerodynamic)
+def test_line_on_more_and_more_modes(modes, aerodynamic, frequency, v, w):
+    line = continuous_line(RESONANT, modes, aerodynamic=aerodynamic)
     assert continuous.natural_modes(line, 0)[0][0] == pytest.approx(frequency, abs=6e-5)
-    motion = mid_span(line, simulate(line, release(line, (0.1, 0.1)), TIME))
-    assert np.ptp(motion[20000:], axis=0) / 2 == pytest.approx([v, w], abs=6e-4)
+    states = simulate(line, release(line, (0.1, 0.1)), TIME)
+    middle = readings(line, states[20000:], [line.line.span / 2], "displacement")[:, 0]
+    assert np.ptp(middle, axis=0) / 2 == pytest.approx([v, w], abs=6e-4)
 
 
-def test_one_pair_of_shapes_is_the_model_of_the_paper(case):
-    phi, psi = galerkin.modes(case, Line.from_case(case))
-    line = continuous.span(case, [phi], [psi])
+def test_one_pair_of_shapes_is_the_model_of_the_paper():
+    phi, psi = galerkin.modes(RESONANT, Line.from_case(RESONANT))
+    line = continuous.span(RESONANT, [phi], [psi])
     end = simulate(line, np.array([0.1, 0.1, 0.0, 0.0]), TIME)[-1]
     # the numbers of physics.md; the fixed step is good to a millionth after 300 s
     expected = [0.35202677, 1.81831793, -1.84807987, -0.88856756]
     assert end == pytest.approx(expected, abs=2e-6)
 
 
-def test_second_integrator_confirms(case):
-    line = continuous_line(case, 9, aerodynamic="relative", drag=0.05)
+def test_second_integrator_confirms():
+    line = continuous_line(RESONANT, 9, aerodynamic="relative", drag=0.05)
     start = release(line, (0.5, 0.5), antisymmetric=0.1)
     time = TIME[:6001]
 
@@ -65,14 +63,14 @@ def test_second_integrator_confirms(case):
     assert np.abs(states[-1] - other.y[:, -1]).max() < 1e-4 * np.abs(states).max()
 
 
-def test_eigenvalues_at_rest_in_the_wind(case):
-    values = continuous.eigenvalues(continuous_line(case, 9))[0]
+def test_eigenvalues_at_rest_in_the_wind():
+    values = continuous.eigenvalues(continuous_line(RESONANT, 9))[0]
     assert values[:3].real == pytest.approx([-0.00672, 0.01696, 0.01673], abs=6e-6)
     assert values[:3].imag == pytest.approx([1.3448, 2.6423, 2.6895], abs=6e-5)
 
 
-def test_energy_is_kept_without_wind_and_damping(case):
-    case = case | {"damping": {"vertical": 0.0, "horizontal": 0.0}}
+def test_energy_is_kept_without_wind_and_damping():
+    case = RESONANT | {"damping": {"vertical": 0.0, "horizontal": 0.0}}
     case["ice"] = BARE
     line = continuous_line(case, 5)
     states = simulate(line, release(line, (1.0, 2.0), antisymmetric=0.5), TIME[:3001])
@@ -87,20 +85,20 @@ def test_energy_is_kept_without_wind_and_damping(case):
     assert np.ptp(energy) < 1e-6 * energy[0]
 
 
-def test_antisymmetric_mode_gallops_once_disturbed(case):
-    line = continuous_line(case, 9)
+def test_antisymmetric_mode_gallops_once_disturbed():
+    line = continuous_line(RESONANT, 9)
     quiet = simulate(line, release(line, (0.1, 0.1)), TIME)
     disturbed = simulate(line, release(line, (0.1, 0.1), antisymmetric=0.01), TIME)
     assert np.abs(quiet[:, 1]).max() < 1e-6
     assert np.ptp(disturbed[25000:, 1]) > 10 * np.ptp(disturbed[:2500, 1])
 
 
-def test_static_drag_displaces_and_damps(case):
-    line = continuous_line(case, 3, aerodynamic="relative", drag=1.0)
+def test_static_drag_displaces_and_damps():
+    line = continuous_line(RESONANT, 3, aerodynamic="relative", drag=1.0)
     rest = continuous.equilibrium(line)
     assert np.abs(line.rates(rest, line.speed)).max() < 1e-9
     assert 0.9 < continuous.shapes_at(line, [150.0])[1] @ rest[3:6] < 1.3
-    case = case | {"ice": BARE}
+    case = RESONANT | {"ice": BARE}
     light = continuous_line(case, 1, aerodynamic="relative", drag=1e-3)
     both = (light, continuous_line(case, 1))
     growth = [continuous.eigenvalues(one)[0][0].real for one in both]
@@ -108,8 +106,8 @@ def test_static_drag_displaces_and_damps(case):
     assert growth[1] - growth[0] == pytest.approx(expected, rel=1e-3)
 
 
-def test_sensors_read_the_line_and_tell_the_first_modes_apart(case):
-    line = continuous_line(case, 3)
+def test_sensors_read_the_line_and_tell_the_first_modes_apart():
+    line = continuous_line(RESONANT, 3)
     states = simulate(line, release(line, (0.5, 0.5), antisymmetric=0.2), TIME[:2001])
     where = [share * line.line.span for share in continuous.QUARTERS]
     for quantity, half in (("displacement", 0), ("velocity", 2)):
@@ -124,10 +122,10 @@ def test_sensors_read_the_line_and_tell_the_first_modes_apart(case):
     assert acceleration[1:-1] == pytest.approx(slope, abs=1e-3 * np.abs(slope).max())
 
 
-def test_unknown_names_are_refused(case):
+def test_unknown_names_are_refused():
     with pytest.raises(ValueError, match="aerodynamics: steady is none of small_angle, relative"):
-        continuous_line(case, 1, aerodynamic="steady")
-    line = continuous_line(case, 1)
+        continuous_line(RESONANT, 1, aerodynamic="steady")
+    line = continuous_line(RESONANT, 1)
     with pytest.raises(ValueError, match="quantity: strain is none of"):
         readings(line, np.zeros((2, 4)), [10.0], "strain")
 
@@ -166,7 +164,7 @@ def test_wind_has_the_named_spectrum(name):
 # --- what two modes are worth ---
 
 
-def test_table_of_the_two_mode_model_and_lines(case, monkeypatch):
+def test_table_of_the_two_mode_model_and_lines(monkeypatch):
     monkeypatch.setattr(trial, "LIMIT_CYCLE", (250, 350))  # looked for earlier, for time
     lines = {
         "3 modes": trial.LineVariant(3),
@@ -174,8 +172,8 @@ def test_table_of_the_two_mode_model_and_lines(case, monkeypatch):
         "gusty": trial.LineVariant(3, intensity=0.05),
     }
     about = {"length_scale": 100, "spectrum": "kaimal", "seed": 1}
-    motions = {name: trial.line_motion(case, line, **about) for name, line in lines.items()}
-    table = trial.reduction(case, motions)
+    motions = {name: trial.line_motion(RESONANT, line, **about) for name, line in lines.items()}
+    table = trial.reduction(RESONANT, motions)
     assert table.shape[0] == 8
     table = table.set_index(["line", "direction"])
     model = table.loc["two modes"]
@@ -222,8 +220,8 @@ def test_gusts_are_drawn_and_count():
     assert np.abs(gusty.states - steady.states)[-1].max() > 1e-3
 
 
-def test_no_coefficient_is_true_but_the_motion_is_judged(cases):
-    line = model(coefficients(cases["internal_resonance"]))
+def test_no_coefficient_is_true_but_the_motion_is_judged():
+    line = model(coefficients(RESONANT))
     found = seen(modes=3)
     truth = Truth(line, SHORT, found.states, (20.0, 30.0), is_own_model=False)
     unbounded = np.full((1, *line.coefficients.shape), np.nan)

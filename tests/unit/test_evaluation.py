@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lines import recorded
+from lines import RESONANT, edited, recorded
 
 from galloping.evaluation import score as scores
 from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
@@ -176,8 +176,8 @@ def test_failures_are_rows_of_worst_values(truth, failure):
     assert left_out == {"intervals", "intervals_holding"}  # the method states none
 
 
-def test_a_term_that_the_library_lacks_is_missing(cases):
-    line = model(coefficients(cases["internal_resonance"]))
+def test_a_term_that_the_library_lacks_is_missing():
+    line = model(coefficients(RESONANT))
     terms = library(4, 2)
     union = extended(terms, line)
     assert union[: len(terms)] == terms
@@ -196,10 +196,10 @@ def test_a_term_that_the_library_lacks_is_missing(cases):
     assert rows.query("term == 'q_v^3'")["identified"].tolist() == [0.0]
 
 
-def test_a_line_that_does_not_gallop_has_no_amplitude_to_miss(cases):
-    calm = cases["internal_resonance"] | {"wind": {"speed": 0.5, "air_density": 1.25}}
+def test_a_line_that_does_not_gallop_has_no_amplitude_to_miss():
+    calm = edited(wind__speed=0.5)
     line = model(coefficients(calm))
-    assert gallops(model(coefficients(cases["internal_resonance"])))
+    assert gallops(model(coefficients(RESONANT)))
     assert not gallops(line)
     truth, other = short_truth(line), unjudged(line, 1.01 * line.coefficients)
     (motion,) = reconstruct(truth, [other])
@@ -210,8 +210,8 @@ def test_a_line_that_does_not_gallop_has_no_amplitude_to_miss(cases):
     }  # fmt: skip
 
 
-def test_a_line_that_diverges_is_a_row_with_its_reason(cases):
-    line = model(coefficients(cases["internal_resonance"]))
+def test_a_line_that_diverges_is_a_row_with_its_reason():
+    line = model(coefficients(RESONANT))
     time, states = np.arange(2001) / 100, np.full((2001, 4), np.nan)
     truth = Truth(line, time, states, (10, 20), "diverged: |x| exceeded 1000 at t = 3 s")
     with np.errstate(invalid="raise"):

@@ -160,11 +160,6 @@ def test_a_configured_threshold_is_used(resonant, method):
 # --- derivatives from samples ---
 
 
-def waves(time):
-    phases = 2 * np.pi * np.outer(time, [0.2, 0.43])
-    return np.sin(phases), 2 * np.pi * np.array([0.2, 0.43]) * np.cos(phases)
-
-
 @pytest.mark.parametrize("sigma", [np.zeros(2), np.array([0.05, 0.02])], ids=["exact", "noisy"])
 @pytest.mark.parametrize("sampling", ["regular", "irregular"])
 def test_smoothing_takes_out_noise_alone(sampling, sigma):
@@ -172,7 +167,8 @@ def test_smoothing_takes_out_noise_alone(sampling, sigma):
     time = np.arange(6001) / 100
     if sampling == "irregular":
         time = np.sort(rng.choice(time, 3000, replace=False))
-    values, slopes = waves(time)
+    omega = 2 * np.pi * np.array([0.2, 0.43])
+    values, slopes = np.sin(np.outer(time, omega)), omega * np.cos(np.outer(time, omega))
     noisy = values + sigma * rng.standard_normal(values.shape)
     smoothed, derivative, effective = differentiate(time, noisy)
     if not sigma.any():

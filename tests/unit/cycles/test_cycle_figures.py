@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from drawing import drawn
-from lines import START, edited, simulator
+from lines import RESONANT, START, edited, simulator
 from PIL import Image
 
 from galloping.cycles import rows
@@ -22,13 +22,13 @@ from galloping.physics import measures
 from galloping.physics.measures import FOOT, cigre, clearance, davison, ice_removal, pendulum, toye
 
 
-def test_diagram(case):
-    along = rows.line_diagram(case, "wind_speed", 4, 9, simulator())
-    simulated = rows.simulation_rows("line", case, "wind_speed", [4, 8], simulator())
+def test_diagram():
+    along = rows.line_diagram(RESONANT, "wind_speed", 4, 9, simulator())
+    simulated = rows.simulation_rows("line", RESONANT, "wind_speed", [4, 8], simulator())
     assert [row["kind"] for row in simulated] == ["rest", "cycle"]
     cycles = pd.DataFrame(rows.limit_cycle_rows("line", "wind_speed", along) + simulated)
     assert set(cycles["unit"]) == {"m/s"} and cycles["trivial_defect"].max() <= 1e-6
-    changes = pd.DataFrame(rows.bifurcation_rows("line", "wind_speed", along, case))
+    changes = pd.DataFrame(rows.bifurcation_rows("line", "wind_speed", along, RESONANT))
     (hopf,) = changes[changes["name"] == "Hopf"].to_dict("records")
     assert hopf["value"] == pytest.approx(hopf["closed_form"], rel=1e-9)
     ends = changes[changes["name"] == "end"]
@@ -38,31 +38,31 @@ def test_diagram(case):
         settings = {"parameter": "wind_speed", "label": "wind speed", "cases": {"line": line}}
         return drawn(lambda: draw_limit_cycles(cycles, changes, settings))
 
-    assert figure(None) != figure(case)  # which is shaded
+    assert figure(None) != figure(RESONANT)  # which is shaded
 
 
-def test_parameters_without_a_hopf_bifurcation_in_their_range(case):
-    along = rows.line_diagram(case, "tension", 18e3, 34e3, simulator())
+def test_parameters_without_a_hopf_bifurcation_in_their_range():
+    along = rows.line_diagram(RESONANT, "tension", 18e3, 34e3, simulator())
     cycles = pd.DataFrame(rows.limit_cycle_rows("line", "tension", along))
     assert set(cycles["unit"]) == {"N"} and {18e3, 34e3} <= set(cycles["value"])
     assert list(cycles["branch"].unique()) == [
         "from 26000, side 1", "from 26000, side 2",  # of two vertical swings, about resonance
         "from 26000, side 1, halved, side 1", "from 26000, side 1, halved, side 2",
     ]  # fmt: skip
-    changes = pd.DataFrame(rows.bifurcation_rows("line", "tension", along, case))
+    changes = pd.DataFrame(rows.bifurcation_rows("line", "tension", along, RESONANT))
     doublings = changes.loc[changes["name"] == "period doubling", "value"]
     assert sorted(doublings) == pytest.approx([21434.1, 28031.9], abs=0.1)
     assert not changes["note"].str.contains("incomplete").any()
-    calm = rows.line_diagram(case, "wind_speed", 2, 4, simulator())
-    *_, last = rows.bifurcation_rows("line", "wind_speed", calm, case)
+    calm = rows.line_diagram(RESONANT, "wind_speed", 2, 4, simulator())
+    *_, last = rows.bifurcation_rows("line", "wind_speed", calm, RESONANT)
     assert last["note"].startswith("no limit cycle: no Hopf bifurcation in 2..4 m/s, and at 3")
     with pytest.raises(ValueError, match="it can vary wind_speed"):
-        rows.line_diagram(case, "phase_of_the_moon", 0, 1, simulator())
+        rows.line_diagram(RESONANT, "phase_of_the_moon", 0, 1, simulator())
 
 
-def test_map_and_orbits(case):
+def test_map_and_orbits():
     winds, tensions = ("wind_speed", [8.0, 30.0]), ("tension", [22e3, 25e3, 28e3])
-    table = pd.DataFrame(rows.map_rows("line", case, winds, tensions, simulator()))
+    table = pd.DataFrame(rows.map_rows("line", RESONANT, winds, tensions, simulator()))
     assert table["frequency_ratio"].is_monotonic_decreasing
     assert not np.isfinite(table["v_m"]).all()  # 30 m/s is too much for the model
     settings = {"case": "line", "x_label": "x", "y_label": "y", "y_scale": 1000}
@@ -72,21 +72,21 @@ def test_map_and_orbits(case):
     assert drawn(lambda: draw_resonance_map(more[more["y_parameter"] == "span"], settings))
     angle = np.linspace(0, 6.28, 50)
     orbits = {"line": {8.0: np.column_stack([np.cos(angle), np.sin(2 * angle)])}}
-    drawn(lambda: draw_orbits(orbits, {"cases": {"line": case}}))
+    drawn(lambda: draw_orbits(orbits, {"cases": {"line": RESONANT}}))
 
 
-def test_clearance_and_measures(case):
-    motion = settle(simulator(), line_family(case, "wind_speed").model(12.0), START)
-    told = rows.clearance_rows("line", case, {12.0: motion}, (0.0, 8.0), 3.0)
+def test_clearance_and_measures():
+    motion = settle(simulator(), line_family(RESONANT, "wind_speed").model(12.0), START)
+    told = rows.clearance_rows("line", RESONANT, {12.0: motion}, (0.0, 8.0), 3.0)
     assert [row["what"] for row in told] == ["Davison", "Toye", "CIGRE 322", "cycle"]
     assert told[-1]["height_m"] == pytest.approx(2 * 1.305, abs=2e-3) and told[-1]["kept"]
     growing = motion.states * np.linspace(1.0, 2.0, len(motion.states))[:, np.newaxis]
     irregular = replace(motion, kind="irregular", states=growing)
-    *_, last = rows.clearance_rows("line", case, {12.0: irregular}, (0.0, 8.0), 3.0)
+    *_, last = rows.clearance_rows("line", RESONANT, {12.0: irregular}, (0.0, 8.0), 3.0)
     assert last["height_m"] == pytest.approx(2 * told[-1]["height_m"], rel=0.01)  # its last swings
-    design, parts = Design(12.0, START, (0.0, 8.0), 3.0), derived(case)
+    design, parts = Design(12.0, START, (0.0, 8.0), 3.0), derived(RESONANT)
     tried, no_draws = [ice_removal(), pendulum(20.0, (100.0,))], np.zeros((0, len(parts.values)))
-    outcomes = ranked(parts, case, tried, design, simulator(), no_draws)
+    outcomes = ranked(parts, RESONANT, tried, design, simulator(), no_draws)
     table = pd.DataFrame(rows.measure_rows("line", outcomes, design))
     assert table["measure"][0] == "ice removed" and "torsion" in " ".join(table["note"])
     drawn(lambda: draw_measures(table, {"cases": ["line"]}))
@@ -95,8 +95,8 @@ def test_clearance_and_measures(case):
     assert len(tall.axes) == 3 * len(many) and tall.get_figheight() <= TALLEST
 
 
-def test_prediction(case):
-    true = rows.steady_truth(case, [8.0, 12.0], simulator())
+def test_prediction():
+    true = rows.steady_truth(RESONANT, [8.0, 12.0], simulator())
     near = np.column_stack([true, true])
     wide = Prediction(np.array([8.0, 12.0]), near, 0.9 * near, 1.1 * near, np.zeros(2))
     cell = {"case": "line", "protocol": "state", "method": "maximum_likelihood", "replicate": 0}
@@ -111,11 +111,11 @@ def test_prediction(case):
     drawn(lambda: draw_prediction(pd.DataFrame(told), settings))
 
 
-def test_animation_is_the_same_twice_and_small(tmp_path, case):
+def test_animation_is_the_same_twice_and_small(tmp_path):
     swing = circle(np.zeros(4), np.array([1.0, 0.5j, 0, 0]), 2.4, 12.0)
     files = [tmp_path / name for name in ("one.gif", "two.gif")]
     for path in files:
-        write_animation(path, case, swing, "line", frames=3)
+        write_animation(path, RESONANT, swing, "line", frames=3)
     assert files[0].read_bytes() == files[1].read_bytes()
     with Image.open(files[0]) as image:
         assert image.n_frames == 3

@@ -1,7 +1,5 @@
 """Limit cycles and their bifurcations against published systems and closed forms."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 from scipy.integrate import quad_vec, solve_ivp
@@ -33,19 +31,6 @@ VAN_DER_POL_TERMS = ((1, 0), (0, 1), (2, 1))
 VAN_DER_POL = family(VAN_DER_POL_TERMS, lambda mu: [[0, 1, 0], [-1, mu, -mu]])
 
 
-@cache
-def van_der_pol(mu):
-    model = VAN_DER_POL.model(0.5)
-    grid = np.linspace(0, 100, 5001)
-    motion = solve_ivp(
-        lambda _, x: model(x[np.newaxis])[0], (0, 100), [2, 0], t_eval=grid, rtol=1e-9, atol=1e-9
-    )
-    late = grid > 60
-    _, up = from_motion(VAN_DER_POL, 0.5, grid[late], motion.y.T[late], Range(0.1, mu, longest=0.5))
-    assert up.complete and up.reason == f"reached {mu:g}"
-    return up.points[-1]
-
-
 # periods: Amore, arXiv 2111.12198 (2021) and the sources there; amplitude at 1: Hairer, Norsett and
 # Wanner, Solving Ordinary Differential Equations I, sec. II.4
 @pytest.mark.parametrize(
@@ -57,7 +42,15 @@ def van_der_pol(mu):
     ],
 )
 def test_period_and_multiplier_of_van_der_pol(mu, period, amplitude):
-    point = van_der_pol(mu)
+    model = VAN_DER_POL.model(0.5)
+    grid = np.linspace(0, 100, 5001)
+    motion = solve_ivp(
+        lambda _, x: model(x[np.newaxis])[0], (0, 100), [2, 0], t_eval=grid, rtol=1e-9, atol=1e-9
+    )
+    late = grid > 60
+    _, up = from_motion(VAN_DER_POL, 0.5, grid[late], motion.y.T[late], Range(0.1, mu, longest=0.5))
+    assert up.complete and up.reason == f"reached {mu:g}"
+    point = up.points[-1]
     assert point.solution.period == pytest.approx(period, rel=2e-9)
     assert point.solution.half_range()[0] == pytest.approx(amplitude, rel=5e-7)
     assert point.stability.trivial_defect <= 1e-6

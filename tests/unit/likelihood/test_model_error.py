@@ -5,6 +5,7 @@ from pkgutil import resolve_name
 import numpy as np
 import pandas as pd
 import pytest
+from lines import RESONANT
 
 from galloping.configuration.load import load
 from galloping.figures.verdicts import draw_model_error
@@ -22,17 +23,17 @@ TIME = np.arange(15001) / 50
 TERMS = library(4, 3)
 
 
-def recorded(case, name):
+def recorded(name):
     truth, rng = TRUTHS[name], np.random.default_rng(11)
-    line = line_of(case, truth)
-    gusts = {**case["truth"]["gusts"], "intensity": truth.intensity}
-    clean = motion(case, line, truth, TIME, wind(line, gusts, TIME, rng))
+    line = line_of(RESONANT, truth)
+    gusts = {**RESONANT["truth"]["gusts"], "intensity": truth.intensity}
+    clean = motion(RESONANT, line, truth, TIME, wind(line, gusts, TIME, rng))
     noisy = clean + 0.05 * clean.std(axis=0) * rng.standard_normal(clean.shape)
     return Recording(TIME, STATES, combined(line, truth, noisy))
 
 
-def test_a_line_of_nine_modes_is_answered_with_what_the_answer_is_worth(case):
-    found = maximum_likelihood([recorded(case, "9 modes")], TERMS)
+def test_a_line_of_nine_modes_is_answered_with_what_the_answer_is_worth():
+    found = maximum_likelihood([recorded("9 modes")], TERMS)
     assert found.status == "approximate"
     assert "model inadequate" in found.reason
     assert "% of q_v" in found.reason
@@ -46,9 +47,9 @@ def test_a_line_of_nine_modes_is_answered_with_what_the_answer_is_worth(case):
 
 
 @pytest.mark.slow
-def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(case, tmp_path):
+def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(tmp_path):
     """At mid-span the third and fifth horizontal modes, at three and five times the first one."""
-    found = maximum_likelihood([recorded(case, "9 modes, mid-span")], TERMS)
+    found = maximum_likelihood([recorded("9 modes, mid-span")], TERMS)
     assert found.status == "approximate"
     assert "besides it there oscillates q_v at 0.6" in found.reason
     assert "grows with the signal" not in found.reason
@@ -56,8 +57,8 @@ def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(case, t
     assert {round(mode.frequency) for mode in horizontal} == {4, 7}
     assert all(mode.growth > 0 for mode in horizontal)
     truth = TRUTHS["9 modes, mid-span"]
-    line = line_of(case, truth)
-    clean = combined(line, truth, motion(case, line, truth, TIME))
+    line = line_of(RESONANT, truth)
+    clean = combined(line, truth, motion(RESONANT, line, truth, TIME))
     own = found.simulate(clean[0], TIME).states
     late = TIME >= 200
     true, alone, together = (
@@ -69,17 +70,17 @@ def test_the_higher_modes_that_a_sensor_reads_are_named_beside_the_model(case, t
     assert IdentifiedModel.load(tmp_path / "model.json").further_modes == found.further_modes
 
 
-def test_gusts_are_told_from_what_a_model_lacks(case):
+def test_gusts_are_told_from_what_a_model_lacks():
     """Where gusts alone keep the model from being right, its terms are found and its damping."""
-    found = maximum_likelihood([recorded(case, "two modes, gusts 5 %")], TERMS)
-    truth = model(coefficients(case)).on_library(TERMS)
+    found = maximum_likelihood([recorded("two modes, gusts 5 %")], TERMS)
+    truth = model(coefficients(RESONANT)).on_library(TERMS)
     assert found.status == "approximate"
     assert "fluctuate, as in gusts" in found.reason
     assert np.array_equal(found.support[2:], truth.support[2:])  # the others are known
     error = (found.model.coefficients - truth.coefficients)[found.support]
     assert np.all(np.abs(error) < 5 * found.standard_errors[found.support])
     assert -linear_modes(found.model)[0] == pytest.approx(2 * 0.016964, rel=0.1)
-    lacking = maximum_likelihood([recorded(case, "9 modes, gusts 5 %")], TERMS)
+    lacking = maximum_likelihood([recorded("9 modes, gusts 5 %")], TERMS)
     assert lacking.status == "approximate"
     assert "fluctuate" not in lacking.reason
 

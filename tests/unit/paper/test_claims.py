@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from drawing import drawn
+from lines import CASES, RESONANT
 
 from galloping.figures.against_paper import draw_printed, draw_reproduction
 from galloping.measurement import Motion
@@ -185,14 +186,13 @@ def test_the_first_screen_counts_and_lists_them():
     drawn(lambda: draw_printed(table, {"case": CASE}))
 
 
-def test_other_settings_are_judged_one_at_a_time(cases):
-    case = cases[CASE]
+def test_other_settings_are_judged_one_at_a_time():
     plan = {"threshold": 0.002, "draws": 3, "seed": 5}
     amounts = Amounts(levels=(0.0, 0.05), points=())
     values = {"wind_speed": (12.0, 14.0), "threshold": (0.002, 1.0)}
-    drawn_ = paper_draws(case, name=(CASE,), amounts=amounts, **plan)
+    drawn_ = paper_draws(RESONANT, name=(CASE,), amounts=amounts, **plan)
     rows = pd.concat(
-        [variation_rows(case, plan, amounts, *each, CASE, drawn_) for each in values.items()]
+        [variation_rows(RESONANT, plan, amounts, *each, CASE, drawn_) for each in values.items()]
     )
     assert rows.groupby(["parameter", "value"]).size().nunique() == 1
     assert set(rows.loc[rows["default"], "value"]) == {12.0, 0.002}
@@ -209,10 +209,10 @@ def test_only_what_claims_need_is_drawn():
     assert needed("non_resonant", *more) == ([0], [])
 
 
-def test_an_inferred_value_says_so_and_another_does_not(cases):
+def test_an_inferred_value_says_so_and_another_does_not():
     best = {"key": "wind.speed", "best": 12.0, "low": 9.0, "high": 13.0}
     region = pd.DataFrame([best, {**best, "key": "damping.vertical", "best": 0.004}])
-    table = conductor({"cases": cases}, region).set_index(["case", "key"])
+    table = conductor({"cases": CASES}, region).set_index(["case", "key"])
     wind = table.loc[(CASE, "wind.speed")]
     assert wind["provenance"] == "inferred" and "9 to 13" in wind["note"]
     assert table.loc[(CASE, "damping.vertical"), "provenance"] == "assumed"

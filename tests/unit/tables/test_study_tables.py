@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lines import CASES, RESONANT, edited
 
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import interval
@@ -41,8 +42,6 @@ def test_intervals_do_not_depend_on_order(values):
 
 
 # --- tables over replicates ---
-
-CASES = ["internal_resonance", "non_resonant"]
 
 
 def study_scores(replicates=4):
@@ -111,8 +110,8 @@ def test_scores_of_cells_stand_in_one_order():
 # --- tables of parameters and coefficients ---
 
 
-def test_table_3_shows_true_and_spurious_terms(cases):
-    true, terms = coefficients(cases["internal_resonance"]), library(4, 3)
+def test_table_3_shows_true_and_spurious_terms():
+    true, terms = coefficients(RESONANT), library(4, 3)
     line = model(true).on_library(terms)
     off = line.coefficients.copy()
     off[2, terms.index((1, 0, 0, 0))] *= 1.1  # gamma_2
@@ -138,10 +137,13 @@ def test_table_3_shows_true_and_spurious_terms(cases):
     assert unknown[["true", "relative_error_percent"]].isna().all(axis=None)
 
 
-def test_spacers_have_units_and_provenance(cases):
-    cases["non_resonant"]["spacers"]["positions"] = [75, 160, 225]
+def test_spacers_have_units_and_provenance():
+    moved = edited(CASES["non_resonant"], spacers__positions=[75, 160, 225])
+    cases = {**CASES, "non_resonant": moved}
     rows = spacers({"cases": cases}).set_index(["case", "symbol"])
-    assert set(rows["unit"]) == {"kg", "m"} and rows.loc[(CASES[0], "s_2"), "value"] == 150
+    assert (
+        set(rows["unit"]) == {"kg", "m"} and rows.loc[("internal_resonance", "s_2"), "value"] == 150
+    )
     moved = rows.loc["non_resonant"]
     assert moved["value"].to_list() == [4.8, 75, 160, 225]
     assert moved["provenance"].to_list() == ["seed", "seed", "assumed", "seed"]
