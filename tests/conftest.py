@@ -31,12 +31,6 @@ def one_thread():
         yield
 
 
-@pytest.fixture(params=["internal_resonance", "non_resonant"])
-def simulated(request):
-    """(model, trajectory of 300 s at 100 Hz) of each case."""
-    return simulate(request.param)
-
-
 @pytest.fixture
 def resonant():
     """(model, trajectory of 300 s at 100 Hz) of the internally resonant line."""

@@ -16,25 +16,23 @@ def study(**settings):
     return Study(load(settings))
 
 
-@pytest.fixture(scope="module")
-def default():
-    return study()
+DEFAULT = study()
 
 
-def test_the_cells_of_the_default_study(default):
-    assert len(default.cells) == 2 * 3 * (6 + 4) + 3
-    cell = default.cell("non_resonant", "state", "joint_0.05")
+def test_the_cells_of_the_default_study():
+    assert len(DEFAULT.cells) == 2 * 3 * (6 + 4) + 3
+    cell = DEFAULT.cell("non_resonant", "state", "joint_0.05")
     assert (cell.kind, cell.recordings, cell.samples, cell.level) == ("joint", 2, 30001, 0.05)
-    assert default.cell("non_resonant", "state", "points_1000").samples == 1000
-    families = default.cell("internal_resonance", "state", "noise_0").families
+    assert DEFAULT.cell("non_resonant", "state", "points_1000").samples == 1000
+    families = DEFAULT.cell("internal_resonance", "state", "noise_0").families
     assert {name: len(methods) for name, methods in families.items()} == {
         "sparse": 5, "likelihood": 2,
     }  # fmt: skip
-    assert "weak" not in [m.name for m in default.cells[0].methods]  # exact states need none
+    assert "weak" not in [m.name for m in DEFAULT.cells[0].methods]  # exact states need none
 
 
-def test_without_noise_replicates_are_one_and_draw_nothing(default):
-    cell = default.cell("internal_resonance", "state", "noise_0")
+def test_without_noise_replicates_are_one_and_draw_nothing():
+    cell = DEFAULT.cell("internal_resonance", "state", "noise_0")
     assert (cell.replicates, cell.seed, cell.relative) == (1, 0, False)
     seeded = study(measurement={"seed": 5}).cell("internal_resonance", "state", "noise_0")
     assert seeded.measurement == cell.measurement
@@ -82,8 +80,8 @@ def test_noise_that_looks_like_percent_is_questioned_in_one_line(measurement, as
     assert all("write 0.05" in line for line in doubts)
 
 
-def test_a_sweep_does_not_read_what_it_varies(default):
-    line = default.cases[0].released
+def test_a_sweep_does_not_read_what_it_varies():
+    line = DEFAULT.cases[0].released
     told = without(line, "wind_speed", "tension", None, "span")
     assert "speed" not in told["wind"] and "tension" not in told["line"]
     assert told["line"]["span"] == line["line"]["span"]  # its spacers move with it

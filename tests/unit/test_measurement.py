@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from lines import moved
+from lines import CASES, moved, simulate
 
 from galloping.measurement import BY_NAME, Noise, Protocol, measure
 from galloping.streams import generator
@@ -23,12 +23,13 @@ def record(simulated, motions=None, **settings):
 
 @pytest.mark.parametrize("relative", [True, False])
 @pytest.mark.parametrize("protocol", ["derivative", "state", "displacement", "acceleration"])
-def test_noise_of_each_protocol(simulated, protocol, relative):
+@pytest.mark.parametrize("name", CASES)
+def test_noise_of_each_protocol(name, protocol, relative):
     """On what it measures, in standard deviations of the motion or in SI units; of derivatives
     always in these. What it does not measure is missing."""
-    line, trajectory = simulated
+    line, trajectory = simulate(name)
     exact, rates = trajectory.states, line(trajectory.states)
-    (recording,) = record(simulated, protocol=protocol, relative=relative, replicates=1)
+    (recording,) = record(simulate(name), protocol=protocol, relative=relative, replicates=1)
     values, further = recording.values, recording.derivatives
     if protocol == "derivative":
         assert np.array_equal(values, exact)

@@ -21,51 +21,49 @@ STEP = 0.02
 TERMS = library(4, 3)
 
 
-@pytest.fixture(scope="module")
-def noisy():
-    rng = np.random.default_rng(11)
-    time = STEP * np.arange(400)
-    return np.column_stack([np.sin(3 * time), np.cos(2 * time)]) + rng.normal(0, 0.1, (400, 2))
+TIME = STEP * np.arange(400)
+NOISY = np.column_stack([np.sin(3 * TIME), np.cos(2 * TIME)])
+NOISY += np.random.default_rng(11).normal(0, 0.1, NOISY.shape)
 
 
 # --- the filters are pysindy's ---
 
 
 @pytest.mark.parametrize(("window", "order"), [(31, 3), (51, 5)])
-def test_smoothing_is_that_of_pysindy(noisy, window, order):
+def test_smoothing_is_that_of_pysindy(window, order):
     half, rows = window // 2, np.arange(60, 340)
     state, slope = (
-        Filtered(noisy, window)(kernel, rows) for kernel in savitzky_golay(window, order, STEP)
+        Filtered(NOISY, window)(kernel, rows) for kernel in savitzky_golay(window, order, STEP)
     )
     smoother = ps.SmoothedFiniteDifference(
         smoother_kws={"window_length": window, "polyorder": order}
     )
-    smoother(noisy, t=STEP)
+    smoother(NOISY, t=STEP)
     assert state == pytest.approx(np.asarray(smoother.smoothed_x_)[rows], abs=1e-10)
     sindy = ps.SINDyDerivative(
         kind="savitzky_golay", left=half, right=half, order=order, iwindow=True
     )
-    assert slope == pytest.approx(np.asarray(sindy(noisy, t=STEP))[rows], rel=1e-3, abs=1e-3)
+    assert slope == pytest.approx(np.asarray(sindy(NOISY, t=STEP))[rows], rel=1e-3, abs=1e-3)
 
 
 @pytest.mark.filterwarnings("ignore:.*axes labeled")  # pysindy's, of what it does itself
 @pytest.mark.parametrize(("half", "order"), [(10, 2), (40, 8)])
-def test_test_functions_are_those_of_pysindy(noisy, half, order):
+def test_test_functions_are_those_of_pysindy(half, order):
     with seeded(np.random.default_rng(3)):
         weak = ps.WeakPDELibrary(
             function_library=ps.PolynomialLibrary(degree=1, include_bias=False),
-            spatiotemporal_grid=STEP * np.arange(400), K=20, H_xt=STEP * (half + 0.25), p=order,
+            spatiotemporal_grid=TIME, K=20, H_xt=STEP * (half + 0.25), p=order,
         )  # fmt: skip
     cells = [np.asarray(cell[0]) for cell in weak.inds_k]
     same = np.array([len(cell) == 2 * half + 1 for cell in cells])
     assert same.any()
     centres = np.array([cell[half] for cell in cells if len(cell) == 2 * half + 1])
     states, slopes = (
-        Filtered(noisy, 2 * half + 1)(kernel, centres) for kernel in weak_form(half, order, STEP)
+        Filtered(NOISY, 2 * half + 1)(kernel, centres) for kernel in weak_form(half, order, STEP)
     )
-    weak.fit([noisy])
-    assert states == pytest.approx(np.asarray(weak.transform([noisy])[0])[same], abs=1e-12)
-    assert slopes == pytest.approx(weak.convert_u_dot_integral(noisy)[same], abs=1e-12)
+    weak.fit([NOISY])
+    assert states == pytest.approx(np.asarray(weak.transform([NOISY])[0])[same], abs=1e-12)
+    assert slopes == pytest.approx(weak.convert_u_dot_integral(NOISY)[same], abs=1e-12)
 
 
 # --- held-out errors ---
