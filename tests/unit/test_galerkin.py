@@ -17,7 +17,6 @@ from galloping.physics.galerkin import (
     integrate,
     irvine_mode,
     irvine_root,
-    model,
     positions,
     sine_mode,
     symbol_of,
