@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 import galloping
 from galloping.identification.model import IdentifiedModel
 from galloping.recording import Input, windowed
+from galloping.taylor import solution
 
 TIME = np.arange(401) / 20.0
 
@@ -169,3 +170,13 @@ def test_motion_that_runs_away_says_when():
     assert motion.status.startswith("diverged: |x| exceeded 1000 at t = 1.6")  # tan(t)
     assert np.isfinite(motion.states[:31]).all()
     assert motion.states[30, 0] == pytest.approx(np.tan(1.5), rel=1e-6)
+
+
+def test_a_solution_that_diverges_is_not_sought_in_ever_shorter_steps():
+    """dx/dt = u x^2 from x = 1 is infinite after 1 s, whatever the steps."""
+    time = np.linspace(0.0, 1000.0, 100_001)
+    drive = Input(np.arange(1002.0), np.ones(1002))
+    model = galloping.PolynomialModel(("x",), ((2, 1),), np.ones((1, 1)), ("u",))
+    states, _, _ = solution(model, [drive], np.ones(1), time, 2.0, most=10**9)
+    np.testing.assert_allclose(states[:90, 0], 1.0 / (1.0 - time[:90]), rtol=1e-6)
+    assert not np.all(np.abs(states[120:]) < 1e4)

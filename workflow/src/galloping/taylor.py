@@ -307,6 +307,7 @@ def integrate(
 DEGREE, SAMPLES_PER_STEP = 5, 2
 # Truncation of a step's Taylor series, relative to the size of each state.
 ACCURACY = 1e-10
+SETTLED = 5  # halvings of the step, through which a solution that diverges does so at one time
 FAR = 1e4  # of a state, from which its size says nothing about the accuracy before
 
 
@@ -350,7 +351,7 @@ def solution(
     table = tables(model.terms, n_states)
     columns = np.asarray(free).reshape(-1, 2) if wanted else np.empty((0, 2), int)
     compiled = system(table, model.coefficients, columns)
-    diverged, longest = None, step
+    diverged, longest, ends = None, step, []
     while (windows := max(1, int(np.ceil((time[-1] - time[0]) / step - 1e-9)))) <= most:
         place = (time - time[0]) / step
         window = np.minimum(place.astype(np.int64), windows - 1)
@@ -363,10 +364,14 @@ def solution(
                 _over_windows(tuple(inputs), table.factors, time[0], step, windows), wanted,
             )  # fmt: skip
         states, moved = found[window, :, row], slopes[window, :, row]
-        bounded = bool(np.all(np.abs(states) < FAR))
-        if bounded and truncation < ACCURACY:
+        near = np.all(np.abs(states) < FAR, axis=1)
+        if near.all() and truncation < ACCURACY:
             return states, moved, step
-        diverged = None if bounded else (states, moved, longest)
+        diverged = None if near.all() else (states, moved, longest)
+        at = int(np.argmin(near))
+        ends = [] if near.all() else [*ends[1 - SETTLED :], (time[max(at - 1, 0)], time[at])]
+        if len(ends) == SETTLED and np.ptp(ends) <= 0.01 * (ends[-1][1] - time[0]):
+            break
         step /= 2.0
     if diverged is not None:
         return diverged
