@@ -174,3 +174,11 @@ def test_a_million_rows_need_no_two_gigabytes(tmp_path):
     assert status == 0
     assert used.ru_maxrss < 2 * 1024**2  # KiB
     assert "stretches" in (tmp_path / "out" / "summary.md").read_text(encoding="utf-8")
+
+
+def test_an_end_in_which_nothing_moves_tests_no_forecast():
+    time = np.arange(2000) / 25.0
+    values = np.where(time < 60.0, np.exp(-0.1 * time) * np.cos(3.0 * time), 0.01)
+    recording = Recording(time, ("q", "dq"), np.column_stack([values, np.full(2000, np.nan)]))
+    with pytest.raises(ValueError, match="nothing moves in the last"):
+        hold_out([recording], 2.0, maximum_likelihood, np.random.default_rng(0))

@@ -288,10 +288,12 @@ def hold_out(
     *others, last = recordings
     length = min(HELD_OUT * np.ptp(last.time), MOST_HELD_OUT * period)
     cut = int(np.searchsorted(last.time, last.time[-1] - length))
+    samples = Sensed.by(last).samples(last)
+    if np.all(deviations(samples[cut:]) <= 1e-9 * deviations(samples)):  # rounding
+        raise ValueError(f"nothing moves in the last {length:.3g} s, which were to be forecast")
     shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
     identified = identify([*others, last[:cut]])
     predicted = ahead.forecast(identified, last[:cut], last.time[shown], PERIODS * period, rng)
-    samples = Sensed.by(last).samples(last)
     return ahead.held_out(predicted, samples[shown], deviations(samples))
 
 
