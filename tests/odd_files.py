@@ -85,6 +85,23 @@ def netcdf(path: Path, **columns: np.ndarray) -> None:
             file.createVariable(name, "d", ("n",))[:] = values
 
 
+PACKED = np.append(V[:-1] * 1e6 - 250, -99999).astype("i4")  # the last sample is missing
+
+
+def packed_hdf5(path: Path) -> None:
+    hdf5(path, t=TIME, v=PACKED, w=W)
+    with h5py.File(path, "a") as file:
+        file["v"].attrs.update({"scale_factor": 1e-6, "add_offset": 2.5e-4, "_FillValue": -99999})
+
+
+def packed_netcdf(path: Path) -> None:
+    netcdf(path, t=TIME, w=W)
+    with netcdf_file(path, "a") as file:
+        packed = file.createVariable("v", "i", ("n",))
+        packed[:] = PACKED
+        packed.scale_factor, packed.add_offset, packed.missing_value = 1e-6, 2.5e-4, -99999
+
+
 def cut(path: Path, make: Callable) -> None:
     """The first half of a file that `make` writes."""
     make(path, t=TIME, v=V, w=W)
@@ -204,6 +221,8 @@ READ: dict[str, tuple[Content, tuple[str, ...]]] = {
         (*BY_NAME[:2], "--decimal", ",")),
     "units_of_velocity.csv": (lines("t [s],v [m],w [m]"), ("--states", "q_v,q_w,dq_v,dq_w")),
     "classic.nc": (lambda path: netcdf(path, t=TIME, v=V, w=W), PLAIN),
+    "packed.nc": (packed_netcdf, PLAIN),
+    "packed.h5": (packed_hdf5, PLAIN),
     "plain.mat": (lambda path: savemat(path, {"t": TIME, "v": V, "w": W}), PLAIN),
     "units.h5": (lambda path: hdf5(path, units=("s", "mm", "m"), t=TIME, v=1e3 * V, w=W), BY_NAME),
     "matlab_dates.csv": (

@@ -1,7 +1,9 @@
 """Arrays by name in files of instruments: Parquet, HDF5, NetCDF, MATLAB."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +40,7 @@ def _hdf5(path: Path) -> Iterator[tuple]:
                 unit = next(iter(told), "")
                 unit = unit.decode() if isinstance(unit, bytes) else str(unit)
                 text = h5py.check_string_dtype(item.dtype) and item.ndim == 1
-                yield name, item.asstr()[()] if text else item, unit
+                yield name, item.asstr()[()] if text else _unpacked(item, item.attrs.get), unit
 
 
 def _netcdf(path: Path) -> Iterator[tuple]:
@@ -47,7 +49,24 @@ def _netcdf(path: Path) -> Iterator[tuple]:
     with netcdf_file(path, "r", mmap=False) as file:
         for name, variable in file.variables.items():
             own = variable.data.astype(variable.data.dtype.newbyteorder("="))  # as pandas wants it
-            yield name, own, getattr(variable, "units", b"").decode() or None
+            about = partial(getattr, variable)
+            yield name, _unpacked(own, about), about("units", b"").decode() or None
+
+
+def _unpacked(values: Any, about: Callable[[str, Any], Any]) -> Any:
+    """An array as its attributes say, by the conventions of NetCDF: what is missing, scale, offset.
+
+    values: an array, or a data set. about: a value of an attribute by name, or else the default.
+    """
+    gone = np.ravel([*np.ravel(about("_FillValue", [])), *np.ravel(about("missing_value", []))])
+    scale = float(np.ravel(about("scale_factor", 1.0))[0])
+    offset = float(np.ravel(about("add_offset", 0.0))[0])
+    if values.dtype.kind not in "iuf":
+        return values
+    missing = np.isin(values, gone)
+    if not missing.any() and (scale, offset) == (1.0, 0.0):
+        return values
+    return np.where(missing, np.nan, scale * np.asarray(values) + offset)
 
 
 def _matlab(path: Path) -> Iterator[tuple]:
