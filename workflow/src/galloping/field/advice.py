@@ -87,16 +87,17 @@ def objected(
 def _forced(identified: IdentifiedModel, recordings: Sequence[Recording], period: float) -> str:
     if identified.is_forced:
         return ""
-    own = excerpts(list(recordings))
-    if identified.status != "refused":
-        if still := unmoved(identified):
-            return (
-                f"nothing recorded tells what accelerates {', '.join(still)}: it does not stand "
-                "out of the noise, or random forces keep it up"
-            )
-        for parts in (own, recordings):  # whichever the model was found from
-            if len(parts) == len(identified.initial_states) and kept_up(identified, parts):
-                return FORCED
+    own, has_model = excerpts(list(recordings)), identified.status != "refused"
+    if has_model and (still := unmoved(identified)):
+        return (
+            f"nothing recorded tells what accelerates {', '.join(still)}: it does not stand "
+            "out of the noise, or random forces keep it up"
+        )
+    if identified.model.inputs:  # they keep it up; a model that comes to rest may lack terms
+        return ""
+    for parts in (own, recordings) if has_model else ():  # whichever the model was found from
+        if len(parts) == len(identified.initial_states) and kept_up(identified, parts):
+            return FORCED
     if not identified.tells_little or not wavers(recordings, period):
         return ""
     linear = maximum_likelihood(own, library(len(identified.model.states), 1))
