@@ -131,7 +131,8 @@ def evaluate(
     critical_wind = _interval(float(critical), critical_winds(line, scaled))
     motion = settle(simulator, line.model(design.wind), design.start)
     nothing = (np.nan,) * 3
-    if motion.kind == "rest" or critical >= design.wind:
+    # near the critical wind a motion may die out too slowly to settle
+    if motion.kind == "rest" or (motion.kind != "cycle" and critical >= design.wind):
         still = clearance(np.zeros((1, 2)), np.zeros((1, 2)), design.distance)
         return Outcome(measure, critical_wind, (0.0,) * 3, (0.0,) * 3, (still,) * 3, "rest")
     if (point := cycle_of(line.family(), design.wind, motion)) is not None:

@@ -40,12 +40,11 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
     Path(results).mkdir(parents=True, exist_ok=True)
     with Path(results, MARK).open("a+", encoding="ascii") as mark:
         mark.seek(0)
-        earlier = mark.read()
         try:
             fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise Obstacle(_busy(earlier)) from None
-        if earlier and not repairing:
+            raise Obstacle(_busy(mark.read())) from None
+        if mark.read() and not repairing:  # with the lock: another run may have ended just now
             raise Obstacle(killed(repair))
         mark.truncate(0)
         mark.write(str(os.getpid()))
