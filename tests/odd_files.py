@@ -20,6 +20,7 @@ from scipy.io import netcdf_file, savemat
 
 TIME = np.arange(1000) / 25.0
 V, W = np.sin(2.6 * TIME), 0.5 * np.cos(2.6 * TIME)
+FALLEN = 0.05 * V + 0.4 * (TIME > 20.0) * (1.0 - np.exp(20.0 - TIME) * np.cos(2.6 * TIME - 52.0))
 BY_NAME = ("--states", "q_v,q_w,dq_v,dq_w", "--measure", "q_v=v", "--measure", "q_w=w")
 UNITS = ("--unit", "m", "--unit", "t=s")
 PLAIN = (*BY_NAME, *UNITS)
@@ -367,6 +368,8 @@ QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("column 'v': 499 samples of a sensor that was stuck, from row 503 on, were left out",)),
     "moved.csv": (lines(columns=(TIME, V + 0.5 * (TIME > 20.0), W)), PLAIN,
         ("v, row 503: jumps by 0.4",)),
+    "ice_falls.csv": (lines(columns=(TIME, FALLEN, W)), PLAIN,
+        ("shifts its mean by 0.399 m",)),
     "coarse.csv": (lines(columns=(TIME, np.round(V, 1), W)), PLAIN,
         ("v, row 2: only 21 different values",)),
 }  # fmt: skip

@@ -11,7 +11,7 @@ from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
 from galloping.field.forecast import Forecast, Sensed
 from galloping.field.mapping import ColumnMapping
-from galloping.field.quality import JUMPS, QUIET, SHOWN, quality
+from galloping.field.quality import JUMPS, MOVES, QUIET, SHOWN, quality
 from galloping.field.read import Series, check_apart, read_series
 from galloping.field.recordings import LEAST, SILENT, by_excerpts, input_notes, parted, recording
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
@@ -95,7 +95,8 @@ class Field:
         """Why there may be no model, as reasons: channels that are cut off, jump, are mostly noise,
         or show no motion of their own.
         """
-        said = {"clipped": "is ", QUIET: "is ", JUMPS: "", SHOWN: ""}  # and what comes before it
+        # and what comes before it
+        said = dict.fromkeys((JUMPS, MOVES, SHOWN), "") | dict.fromkeys(("clipped", QUIET), "is ")
         return [
             f"{problem['column']} of {report['file']} {said[kind]}{problem['what']}, from row "
             f"{problem['row']} on"

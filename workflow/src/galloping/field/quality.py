@@ -4,7 +4,7 @@ from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.polynomial.legendre import legvander
+from numpy.polynomial.legendre import Legendre, legvander
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from galloping.field.units import state_unit
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from galloping.field.read import Series
 
 NEIGHBOURS = 5  # samples of which the median is taken
+MOVES = "shifts its mean by"
 JUMPS, JUMP = "jumps by", 0.05  # of its range, that a channel jumps at least
 OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
 GAP = 3.0  # median steps without a sample
@@ -183,7 +184,7 @@ def _channel(
         "shares_of_variance": [float(around[k]) for k in peaks],
         "standard_deviation_of_thirds": [float(np.std(part)) for part in thirds],
     }
-    problems = []
+    problems, few = [], f"less than {PERIODS} periods of the motion"
     coarse = len(peaks) > 0 and frequency[peaks[0]] * step > 1.0 / PER_PERIOD
     if outliers.any() and not coarse:
         problems.append((row[outliers][0], f"{outliers.sum()} outliers"))
@@ -196,7 +197,7 @@ def _channel(
         at, by = jumps
         problems.append((row[at], f"{JUMPS} {by:.3g} {unit}".strip()))
     if len(peaks) and sampled(t) * frequency[peaks[0]] < PERIODS:
-        problems.append((row[0], f"less than {PERIODS} periods of the motion"))
+        problems.append((row[0], few))
     if (missed := 1.0 - sampled(t) / sampled(time)) > MISSED:
         last = row[after[0] - 1] if len(after) else row[-1]
         problems.append((last, f"no samples for {missed:.0%} of the time"))
@@ -208,7 +209,11 @@ def _channel(
         problems.append((row[0], f"less than {PER_PERIOD} samples in a period"))
     means = np.array([part.mean() for part in thirds])
     if np.ptp(means) > max(motion, 10 * sigma):
-        problems.append((row[0], "the mean drifts by more than the motion"))
+        at, by = _moves(t, y)
+        if at:  # a step has no periods
+            problems = [each for each in problems if each[1] != few]
+        moved = f"{MOVES} {by:.3g} {unit}".strip()
+        problems.append((row[at], moved if at else "the mean drifts by more than the motion"))
     problems += [(rows[0], what) for what in _unlikely(described, unit)]
     return described, problems
 
@@ -231,6 +236,19 @@ def _jumps(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, flo
     if size[at] <= max(OUTLIER * np.median(size) / 0.6745, JUMP * np.ptp(values)):
         return None
     return at + half, float(jump[at])
+
+
+def _moves(time: np.ndarray, values: np.ndarray) -> tuple[int, float]:
+    """From which sample on a channel moves about another mean, and by how much that is another; 0
+    where a line in time is nearly as good.
+    """
+    count, whole = np.arange(1, len(values)), values - values.mean()
+    told = np.cumsum(whole)[:-1] ** 2 * len(values) / (count * (len(values) - count))
+    at, squares = int(np.argmax(told)) + 1, whole @ whole
+    line = Legendre.fit(time, whole, 1)(time) - whole
+    if squares - told[at - 1] > 0.5 * (line @ line):
+        return 0, 0.0
+    return at, float(values[at:].mean() - values[:at].mean())
 
 
 def _extent(values: np.ndarray) -> dict[str, float]:

@@ -16,7 +16,7 @@ from jinja2 import Environment, StrictUndefined, Template
 
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
 from galloping.field.forecast import HeldOut, Sensed
-from galloping.field.quality import QUIET, SHOWN, peaks_of, spectrum
+from galloping.field.quality import MOVES, QUIET, SHOWN, peaks_of, spectrum
 from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, meaning, plain_unit
 from galloping.identification.likelihood.verdict import REPEATS
@@ -44,6 +44,7 @@ PROBLEMS = (  # part of what is wrong with samples, and what would help
     (QUIET, "a larger motion, or better sensors"),
     ("no samples for", "sensors that record without gaps, at the same times"),
     ("jumps by", "a sensor whose zero holds still"),
+    (MOVES, "what was recorded before the mean moved, and after it, each by itself"),
     ("the mean drifts", "a sensor whose zero holds still"),
     ("clipped", "a sensor with a larger range"),
     ("different values", "a sensor of finer resolution"),
