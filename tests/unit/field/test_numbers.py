@@ -17,6 +17,7 @@ from galloping.field.dynamics import Surroundings, dynamics
 from galloping.field.file_table import FileError
 from galloping.field.forecast import check_followed, forecast, held_out, with_factors
 from galloping.field.mapping import validated
+from galloping.field.recordings import parted
 from galloping.field.summary import Summary, longest_period
 from galloping.identification.likelihood.screening import smooth_without_outliers
 from galloping.identification.likelihood.verdict import only_repeats
@@ -118,6 +119,11 @@ def test_a_sensor_that_dies_leaves_the_recording_up_to_then(tmp_path):
     field = read(files.write(tmp_path / "a.csv", time, values))
     assert [np.ptp(one.time) for one in field.recordings] == pytest.approx([70.0])
     assert "of one sensor alone longer than 6" in field.reports[0]["notes"][-1]
+    rates = np.full(states.shape, np.nan)
+    rates[:, 3] = np.where(time > 70.0, np.nan, states[:, 3])  # an accelerometer
+    alone = np.where(np.arange(4) == 0, states, np.nan)
+    (whole,) = parted(Recording(time, files.STATES, alone, rates=rates), 2.4)
+    assert np.ptp(whole.time) == pytest.approx(70.0)
 
 
 def test_a_clock_that_starts_again_parts_a_recording_and_rows_out_of_order_do_not(tmp_path):

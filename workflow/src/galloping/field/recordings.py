@@ -95,13 +95,15 @@ def parted(recording: Recording, period: float) -> list[Recording]:
 
 def _silent(recording: Recording, longest: float) -> np.ndarray:
     """(n,) whether a coordinate that is measured at other times has no sample for `longest` s: of
-    itself, nor of its velocity where that is a state.
+    itself, nor of its velocity where that is a state, or, where neither ever is, of their rates.
     """
     time, silent = recording.time, np.zeros(len(recording.time), bool)
     pairs = velocity_pairs(recording.states)
     for i in set(range(len(recording.states))) - set(pairs.values()):
         own = [i, pairs[i]] if i in pairs else [i]
         sampled = np.isfinite(recording.values[:, own]).any(axis=1)
+        if not sampled.any() and recording.rates is not None:
+            sampled = np.isfinite(recording.rates[:, own]).any(axis=1)
         if sampled.any():
             ends = np.r_[time[0], time[sampled], time[-1]]
             before = np.clip(np.searchsorted(ends, time, side="right") - 1, 0, len(ends) - 2)
