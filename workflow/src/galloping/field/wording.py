@@ -97,7 +97,9 @@ def summary_text(
         "recorded": list(_recorded(of.recordings, found.diagnostics.get("below"))),
         **_of_forces(found, known, sum(np.ptp(one.time) for one in of.recordings)),
         "meanings": [
-            why.replace("the line", line) for why, _ in plain_reasons(found.reason) if why
+            re.sub("(?<=[Tt])he line", line[1:], why)
+            for why, _ in plain_reasons(found.reason)
+            if why
         ],
         "problems": problems,
         "helps": _helps(of, reports),
