@@ -351,6 +351,8 @@ QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("Hz is no frequency of a span",)),
     "codes.csv": (lines(columns=(TIME, coded(-9999), W)), PLAIN,
         ("column 'v': 5 samples of -9999, a code for missing ones, were left out",)),
+    "fill.csv": (lines(columns=(TIME, coded(1e20), W)), PLAIN,
+        ("column 'v': 5 samples of 1e+20, a code for missing ones, were left out",)),
     "preamble.csv": (PREAMBLE + lines(), PLAIN,
         ("rows before the data were left out: 3, from row 1 on",)),
     "word.csv": (edited(57, "2.2,OVERFLOW,0"), PLAIN,

@@ -23,6 +23,7 @@ CODES = (  # that loggers write for a missing sample, of either sign
     99, 999, 9999, 99999, 999999, 9999999, 99.9, 99.99, 999.9, 999.99, 999.25, 9999.9, 9999.99,
     6999, 7999, 32767, 32768,
 )  # fmt: skip
+LEAST_FILL = 1e10  # of what files are filled with, such as 1e20, where nothing was measured
 HELD = 2  # rows, that a logger repeats a slower sample for at least
 STUCK = 20  # times as long as nearly all runs of one value is that of a sensor that was stuck
 SAME = 1e-9  # less than full correlation, of two channels that are one
@@ -301,7 +302,8 @@ def _without_codes(values: np.ndarray) -> tuple[np.ndarray, dict[float, int]]:
     other.
     """
     known, counts = np.unique(values[np.isfinite(values)], return_counts=True)
-    used = np.isin(np.abs(known), CODES)
+    fill = np.abs(known) >= LEAST_FILL
+    used = np.isin(np.abs(known), CODES) | (fill & (fill.sum() == 1))
     others = known[~used]
     if not used.any() or not len(others):
         return values, {}
