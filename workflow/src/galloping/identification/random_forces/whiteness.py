@@ -51,9 +51,8 @@ class Whiteness:
                 f"{channels[self.channel]} moves at {self.frequency:.3g} Hz more than the model "
                 "says: another mode, or forces that are not white"
             )
-        return (
-            f"{self.told:.1%} of what it leaves is told by what came before: forces are not white"
-        )
+        share = f"{self.told:.1%}" if self.told >= 5e-4 else "a little"
+        return f"{share} of what it leaves is told by what came before: forces are not white"
 
     @property
     def shows_line(self) -> bool:
