@@ -33,6 +33,7 @@ def test_a_table_agrees_with_itself_in_any_order_and_form():
         (table(), table()[table().columns[::-1]]),
         (table(), table(dtype=str, keep_default_na=False)),
         (twice, twice),
+        (table(TABLE.replace("level,r2", "reference,found")),) * 2,
     ):
         found = comparison.compare_tables(one, other)
         assert len(found) == 0 and tuple(found.columns) == comparison.COLUMNS

@@ -143,9 +143,11 @@ def _presence(reference: pd.Index, found: pd.Index) -> Iterator[tuple]:
 
 def _values(*sides: pd.DataFrame) -> pd.DataFrame:
     """All values of rows and columns that both tables have, column by column."""
-    # not "value", which is a column of some tables
-    left, right = (
-        side.rename_axis("row").reset_index().melt("row", var_name="column", value_name=name)
+    left, right = (  # value_name: that of no column, which `found` is of some tables
+        side.rename_axis("row")
+        .reset_index()
+        .melt("row", var_name="column", value_name=name.upper())
+        .rename(columns={name.upper(): name})
         for side, name in zip(sides, ("reference", "found"), strict=True)
     )
     values = left.merge(right, on=["row", "column"])
