@@ -184,7 +184,10 @@ def _channel(
         "shares_of_variance": [float(around[k]) for k in peaks],
         "standard_deviation_of_thirds": [float(np.std(part)) for part in thirds],
     }
-    problems, few = [], f"less than {PERIODS} periods of the motion"
+    means = np.array([part.mean() for part in thirds])
+    drifts = np.ptp(means) > max(motion, 10 * sigma)
+    moves, by = _moves(t, y) if drifts else (0, 0.0)
+    problems = []
     coarse = len(peaks) > 0 and frequency[peaks[0]] * step > 1.0 / PER_PERIOD
     if outliers.any() and not coarse:
         problems.append((row[outliers][0], f"{outliers.sum()} outliers"))
@@ -196,8 +199,8 @@ def _channel(
     elif (jumps := _jumps(t, y, turn / step)) is not None:
         at, by = jumps
         problems.append((row[at], f"{JUMPS} {by:.3g} {unit}".strip()))
-    if len(peaks) and sampled(t) * frequency[peaks[0]] < PERIODS:
-        problems.append((row[0], few))
+    if len(peaks) and sampled(t) * frequency[peaks[0]] < PERIODS and not moves:  # which has none
+        problems.append((row[0], f"less than {PERIODS} periods of the motion"))
     if (missed := 1.0 - sampled(t) / sampled(time)) > MISSED:
         last = row[after[0] - 1] if len(after) else row[-1]
         problems.append((last, f"no samples for {missed:.0%} of the time"))
@@ -207,13 +210,10 @@ def _channel(
         problems.append((row[0], QUIET))
     if coarse:
         problems.append((row[0], f"less than {PER_PERIOD} samples in a period"))
-    means = np.array([part.mean() for part in thirds])
-    if np.ptp(means) > max(motion, 10 * sigma):
-        at, by = _moves(t, y)
-        if at:  # a step has no periods
-            problems = [each for each in problems if each[1] != few]
-        moved = f"{MOVES} {by:.3g} {unit}".strip()
-        problems.append((row[at], moved if at else "the mean drifts by more than the motion"))
+    if moves:
+        problems.append((row[moves], f"{MOVES} {by:.3g} {unit}".strip()))
+    elif drifts:
+        problems.append((row[0], "the mean drifts by more than the motion"))
     problems += [(rows[0], what) for what in _unlikely(described, unit)]
     return described, problems
 
