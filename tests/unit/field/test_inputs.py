@@ -58,6 +58,8 @@ def test_units_and_names_of_inputs_are_read(tmp_path):
     wind = series.inputs["U"]
     np.testing.assert_allclose(wind(TIME), WIND)
     assert (wind.between, wind.error) == ("linear", 0.02)
+    as_they_are = read_series(path, mapping({"name": "U", "column": "wind", "unit": "1"}))
+    np.testing.assert_allclose(as_they_are.inputs["U"](TIME), 3.6 * WIND)
     assert input_of("U=wind[m/s] +- 2%", "zero") == {
         "name": "U", "column": "wind", "unit": "m/s", "error": "2%", "between": "zero"
     }  # fmt: skip

@@ -289,8 +289,9 @@ def _check_units(table: FileTable, mapping: ColumnMapping, of_time: bool) -> Non
 def _to_si(table: FileTable, column: str, said: str | None, convert: Callable):
     """What a column is multiplied by to be in SI, as `convert` tells it from the unit.
 
-    That is the unit that is said, or that of the file, which must not differ. Where the file has
-    another name than that of a unit, such as `counts`, what is said stands.
+    That is the unit that is said, or that of the file, which must not differ. What is said stands
+    where it is `1`, which takes numbers as they are, and where the file has another name than that
+    of a unit, such as `counts`.
     """
     at, own = table.at(column), table.unit(column).split(" since ")[0]
     try:
@@ -298,7 +299,7 @@ def _to_si(table: FileTable, column: str, said: str | None, convert: Callable):
     except UnitError as error:
         raise FileError(f"{at}: {error}") from error
     with suppress(UnitError):
-        if said and own and convert(own) != found:
+        if said not in (None, "1") and own and convert(own) != found:
             raise FileError(
                 f"{at} is in {own} by the file and in {said} by the mapping; must be the same"
             )
