@@ -54,7 +54,7 @@ def sampled_histories(pair):
     return {each.name: f"{each.samples} points" for each in cells}
 
 
-def drawn(label, function, settings=None, **reads):
+def figure(label, function, settings=None, **reads):
     """How a figure is made. label: in the report."""
     return SimpleNamespace(label=label, **vars(made(f"figures.{function}", settings, **reads)))
 
@@ -68,9 +68,9 @@ def histories(number, what, cells_of):
     if shown.has_ours(STUDY):
         by[f"figure{number}_methods"] = f"{number}, our method: {what}", shown.our_pair(STUDY)
     found = {}
-    for figure, (label, pair) in by.items():
-        cells = {f"{FIRST}/{pair[0].name}/{name}": text for name, text in cells_of(pair).items()}
-        found[figure] = drawn(
+    for name, (label, pair) in by.items():
+        cells = {f"{FIRST}/{pair[0].name}/{cell}": text for cell, text in cells_of(pair).items()}
+        found[name] = figure(
             label,
             "motions:draw_histories",
             {"case": FIRST, **names(pair), "cells": cells, "window": WINDOW},
@@ -82,7 +82,7 @@ def histories(number, what, cells_of):
 
 FIGURES = {}
 if DEPARTURES:
-    FIGURES["printed"] = drawn(
+    FIGURES["printed"] = figure(
         "the paper's printed numbers beside ours",
         "against_paper:draw_printed",
         {"case": next(iter(DEPARTURES))},
@@ -110,16 +110,16 @@ if LINES:
     predicted = shown.predicted_cells(STUDY, FIRST)
     predicting = [shown.predicting_methods(each) for each in predicted.values()][:1] or [[""]]
     FIGURES |= {
-        "figure01": drawn(
+        "figure01": figure(
             "01 line and coordinates", "schematics:draw_line", first_line, model=MODEL
         ),
-        "figure02": drawn(
+        "figure02": figure(
             "02 aerodynamic load",
             "schematics:draw_aerodynamic_load",
             first_line,
             trajectory=TRAJECTORY,
         ),
-        "figure03": drawn(
+        "figure03": figure(
             "03 flow chart",
             "schematics:draw_flow",
             {
@@ -131,7 +131,7 @@ if LINES:
                 "replicates": STUDY.settings.measurement.replicates,
             },
         ),
-        "figure04": drawn(
+        "figure04": figure(
             "04 motion without noise",
             "motions:draw_recovery",
             {"cases": LINES, **names(by_paper), "level": min(levels)},
@@ -140,7 +140,7 @@ if LINES:
                 case: f"<results>/reconstructions/{cell}.npz" for case, cell in least_noise.items()
             },
         ),
-        "figure05": drawn(
+        "figure05": figure(
             "05 coefficients under noise",
             "each_term:draw_coefficients",
             {**papers, "levels": noisy_cells, "unit": unit(by_paper[0]), "degree": DEGREE},
@@ -149,22 +149,22 @@ if LINES:
                 f"{coefficients_at}/{{cell}}/{by_paper[1].family}.npz", cell=noisy_cells
             ),
         ),
-        "figure06": drawn(
+        "figure06": figure(
             "06 coefficient error against noise",
             "errors:draw_draws",
             papers | against_noise("coefficients"),
             **draws,
         ),
-        "figure06_methods": drawn(
+        "figure06_methods": figure(
             "06, all methods: coefficient error against noise",
             "errors:draw_methods",
             everything | against_noise("coefficients"),
             table=SCORES,
         ),
-        "figure07": drawn(
+        "figure07": figure(
             "07 R2 against noise", "errors:draw_draws", papers | against_noise("r2"), **draws
         ),
-        "figure07_methods": drawn(
+        "figure07_methods": figure(
             "07, all methods: R2 against noise",
             "errors:draw_methods",
             everything | against_noise("r2"),
@@ -172,44 +172,44 @@ if LINES:
         ),
         **histories("08", "time histories under noise", noisy_histories),
         **histories("09", "time histories by amount of data", sampled_histories),
-        "figure10": drawn(
+        "figure10": figure(
             "10 R2 and amplitude by amount of data",
             "errors:draw_draws",
             papers | against_points("r2", "amplitude"),
             **draws,
         ),
-        "figure10_methods": drawn(
+        "figure10_methods": figure(
             "10, all methods: amplitude by amount of data",
             "errors:draw_methods",
             everything | against_points("amplitude"),
             table=SCORES,
         ),
-        "claims": drawn(
+        "claims": figure(
             "claims of the paper",
             "against_paper:draw_claims",
             {"combinations": [[p.name, m.name] for p, m in shown.claim_pairs(STUDY)]},
             table=table_of("claims"),
         ),
-        "overview": drawn(
+        "overview": figure(
             "overview: error against noise, and the bound",
             "errors:draw_overview",
             {"case": FIRST, "protocol": sensors.name, "label": noise_labels[sensors.name]},
             table=SCORES,
             peers=table_of("peers"),
         ),
-        "efficiency": drawn(
+        "efficiency": figure(
             "efficiency against noise",
             "errors:draw_efficiency",
             everything | {"labels": noise_labels},
             table=table_of("efficiency"),
         ),
-        "identifiability": drawn(
+        "identifiability": figure(
             "identifiability of each term",
             "each_term:draw_identifiability",
             everything | {"level": STUDY.settings.measurement.subsets.level},
             table=table_of("identifiability"),
         ),
-        "limit_cycles": drawn(
+        "limit_cycles": figure(
             "from which wind on, and how far",
             "motions:draw_limit_cycles",
             {
@@ -220,7 +220,7 @@ if LINES:
             cycles=table_of("limit_cycles"),
             bifurcations=table_of("bifurcations"),
         ),
-        "resonance_map": drawn(
+        "resonance_map": figure(
             "where the 2:1 resonance lies",
             "motions:draw_resonance_map",
             {
@@ -231,13 +231,13 @@ if LINES:
             },
             table=table_of("resonance_map"),
         ),
-        "orbits": drawn(
+        "orbits": figure(
             "orbits at mid-span",
             "engineering:draw_orbits",
             {"cases": {case.name: case.released for case in STUDY.cases}},
             orbits=every("<results>/assessment/{case}/orbits.npz", case=LINES),
         ),
-        "prediction": drawn(
+        "prediction": figure(
             "other wind speeds, from an identified model",
             "motions:draw_prediction",
             {
@@ -249,16 +249,16 @@ if LINES:
             },
             table=table_of("prediction"),
         ),
-        "limit_cycle_ahead": drawn(
+        "limit_cycle_ahead": figure(
             "the limit cycle ahead of its time",
             "motions:draw_limit_cycle_ahead",
             {"window": WINDOW},
             table=table_of("limit_cycle_ahead"),
         ),
-        "reduction": drawn(
+        "reduction": figure(
             "what two modes are worth", "verdicts:draw_reduction", table=table_of("reduction")
         ),
-        "measures": drawn(
+        "measures": figure(
             "what stops it",
             "engineering:draw_measures",
             {"cases": LINES},
@@ -266,7 +266,7 @@ if LINES:
         ),
     }
 if REDRAWN:
-    FIGURES["reproduction"] = drawn(
+    FIGURES["reproduction"] = figure(
         "what the missing parameters decide",
         "against_paper:draw_reproduction",
         {"labels": OPEN_LABELS},
@@ -284,8 +284,8 @@ for kind, function, label, table in (
     ),
 ):
     if has_trials(kind):
-        FIGURES[kind] = drawn(label, f"verdicts:{function}", table=table_of(table))
+        FIGURES[kind] = figure(label, f"verdicts:{function}", table=table_of(table))
 if has_trials(PAPER):
-    FIGURES["paper_region"] = drawn(
+    FIGURES["paper_region"] = figure(
         "what the paper leaves out", "against_paper:draw_region", samples=SAMPLES, readings=READINGS
     )
