@@ -72,7 +72,7 @@ def released(wildcards):
 
 
 def line_without(case, parameters):
-    """The same but for its own values of what a sweep varies, on which the sweep cannot depend."""
+    """A line as released, without its own values of what a sweep varies, which the sweep ignores."""
     return {f"cases.{case}": without(STUDY.case(case).released, *parameters)}
 
 
@@ -114,6 +114,12 @@ def sweep(wildcards):
 
 def trial(wildcards):
     return STUDY.trial(wildcards.trial)
+
+
+def tried_by(wildcards):
+    """The function of a trial's kind, as `evaluate.smk` names it."""
+    kind = STUDY.plain["trials"][wildcards.trial]["kind"]
+    return f"galloping.trials.{TRIED_BY[kind]}"
 
 
 def batch(wildcards):

@@ -65,6 +65,22 @@ rule find_oracle:
 # a truth that is known -> recordings -> what is claimed of the models identified, and whether it holds
 
 
+# By kind, its function in `galloping.trials`. It takes `seed`, `case`, `replicates` (their numbers),
+# `methods` (of `Method.settings`, by name) and the keywords `options`, and yields a row for each fit.
+TRIED_BY = {
+    "default_line": "recorded_lines:of_the_default_line",
+    "random_lines": "recorded_lines:of_random_lines",
+    "sensor_faults": "recorded_lines:of_faulty_recordings",
+    "long_and_steady": "recorded_lines:of_long_and_steady_motions",
+    "systems": "published:systems",
+    "model_error": "real_lines:trial",
+    "ambient": "ambient:trial",
+    "published_terms": "published:exact_terms",
+    "published_intervals": "published:intervals",
+    "paper": "paper_search:trial",
+}
+
+
 rule run_trial:
     output:
         fits="<results>/trials/{trial}/{batch}.csv",
@@ -75,7 +91,7 @@ rule run_trial:
     conda:
         "../envs/galloping.yaml"
     params:
-        function=lambda wildcards: {"function": trial(wildcards).kind.function},
+        function=lambda wildcards: {"function": tried_by(wildcards)},
         seed=lambda wildcards: {f"trials.{wildcards.trial}.seed": trial(wildcards).seed},
         case=lambda wildcards: {f"trials.{wildcards.trial}.cases": batch(wildcards).case},
         replicates=lambda wildcards: {"replicates": list(batch(wildcards).replicates)},
@@ -85,7 +101,7 @@ rule run_trial:
         options=lambda wildcards: {f"trials.{wildcards.trial}": dict(trial(wildcards).options)},
         code=lambda wildcards: code(
             "run_trial.py",
-            trial(wildcards).kind.function,
+            tried_by(wildcards),
             *(each for m in trial(wildcards).methods for each in m.modules),
         ),
     message:

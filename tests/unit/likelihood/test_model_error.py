@@ -1,7 +1,5 @@
 """Identification of lines that no candidate library contains."""
 
-from pkgutil import resolve_name
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -17,6 +15,7 @@ from galloping.polynomial import library
 from galloping.recording import Recording
 from galloping.study.cells import Study
 from galloping.tables.trial_summaries import model_error
+from galloping.trials import real_lines
 from galloping.trials.real_lines import TRUTHS, combined, line_of, linear_modes, motion
 
 TIME = np.arange(15001) / 50
@@ -108,7 +107,7 @@ def tried(seed, case):
     study = Study(load({"trials": {"small": small}}))
     trial = study.trial("small")
     methods = {method.name: study.options(method) for method in trial.methods}
-    return resolve_name(trial.kind.function)(seed, case, [0], methods)
+    return real_lines.trial(seed, case, [0], methods)
 
 
 def test_trial_has_a_row_for_each_replicate_and_method():

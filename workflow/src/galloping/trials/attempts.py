@@ -107,7 +107,7 @@ def fits(
 
 
 def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterator[dict]]:
-    """A trial, see `configuration.kinds`, with a row for each fit, see `fits`.
+    """A trial, see `workflow/rules/evaluate.smk`, with a row for each fit, see `fits`.
 
     attempts: makes its recordings, of the seed, the case, the replicates and the kind's options.
     """
