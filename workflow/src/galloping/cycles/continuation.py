@@ -21,8 +21,8 @@ CLOSED = 1e-3  # relative difference of period and size at which a branch has re
 
 
 @dataclass(frozen=True)
-class Linearised:
-    """The equations at some unknowns.
+class Equations:
+    """What is solved, linearised at some unknowns.
 
     solution: with a `vector` (n,) of all that tells it from others, a `value` of the parameter,
     which is the vector's last entry, and a `signature` that tells two at one value apart.
@@ -57,10 +57,10 @@ class Problem(Protocol):
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         """(m + 1,) of a solution with this vector (n,)."""
 
-    def linearise(self, unknowns: np.ndarray) -> Linearised:
+    def linearise(self, unknowns: np.ndarray) -> Equations:
         """Raises NotConverged where the equations cannot be evaluated."""
 
-    def examine(self, at: Linearised, tangent: np.ndarray) -> tuple[Any, dict[str, float]]:
+    def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Any, dict[str, float]]:
         """Stability of a solution, and the tests whose sign changes are bifurcations."""
 
     def confirmed(self, name: str, stability: Any) -> bool:
@@ -144,7 +144,7 @@ class Range:
 
 def corrected(
     problem: Problem, guess: np.ndarray, border: np.ndarray, accuracy: float = CORRECTED
-) -> Linearised:
+) -> Equations:
     """The solution near a guess of its vector (n,), on the plane through it across `border` (n,).
 
     accuracy: length of the last correction, in steps. Raises NotConverged.
@@ -166,7 +166,7 @@ def corrected(
     raise NotConverged(f"no convergence in {CORRECTIONS} corrections (the last {size:.1e})")
 
 
-def point_at(problem: Problem, at: Linearised, border: np.ndarray) -> Point:
+def point_at(problem: Problem, at: Equations, border: np.ndarray) -> Point:
     """The solution with its tangent, oriented so that `border` (n,) is positive on it."""
     tangent = at.along(border)
     tangent = tangent / problem.length(tangent)

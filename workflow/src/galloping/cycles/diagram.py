@@ -65,18 +65,16 @@ class EquilibriumProblem(continuation.Problem):
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         return vector
 
-    def linearise(self, unknowns: np.ndarray) -> continuation.Linearised:
+    def linearise(self, unknowns: np.ndarray) -> continuation.Equations:
         model, x = self.family.model(unknowns[-1]), unknowns[np.newaxis, :-1]
         slope = self.family.slope(unknowns[-1], self.resolution)
         by_value = design_matrix(x, model.terms) @ slope.T
         jacobian = np.column_stack([model.jacobian(x)[0], by_value[0]])
         found = Equilibrium(unknowns)
-        return continuation.Linearised(
-            found, unknowns, model(x)[0], jacobian, np.eye(len(unknowns))
-        )
+        return continuation.Equations(found, unknowns, model(x)[0], jacobian, np.eye(len(unknowns)))
 
     def examine(
-        self, at: continuation.Linearised, tangent: np.ndarray
+        self, at: continuation.Equations, tangent: np.ndarray
     ) -> tuple[Eigenvalues, dict[str, float]]:
         values, modes = np.linalg.eig(at.jacobian[:, :-1])
         pair = min(

@@ -216,7 +216,7 @@ class CycleProblem(continuation.Problem):
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         return np.append(vector[: len(self.slope)], vector[-2:])
 
-    def linearise(self, unknowns: np.ndarray) -> continuation.Linearised:
+    def linearise(self, unknowns: np.ndarray) -> continuation.Equations:
         n, (period, value) = len(self.slope), unknowns[-2:]
         model = self.family.model(value)
         free = np.argwhere(self.slope)
@@ -237,7 +237,7 @@ class CycleProblem(continuation.Problem):
         moved[..., n] = np.arange(PHASES)[:, np.newaxis] / PHASES * rates
         end_moved[:, n] = model(end[np.newaxis])[0]
         moved = np.vstack([moved.reshape(-1, n + 2), np.eye(n + 2)[n:]])
-        return continuation.Linearised(
+        return continuation.Equations(
             orbit,
             unknowns,
             np.append(end - unknowns[:n], self.phase @ (orbit.vector - self.reference.vector)),
@@ -246,7 +246,7 @@ class CycleProblem(continuation.Problem):
         )
 
     def examine(
-        self, at: continuation.Linearised, tangent: np.ndarray
+        self, at: continuation.Equations, tangent: np.ndarray
     ) -> tuple[Floquet, dict[str, float]]:
         n = len(self.slope)
         stability = floquet(at.jacobian[:n, :n] + np.eye(n))
