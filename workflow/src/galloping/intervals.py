@@ -79,8 +79,8 @@ def decay_interval(decay: float, error: float, duration: float) -> tuple[float, 
     if decay <= 0.0:
         half = NORMAL_95 * np.sqrt(error**2 + floor)
         return decay - half, decay + half
-    rest = max(error**2 - decay / duration, 0.0) + floor  # of the variance: not of the decay
+    beyond = max(error**2 - decay / duration, 0.0) + floor  # of the variance: not of the decay
     slope = NORMAL_95**2 / duration  # of the squared half width with the decay
     mean = middle + slope / 2.0
-    half = np.sqrt(max(mean**2 - middle**2 + NORMAL_95**2 * rest, 0.0))
+    half = np.sqrt(max(mean**2 - middle**2 + NORMAL_95**2 * beyond, 0.0))
     return float(mean - half), float(mean + half)

@@ -135,8 +135,8 @@ class Simulator:
             key = tuple(held)
             if key not in self._at:
                 self._at[key] = Simulator(self.states, model.terms, inputs=model.inputs)
-            rest = {name: inputs[name] for name in model.inputs}
-            return self._at[key](model, x0, time, rest)
+            others = {name: inputs[name] for name in model.inputs}
+            return self._at[key](model, x0, time, others)
         from galloping.taylor import first_step, solution  # compiles
 
         own = [inputs[name] for name in model.inputs]

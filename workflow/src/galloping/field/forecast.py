@@ -318,16 +318,16 @@ def held_out(ahead: Forecast, measured: np.ndarray, deviation: np.ndarray) -> He
     error = np.where(known, measured - ahead.median, 0.0)
     inside = known & (measured >= ahead.low) & (measured <= ahead.high)
     counts = known.sum(axis=0)
-    rest = np.sum(error**2, axis=0)
+    missed = np.sum(error**2, axis=0)
     factors = np.ones(len(counts))
     with np.errstate(invalid="ignore", divide="ignore"):
-        skill = 1.0 - rest / (counts * deviations(measured) ** 2)
+        skill = 1.0 - missed / (counts * deviations(measured) ** 2)
         held = inside.sum(axis=0) / counts
         away = np.maximum(
             error / (ahead.high - ahead.median), error / (ahead.low - ahead.median)
         )  # in widths of the band on the side of the sample
     for k in np.flatnonzero(held < ahead.chance):
-        useless = skill[k] <= 0.0 and rest[k] > counts[k] * deviation[k] ** 2
+        useless = skill[k] <= 0.0 and missed[k] > counts[k] * deviation[k] ** 2
         factors[k] = np.inf if useless else np.quantile(away[known[:, k], k], 0.9)
     return HeldOut(ahead, skill, held, factors)
 

@@ -214,8 +214,8 @@ def channel_of(text: str) -> dict:
 
     Raises MappingError where the text has another form.
     """
-    measures, _, rest = text.partition("=")
-    header, at, position = rest.partition("@")
+    measures, _, source = text.partition("=")
+    header, at, position = source.partition("@")
     column, unit = named(header)
     if not measures.strip() or not column or (at and not position.strip()):
         raise MappingError(
