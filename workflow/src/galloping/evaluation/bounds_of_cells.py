@@ -16,7 +16,7 @@ from galloping.bounds import (
     on_library,
 )
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import IDENTIFIABLE
+from galloping.intervals import IDENTIFIABLE, normal
 from galloping.measurement import Motion, measure, noises_of
 from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import PolynomialModel, term_name
@@ -35,10 +35,8 @@ def at_the_bound(
     if lacking or not np.all(np.isfinite(found.covariance)):
         why = f"the library lacks {', '.join(lacking)}" if lacking else "a term is undetermined"
         return IdentifiedModel.refused(model.states, model.terms, f"bound: {why}")
-    values, vectors = np.linalg.eigh(found.covariance)
-    draw = vectors @ (np.sqrt(np.maximum(values, 0)) * rng.standard_normal(len(values)))
-    coefficients = model.coefficients.copy()
-    coefficients[tuple(found.free.T)] += draw
+    coefficients, free = model.coefficients.copy(), tuple(found.free.T)
+    coefficients[free] = normal(coefficients[free], found.covariance, 1, rng)[0]
     drawn = replace(model, coefficients=coefficients)
     return IdentifiedModel(drawn, "unjudged", standard_errors=on_library(model, found))
 
