@@ -189,6 +189,16 @@ class PolynomialModel(Immutable):
         ]
         return np.stack(slopes, axis=2)
 
+    def small_motions(
+        self, x: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Eigenvalues (n_states,), 1/s, and eigenvectors, in columns, of the motions near `x`.
+
+        x: (n_states,), such as at rest, of a model without inputs.
+        """
+        values, vectors = np.linalg.eig(self.jacobian(x[np.newaxis])[0])
+        return values, vectors
+
     def at(self, values: Mapping[str, float]) -> PolynomialModel:
         """The model at constant values of inputs, its terms merged; the other inputs stay.
 
@@ -248,9 +258,9 @@ def _without(
     terms: tuple[Exponents, ...], held: tuple[int, ...]
 ) -> tuple[tuple[Exponents, ...], tuple[int, ...]]:
     """Terms without the exponents at `held`, each once, and the place of each old one in them."""
-    rest = [tuple(e for k, e in enumerate(term) if k not in held) for term in terms]
-    place = {term: j for j, term in enumerate(dict.fromkeys(rest))}
-    return tuple(place), tuple(place[term] for term in rest)
+    kept = [tuple(e for k, e in enumerate(term) if k not in held) for term in terms]
+    place = {term: j for j, term in enumerate(dict.fromkeys(kept))}
+    return tuple(place), tuple(place[term] for term in kept)
 
 
 def beside(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:

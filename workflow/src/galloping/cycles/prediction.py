@@ -27,12 +27,14 @@ from galloping.cycles.limit_cycles import (
 )
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import Identified, drawn, normal, of_draws
+from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.simulation import Simulator
 
 SAMPLES = 39  # of which the least and the greatest are then the ends of the band, without bias
 SETTLING, WINDOW = 1500.0, 50.0  # s: close enough for the correction, and a stretch to begin from
 CORRECTED = 1e-4  # steps: what is left is about its square, far below the band
+WAY = (1.0,), (0.25, 0.5, 0.75, 1.0)  # from a model's cycle to another's: at once, or in steps
 CEILING = 5.0  # of the recorded motion: what is larger a recording does not tell
 
 
@@ -222,16 +224,41 @@ def predict(
     return replace(found, reason=reason)
 
 
-def near(models: Iterable[PolynomialModel], orbit: Orbit) -> list[Orbit]:
-    """The limit cycles of other models near an orbit, of those that have one."""
+def near(
+    models: Iterable[PolynomialModel], orbit: Orbit, best: PolynomialModel | None = None
+) -> list[Orbit]:
+    """The limit cycles of other models near an orbit, of those that have one.
+
+    best: the model of the orbit, in the terms of the others. Where it is given, a cycle that is not
+    found at once is followed from the orbit in steps, with coefficients between the two models'.
+    """
     found = []
     for model in models:
-        problem = CycleProblem.beside(model, orbit)
-        with suppress(NotConverged):
-            at = corrected(problem, orbit.vector, problem.along_parameter(), CORRECTED)
-            if at.solution.spread > VANISHED * orbit.spread:
-                found.append(at.solution)
+        passing("draw limit cycles")
+        for steps in WAY[:1] if best is None else WAY:
+            if (orbit_of_model := _followed(model, orbit, best, steps)) is not None:
+                found.append(orbit_of_model)
+                break
     return found
+
+
+def _followed(
+    model: PolynomialModel, orbit: Orbit, best: PolynomialModel | None, steps: Sequence[float]
+) -> Orbit | None:
+    """The limit cycle of a model, by those at shares of the way to it; None where it has none."""
+    found = orbit
+    with suppress(NotConverged):
+        for share in steps:
+            between = model
+            if best is not None:
+                change = model.coefficients - best.coefficients
+                between = replace(best, coefficients=best.coefficients + share * change)
+            problem = CycleProblem.beside(between, found)
+            border = problem.along_parameter()
+            found = corrected(problem, found.vector, border, CORRECTED).solution
+        if found.spread > VANISHED * orbit.spread:
+            return found
+    return None
 
 
 def limit_cycle_ahead(

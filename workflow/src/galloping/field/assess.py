@@ -12,18 +12,11 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from galloping.arrays import Immutable, one_thread
-from galloping.cycles.continuation import NotConverged, Point, Range, corrected
+from galloping.cycles.continuation import Point, Range
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
 from galloping.cycles.family import Family, constant
-from galloping.cycles.limit_cycles import (
-    VANISHED,
-    CycleProblem,
-    Orbit,
-    Settled,
-    at_value,
-    settle,
-    settled,
-)
+from galloping.cycles.limit_cycles import Settled, at_value, settle, settled
+from galloping.cycles.prediction import near
 from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value, zero_of
 from galloping.field.forecast import simulator_of
 from galloping.field.units import plain_unit
@@ -40,7 +33,6 @@ USUAL = 0.4  # Hz, of the motions that settle in DURATION s, looked at in WINDOW
 ALIKE = 0.05, 20.0  # and times that of those that are as good as these
 CEILING = 10.0  # sizes of the motion, beyond which limit cycles are not followed
 ENOUGH = 0.5  # of the draws that have a cycle: the interval is of those
-WAY = (1.0,), (0.25, 0.5, 0.75, 1.0)  # from the model's cycle to that of a draw
 FAR = np.finfo(float).max  # in place of what is beyond a range
 
 
@@ -184,7 +176,7 @@ def _slowed(found: IdentifiedModel, first: Mapping[str, float], seed: int) -> _S
     """A model in its own time where it is much faster or slower at its start than a span."""
     known = found.initial_states[np.isfinite(found.initial_states).all(axis=1)]
     start = known[-1] if len(known) else np.full(len(found.model.states), 0.1)  # not the origin
-    values = np.linalg.eigvals(found.model.at(first).jacobian(start[np.newaxis])[0])
+    values = found.model.at(first).small_motions(start)[0]
     fast = float(np.max(np.abs(values)) / (2 * np.pi * USUAL))
     fast = 1.0 if ALIKE[0] < fast < ALIKE[1] or not fast > 0 else fast
     size = np.ones(len(found.model.states))
@@ -349,12 +341,12 @@ def equilibria(model: PolynomialModel, middle: np.ndarray, size: np.ndarray) -> 
 
 def _equilibrium(of: _Slowed, rest: np.ndarray) -> Equilibrium:
     best = of.model
-    values, vectors = np.linalg.eig(best.jacobian(rest[np.newaxis])[0])
+    values, vectors = best.small_motions(rest)
     places, matched = [], []
     for model in of.draws:
         at = zero_of(model, rest)
         if at.success:
-            own = np.linalg.eigvals(model.jacobian(at.x[np.newaxis])[0])
+            own = model.small_motions(at.x)[0]
             _, order = linear_sum_assignment(np.abs(values[:, np.newaxis] - own))
             places.append(at.x)
             matched.append(own[order])
@@ -374,29 +366,8 @@ def _equilibrium(of: _Slowed, rest: np.ndarray) -> Equilibrium:
     return Equilibrium(place, tuple(modes))
 
 
-def _drawn_cycle(best: PolynomialModel, model: PolynomialModel, orbit: Orbit) -> Orbit | None:
-    """The limit cycle of a drawn model that continues one of the best model, or None."""
-    change = model.coefficients - best.coefficients
-    for steps in WAY:
-        found = orbit
-        try:
-            for share in steps:
-                between = replace(best, coefficients=best.coefficients + share * change)
-                problem = CycleProblem.beside(between, found)
-                found = corrected(problem, found.vector, problem.along_parameter()).solution
-        except NotConverged:
-            continue
-        if found.spread > VANISHED * orbit.spread:
-            return found
-    return None
-
-
 def _cycle(of: _Slowed, point: Point) -> Cycle:
-    states, kept = of.model.states, []
-    for model in of.draws:
-        passing("draw limit cycles")
-        if (orbit := _drawn_cycle(of.model, model, point.solution)) is not None:
-            kept.append(orbit)
+    states, kept = of.model.states, near(of.draws, point.solution, of.model)
     found = len(kept) / len(of.draws)
     shown = list(velocity_pairs(states)) or list(range(len(states)))
     ranges = np.array([orbit.half_range() for orbit in kept]).reshape(-1, len(states))

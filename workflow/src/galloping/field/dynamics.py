@@ -14,7 +14,6 @@ from galloping.cycles.prediction import near
 from galloping.field.forecast import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95, decay_interval, drawn, of_draws
-from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 from galloping.simulation import Simulator
@@ -215,7 +214,6 @@ def expected(
 
 def _orbit(model: PolynomialModel, orbit: Orbit, simulator: Simulator) -> Orbit | None:
     """The limit cycle of another model, near one or where a motion from there ends."""
-    passing("draw limit cycles")
     if close := near([model], orbit):
         return close[0]
     motion = settle(simulator, model, orbit.states[0], duration=FROM_NEARBY, window=WINDOW)
@@ -234,7 +232,7 @@ def _linear(model: PolynomialModel, pairs: dict[int, int], around: Surroundings)
     if (rest := around.rest(model)) is None:
         return result
     result[0] = rest[list(pairs)]
-    values, vectors = np.linalg.eig(model.jacobian(rest[np.newaxis])[0])
+    values, vectors = model.small_motions(rest)
     free = list(np.flatnonzero(values.imag > 0))
     for k, i in enumerate(pairs):
         if not free:

@@ -137,7 +137,7 @@ def linear_modes(model: PolynomialModel) -> np.ndarray:
     rest = np.zeros((1, len(model.states)))
     for _ in range(10):
         rest = rest - np.linalg.lstsq(model.jacobian(rest)[0], model(rest)[0], rcond=None)[0]
-    values = np.linalg.eigvals(model.jacobian(rest)[0])
+    values, _ = model.small_motions(rest[0])
     values = values[values.imag > 0]
     if len(values) != 2:
         return np.full(4, np.nan)
