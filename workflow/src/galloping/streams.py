@@ -1,4 +1,7 @@
-"""Streams of random numbers by name: each the same whatever else is drawn."""
+"""Streams of random numbers by name: each the same whatever else is drawn.
+
+A module apart, since the rooms that draw numbers share nothing else.
+"""
 
 import hashlib
 

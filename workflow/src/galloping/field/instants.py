@@ -1,4 +1,7 @@
-"""The times of a recording, where they are written as dates or as times of a day."""
+"""The times of a recording, where they are written as dates or as times of a day.
+
+Apart from `file_table`, which is long without.
+"""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,7 @@
-"""A cell's replicates through a family of methods; what gives no model is a row with the reason."""
+"""A cell's replicates through a family of methods; what gives no model is a row with the reason.
+
+Apart from `model`, which jobs import that only read models: they need not run again for an edit.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Forward regression by orthogonal least squares (Billings 2013; pysindy's FROLS)."""
+"""Forward regression by orthogonal least squares (Billings 2013; pysindy's FROLS).
+
+Apart from `stlsq`: an edit of a method that a study does not ask for runs none of its jobs again.
+"""
 
 import numpy as np
 
