@@ -179,6 +179,12 @@ class IdentifiedModel(Immutable):
         inexact = self.status in ("approximate", "refused")
         return inexact and self.diagnostics.get("forecast_r2", 0.0) < LITTLE_TOLD
 
+    def doubted(self, reason: str) -> IdentifiedModel:
+        """The same with a reason for which it is not `ok`, whatever it was."""
+        doubtful = "approximate" if self.is_forced else "not identifiable"
+        status = doubtful if self.status == "ok" else self.status
+        return replace(self, status=status, reason=reason)
+
     @property
     def verdict(self) -> str:
         """Status and reason in one line."""

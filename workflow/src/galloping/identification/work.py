@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from galloping.identification.model import IdentifiedModel
 from galloping.recording import Recording
@@ -41,10 +41,8 @@ class Work:
         """The best model of a search; where that ended early it says so, and is not `ok`."""
         if not self.ended:
             return found
-        doubted = "approximate" if found.is_forced else "not identifiable"
-        status = doubted if found.status == "ok" else found.status
         clauses = [part for part in found.reason.split("; ") if part and part != ENDED]
-        return replace(found, status=status, reason="; ".join([*clauses, ENDED]))
+        return found.doubted("; ".join([*clauses, ENDED]))
 
 
 _UNLIMITED = Work(float("inf"))

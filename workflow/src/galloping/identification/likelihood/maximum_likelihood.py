@@ -207,8 +207,7 @@ def _moved_at_random(begun: Start) -> tuple[IdentifiedModel | None, bool]:
     forced, is_sure = moved_at_random(begun.problem, begun.recordings, begun.period)
     if forced is None or not (late := _late(begun)):
         return forced, is_sure
-    status = "approximate" if forced.status == "ok" else forced.status
-    return replace(forced, status=status, reason=f"{late}; {forced.reason}"), is_sure
+    return forced.doubted(f"{late}; {forced.reason}"), is_sure
 
 
 def _near(begun: Start, objection: str) -> IdentifiedModel:

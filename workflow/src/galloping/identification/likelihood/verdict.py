@@ -131,8 +131,9 @@ def best_of(found: list[IdentifiedModel]) -> IdentifiedModel:
 
     best = min(found, key=order)
     if best.status == "ok" and sum(one.status in FOLLOW for one in found) < 2:
-        alone = "displacements are not measured, and one alone of several starts leads to a model"
-        return replace(best, status="not identifiable", reason=alone)
+        return best.doubted(
+            "displacements are not measured, and one alone of several starts leads to a model"
+        )
     return best
 
 
