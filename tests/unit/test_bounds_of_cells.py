@@ -23,6 +23,7 @@ from galloping.physics.galerkin import Derived
 from galloping.polynomial import library
 from galloping.simulation import Simulator
 from galloping.tables.scores import efficiency, identifiability
+from galloping.trials.published import SETTINGS
 
 EQUATIONS = (2, 3)
 
@@ -227,6 +228,18 @@ def test_divergence_is_an_error() -> None:
     explosive = model(("x",), 2, {"x^2": 1.0})
     with pytest.raises(ValueError, match="diverges"):
         sensitivities(explosive, np.zeros((0, 2), int), np.array([1.0]), np.array([0.0, 2.0]))
+
+
+def test_a_longer_chaotic_motion_tells_more_of_every_term() -> None:
+    chaotic, step = SETTINGS["lorenz"]
+    true = chaotic.model
+    free, sigma = np.argwhere(true.support), np.ones(3)
+    ends = [
+        state_bound(true, free, [Experiment(np.array(chaotic.start), step * np.arange(n), sigma)])
+        for n in (400, 600, 800, 1000)  # of the last all but 1e-12 is what its start does
+    ]
+    assert np.all(np.diff([bound.std for bound in ends], axis=0) < 0.0)
+    assert ends[-1].std.max() == pytest.approx(0.2088377, rel=1e-6)  # in long double
 
 
 def test_information_beyond_the_range_of_numbers_is_an_error() -> None:

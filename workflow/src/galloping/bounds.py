@@ -151,16 +151,24 @@ def weighted_sensitivities(
 
 
 def fisher_information(weighted: np.ndarray, n_free: int) -> np.ndarray:
-    """(n_free, n_free), of the samples of `weighted_sensitivities`, or of some of them.
+    """(n_free, n_free), of the samples of `weighted_sensitivities`, or of some of them, the initial
+    state eliminated.
 
     Raises ValueError where it leaves the range of numbers, as of a long chaotic motion.
     """
     rows = weighted.reshape(-1, weighted.shape[2])
-    with np.errstate(over="ignore"):
-        total = rows.T @ rows
-    if not np.all(np.isfinite(total)):
+    by_coefficients, by_state = rows[:, :n_free], rows[:, n_free:]
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = np.linalg.norm(rows, axis=0)
+    if not np.all(np.isfinite(size)):
         raise ValueError("the motion depends on where it starts by more than numbers hold")
-    return eliminated(total, n_free)
+    # what the initial state does may be a million times what is left: a difference of informations
+    # would be rounding
+    scaled = by_state / np.maximum(size[n_free:], np.finfo(float).tiny)
+    directions, spread, _ = np.linalg.svd(scaled, full_matrices=False)
+    directions = directions[:, spread > 1e-13 * spread.max(initial=0.0)]
+    left = by_coefficients - directions @ (directions.T @ by_coefficients)
+    return left.T @ left
 
 
 def derivative_bound(
@@ -179,15 +187,6 @@ def derivative_bound(
         columns = free[rows, 1]
         total[np.ix_(rows, rows)] = gram[np.ix_(columns, columns)] / sigma[equation] ** 2
     return bound_of(model, free, total)
-
-
-def eliminated(information: np.ndarray, keep: int) -> np.ndarray:
-    """Information about the first `keep` parameters when the others are unknown (Schur)."""
-    rest = information[keep:, keep:]
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(rest), np.finfo(float).tiny))
-    inverse = np.linalg.pinv(rest * scale[:, None] * scale, rcond=1e-13, hermitian=True)
-    cross = information[:keep, keep:] * scale
-    return information[:keep, :keep] - cross @ inverse @ cross.T
 
 
 def covariance_of(information: np.ndarray) -> np.ndarray:
