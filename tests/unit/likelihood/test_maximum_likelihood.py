@@ -6,7 +6,7 @@ from identification_cases import RELEASE, TIME, line, model, noisy, solution, un
 
 from galloping.bounds import Experiment, state_bound
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.problem import posed
+from galloping.identification.likelihood.problem import Prior, posed
 from galloping.identification.likelihood.weak_gls import begin, rough_fit, weak_gls
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
@@ -83,6 +83,8 @@ def test_exact_states_with_noisy_derivatives() -> None:
     assert found.sigma[0, 2:] == pytest.approx(0.15, rel=0.02)
     errors = scaled_errors(LINE, found, np.sqrt(np.diag(found.covariance)))
     assert np.sqrt(np.mean(errors**2)) < 1.6
+    simple = maximum_likelihood([recording], LINE.terms, prior=Prior(nonlinear=1e-300))
+    assert np.all(SUPPORT | ~simple.support) and simple.support.sum() < SUPPORT.sum()
     with_few = maximum_likelihood([recording, recording[:20]], LINE.terms)
     assert np.array_equal(with_few.model.coefficients, found.model.coefficients)
 

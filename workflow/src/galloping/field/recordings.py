@@ -196,7 +196,9 @@ def by_excerpts(
     if method is not maximum_likelihood or recordings[0].inputs or whole:
         return method(stretches, *question, **options)
     if wavers(recordings, shortest_period([with_integrals(each) for each in recordings])):
-        about = {name: options[name] for name in ("coefficients", "allowed") if name in options}
+        about = {
+            name: options[name] for name in ("prior", "coefficients", "allowed") if name in options
+        }
         if found := if_moved_at_random(recordings, *question, **about):
             return found
     found = method(stretches, *question, **options)

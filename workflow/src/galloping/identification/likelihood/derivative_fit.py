@@ -59,7 +59,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             return refused(problem, f"too few complete samples for d({problem.states[i]})/dt")
         penalty, whole = 2.0 * np.log(samples), np.ones(len(block), bool)
         own = information[np.ix_(block, block)]
-        support[block] = select(own, right[block], [whole], penalty, about[block])
+        costs = problem.costs(penalty)[block]
+        support[block] = select(own, right[block], [whole], costs, about[block])
         count += samples
     free, covariance = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)

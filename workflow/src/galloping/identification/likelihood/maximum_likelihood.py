@@ -18,7 +18,7 @@ from galloping.identification.likelihood.derivative_fit import derivative_fit
 from galloping.identification.likelihood.inputs import asked, checked_recordings, driven
 from galloping.identification.likelihood.instrument import DELAYED, FORCES, faults
 from galloping.identification.likelihood.model_error import approximation
-from galloping.identification.likelihood.problem import Coefficient, Prior, Problem, posed
+from galloping.identification.likelihood.problem import PRIOR, Coefficient, Prior, Problem, posed
 from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.shooting import Fit, Segments, residuals
@@ -40,8 +40,6 @@ from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.identification.work import ENDED, MOST, is_spent, limited, portion
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
-
-PRIOR = Prior()
 
 
 @one_thread
@@ -79,7 +77,9 @@ def maximum_likelihood(
     recordings = checked_recordings(recordings)
     problem = asked(recordings, terms, known, known_states, prior, coefficients, allowed)
     if forced is not None:
-        return random_forces(recordings, terms, known, known_states, forced, coefficients, allowed)
+        return random_forces(
+            recordings, terms, known, known_states, prior, forced, coefficients, allowed
+        )
     try:
         used = driven(recordings, problem.inputs)
     except Unusable as error:

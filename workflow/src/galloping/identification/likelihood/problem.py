@@ -60,6 +60,9 @@ class Prior:
         return np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)
 
 
+PRIOR = Prior()
+
+
 @dataclass(frozen=True)
 class Coefficient:
     """What is known of one coefficient before any recording.

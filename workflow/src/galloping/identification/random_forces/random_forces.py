@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
 from galloping.identification.likelihood.inputs import asked, checked_recordings, driven
-from galloping.identification.likelihood.problem import Coefficient, Problem
+from galloping.identification.likelihood.problem import PRIOR, Coefficient, Prior, Problem
 from galloping.identification.likelihood.rate_channels import scaled, scales_told
 from galloping.identification.likelihood.verdict import by, refused, with_inputs
 from galloping.identification.likelihood.weak_gls import prepared
@@ -44,6 +44,7 @@ def random_forces(
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
+    prior: Prior | None = PRIOR,
     forced: Sequence[str] = (),
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
@@ -57,7 +58,7 @@ def random_forces(
     the covariance of the forces is in `forces`. Raises ValueError for other input.
     """
     given = checked_recordings(recordings)
-    problem = asked(given, terms, known, known_states, None, coefficients, allowed)
+    problem = asked(given, terms, known, known_states, prior, coefficients, allowed)
     places = forced_equations(problem, forced)
 
     def find(recordings: list[Recording], period: float, besides: int) -> IdentifiedModel:
@@ -129,11 +130,12 @@ def if_moved_at_random(
     terms: tuple[Exponents, ...],
     known: PolynomialModel | None = None,
     known_states: tuple[str, ...] = (),
+    prior: Prior | None = PRIOR,
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,
 ) -> IdentifiedModel | None:
     """As `random_forces` in all equations; None where the motion may be another one."""
-    problem = asked(list(recordings), terms, known, known_states, None, coefficients, allowed)
+    problem = asked(list(recordings), terms, known, known_states, prior, coefficients, allowed)
     with limited(recordings) as work, suppress(*NO_MODEL):
         cleaned, _, period = prepared(list(recordings))
         found, is_sure = moved_at_random(problem, cleaned, period)
