@@ -6,8 +6,8 @@ from itertools import combinations, cycle
 import numpy as np
 import pandas as pd
 import pytest
-from drawing import drawn
 from lines import RESONANT, edited
+from pictures import drawn
 
 from galloping.evaluation.motion import Reconstruction
 from galloping.figures.against_paper import draw_claims

@@ -94,9 +94,10 @@ def test_a_room_imports_none_below_it():
     assert not wrong
 
 
-def test_modules_have_names_of_their_own_and_at_most_500_lines():
+def test_modules_and_packages_have_names_of_their_own_and_at_most_500_lines():
     paths = [path for path in SOURCE.parents[1].rglob("*.py") if path.stem != "__init__"]
-    names = sorted(path.stem for path in paths)
+    packages = [path.parent for path in SOURCE.rglob("__init__.py")]
+    names = sorted(path.stem for path in (*paths, *packages))
     assert names == sorted(set(names))
     assert [p.stem for p in paths if len(p.read_text(encoding="utf-8").splitlines()) > 500] == []
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from drawing import drawn
 from lines import RESONANT, START, edited, simulator
+from pictures import drawn
 from PIL import Image
 
 from galloping.cycles import rows

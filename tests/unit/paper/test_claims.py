@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 import pytest
-from drawing import drawn
 from lines import CASES, RESONANT
+from pictures import drawn
 
 from galloping.figures.against_paper import draw_printed, draw_reproduction
 from galloping.measurement import Motion

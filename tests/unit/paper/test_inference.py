@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from drawing import drawn
 from lines import RESONANT
+from pictures import drawn
 
 from galloping.figures.against_paper import draw_region
 from galloping.paper import draws, unknowns

@@ -11,7 +11,7 @@ from galloping import Recording, maximum_likelihood, polynomial_library
 from galloping.field.advice import objected
 from galloping.field.recordings import by_excerpts
 from galloping.identification.model import IdentifiedModel, Resonance
-from galloping.identification.random_forces.random_forces import random_forces
+from galloping.identification.random_forces.decision import random_forces
 from galloping.identification.random_forces.tracking import spectra
 
 TIME = np.arange(9_000) / 10

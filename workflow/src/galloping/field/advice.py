@@ -15,7 +15,7 @@ from galloping.field.units import coefficient_unit, state_unit
 from galloping.identification.likelihood.instrument import DRIFTS
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import LITTLE_TOLD, IdentifiedModel
-from galloping.identification.random_forces.random_forces import random_forces
+from galloping.identification.random_forces.decision import random_forces
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.identification.work import ENDED

@@ -34,7 +34,7 @@ from galloping.identification.likelihood.verdict import (
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import Start, begin, delayed_inputs, weak_gls
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
-from galloping.identification.random_forces.random_forces import moved_at_random, random_forces
+from galloping.identification.random_forces.decision import moved_at_random, random_forces
 from galloping.identification.random_forces.start import may_be_moved_at_random
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.identification.work import ENDED, MOST, is_spent, limited, portion
