@@ -84,6 +84,7 @@ PHASES = 256  # at which orbits are compared, a power of two
 STEPS, MOST_STEPS = 32, 2**14  # of the integration of a period, powers of two
 ACCURACY = 1e-13  # truncation of a step's Taylor series, relative to the size of each state
 STEP = 0.5  # longest step, of the orbit's size and of its period
+RESTING = 1e-12  # of an orbit's greatest state: a state that moves less does not move
 DEPARTURE = 1e-2  # of an orbit: first step onto what branches off from it
 VANISHED = 1e-3  # of the largest orbit of the branch: an orbit as small is an equilibrium
 
@@ -123,9 +124,10 @@ class Orbit:
         return np.array([self.period, self.spread])
 
     def half_range(self) -> np.ndarray:
-        """Half of the range of each state over a period: (n_states,)."""
-        turns = self.at.derivative().roots(extrapolate=False)
-        return np.array([np.ptp(self.at(turn)[:, k]) / 2 for k, turn in enumerate(turns)])
+        """Half of the range of each state over a period: (n_states,), zero of one that rests."""
+        turns = self.at.derivative().roots(extrapolate=False)  # NaN where a state never moves
+        half = np.array([np.ptp(self.at(turn)[:, k]) / 2 for k, turn in enumerate(turns)])
+        return np.where(half > RESTING * np.abs(self.states).max(), half, 0.0)
 
     def halves(self) -> np.ndarray:
         """(PHASES / 2 n_states,) by how much the second half of an orbit differs from the first.
