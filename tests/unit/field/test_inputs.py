@@ -60,6 +60,10 @@ def test_units_and_names_of_inputs_are_read(tmp_path):
     assert (wind.between, wind.error) == ("linear", 0.02)
     as_they_are = read_series(path, mapping({"name": "U", "column": "wind", "unit": "1"}))
     np.testing.assert_allclose(as_they_are.inputs["U"](TIME), 3.6 * WIND)
+    shaken = written(tmp_path / "b.csv", **{"base [g]": WIND})
+    base = read_series(shaken, mapping({"name": "a", "column": "base"}))
+    assert dict(base.units) == {"a": "m/s^2"}  # of gravity, no gram
+    np.testing.assert_allclose(base.inputs["a"](TIME), 9.80665 * WIND)
     assert input_of("U=wind[m/s] +- 2%", "zero") == {
         "name": "U", "column": "wind", "unit": "m/s", "error": "2%", "between": "zero"
     }  # fmt: skip

@@ -160,9 +160,10 @@ def plain_unit(name: str) -> str:
 def input_si(unit: str) -> tuple[float, str]:
     """What values of an input are multiplied by, and the unit that they are in then, one of SI.
 
-    A unit of SI by itself stays, and one that does not begin at zero, such as degC. Raises
-    UnitError.
+    A unit of SI by itself stays, and one that does not begin at zero, such as degC. `g` and `mg`
+    are of gravity here as well: a mass drives nothing. Raises UnitError.
     """
+    unit += "_n" * (unit in ("g", "mg"))
     if unit in USUAL and USUAL[unit][0] == 1.0:
         return 1.0, unit
     try:
