@@ -83,7 +83,8 @@ def draw_quality(
             )  # fmt: skip
         top = min(5 * fastest, frequency[-1])
         shown = frequency <= top
-        right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
+        if share.any():  # of what is constant there is none, which has no logarithm
+            right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
         right.yaxis.set_minor_locator(NullLocator())
         right.yaxis.set_major_formatter("{x:.0e}")  # powers as formulas take long
         right.set(xlim=(0, top), ylabel="share of the power")
