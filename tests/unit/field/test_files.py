@@ -166,3 +166,17 @@ def test_a_sensor_that_shows_nothing_of_its_own_is_told(tmp_path, share, said):
     problems = questioned(tmp_path / "a.csv", frame)["problems"]
     same = [one for one in problems if one["what"].startswith("shows only what 'v' shows, 1.7")]
     assert [one["column"] for one in same] == said
+
+
+def test_a_motion_that_dies_out_does_not_jump(tmp_path):
+    """Its quiet end tells nothing of how far its beginning is from a polynomial."""
+    time = np.arange(3000) * 0.05
+    decays = 0.2 * np.exp(-0.05 * time) * np.cos(2.95 * time) + 0.006 * np.cos(5.65 * time)
+    decays += 0.004 * np.random.default_rng(3).standard_normal(3000)
+    for step, jumps in ((0.0, False), (0.3, True)):
+        seen = decays + step * (time > 40.0)
+        report = questioned(
+            tmp_path / "a.csv", pd.DataFrame({"t": time, "v": -900 * seen, "w": seen})
+        )
+        told = [each["what"] for each in report["problems"] if each["column"] == "w"]
+        assert any(what.startswith("jumps by") for what in told) == jumps

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 NEIGHBOURS = 5  # samples of which the median is taken
 MOVES = "shifts its mean by"
 JUMPS, JUMP = "jumps by", 0.05  # of its range, that a channel jumps at least
+AROUND = 16  # quarters of a period on each side: a step stands out of what recurs there
 OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
 GAP = 3.0  # median steps without a sample
 CLIPPED = 5  # equal samples in a row at an end of the range
@@ -198,7 +199,7 @@ def _channel(
         problems.append((row[at], f"clipped at {y[at]:g}"))
     elif (jumps := _jumps(t, y, turn / step)) is not None:
         at, by = jumps
-        problems.append((row[at], f"{JUMPS} {by:.3g} {unit}".strip()))
+        problems.append((row[at], f"{JUMPS} {by:.3g} {unit}".removesuffix(" 1")))
     if len(peaks) and sampled(t) * frequency[peaks[0]] < PERIODS and not moves:  # which has none
         problems.append((row[0], f"less than {PERIODS} periods of the motion"))
     if (missed := 1.0 - sampled(t) / sampled(time)) > MISSED:
@@ -211,7 +212,7 @@ def _channel(
     if coarse:
         problems.append((row[0], f"less than {PER_PERIOD} samples in a period"))
     if moves:
-        problems.append((row[moves], f"{MOVES} {by:.3g} {unit}".strip()))
+        problems.append((row[moves], f"{MOVES} {by:.3g} {unit}".removesuffix(" 1")))
     elif drifts:
         problems.append((row[0], "the mean drifts by more than the motion"))
     problems += [(rows[0], what) for what in _unlikely(described, unit)]
@@ -234,7 +235,9 @@ def _jumps(time: np.ndarray, values: np.ndarray, omega: float) -> tuple[int, flo
     uneven = np.abs(np.diff(time) - step) > 0.5 * step  # a gap, or a clock of its own
     jump[np.convolve(uneven, np.ones(2 * half - 1), mode="valid") > 0.5] = 0.0
     at, size = int(np.argmax(np.abs(jump))), np.abs(jump)
-    if size[at] <= max(OUTLIER * np.median(size) / 0.6745, JUMP * np.ptp(values)):
+    near = size[max(0, at - AROUND * half) : at + AROUND * half + 1]  # of a motion that decays
+    usual = max(np.median(size), np.median(near)) / 0.6745
+    if size[at] <= max(OUTLIER * usual, JUMP * np.ptp(values)):
         return None
     return at + half, float(jump[at])
 
