@@ -64,6 +64,7 @@ def draw_quality(
     grid = figure.subplots(
         len(rows), 2, squeeze=False, sharex="col" if shared else "none", width_ratios=(2, 1)
     )
+    reach = 0.0
     for k, ((left, right), row) in enumerate(zip(grid, rows, strict=True)):
         title, label, time, values, gaps, dominant, fastest = row
         parts.letter(left, 2 * k, title)
@@ -87,7 +88,8 @@ def draw_quality(
             right.semilogy(*_envelope(frequency[shown], share[shown]), color=MODEL, lw=0.6)
         right.yaxis.set_minor_locator(NullLocator())
         right.yaxis.set_major_formatter("{x:.0e}")  # powers as formulas take long
-        right.set(xlim=(0, top), ylabel="share of the power")
+        reach = max(reach, top) if shared else top  # an input may be slower than the motion
+        right.set(xlim=(0, reach), ylabel="share of the power")
     for left, right in grid[-1:] if shared else grid:
         left.set_xlabel("time, s")
         right.set_xlabel("frequency, Hz")
