@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 import galloping
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import drawn_with_rivals
 from galloping.recording import Input, windowed
 from galloping.taylor import solution
 
@@ -117,12 +118,20 @@ def test_the_covariance_follows_to_constant_inputs(tmp_path):
     covariance = root.T @ root
     errors = np.full(support.shape, np.nan)
     errors[support] = np.sqrt(np.diag(covariance))
-    found = IdentifiedModel(LINE, "ok", standard_errors=errors, covariance=covariance, known=(0,))
+    rivals = LINE.coefficients * [[[1.0], [1.1]], [[1.0], [0.0]]]
+    found = IdentifiedModel(
+        LINE, "ok", standard_errors=errors, covariance=covariance, known=(0,), rivals=rivals,
+        rival_share=0.25,
+    )  # fmt: skip
     held = found.at({"U": 11.0})
     drawn = rng.multivariate_normal(LINE.coefficients[1], covariance, 40_000)
     merged = drawn @ [[1, 0, 0, 0], [0, 1, 0, 0], [0, 11, 0, 0], [0, 0, 1 / 11, 0], [0, 0, 0, 121]]
     assert held.standard_errors[1] == pytest.approx(merged.std(axis=0), rel=0.02)
     assert held.covariance[0, 1] == pytest.approx(np.cov(merged.T)[0, 1], rel=0.05)
+    assert held.rivals[0] == pytest.approx(1.1 * held.model.coefficients * [[1 / 1.1], [1.0]])
+    draws = drawn_with_rivals(held, 4_000, rng)
+    share = np.mean([not np.any(each.coefficients[1]) for each in draws])
+    assert share == pytest.approx(0.125, abs=0.02)
     found.save(tmp_path / "model.json")
     assert IdentifiedModel.load(tmp_path / "model.json") == found
     assert r"\dot q^{3} \, U^{-1}" in found.latex()

@@ -15,6 +15,7 @@ from galloping.identification.likelihood.verdict import (
     with_inputs,
 )
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import drawn, drawn_with_rivals, of_draws
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
@@ -66,6 +67,21 @@ def test_what_ok_claims_holds_and_the_unconditional_interval_covers() -> None:
     assert sure > 30
     assert wrong <= 0.02 * 200
     assert 0.93 < held / terms < 0.98
+
+
+def test_draws_with_rivals_hold_the_truth_where_those_that_trust_the_terms_do_not() -> None:
+    rng, held = np.random.default_rng(2025), {drawn: [], drawn_with_rivals: []}
+    for _ in range(200):
+        columns = rng.normal(size=(400, 12))
+        columns[:, 1] = columns[:, 0] + 0.3 * columns[:, 1]  # of a weak term, missed half the time
+        true = np.array([1.0, 0.55, *np.zeros(10)]) * rng.choice([-1.0, 1.0])
+        found = verdict_on(true, columns, rng)
+        for draws, inside in held.items():
+            first = [each.coefficients[0, 0] for each in draws(found, 199, rng)]
+            low, high = of_draws(np.array(first))
+            inside.append(low <= true[0] <= high)
+    assert np.mean(held[drawn]) < 0.65
+    assert np.mean(held[drawn_with_rivals]) > 0.85
 
 
 def test_a_term_that_another_can_replace_is_not_identifiable() -> None:

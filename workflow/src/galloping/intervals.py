@@ -28,6 +28,8 @@ class Identified(Protocol):
 
     model: PolynomialModel
     covariance: np.ndarray  # (n_support, n_support), in the order of np.argwhere(support)
+    rivals: np.ndarray  # (n_rivals, n_states, n_terms) coefficients
+    rival_share: float  # how probable it is that one of them, or one like them, is right
 
     @property
     def support(self) -> np.ndarray: ...
@@ -41,13 +43,28 @@ def normal(
 
 
 def drawn(identified: Identified, count: int, rng: np.random.Generator) -> list[PolynomialModel]:
-    """Models with coefficients drawn with their covariance; all the same where there is none."""
+    """Models with coefficients drawn with their covariance, terms trusted; all the same where there
+    is none.
+    """
     model, support = identified.model, identified.support
     coefficients = np.repeat(model.coefficients[np.newaxis], count, axis=0)
     if len(identified.covariance):
         mean = model.coefficients[support]
         coefficients[:, support] = normal(mean, identified.covariance, count, rng)
     return [replace(model, coefficients=each) for each in coefficients]
+
+
+def drawn_with_rivals(
+    identified: Identified, count: int, rng: np.random.Generator
+) -> list[PolynomialModel]:
+    """The same without that trust: rivals of the model among them, as often as they are probable.
+
+    Draws that trust the terms are too close together where terms are weak: docs/trust.md.
+    """
+    models = drawn(identified, count, rng)
+    for k in np.flatnonzero(rng.random(count) < identified.rival_share):
+        models[k] = replace(identified.model, coefficients=rng.choice(identified.rivals))
+    return models
 
 
 def of_draws(samples: np.ndarray) -> np.ndarray:

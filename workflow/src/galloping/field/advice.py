@@ -222,6 +222,7 @@ def difference(
 
 
 FARTHER = 1.5  # times the largest displacement from rest that was recorded
+FARTHEST = 2.0  # times the same, to which a release may lead: the model tells no motion beyond
 LONGEST = 60  # periods, of a further recording
 WEIGHED = 40  # samples that information is summed over: more are weighed, not integrated
 
@@ -311,11 +312,15 @@ def _options(
         options["what follows on the same motion"] = replace(first, initial_state=motion[-1])
     for k in pairs or range(len(states)):
         if np.isfinite(recording.values[:, k]).any():
-            away = FARTHER * np.nanmax(np.abs(recording.values[:, k] - rest[k]))
+            recorded = np.nanmax(np.abs(recording.values[:, k] - rest[k]))
+            away = FARTHER * recorded
             height = float(f"{rest[k] + away:.{max(1 - floor(log10(away)), 0)}f}")
             start = first.initial_state.copy()
             start[list(pairs.values())] = 0.0
             start[k] = height
+            led = np.abs(identified.simulate(start, first.time).states[:, k] - rest[k])
+            if not np.all(led < FARTHEST * recorded):
+                continue
             at_rest = " at rest" if pairs else ""
             place = f"{states[k]} = {height:g} {state_unit(states[k])}".removesuffix(" 1")
             options[f"a release from {place}{at_rest}"] = replace(first, initial_state=start)

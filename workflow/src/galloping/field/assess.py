@@ -21,7 +21,7 @@ from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value, z
 from galloping.field.forecast import simulator_of
 from galloping.field.units import plain_unit
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import drawn, of_draws
+from galloping.intervals import drawn_with_rivals, of_draws
 from galloping.passes import passing
 from galloping.polynomial import PolynomialModel, velocity_pairs
 
@@ -183,7 +183,8 @@ def _slowed(found: IdentifiedModel, first: Mapping[str, float], seed: int) -> _S
     size[list(velocity_pairs(found.model.states).values())] = fast
     powers = np.array(found.model.terms)[:, : len(size)]
     factors = np.prod(size**powers, axis=1) / (size[:, np.newaxis] * fast)
-    draws = drawn(found, DRAWS if len(found.covariance) else 1, np.random.default_rng(seed))
+    count, rng = DRAWS if len(found.covariance) else 1, np.random.default_rng(seed)
+    draws = drawn_with_rivals(found, count, rng)
     model, *draws = (
         replace(each, coefficients=each.coefficients * factors) for each in (found.model, *draws)
     )

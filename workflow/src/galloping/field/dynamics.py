@@ -13,10 +13,9 @@ from galloping.cycles.limit_cycles import Orbit, cycle_of, settle
 from galloping.cycles.prediction import near
 from galloping.field.forecast import simulator_of
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import NORMAL_95, decay_interval, drawn, of_draws
+from galloping.intervals import NORMAL_95, decay_interval, drawn_with_rivals, of_draws
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
-from galloping.simulation import Simulator
 
 DRAWS = 39  # of which the least and the greatest are then the ends of the band
 DIFFERENCE = 1e-2  # of coefficients, in standard errors
@@ -104,7 +103,7 @@ def dynamics(
         return None
     if identified.is_forced:
         return _in_random_forces(identified, pairs, around)
-    models = drawn(identified, DRAWS if len(identified.covariance) else 1, rng)
+    models = drawn_with_rivals(identified, DRAWS if len(identified.covariance) else 1, rng)
     best, sampled = _linear(model, pairs, around), [_linear(m, pairs, around) for m in models]
     names = [model.states[i] for i in pairs]
     rest, frequencies, damping = (
@@ -124,7 +123,7 @@ def dynamics(
         half = {model.states[i]: _value(motion.half_range[i], np.array([np.nan])) for i in pairs}
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
     orbit = point.solution
-    orbits = [found for each in models if (found := _orbit(each, orbit, simulator)) is not None]
+    orbits = [found for each in models if (found := _orbit(each, orbit)) is not None]
     ranges = np.array([each.half_range() for each in orbits])
     periods = np.array([each.period for each in orbits])
     if len(periods) < 0.9 * len(models):  # the band would be that of the tame ones
@@ -212,11 +211,12 @@ def expected(
     return dynamics(exact, about, np.random.default_rng(0))
 
 
-def _orbit(model: PolynomialModel, orbit: Orbit, simulator: Simulator) -> Orbit | None:
+def _orbit(model: PolynomialModel, orbit: Orbit) -> Orbit | None:
     """The limit cycle of another model, near one or where a motion from there ends."""
     if close := near([model], orbit):
         return close[0]
-    motion = settle(simulator, model, orbit.states[0], duration=FROM_NEARBY, window=WINDOW)
+    start, simulator = orbit.states[0], simulator_of(model)
+    motion = settle(simulator, model, start, duration=FROM_NEARBY, window=WINDOW)
     point = cycle_of(constant(model), 0.0, motion)
     return point and point.solution
 

@@ -99,6 +99,9 @@ class IdentifiedModel(Immutable):
     All three are NaN where a term has none or the method states none.
     covariance: (n_support, n_support) behind `standard_errors`, in the order of
     np.argwhere(support); (0, 0) where the method states none.
+    rivals: (n_rivals, n_states, n_terms), coefficients drawn of the models of other terms that data
+    and prior do not rule out, each as often as it is probable, known equations included.
+    rival_share: how probable these models are together, zero where the method weighs none.
     initial_states: (n_recordings, n_states), at the first sample of each recording.
     sigma: (n_recordings, n_states) noise of a sample of each channel, NaN where not measured; for
     recordings with derivatives, noise of the derivatives.
@@ -124,6 +127,8 @@ class IdentifiedModel(Immutable):
     unconditional_errors: NDArray[np.float64] = None
     detection_limits: NDArray[np.float64] = None
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    rivals: NDArray[np.float64] = None
+    rival_share: float = 0.0
     initial_states: NDArray[np.float64] = None
     sigma: NDArray[np.float64] = None
     thresholds: NDArray[np.float64] = None
@@ -140,7 +145,9 @@ class IdentifiedModel(Immutable):
             raise ValueError(f"status: {self.status!r} must be one of {', '.join(STATUSES)}")
         shape = self.model.coefficients.shape
         shapes = dict.fromkeys(BY_TERM, shape) | {"thresholds": shape[:1]}
-        shapes |= dict.fromkeys(("initial_states", "sigma"), (0, shape[0]))
+        shapes |= dict.fromkeys(("initial_states", "sigma"), (0, shape[0])) | {
+            "rivals": (0, *shape)
+        }
         for name, unstated in shapes.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, np.full(unstated, np.nan))
@@ -211,6 +218,7 @@ class IdentifiedModel(Immutable):
         slope = np.where(same, merge[old[:, 1]][:, places[:, 1]].T, 0.0)
         if len(self.covariance):
             kept["covariance"] = slope @ self.covariance @ slope.T
+        kept["rivals"] = self.rivals @ merge
         shape = model.coefficients.shape
         kept |= {name: np.full(shape, np.nan) for name in BY_TERM}
         at = tuple(places.T)
@@ -294,7 +302,10 @@ class IdentifiedModel(Immutable):
 
         about: further plain values, such as units, which `load` leaves aside.
         """
-        arrays = (*BY_TERM, "covariance", "initial_states", "sigma", "thresholds", "chi2")
+        arrays = (
+            *BY_TERM, "covariance", "rivals", "rival_share", "initial_states", "sigma",
+            "thresholds", "chi2",
+        )  # fmt: skip
         content = {
             "states": self.model.states,
             "inputs": self.model.inputs,
@@ -331,6 +342,8 @@ class IdentifiedModel(Immutable):
             shapes |= dict.fromkeys(("initial_states", "sigma"), (-1, n))
             shapes["covariance"] = (len(content["covariance"]),) * 2
             shapes |= {name: (n, n) for name in ("forces", "slow_forces") if name in content}
+            if "rivals" in content:
+                shapes["rivals"] = (-1, n, len(terms))
             if status != "refused" and not np.all(np.isfinite(model.coefficients)):
                 raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
             return cls(
@@ -338,6 +351,7 @@ class IdentifiedModel(Immutable):
                 status=status,
                 reason=content["reason"],
                 chi2=float(content["chi2"]),
+                rival_share=float(content.get("rival_share", 0.0)),
                 known=tuple(content["known"]),
                 diagnostics={
                     name: value if name == "path" else float(value)

@@ -95,6 +95,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         reason="model inadequate: what it leaves of the derivatives goes on from sample to sample",
         standard_errors=problem.on_library(np.where(support, errors, np.nan), fixed=0.0),
         unconditional_errors=None,
+        rivals=None,
+        rival_share=0.0,
         detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
         covariance=problem.of_model(covariance, support),
     )

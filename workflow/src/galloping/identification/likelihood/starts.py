@@ -77,13 +77,14 @@ def with_constants(problem: Problem, identified: IdentifiedModel) -> IdentifiedM
     """What was identified `without_constants`, on the terms of the problem."""
 
     def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
-        whole = np.full((len(values), len(problem.terms)), elsewhere)
-        whole[:, np.any(problem.terms, axis=1)] = values
+        whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
+        whole[..., np.any(problem.terms, axis=1)] = values
         return whole
 
     coefficients = spread(identified.model.coefficients, 0.0)
     return replace(
         identified,
         model=replace(identified.model, terms=problem.terms, coefficients=coefficients),
+        rivals=spread(identified.rivals, 0.0),
         **{name: spread(getattr(identified, name), np.nan) for name in BY_TERM},
     )

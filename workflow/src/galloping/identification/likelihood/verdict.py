@@ -10,6 +10,7 @@ from scipy.special import chdtri
 
 from galloping.identification.likelihood.instrument import GUSTS
 from galloping.identification.likelihood.plausible import (
+    MISS_RATE,
     Plausible,
     detection_limits,
     plausible_supports,
@@ -25,7 +26,7 @@ from galloping.identification.likelihood.selection import (
     whiten,
 )
 from galloping.identification.model import RANGE, IdentifiedModel
-from galloping.intervals import QUANTILES_90
+from galloping.intervals import QUANTILES_90, normal
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 from galloping.taylor import solution
@@ -33,6 +34,7 @@ from galloping.taylor import solution
 # Weight that the plausible supports without one of the terms found may have together: at most one
 # in fifty of all models that are `ok` holds a false term (docs/identification_parts.csv).
 MOST_RIVAL_WEIGHT = 0.2
+RIVALS = 40  # drawn, to be told with a model
 REPEATS = "the motion only repeats, and other equations have the same limit cycle"
 FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noise
 
@@ -91,6 +93,7 @@ def judged(
         if problem.prior and share > MOST_RIVAL_WEIGHT:
             told = f"the data alone cannot tell {rival}; the prior prefers the simpler terms"
         errors = unconditional_errors(plausible, errors)
+        fitted |= _rivals(problem, regression, believed)
     model = problem.model(free)
     if recordings and only_repeats(model, fitted["initial_states"], recordings, period):
         reason = "; ".join(filter(None, [REPEATS, reason]))
@@ -107,6 +110,22 @@ def judged(
         known=problem.known_equations,
         **fitted,
     )
+
+
+def _rivals(problem: Problem, regression: Regression, believed: Plausible) -> dict[str, object]:
+    """`IdentifiedModel.rivals` and their share."""
+    rng, others, drawn = np.random.default_rng(0), believed.weight[1:], []
+    share = float(others.sum())
+    if share < MISS_RATE:
+        return {}
+    for k in rng.choice(len(others), RIVALS, p=others / share):
+        own = believed.supports[1 + k]
+        kept = np.where(own, regression.about, 0.0)
+        right = regression.right + regression.information @ (regression.about - kept)
+        change, covariance = solve_support(regression.information, right, own)
+        kept[own] += normal(change[own], covariance, 1, rng)[0]
+        drawn.append(problem.coefficients(kept))
+    return {"rivals": np.array(drawn), "rival_share": share}
 
 
 def agree(found: list[IdentifiedModel]) -> bool:
