@@ -26,6 +26,7 @@ from galloping.tables.line_parameters import conductor, spacers
 
 ROOT = Path(__file__).parents[2]
 METHOD_NAMES = ", ".join(METHODS)
+OF_DERIVATIVES = ", ".join(name for name, m in METHODS.items() if "derivative" in m.protocols)
 NAME_RULE = "at most 40 lower-case letters, digits and '_', a letter first"
 FOLDER_RULE = (
     "must be a relative path of at most 100 letters, digits, '_', '-' and '.', no part starting "
@@ -199,7 +200,7 @@ ACROSS = [
      "sweeps.wind.second: 'wind_speed' is varied already; must be another"),
     ({"identification": {"methods": ["weak"]}, "measurement": {"protocols": ["derivative"]}},
      "identification.methods: ['weak'] cannot use the recordings of protocol derivative; "
-     "must hold one of paper, stlsq, "),
+     f"must hold one of {OF_DERIVATIVES}"),
     ({"trials": {"a": {"kind": "published_terms", "cases": ["lorenz"], "durations": [12]}}},
      "trials.a.durations: 12 is not allowed; of lorenz at most 10"),
 ]  # fmt: skip
