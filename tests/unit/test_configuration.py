@@ -27,15 +27,16 @@ from galloping.tables.line_parameters import conductor, spacers
 ROOT = Path(__file__).parents[2]
 METHOD_NAMES = ", ".join(METHODS)
 OF_DERIVATIVES = ", ".join(name for name, m in METHODS.items() if "derivative" in m.protocols)
-NAME_RULE = "at most 40 lower-case letters, digits and '_', a letter first"
-FOLDER_RULE = (
-    "must be a relative path of at most 100 letters, digits, '_', '-' and '.', no part starting "
-    "with '.', outside the project's own folders and `reference`"
-)
 
 
 def case(**sections):
     return {"cases": {"a": sections}}
+
+
+def nested(path, value, name="a"):
+    """The mapping in which a value stands at a key, `<name>` in it replaced."""
+    keys = (name if part == "<name>" else part for part in reversed(path.split(".")))
+    return reduce(lambda inner, key: {key: inner}, keys, value)
 
 
 def over(*files):
@@ -111,13 +112,22 @@ def test_other_text_is_not_a_number(value):
 # --- what is refused, and how ---
 
 CASE = "cases.a"
-# where the mistake is, what is written there, and what its one line says, the key itself apart
+MEASURES = "assessment.measures.far"
+NO_CASES = {"cases": {}}
+CUSTOM = {"reading": "custom", "horizontal": [1, "x", 3]}
+UNUSABLE = {"identification": {"methods": ["weak"]}, "measurement": {"protocols": ["derivative"]}}
+LONG = {"kind": "published_terms", "cases": ["lorenz"], "durations": [12]}
+FAR = {"kind": "spacers", "mass": 4, "positions": [9, 301]}
+# where the mistake is, what is written there or the whole mapping, and words of its one line
 REFUSED = [
     # unknown keys
     (f"{CASE}.wnd", {"speed": 3}, "unknown key", "'wind'"),
     (f"{CASE}.span", 3, "'cases.<name>.line.span'"),
     ("figures.zzz", 1, "unknown key", "allowed: dpi, font_size"),
+    ("figures.3", {"figures": {3: 1}}, "unknown key", "allowed: dpi, font_size"),
+    (r"figures.'a\nb'", {"figures": {"a\nb": 1}}, "unknown key", "allowed: dpi, font_size"),
     # wrong types
+    ("configuration", [], "[] is not a section", "a mapping of results, reference, cases"),
     (f"{CASE}.line.span", "12 m", "'12 m' is text, not a number", "1..10000 m"),
     *((f"{CASE}.line.span", value, shown, "is not a number", "1..10000 m")
       for value, shown in ((True, "true"), (None, "null"), ([1], "[1]"))),
@@ -129,8 +139,8 @@ REFUSED = [
     ("identification.methods", ["stlq"], "unknown method 'stlq'", "'stlsq'", METHOD_NAMES),
     (f"{CASE}.line.mode_shape", "irvin", "mode shape 'irvin'", "'irvine'?", "irvine, sine"),
     (f"{CASE}.ice.reading", 7, "unknown reading 7; allowed: swapped, milli, custom"),
-    *((f"cases.{name}", {}, repr(name), f"not allowed as a name; must be {NAME_RULE}")
-      for name in ("North", "3rd", "a-b", "_x", "a" * 41)),
+    *((f"cases.{name}", {"cases": {name: {}}}, "not allowed as a name; must be at most 40 lower")
+      for name in ("North", "3rd", "a-b", "_x", "a" * 41, 3)),
     # ranges
     (f"{CASE}.line.span", 0, "0 is not allowed; must be 1..10000 m"),
     (f"{CASE}.damping.vertical", 1, "must be >= 0 and < 1"),
@@ -141,86 +151,67 @@ REFUSED = [
     ("measurement.levels", [0.1, "1e-1"], "0.1 is given twice; must be distinct"),
     ("measurement.levels", [0.1, 0.10000000000001], "0.10000000000001 and 0.1 agree", "distinct"),
     # folders
-    *(("results", folder, repr(folder), FOLDER_RULE)
+    *(("results", folder, repr(folder), "must be a relative path", "no part starting with '.'")
       for folder in ("", "/tmp/x", "../x", "a/../b", "a//b", "a b", ".git", "a\n", "{x}", "~/x")),
-    ("results", "a" * 101, f"'{'a' * 56}... is not allowed", FOLDER_RULE),
+    ("results", "a" * 101, f"'{'a' * 56}... is not allowed", "at most 100 letters"),
     *(("reference", folder, repr(folder), "from the root or the working folder")
       for folder in ("", "a//b", "a b", "a/", "a\n", "{x}", "~/x", "<x>")),
     *(("results", folder, repr(folder), "the project's own; must be another folder")
       for folder in ("config", "Workflow/x", "tests/unit", "results/reference/a")),
-    # one key against another
+    ("results", {"results": "mine/here", "reference": "mine"}, "in the folder of the reference"),
+    # of a line
     (f"{CASE}.spacers.positions", [75, 300], "300 is beyond the span (300 m)", "> 0 and < 300 m"),
     (f"{CASE}.spacers.positions", [75, 75], "75 comes after 75; must be strictly increasing"),
     (f"{CASE}.line.tension", 100, "100 gives a sag of 1655 m in a span of 300 m", ">= 2207 N"),
     (f"{CASE}.ice.horizontal", [1, 2, 3], "not allowed with reading 'swapped'", "null"),
+    (f"{CASE}.ice.vertical", case(ice=CUSTOM), "null is not allowed", "a list of 3 numbers",
+     f"\n{CASE}.ice.horizontal: 'x' is text, not a number; each must be -10000..10000"),
+    (f"{CASE}.truth.model", "plate", "unknown model 'plate'; allowed: two_mode, continuous"),
+    (f"{CASE}.truth.modes", 3, "is not allowed with model two_mode; must be left out"),
+    # of the study
+    ("cases", NO_CASES, "there is none; must hold at least one, or there must be trials"),
     ("simulation.sampling_rate", "0.125e0", "0.125 gives 37.5", "300 s", "100..10000000"),
     ("simulation.sampling_rate", 0.335, "100.5 sampling intervals", "must be a whole number"),
     ("simulation.steady_window", [299.95, 300], "[299.95, 300]", "must hold 10 or more"),
     ("simulation.steady_window", [200, 200], "no", "must be increasing, 0..300 s"),
     ("measurement.subsets.points", [1000, 50000], "50000 is larger", "(30001 samples)"),
-    (f"{CASE}.truth.model", "plate", "unknown model 'plate'; allowed: two_mode, continuous"),
-    (f"{CASE}.truth.modes", 3, "is not allowed with model two_mode; must be left out"),
+    ("identification.methods", UNUSABLE, "cannot use", "protocol derivative", OF_DERIVATIVES),
+    ("recordings.a.publish", nested("recordings.a", {"files": ["/a.csv"], "publish": True}),
+     "'/a.csv' cannot be published; must be below the working folder"),
+    ("recordings.a.case", nested("recordings.a", {"files": ["a.csv"], "case": "b"}),
+     "'b' is no case; must be one of internal_resonance"),
     ("sweeps.wind.values", [10, 12, 5], "[10, 12, 5] is not a range", "2 to 1000 values"),
     ("sweeps.wind.second", "tension", "'tension'", "null", "both"),
-    ("assessment.measures.none.kind", "damper", "nothing", "position, coefficient"),
+    ("sweeps.wind.second",
+     nested("sweeps.wind", {"second": "wind_speed", "second_values": [1, 2, 1]}), "varied already"),
+    (f"{MEASURES}.kind", "damper", "nothing", "position, coefficient"),
+    (MEASURES, nested(MEASURES, FAR), "301 m is outside the span of internal_resonance"),
+    (f"{MEASURES}.positions", nested(MEASURES, FAR | {"positions": []}), "is empty"),
     ("trials.a.samples", [500], "is no key of random_lines; its own keys: protocols, levels"),
     ("trials.a.cases", ["some"], "unknown case 'some' of random_lines; allowed: all"),
+    ("trials.a.durations", nested("trials.a", LONG), "12 is not allowed; of lorenz at most 10"),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("key", "value", "said"), [(k, v, said) for k, v, *said in REFUSED])
-def test_a_mistake_is_one_line_with_key_value_and_what_is_allowed(key, value, said):
-    line = complaint(nested(key, value))
+def test_a_mistake_is_a_line_with_key_value_and_what_is_allowed(key, value, said):
+    is_whole = isinstance(value, dict) and key.split(".")[0] in value
+    line = complaint(value if is_whole or key == "configuration" else nested(key, value))
     assert line.startswith(f"{key}: ")
-    assert len(line.splitlines()) == 1
+    assert len(line.splitlines()) == 1 + "".join(said).count("\n")
     for part in said:
         assert part in line
 
 
-ACROSS = [
-    ([], "configuration: [] is not a section; must be a mapping of results, reference, cases"),
-    ({"figures": {3: 1}}, "figures.3: unknown key; allowed: dpi, font_size"),
-    ({"figures": {"a\nb": 1}}, r"figures.'a\nb': unknown key; allowed: dpi, font_size"),
-    ({"cases": {}}, "cases: there is none; must hold at least one, or there must be trials"),
-    ({"cases": {3: {}}}, "cases.3: 3 is not allowed as a name; must be "),
-    ({"results": "mine/here", "reference": "mine"},
-     "results: 'mine/here' is in the folder of the reference, 'mine'; must be outside it"),
-    (case(ice={"reading": "custom", "horizontal": [1, "x", 3]}),
-     "cases.a.ice.vertical: null is not allowed with reading 'custom'; must be a list of 3 numbers"
-     "\ncases.a.ice.horizontal: 'x' is text, not a number; each must be -10000..10000"),
-    ({"recordings": {"span": {"files": ["/data/span.csv"], "publish": True}}},
-     "recordings.span.publish: '/data/span.csv' cannot be published; must be below the working "),
-    ({"recordings": {"span": {"files": ["span.csv"], "case": "b"}}},
-     "recordings.span.case: 'b' is no case; must be one of internal_resonance"),
-    ({"assessment": {"measures": {"far": {"kind": "spacers", "mass": 4, "positions": [9, 301]}}}},
-     "assessment.measures.far: 301 m is outside the span of internal_resonance; must be inside 0"),
-    ({"assessment": {"measures": {"none": {"kind": "spacers", "mass": 4, "positions": []}}}},
-     "assessment.measures.none.positions: is empty; must hold one place or more"),
-    ({"sweeps": {"wind": {"second": "wind_speed", "second_values": [1, 2, 1]}}},
-     "sweeps.wind.second: 'wind_speed' is varied already; must be another"),
-    ({"identification": {"methods": ["weak"]}, "measurement": {"protocols": ["derivative"]}},
-     "identification.methods: ['weak'] cannot use the recordings of protocol derivative; "
-     f"must hold one of {OF_DERIVATIVES}"),
-    ({"trials": {"a": {"kind": "published_terms", "cases": ["lorenz"], "durations": [12]}}},
-     "trials.a.durations: 12 is not allowed; of lorenz at most 10"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("mapping", "said"), ACROSS)
-def test_a_mistake_across_keys_is_named_where_it_can_be_mended(mapping, said):
-    assert complaint(mapping).startswith(said)
-
-
-def test_every_problem_is_reported_at_once():
+def test_every_problem_is_reported_at_once_and_many_are_a_few_lines():
     lines = complaint(
         case(line={"span": -3}, wnd=1) | {"figures": {"dpi": 20}, "measurement": {"seed": -1}}
     ).splitlines()
-    assert lines == [
-        "cases.a.line.span: -3 is not allowed; must be 1..10000 m",
-        "cases.a.wnd: unknown key; did you mean 'wind'?",
-        "measurement.seed: -1 is not allowed; must be a whole number >= 0",
-        "figures.dpi: 20 is not allowed; must be a whole number 50..1200 px/inch",
-    ]
+    keys = [f"{CASE}.line.span", f"{CASE}.wnd", "measurement.seed", "figures.dpi"]
+    assert [line.partition(":")[0] for line in lines] == keys
+    assert len(complaint({"measurement": {"levels": ["x"] * 3000}}).splitlines()) <= 21
+    many = complaint({f"key_{i}": 1 for i in range(3000)}).splitlines()
+    assert len(many) == 21 and many[-1] == "configuration: and 2980 more problems"
 
 
 def test_a_file_in_place_of_the_results_is_one_line(tmp_path, monkeypatch):
@@ -231,23 +222,9 @@ def test_a_file_in_place_of_the_results_is_one_line(tmp_path, monkeypatch):
         assert complaint({"results": folder}) == line
 
 
-def test_many_problems_are_a_few_lines():
-    lines = complaint({"measurement": {"levels": ["x"] * 3000, "seed": -1}}).splitlines()
-    assert len(lines) <= 21
-    many = complaint({f"key_{i}": 1 for i in range(3000)}).splitlines()
-    assert len(many) == 21
-    assert many[-1] == "configuration: and 2980 more problems"
-
-
 EXTREMES = (
     1e300, -1e300, 1e308, 1e-300, 5e-324, 10**400, 1e24, 0, -1, math.nan, -math.inf, "1e999",
 )  # fmt: skip
-
-
-def nested(path, value, name="a"):
-    """The mapping in which a value stands at a key, `<name>` in it replaced."""
-    keys = (name if part == "<name>" else part for part in reversed(path.split(".")))
-    return reduce(lambda inner, key: {key: inner}, keys, value)
 
 
 def assert_finite(line):
@@ -270,19 +247,17 @@ def test_an_absurd_number_anywhere_is_refused_or_can_be_derived_from(value):
 
 
 LIMITS = {
-    path.removeprefix("cases.<name>."): (node["minimum"], node["maximum"])
+    path: st.sampled_from((node["minimum"], node["maximum"]))
     for path, node in leaves()
     if path.startswith("cases.") and "maximum" in node
     if not {"releases", "truth"} & set(path.split("."))
 }
 
 
-@given(st.fixed_dictionaries({key: st.sampled_from(ends) for key, ends in LIMITS.items()}))
+@given(st.fixed_dictionaries(LIMITS))
 def test_a_line_at_the_limits_can_be_derived(values):
-    mapping = {"spacers": {"positions": []}}
-    for key, value in values.items():
-        *section, name = key.split(".")
-        (mapping.setdefault(section[0], {}) if section else mapping)[name] = value
+    parts = (nested(path, value)["cases"]["a"] for path, value in values.items())
+    mapping = over({"spacers": {"positions": []}}, *parts)
     try:
         settings = load(case(**mapping))
     except ConfigurationError as error:
@@ -312,39 +287,37 @@ def test_any_value_anywhere_loads_or_is_refused_in_lines_that_name_a_key(path, n
 
 # --- YAML files ---
 
+LAUGHS = "".join(f"{b}: &{b} [{f'*{a}, ' * 8}]\n" for a, b in pairwise("abcdefgh"))
 FILES = [
-    ("", "{path}: is empty; must be a mapping of keys"),
-    ("- 1\n", "{path}: [1] is not a mapping of keys"),
+    ("", ": is empty; must be a mapping of keys"),
+    ("- 1\n", ": [1] is not a mapping of keys"),
     ("cases:\n  a:\n    gravity: 9\n    wind: {}\n    gravity: 10\n",
-     "{path}:5: key 'gravity' is given twice, first in line 3"),
-    ("a: {b: 1, b: 2}\n", "{path}:1: key 'b' is given twice, first in line 1"),
-    ("a: 1\nb: [1, 2\nc: 3\n", "{path}:3: expected ',' or ']', but got ':'"),
-    ("a:\n\tb: 1\n", "{path}:2: found character '\\t' that cannot start any token"),
-    ("a: 1\n--- \nb: 1\n", "{path}:2: but found another document"),
-    ("? [1]\n: 2\n", "{path}:1: found unhashable key"),
-    ("a: 2026-13-01\n", "{path}:1: '2026-13-01' is no timestamp"),
-    ("a: !!int x\n", "{path}:1: 'x' is no int"),
-    ("a: &a [*a]\n", "{path}: " + ENDLESS),
-    ("a: &a {b: *a}\n", "{path}: " + ENDLESS),
-    ("a: " + "[" * 2000 + "]" * 2000, "{path}: " + ENDLESS),
-    ("a: &a [x, x, x, x, x, x, x, x]\n"
-     + "".join(f"{b}: &{b} [{f'*{a}, ' * 8}]\n" for a, b in pairwise("abcdefgh")),
-     "{path}: " + ENDLESS),
-    ("a: !!python/name:os.system\n", "{path}:1: could not determine a constructor for the tag "
-     "'tag:yaml.org,2002:python/name:os.system'"),
-    (b"a: \xff\n", "{path}: is not UTF-8 text"),
-    (None, "{path}: No such file or directory"),
+     ":5: key 'gravity' is given twice, first in line 3"),
+    ("a: {b: 1, b: 2}\n", ":1: key 'b' is given twice, first in line 1"),
+    ("a: 1\nb: [1, 2\nc: 3\n", ":3: expected ',' or ']', but got ':'"),
+    ("a:\n\tb: 1\n", ":2: found character '\\t' that cannot start any token"),
+    ("a: 1\n--- \nb: 1\n", ":2: but found another document"),
+    ("? [1]\n: 2\n", ":1: found unhashable key"),
+    ("a: 2026-13-01\n", ":1: '2026-13-01' is no timestamp"),
+    ("a: !!int x\n", ":1: 'x' is no int"),
+    ("a: !!python/name:os.system\n", ":1: could not determine a constructor for the tag"),
+    *((text, f": {ENDLESS}") for text in (
+        "a: &a [*a]\n", "a: &a {b: *a}\n", "a: " + "[" * 2000 + "]" * 2000,
+        "a: &a [x, x, x, x, x, x, x, x]\n" + LAUGHS)),
+    (b"a: \xff\n", ": is not UTF-8 text"),
+    (None, ": No such file or directory"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("content", "expected"), FILES, ids=range(len(FILES)))
-def test_a_bad_file_is_one_line_with_its_name(tmp_path, content, expected):
+@pytest.mark.parametrize(("content", "said"), FILES, ids=range(len(FILES)))
+def test_a_bad_file_is_one_line_with_its_name(tmp_path, content, said):
     path = tmp_path / "study.yaml"
     if content is not None:
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(ConfigurationError) as error:
         read(path)
-    assert str(error.value) == expected.format(path=path)
+    line = str(error.value)
+    assert line.startswith(f"{path}{said}") and len(line.splitlines()) == 1
 
 
 def test_merged_keys_may_be_overridden(tmp_path):
@@ -360,22 +333,16 @@ def test_an_overriding_file_does_not_reorder_cases():
     own = {"cases": {"first": {}, "second": {"releases": {"one": {}, "two": {}}}}}
     ours = {"cases": {"third": {}, "second": {"releases": {"three": {}, "one": {}}, "gravity": 9}}}
     whole = over(own, ours)
-    assert list(whole["cases"]) != ["first", "second", "third"]
     found = ordered(whole, [own, ours])
     assert found == ordered(whole, []) == whole
-    assert list(found["cases"]) == ["first", "second", "third"]
+    assert list(found["cases"]) == ["first", "second", "third"] != list(whole["cases"])
     assert list(found["cases"]["second"]["releases"]) == ["one", "two", "three"]
 
 
 def test_a_case_set_to_null_is_removed():
     own = {"cases": {"first": {}, "second": {}}}
     ours = {"cases": {"first": None, "third": {"gravity": 9}}}
-    whole = over(own, ours)
-    assert list(merged(whole, [own, ours])["cases"]) == ["second", "third"]
-    none_left = {"cases": {"first": None, "second": None}}
-    with pytest.raises(ConfigurationError, match=r"^cases: there is none; "):
-        load(merged(none_left, [own, none_left]))
-    # a case that nobody describes is a slip: all its keys may be left out, but not the braces
+    assert list(merged(over(own, ours), [own, ours])["cases"]) == ["second", "third"]
     alone = merged({"cases": {"first": {}, "forth": None}}, [{"cases": {"forth": None}}])
     assert list(load(alone).cases) == ["first"]  # also where no other file describes it
 
@@ -404,16 +371,14 @@ def test_which_cases_are_judged():
 
 
 def test_files_are_judged_together_before_anything_is_written(tmp_path):
-    config, first, second = ROOT / "config/config.yaml", tmp_path / "a.yaml", tmp_path / "b.yaml"
-    first.write_text("reference: kept\ncases: {non_resonant: null}\n")
-    second.write_text("results: mine\ncases: {internal_resonance: {wind: {speed: 14}}}\n")
-    assert configured([config, first, second]).results == "mine"
-    second.write_text("results: kept/new\n")
+    files = ROOT / "config/config.yaml", tmp_path / "a.yaml", tmp_path / "b.yaml"
+    files[1].write_text("reference: kept\ncases: {non_resonant: null}\n")
+    files[2].write_text("results: mine\ncases: {internal_resonance: {wind: {speed: 14}}}\n")
+    settings = configured(files)
+    assert settings.results == "mine" and list(settings.cases) == ["internal_resonance"]
+    files[2].write_text("results: kept/new\n")
     with pytest.raises(ConfigurationError, match="in the folder of the reference, 'kept'"):
-        configured([config, first, second])
-    second.write_text("cases: {internal_resonance: {wind: {speed: 1e300}}}\n")
-    with pytest.raises(ConfigurationError, match=r"^cases.internal_resonance.wind.speed: .1e300"):
-        configured([config, first, second])
+        configured(files)
 
 
 def test_settings_are_plain_values_that_give_the_same_study():
@@ -426,42 +391,31 @@ def test_settings_are_plain_values_that_give_the_same_study():
 
 def test_every_key_is_described():
     for path, node in leaves():
-        assert node["description"], path
-        assert "default" in node, path
-        assert "unit" in node, path
+        assert node["description"] and {"default", "unit"} <= node.keys(), path
+        assert node["unit"] or node.get("type") not in ("integer", "number"), path
         if path.startswith("cases."):
-            assert node["provenance"] in ("seed", "derived", "assumed"), path
-            assert node["symbol"], path
-        if node.get("type") in ("integer", "number"):
-            assert node["unit"], path
+            assert node["provenance"] in ("seed", "derived", "assumed") and node["symbol"], path
     assert all(node["description"] for node in schema()["$defs"].values())
 
 
 def test_parameters_carry_their_source():
     ice = {"reading": "custom", "vertical": [1, 2, 3], "horizontal": [4, 0, 0]}
     settings = load({"cases": {"paper": {}, "other": {"line": {"tension": 35000}, "ice": ice}}})
-    rows = {(row.case, row.symbol): row for row in conductor(plain(settings)).itertuples()}
-    tension = rows["paper", "H"]
-    assert (tension.key, tension.value, tension.unit) == ("line.tension", 25000, "N")
-    assert (tension.provenance, rows["paper", "D"].provenance) == ("seed", "assumed")
-    assert rows["paper", "EA"].note == "printed 3.0e4, read in kN"
-    changed = rows["other", "H"]
-    assert (changed.value, changed.provenance) == (35000, "assumed")
-    assert changed.note == "default 25000 (seed)"
-    assert rows["other", "beta_3"].value == 3
-    assert rows["paper", "beta_3"].provenance == "derived"
+    rows = conductor(plain(settings)).set_index(["case", "symbol"])
+    about = ["key", "value", "unit", "provenance"]
+    assert rows.loc[("paper", "H"), about].to_list() == ["line.tension", 25000, "N", "seed"]
+    assert rows.loc[("paper", "EA"), "note"] == "printed 3.0e4, read in kN"
+    assert rows.loc["paper"].loc[["D", "beta_3"], "provenance"].to_list() == ["assumed", "derived"]
+    changed = rows.loc[("other", "H"), ["value", "provenance", "note"]].to_list()
+    assert changed == [35000, "assumed", "default 25000 (seed)"]
+    assert rows.loc[("other", "beta_3"), "value"] == 3
 
 
 def test_both_tables_together_hold_every_parameter():
     settings = plain(load(case(releases={"wide": {}}, truth={"model": "continuous"})))
-    keys = {
-        key.replace("wide", "<name>")
-        for table in (conductor, spacers)
-        for key in table(settings)["key"]
-    }
-    of_cases = [path for path, _ in leaves() if path.startswith("cases.<name>.")]
-    documented = {path.removeprefix("cases.<name>.") for path in of_cases}
-    assert keys == documented
+    keys = {key for table in (conductor, spacers) for key in table(settings)["key"]}
+    of_cases = (path.partition("cases.<name>.")[2] for path, _ in leaves())
+    assert {key.replace("wide", "<name>") for key in keys} == {*filter(None, of_cases)}
 
 
 # --- the reference ---
@@ -484,7 +438,6 @@ def test_a_stale_key_table_is_mended_and_one_without_markers_refused():
 
 def test_settings_allow_what_there_is():
     """Settings name what they allow themselves: without the imports of what does it."""
-    nodes = dict(leaves())
-    aerodynamics = nodes["cases.<name>.truth.aerodynamics"]["enum"]
+    aerodynamics = dict(leaves())["cases.<name>.truth.aerodynamics"]["enum"]
     assert tuple(aerodynamics) == continuous.AERODYNAMICS
     assert set(plain(load({}))["assessment"]["open_parameters"]) == set(NAMES)
