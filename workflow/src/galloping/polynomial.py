@@ -93,8 +93,12 @@ def _products(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | Non
 
 
 @cache
-def _slopes(terms: tuple[Exponents, ...], n_states: int) -> tuple[tuple, ...]:
-    """By state: places of the terms that it is in, its exponents there, and those terms lowered."""
+def slopes(terms: tuple[Exponents, ...], n_states: int) -> tuple[tuple, ...]:
+    """The derivative of each term by each state, itself an exponent times a term.
+
+    By state: places of the terms that have the state, its exponents in these, and the exponents of
+    what is left of each when the state is divided out once.
+    """
     exponents, found = np.array(terms), []
     for k in range(n_states):
         places = np.flatnonzero(exponents[:, k])
@@ -167,6 +171,7 @@ class PolynomialModel(Immutable):
 
     @property
     def term_names(self) -> tuple[str, ...]:
+        """(n_terms,) as `term_name` writes them."""
         return tuple(term_name(term, self.names) for term in self.terms)
 
     def __call__(
@@ -183,11 +188,11 @@ class PolynomialModel(Immutable):
     ) -> NDArray[np.float64]:
         """Derivatives of the rates by the states: (n, n_states) -> (n, n_states, n_states)."""
         both = beside(x, u)
-        slopes = [
+        by_state = [
             design_matrix(both, lower) @ (self.coefficients[:, places] * factors).T
-            for places, factors, lower in _slopes(self.terms, len(self.states))
+            for places, factors, lower in slopes(self.terms, len(self.states))
         ]
-        return np.stack(slopes, axis=2)
+        return np.stack(by_state, axis=2)
 
     def small_motions(
         self, x: NDArray[np.float64]

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from galloping.polynomial import Exponents, PolynomialModel
+from galloping.polynomial import Exponents, PolynomialModel, slopes
 from galloping.recording import Factor, Input, windowed
 
 ORDER = 12  # of the series in time
@@ -46,6 +46,19 @@ class Tables:
     divisor: np.ndarray
     factors: tuple[Factor, ...]
 
+    def jacobian(self, coefficients: np.ndarray) -> np.ndarray:
+        """(n_states, n_states, n_monomials) on the monomials, the derivative of each equation by
+        each state; coefficients: (n_states, n_terms).
+        """
+        n_states = len(coefficients)
+        on_monomials = np.zeros((n_states, len(self.monomials)))
+        on_monomials[:, self.position] = coefficients
+        found = np.zeros((n_states, n_states, len(self.monomials)))
+        for k in range(n_states):
+            own = np.flatnonzero(self.divisor[:, k] >= 0)
+            found[:, k, self.divisor[own, k]] = on_monomials[:, own] * self.exponents[own, k]
+        return found
+
 
 @lru_cache(maxsize=64)
 def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
@@ -60,13 +73,12 @@ def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
     )
     n_signals = n_states + len(factors)
     zero = (0,) * n_signals
-    closed, queue = {zero}, list(terms)
-    queue += [tuple(int(k == j) for k in range(n_signals)) for j in range(n_states)]
+    units = np.eye(n_states, n_signals, dtype=int).tolist()
+    closed, queue = {zero}, {*terms, *map(tuple, units)}
     while queue:
-        term = queue.pop()
-        if term not in closed:
-            closed.add(term)
-            queue += [_divided(term, k) for k in range(n_states) if term[k]]
+        closed |= queue
+        lowered = (lower for *_, lower in slopes(tuple(queue), n_states))
+        queue = set().union(*lowered) - closed
     monomials = tuple(sorted(closed, key=lambda term: (sum(term), [-e for e in term])))
     index = {term: m for m, term in enumerate(monomials)}
     parent = np.zeros(len(monomials), np.int64)
@@ -74,16 +86,11 @@ def tables(terms: tuple[Exponents, ...], n_states: int) -> Tables:
     divisor = np.full((len(monomials), n_states), -1)
     for m, term in enumerate(monomials[1:], start=1):
         factor[m] = np.flatnonzero(term)[-1]  # of the constant, unless a state is in it
-        for k in range(n_states):
-            if term[k]:
-                divisor[m, k] = index[_divided(term, k)]
-                parent[m], factor[m] = divisor[m, k], k
+    for k, (places, _, lower) in enumerate(slopes(monomials, n_states)):
+        divisor[places, k] = [index[term] for term in lower]
+        parent[places], factor[places] = divisor[places, k], k
     position = np.array([index[term] for term in terms])
     return Tables(monomials, position, parent, factor, np.array(monomials), divisor, factors)
-
-
-def _divided(term: Exponents, state: int) -> Exponents:
-    return tuple(e - (k == state) for k, e in enumerate(term))
 
 
 class System(NamedTuple):
@@ -113,25 +120,19 @@ def system(
     A pair (equation, term) names a coefficient whose sensitivity is wanted; its value may be zero.
     together: (n_free,) slopes of them all along one parameter, whose sensitivity is then wanted.
     """
-    n_states = coefficients.shape[0]
     present = np.argwhere(coefficients)
     monomial = table.position[present[:, 1]]
     values = coefficients[present[:, 0], present[:, 1]]
-    entries: dict[tuple[int, int, int], float] = {}
-    for equation, m, value in zip(present[:, 0], monomial, values, strict=True):
-        for k in range(n_states):
-            if table.divisor[m, k] >= 0:
-                key = (int(equation), k, int(table.divisor[m, k]))
-                entries[key] = entries.get(key, 0.0) + value * table.exponents[m, k]
-    jacobian = np.array(sorted(entries), np.int64).reshape(-1, 3)
+    by_states = table.jacobian(coefficients)
+    jacobian = np.argwhere(by_states)
     column = np.arange(len(free)) if together is None else np.zeros(len(free))
     return System(
         table.parent,
         table.factor,
         np.column_stack([present[:, 0], monomial]).astype(np.int64).reshape(-1, 2),
         np.ascontiguousarray(values, dtype=float),
-        jacobian,
-        np.array([entries[tuple(key)] for key in jacobian.tolist()], float),
+        np.ascontiguousarray(jacobian, np.int64),
+        by_states[tuple(jacobian.T)],
         np.column_stack([free[:, 0], table.position[free[:, 1]], column]).astype(np.int64),
         np.ones(len(free)) if together is None else np.asarray(together, float),
     )

@@ -9,6 +9,8 @@ the steps, good where the motion is nearly linear over what a sample leaves unce
 import numpy as np
 from numba import njit
 
+from galloping.polynomial import slopes
+
 
 @njit(cache=True, error_model="numpy")
 def _monomials(x, exponents, out):
@@ -31,20 +33,29 @@ def _rates(x, exponents, coefficients, terms, out):
         out[i] = total
 
 
+def lowered_terms(exponents: np.ndarray, n_states: int) -> np.ndarray:
+    """(n_slopes, 3 + n_signals) the derivatives of terms by states, `polynomial.slopes`, one a row:
+    term, state, exponent, and the exponents of what is left. exponents: (n_terms, n_signals).
+    """
+    by_state = slopes(tuple(map(tuple, exponents.tolist())), n_states)
+    rows = [
+        (term, state, power, *left)
+        for state, own in enumerate(by_state)
+        for term, power, left in zip(*own, strict=True)
+    ]
+    return np.array(rows, np.int64).reshape(-1, 3 + exponents.shape[1])
+
+
 @njit(cache=True, error_model="numpy")
-def _jacobian(x, exponents, coefficients, out):
+def _jacobian(x, lowered, coefficients, out):
     out[:] = 0.0
-    d = len(out)
-    for j in range(len(exponents)):
-        for k in range(d):
-            if exponents[j, k] == 0:
-                continue
-            slope = float(exponents[j, k])
-            for m in range(len(x)):
-                for _ in range(exponents[j, m] - (1 if m == k else 0)):
-                    slope *= x[m]
-            for i in range(d):
-                out[i, k] += coefficients[i, j] * slope
+    for row in range(len(lowered)):
+        term, state, slope = lowered[row, 0], lowered[row, 1], float(lowered[row, 2])
+        for m in range(len(x)):
+            for _ in range(lowered[row, 3 + m]):
+                slope *= x[m]
+        for i in range(len(out)):
+            out[i, state] += coefficients[i, term] * slope
 
 
 @njit(cache=True, error_model="numpy")
@@ -97,8 +108,8 @@ def _moved(x, h, force, driven, exponents, coefficients, terms, stages, middle):
 
 @njit(cache=True, error_model="numpy")
 def extended_filter(
-    samples, step_of, lengths, substeps, driven, exponents, coefficients, white, sensed, is_rate,
-    kept, noise, x, p, candidates,
+    samples, step_of, lengths, substeps, driven, exponents, lowered, coefficients, white, sensed,
+    is_rate, kept, noise, x, p, candidates,
 ):  # fmt: skip
     """Innovations and their variances, (n, n_channels) each, NaN where samples are missing or the
     filter fails; the means of the states (n, n_states) after each sample; and the slopes of the
@@ -107,11 +118,11 @@ def extended_filter(
     samples, step_of, noise, x, p: as of `kalman_filter`. lengths, substeps: (n_steps,) s, and into
     how many each is divided. driven: (3 n_substeps of all steps + 1, n_factors) factors of inputs,
     as of `Steps.driven`. exponents: (n_terms, n_states + n_factors), coefficients:
-    (n_states, n_terms) of the equations; white: (n_states, n_states) covariance of their forces in
-    a second. sensed, is_rate: (n_channels,) the state of each channel, and whether its rate is
-    measured. kept: indices of the states whose mean rates since the last sample are measured, by
-    the last channels; the last states are what they were then. candidates: (n_candidates, 2)
-    equation and term.
+    (n_states, n_terms) of the equations; lowered: their `lowered_terms`. white: (n_states,
+    n_states) covariance of their forces in a second. sensed, is_rate: (n_channels,) the state of
+    each channel, and whether its rate is measured. kept: indices of the states whose mean rates
+    since the last sample are measured, by the last channels; the last states are what they were
+    then. candidates: (n_candidates, 2) equation and term.
     """  # fmt: skip
     n, channels = samples.shape
     d, many, place = len(x), len(candidates), 0
@@ -139,7 +150,7 @@ def extended_filter(
                 now = driven[place : place + 3]
                 _moved(here, h, still, now, exponents, coefficients, terms, stages, middle)
                 place += 3
-                _jacobian(middle, exponents, coefficients, jacobian)
+                _jacobian(middle, lowered, coefficients, jacobian)
                 for i in range(d):
                     for j in range(d):
                         a[i, j] = h * jacobian[i, j]
@@ -174,7 +185,7 @@ def extended_filter(
         if not np.all(np.isfinite(here)):
             break
         _rates(here, exponents, coefficients, terms, stages[0])
-        _jacobian(here, exponents, coefficients, jacobian)
+        _jacobian(here, lowered, coefficients, jacobian)
         before[:] = here[:d]
         for c in range(channels):
             if np.isnan(samples[k, c]):

@@ -8,7 +8,11 @@ import numpy as np
 
 from galloping.identification.model import IdentifiedModel, Resonance
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.extended import extended_filter, random_motion
+from galloping.identification.random_forces.extended import (
+    extended_filter,
+    lowered_terms,
+    random_motion,
+)
 from galloping.identification.random_forces.kalman import (
     Steps,
     discretised,
@@ -226,8 +230,9 @@ class Tracker:
         spend(seconds)
         return extended_filter(
             data.samples, steps.of, steps.lengths, counts,
-            steps.driven(counts, self._tables.factors), exponents, coefficients, white, sensed,
-            is_rate, kept, self.noise**2, x, p, candidates,
+            steps.driven(counts, self._tables.factors), exponents,
+            lowered_terms(exponents, len(x)), coefficients, white, sensed, is_rate, kept,
+            self.noise**2, x, p, candidates,
         )  # fmt: skip
 
     def motion(self, x: np.ndarray, steps: Steps, rng: np.random.Generator) -> np.ndarray:
