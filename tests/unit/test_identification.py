@@ -78,7 +78,7 @@ def test_exact_from_few_points_without_noise(resonant, method, points):
 def test_chosen_thresholds_give_pysindy_s_model_on_all_samples(resonant, method):
     (recording,) = recordings(resonant, "derivative")
     (ours,) = run(method, [recording])
-    theta, targets = design_matrix(recording.values, TERMS), recording.derivatives
+    theta, targets = design_matrix(recording.values, TERMS), recording.rates
     lengths, scale = np.ones(len(TERMS)), np.ones(4)
     if method == "stlsq":
         lengths, scale = np.linalg.norm(theta, axis=0), np.linalg.norm(targets, axis=0)
@@ -118,7 +118,7 @@ def test_joint_recordings_are_one_regression(resonant):
     first, second = recordings(resonant, "derivative", replicates=2)
     joint = reduce([first, second], TERMS).plain
     theta = np.vstack([design_matrix(r.values, TERMS) for r in (first, second)])
-    dx = np.vstack([r.derivatives for r in (first, second)])
+    dx = np.vstack([r.rates for r in (first, second)])
     assert joint.library.T @ joint.targets == pytest.approx(theta.T @ dx, rel=1e-9)
     assert joint.observations.tolist() == [60002] * 4
 
@@ -143,7 +143,7 @@ def test_choice_does_not_depend_on_the_truth_or_the_scale(resonant, method):
     # in other units of time, the same structure and scaled coefficients
     (recording,) = recordings(resonant, "derivative", level=0.01)
     (found,) = run(method, [recording])
-    scaled = replace(recording, derivatives=4 * recording.derivatives)
+    scaled = replace(recording, rates=4 * recording.rates)
     (again,) = run(method, [scaled])
     assert again.model.coefficients == pytest.approx(4 * found.model.coefficients, rel=1e-9)
 
@@ -194,7 +194,7 @@ def test_too_few_samples_to_differentiate():
 @pytest.mark.parametrize(
     ("protocol", "name", "said"),
     [("derivative", "values", "state"), ("state", "values", "state"),
-     ("derivative", "derivatives", "derivative")],
+     ("derivative", "rates", "derivative")],
 )  # fmt: skip
 def test_missing_values_are_refused(resonant, protocol, name, said):
     (recording,) = recordings(resonant, protocol)
@@ -220,9 +220,9 @@ def test_weak_form_refuses_what_it_cannot_use(resonant):
 @pytest.mark.parametrize("method", ["stlsq", "paper", "lasso", "ensemble"])
 def test_a_motionless_recording_is_a_row_with_a_reason(resonant, method):
     (recording,) = recordings(resonant, "derivative")
-    values, derivatives = recording.values.copy(), recording.derivatives.copy()
-    values[:, 1] = values[:, 3] = derivatives[:, 1] = derivatives[:, 3] = 0
-    still = replace(recording, values=values, derivatives=derivatives)
+    values, rates = recording.values.copy(), recording.rates.copy()
+    values[:, 1] = values[:, 3] = rates[:, 1] = rates[:, 3] = 0
+    still = replace(recording, values=values, rates=rates)
     failed, good = run(method, [still, recording])
     assert failed.reason == f"{method}: a state or a derivative is zero throughout the recording"
     assert failed.model.coefficients.shape == (4, len(TERMS))

@@ -30,18 +30,20 @@ def test_noise_of_each_protocol(name, protocol, relative):
     line, trajectory = simulate(name)
     exact, rates = trajectory.states, line(trajectory.states)
     (recording,) = record(simulate(name), protocol=protocol, relative=relative, replicates=1)
-    values, further = recording.values, recording.derivatives
-    if protocol == "derivative":
+    values = recording.values
+    assert recording.exact == (protocol == "derivative")
+    if recording.exact:
         assert np.array_equal(values, exact)
-        check_noise(further - rates, np.full(4, 0.05))
+        check_noise(recording.rates - rates, np.full(4, 0.05))
         return
     measured = {"state": slice(None), "displacement": slice(2), "acceleration": slice(2, None)}
+    assert (recording.rates is None) == (protocol != "acceleration")
     if protocol == "acceleration":
         assert np.isnan(values).all()
         values, exact = recording.rates, rates
     sigma = 0.05 * (exact.std(axis=0) if relative else np.ones(4))
     kept = measured[protocol]
-    assert further is None and np.isnan(np.delete(values, kept, axis=1)).all()
+    assert np.isnan(np.delete(values, kept, axis=1)).all()
     check_noise((values - exact)[:, kept], sigma[kept])
 
 
@@ -139,5 +141,5 @@ def test_a_protocol_is_its_noise(resonant, monkeypatch):
     new = Protocol("vertical", vertical_only, "")
     monkeypatch.setitem(BY_NAME, "vertical", new)
     (recording,) = record(resonant, protocol="vertical", replicates=1)
-    assert np.isnan(recording.values[:, 1:]).all() and recording.derivatives is None
+    assert np.isnan(recording.values[:, 1:]).all() and recording.rates is None
     check_noise((recording.values - resonant[1].states)[:, :1], np.array([0.05]))

@@ -92,7 +92,7 @@ def identification(results: Path) -> list[dict]:
         optimizer=ps.STLSQ(threshold=0.01, normalize_columns=True),
         feature_library=ps.PolynomialLibrary(degree=3),
     )
-    given = {"t": recording.time, "x_dot": recording.derivatives}
+    given = {"t": recording.time, "x_dot": recording.rates}
     peer = seconds(lambda: sindy.fit(recording.values, **given), 7)
     ours = seconds(
         lambda: normalised(reduce([recording], terms), threshold=None, path_length=30), 31

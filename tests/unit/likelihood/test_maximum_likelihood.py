@@ -77,7 +77,7 @@ def test_three_samples_a_second_are_followed(seed: int) -> None:
 
 def test_exact_states_with_noisy_derivatives() -> None:
     noise = 0.15 * np.random.default_rng(0).normal(size=X.shape)
-    recording = Recording(TIME, LINE.states, X, LINE(X) + noise)
+    recording = Recording(TIME, LINE.states, X, LINE(X) + noise, exact=True)
     found = maximum_likelihood([recording], LINE.terms)
     assert np.array_equal(found.support, SUPPORT)
     assert found.sigma[0, 2:] == pytest.approx(0.15, rel=0.02)

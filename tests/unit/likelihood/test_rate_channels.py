@@ -113,7 +113,8 @@ def test_what_the_library_lacks_is_no_noise_of_derivatives(lacking: float, statu
     rates = true(x)
     rates[:, 2] += lacking * rates[:, 2].std() * (x[:, 2] / x[:, 2].std()) ** 5
     noise = 0.001 * rates.std(axis=0) * np.random.default_rng(1).standard_normal(rates.shape)
-    found = maximum_likelihood(Recording(time, LINE.states, x, derivatives=rates + noise), TERMS)
+    recording = Recording(time, LINE.states, x, rates + noise, exact=True)
+    found = maximum_likelihood(recording, TERMS)
     assert found.status == status, found.reason
     assert ("goes on from sample to sample" in found.reason) == bool(lacking)
     assert np.all(np.isfinite(found.standard_errors[found.support]))

@@ -123,7 +123,7 @@ def measure(
     two numbers only.
     """
     noises = noises_of(motions[:recordings], protocol, level, relative)
-    of_derivatives = "derivatives" if BY_NAME[protocol].measures == DERIVATIVES else "rates"
+    exact = BY_NAME[protocol].measures == DERIVATIVES
 
     def record(replicate: int, release: int) -> Recording:
         rng = generator(seed, "measurement", *name, replicate, release)
@@ -135,7 +135,7 @@ def measure(
         further = {}
         if np.any(np.isfinite(noise.derivatives)):
             channels = _channels(motion.derivatives[rows], noise.derivatives, rng)
-            further[of_derivatives] = channels
+            further = {"rates": channels, "exact": exact}
         return Recording(motion.time[rows], motion.names, values, **further)
 
     return [tuple(record(r, i) for i in range(recordings)) for r in range(replicates)]

@@ -195,27 +195,26 @@ class Recording(Immutable):
     Lists become arrays, and all arrays read-only. time: (n,) in s, strictly increasing; dates and
     times, as of a DatetimeIndex, become s since the first. states: names of the n_states states.
     values: (n, n_states), measured states, NaN where a sample or a whole channel is missing.
-    derivatives: (n, n_states) measured state derivatives, or None where none was measured;
-    when given, the values are exact and the derivatives carry the noise (protocol `derivative`).
-    rates: (n, n_states) what accelerometers and the like measure, the noisy rate of a state beside
-    noisy values; NaN where missing, None where nothing measures one. unknown_offsets: (n_states,)
-    whether a rate has an unknown constant offset that drifts slowly. unknown_scales: (n_states,)
-    whether a value is known up to a factor only. Both None where there is none. known_noise:
-    (2, n_states) standard deviation of a sample of each value and of each rate where it is known,
-    else NaN; None where none is. inputs: by name, what was measured beside the motion and drives
-    it, on the same clock, each at its own times.
+    rates: (n, n_states) measured rates of the states, noisy, as of accelerometers; NaN where
+    missing, None where nothing measures one. unknown_offsets: (n_states,) whether a rate has an
+    unknown constant offset that drifts slowly. unknown_scales: (n_states,) whether a value is known
+    up to a factor only. Both None where there is none. known_noise: (2, n_states) standard
+    deviation of a sample of each value and of each rate where it is known, else NaN; None where
+    none is. inputs: by name, what was measured beside the motion and drives it, on the same clock,
+    each at its own times. exact: whether the values are without noise, which then is that of the
+    rates (protocol `derivative`).
     Raises ValueError for anything else, in one line.
     """
 
     time: NDArray[np.float64]
     states: tuple[str, ...]
     values: NDArray[np.float64]
-    derivatives: NDArray[np.float64] | None = None
     rates: NDArray[np.float64] | None = None
     unknown_offsets: NDArray[np.bool_] | None = None
     unknown_scales: NDArray[np.bool_] | None = None
     known_noise: NDArray[np.float64] | None = None
     inputs: Mapping[str, Input] = field(default_factory=dict)
+    exact: bool = False
 
     def __post_init__(self) -> None:
         states = self.states
@@ -227,7 +226,7 @@ class Recording(Immutable):
         time = increasing("recording: time", seconds("recording: time", self.time))
         shape = len(time), len(states)
         checked = {"time": time, "states": states}
-        for name in ("values", "derivatives", "rates"):
+        for name in ("values", "rates"):
             if (given := getattr(self, name)) is not None:
                 array = checked[name] = floats(f"recording: {name}", given, shape)
                 if np.isinf(array).any():
@@ -236,6 +235,8 @@ class Recording(Immutable):
                         f"recording: {name}: {array[row, column]:g} in row {row} of "
                         f"{checked['states'][column]}; must be finite, or NaN where missing"
                     )
+        if self.exact and self.rates is None:
+            raise ValueError("recording: exact: True; must be False without rates")
         for name in ("unknown_offsets", "unknown_scales"):
             if (given := getattr(self, name)) is not None:
                 checked[name] = array = np.asarray(given)
@@ -259,7 +260,7 @@ class Recording(Immutable):
 
     def __repr__(self) -> str:
         first, last, step = self.time[0], self.time[-1], np.median(np.diff(self.time))
-        held = {"": self.values, "d": self.rates, "derivative of ": self.derivatives}
+        held = {"exact " if self.exact else "": self.values, "d": self.rates}
         channels = []
         for prefix, array in held.items():
             for state, column in zip(self.states, () if array is None else array.T, strict=False):
@@ -277,8 +278,9 @@ class Recording(Immutable):
 
     @property
     def samples(self) -> int:
-        """Number of samples of values and rates."""
-        parts = [self.values] if self.rates is None else [self.values, self.rates]
+        """Number of samples of values and rates that have noise."""
+        noisy = {"values": not self.exact, "rates": self.rates is not None}
+        parts = (getattr(self, name) for name, counts in noisy.items() if counts)
         return sum(int(np.isfinite(part).sum()) for part in parts)
 
     @classmethod
@@ -329,7 +331,7 @@ class Recording(Immutable):
 
     def __getitem__(self, rows: slice) -> "Recording":
         """The samples of a slice, such as `recording[:100]`, two or more."""
-        own = ("values", "derivatives", "rates")
+        own = ("values", "rates")
         cut = {name: array[rows] for name in own if (array := getattr(self, name)) is not None}
         return replace(self, time=self.time[rows], **cut)
 

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 BY_STATE = (*BY_TERM, "thresholds")  # of an identified model: by state, and by term or not
 TEXTS = ("status", "reason")
-CHANNELS = ("time", "values", "derivatives", "rates")  # of a recording
+CHANNELS = ("time", "values", "rates")  # of a recording
+RATES = {False: "rates", True: "derivatives"}  # in a file, by whether values are exact
 
 
 def read(path: str | os.PathLike) -> object:
@@ -122,7 +123,8 @@ def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Reco
     for release, copies in enumerate(zip(*replicates, strict=True)):
         for channel in CHANNELS:
             if getattr(copies[0], channel) is not None:
-                arrays[f"{channel}_{release}"] = _stack([getattr(c, channel) for c in copies])
+                name = RATES[copies[0].exact] if channel == "rates" else channel
+                arrays[f"{name}_{release}"] = _stack([getattr(c, channel) for c in copies])
     write_arrays(path, **arrays)
 
 
@@ -134,12 +136,14 @@ def read_recordings(path: str | os.PathLike) -> list[tuple[Recording, ...]]:
     replicates, releases = arrays.pop("shape")
 
     def recording(replicate: int, release: int) -> Recording:
+        exact = f"{RATES[True]}_{release}" in arrays
+        names = {channel: channel for channel in CHANNELS} | {"rates": RATES[exact]}
         channels = {
             channel: arrays[key][replicate % len(arrays[key])]
-            for channel in CHANNELS
-            if (key := f"{channel}_{release}") in arrays
+            for channel, name in names.items()
+            if (key := f"{name}_{release}") in arrays
         }
-        return Recording(states=states, **channels)
+        return Recording(states=states, exact=exact, **channels)
 
     return [tuple(recording(r, i) for i in range(releases)) for r in range(replicates)]
 

@@ -41,7 +41,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         columns = problem.candidates[block, 1]
         samples = 0
         for r, (theta, recording) in enumerate(zip(thetas, recordings, strict=True)):
-            rate = recording.derivatives[:, i] - theta @ problem.known[i]
+            rate = recording.rates[:, i] - theta @ problem.known[i]
             good = np.isfinite(rate) & np.all(np.isfinite(theta), axis=1)
             if good.sum() <= len(problem.terms):
                 continue  # they do not tell their noise
@@ -64,7 +64,7 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         count += samples
     free, covariance = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
-    rates = np.concatenate([recording.derivatives for recording in recordings])
+    rates = np.concatenate([recording.rates for recording in recordings])
     size = largest(problem, np.concatenate(values), rates)
     found = judged(
         problem,

@@ -58,8 +58,8 @@ def maximum_likelihood(
 
     recordings: sharing their states; any sampling, NaN where samples or channels are missing;
     the noise of each channel of each recording is white and Gaussian, and unknown but where they
-    say it: then it is the least that is assumed, and what the misfit is held against. Where they
-    carry derivatives, the states are exact and the equations are fitted directly.
+    say it: then it is the least that is assumed, and what the misfit is held against. Where their
+    values are exact, the equations are fitted to their rates directly.
     terms: the library, in the states or in the states and the inputs of the first recording, which
     all must have; a recording counts in the stretches in which they are there, and `initial_states`
     and `sigma` of the result are those of the stretches. known: model whose equations of
@@ -84,7 +84,7 @@ def maximum_likelihood(
         used = driven(recordings, problem.inputs)
     except Unusable as error:
         return by(["no model"], refused(problem, str(error)))
-    if all(recording.derivatives is not None for recording in used):
+    if all(recording.exact for recording in used):
         found = by(["derivatives"], derivative_fit(problem, used))
         return with_inputs(found, recordings, used)
     with limited(used) as work:
@@ -364,7 +364,7 @@ def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...
     exact states with derivatives, which need none.
     """
     begun = None
-    if any(recording.derivatives is None for recording in recordings):
+    if not all(recording.exact for recording in recordings):
         with suppress(*NO_MODEL):
             problem = posed(recordings[0].states, terms, inputs=tuple(recordings[0].inputs))
             begun = begin(problem, driven(list(recordings), problem.inputs))

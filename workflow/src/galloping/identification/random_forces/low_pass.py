@@ -56,7 +56,7 @@ def low_passed(recording: Recording, below: float) -> Recording:
     time = np.arange(recording.time[0] + REACH * step, recording.time[-1] - REACH * step, step)
     held = [each for each in (recording.values, recording.rates) if each is not None]
     filtered = np.full((len(time), len(held), len(recording.states)), np.nan)
-    if own < step and recording.derivatives is None:
+    if own < step and not recording.exact:
         for k, i in np.ndindex(filtered.shape[1:]):
             column = held[k][:, i]
             known = np.isfinite(column)

@@ -140,7 +140,7 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
         theta, targets = np.full((1, len(terms)), np.nan), np.full((1, len(states)), np.nan)
         nothing = Regression(theta, targets, np.zeros(len(states)), states, terms)
         return Regressions(nothing, nothing)
-    if all(each.derivatives is None for each in recordings):
+    if not any(each.exact for each in recordings):
         recordings = [with_missing_samples(_complete(each)) for each in recordings]
     parts = [_differentiated(recording) for recording in recordings]
     x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
@@ -160,12 +160,12 @@ def _complete(recording: Recording) -> Recording:
 
 def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """States, derivatives and the effective number of observations of each derivative."""
-    if recording.derivatives is None:
+    if not recording.exact:
         return differentiate(recording.time, recording.values)
-    if not np.all(np.isfinite(recording.derivatives)):
+    if not np.all(np.isfinite(recording.rates)):
         raise Unusable("recording: sparse regression needs every derivative at every sample")
     n, states = _complete(recording).values.shape
-    return recording.values, recording.derivatives, np.full(states, n)
+    return recording.values, recording.rates, np.full(states, n)
 
 
 def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:

@@ -188,7 +188,7 @@ def settings(
     Empty where derivatives were measured, samples are not equally spaced, or the stretches of a
     recording are too short to be held out.
     """
-    if not all(r.derivatives is None and r.is_uniform for r in recordings):
+    if not all(not r.exact and r.is_uniform for r in recordings):
         return []
     period = min(map(_period, recordings))
     frames = [_Frame(recording, period, terms) for recording in recordings]
