@@ -6,7 +6,7 @@ import numpy as np
 from lines import simulate
 
 from galloping.bounds import sensitivities
-from galloping.identification.likelihood.problem import posed
+from galloping.identification.problem import posed
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 

@@ -16,7 +16,7 @@ from galloping.field.mapping import validated
 from galloping.field.recordings import PERIODS, STRETCHES, excerpts
 from galloping.field.summary import hold_out, longest_period
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.smoothing import shortest_period
+from galloping.identification.preparation.smoothing import shortest_period
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import library
 from galloping.recording import Recording

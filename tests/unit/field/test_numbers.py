@@ -19,8 +19,8 @@ from galloping.field.forecast import check_followed, forecast, held_out, with_fa
 from galloping.field.mapping import validated
 from galloping.field.recordings import parted
 from galloping.field.summary import Summary, longest_period
-from galloping.identification.likelihood.screening import smooth_without_outliers
 from galloping.identification.likelihood.verdict import only_repeats
+from galloping.identification.preparation.screening import smooth_without_outliers
 from galloping.identification.random_forces.start import wavers
 from galloping.polynomial import PolynomialModel, design_matrix, library
 

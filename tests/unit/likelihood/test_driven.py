@@ -8,8 +8,8 @@ import pytest
 
 import galloping
 from galloping import Coefficient
-from galloping.identification.likelihood.problem import posed
-from galloping.identification.likelihood.weak_gls import begin, delayed_inputs
+from galloping.identification.preparation.weak_form import begin, delayed_inputs
+from galloping.identification.problem import posed
 from galloping.recording import Input
 
 TIME = np.arange(1601) / 20.0

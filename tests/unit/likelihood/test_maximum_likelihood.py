@@ -6,8 +6,9 @@ from identification_cases import RELEASE, TIME, line, model, noisy, solution, un
 
 from galloping.bounds import Experiment, state_bound
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.problem import Prior, posed
-from galloping.identification.likelihood.weak_gls import begin, rough_fit, weak_gls
+from galloping.identification.likelihood.weak_gls import weak_gls
+from galloping.identification.preparation.weak_form import begin, rough_fit
+from galloping.identification.problem import Prior, posed
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Recording
 

@@ -9,9 +9,9 @@ import pytest
 from identification_cases import RELEASE, solution
 
 from galloping import Recording, derive, maximum_likelihood, polynomial_library, simulate
-from galloping.identification.likelihood.problem import posed
-from galloping.identification.likelihood.rate_channels import scaled, scales_told
-from galloping.identification.likelihood.weak_gls import begin
+from galloping.identification.preparation.rate_channels import scaled, scales_told
+from galloping.identification.preparation.weak_form import begin
+from galloping.identification.problem import posed
 
 TERMS = polynomial_library(4, 3)
 TIME = np.arange(0, 120, 0.04)

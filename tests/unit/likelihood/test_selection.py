@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from galloping.identification.likelihood.selection import select
+from galloping.identification.selection import select
 
 
 def chosen(columns, observed, penalty, start=None, sigma=1.0):

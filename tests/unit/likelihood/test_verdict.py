@@ -4,9 +4,6 @@ import numpy as np
 import pytest
 
 from galloping.identification.likelihood.instrument import FORCES
-from galloping.identification.likelihood.plausible import Plausible, with_prior
-from galloping.identification.likelihood.problem import Prior, Problem, posed
-from galloping.identification.likelihood.selection import select
 from galloping.identification.likelihood.verdict import (
     Regression,
     judged,
@@ -15,6 +12,9 @@ from galloping.identification.likelihood.verdict import (
     with_inputs,
 )
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.plausible import Plausible, with_prior
+from galloping.identification.problem import Prior, Problem, posed
+from galloping.identification.selection import select
 from galloping.intervals import drawn, drawn_with_rivals, of_draws
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording

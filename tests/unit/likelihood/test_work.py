@@ -5,9 +5,10 @@ import pytest
 from identification_cases import line, model, noisy, solution
 
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.problem import posed
-from galloping.identification.likelihood.selection import select
-from galloping.identification.likelihood.weak_gls import prepared, weak_fit
+from galloping.identification.preparation.screening import prepared
+from galloping.identification.preparation.weak_form import weak_fit
+from galloping.identification.problem import posed
+from galloping.identification.selection import select
 from galloping.identification.work import ENDED, MOST, limited
 from galloping.polynomial import library
 from galloping.recording import Input, Recording
@@ -91,7 +92,7 @@ def test_many_candidates_of_the_weak_form_are_not_counted_by_their_square(monkey
     recording, _ = driven(np.random.default_rng(990101))
     _, curves, _ = prepared([recording])
     counted = []
-    monkeypatch.setattr("galloping.identification.likelihood.weak_gls.spend", counted.append)
+    monkeypatch.setattr("galloping.identification.preparation.weak_form.spend", counted.append)
     for degree in (1, 3):
         weak_fit(posed(recording.states, library(3, degree), inputs=("u",)), curves, 10.0)
     assert max(counted) < 1.5 * min(counted) * len(library(3, 3)) / len(library(3, 1))

@@ -6,8 +6,8 @@ import pytest
 from galloping import Input, maximum_likelihood, summarise
 from galloping.field.assess import assess
 from galloping.field.summary import forecast
-from galloping.identification.likelihood.problem import Coefficient
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.problem import Coefficient
 from galloping.physics.gusts import wind_speed
 from galloping.recording import Recording
 from galloping.terms import parse

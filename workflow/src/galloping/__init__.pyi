@@ -6,9 +6,9 @@ from galloping.field.dynamics import Dynamics, Value
 from galloping.field.forecast import Forecast
 from galloping.field.summary import Summary, dynamics, forecast, summarise
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.problem import Coefficient, Prior
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.problem import Coefficient, Prior
 from galloping.passes import progress
 from galloping.polynomial import PolynomialModel
 from galloping.polynomial import library as polynomial_library

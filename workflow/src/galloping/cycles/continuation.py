@@ -2,8 +2,8 @@
 
 Predictor along the tangent, Newton corrector on the plane across it, step controlled by the
 corrector and the turn of the tangent (Keller 1977; Seydel, Practical Bifurcation and Stability
-Analysis, ch. 4). What is continued, equilibria or limit cycles, is a `Problem`: m equations in
-m + 1 unknowns, of which the last is the parameter.
+Analysis, ch. 4). What is continued, equilibria or limit cycles, is a `BranchProblem`: m equations
+in m + 1 unknowns, of which the last is the parameter.
 """
 
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class Equations:
         return self.moved @ np.linalg.solve(self.bordered(border), np.eye(len(self.unknowns))[-1])
 
 
-class Problem(Protocol):
+class BranchProblem(Protocol):
     """What is continued.
 
     metric: (n,) the square of a change of a vector is the sum of its squares times these; a step of
@@ -143,7 +143,7 @@ class Range:
 
 
 def corrected(
-    problem: Problem, guess: np.ndarray, border: np.ndarray, accuracy: float = CORRECTED
+    problem: BranchProblem, guess: np.ndarray, border: np.ndarray, accuracy: float = CORRECTED
 ) -> Equations:
     """The solution near a guess of its vector (n,), on the plane through it across `border` (n,).
 
@@ -166,14 +166,14 @@ def corrected(
     raise NotConverged(f"no convergence in {CORRECTIONS} corrections (the last {size:.1e})")
 
 
-def point_at(problem: Problem, at: Equations, border: np.ndarray) -> Point:
+def point_at(problem: BranchProblem, at: Equations, border: np.ndarray) -> Point:
     """The solution with its tangent, oriented so that `border` (n,) is positive on it."""
     tangent = at.along(border)
     tangent = tangent / problem.length(tangent)
     return Point(at.solution, tangent, *problem.examine(at, tangent))
 
 
-def follow(problem: Problem, start: Point, span: Range) -> Branch:
+def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:
     """The branch from `start` in the direction of its tangent."""
     points, bifurcations = [start], []
     step = FIRST_STEP
@@ -212,7 +212,7 @@ def follow(problem: Problem, start: Point, span: Range) -> Branch:
     return ended(False, f"stopped after {len(points)} points")
 
 
-def _next(problem: Problem, last: Point, step: float) -> Point:
+def _next(problem: BranchProblem, last: Point, step: float) -> Point:
     """The point one step ahead. Raises NotConverged."""
     border = problem.metric * last.tangent
     guess = last.solution.vector + step * last.tangent
@@ -223,7 +223,7 @@ def _next(problem: Problem, last: Point, step: float) -> Point:
     return point
 
 
-def _at_value(problem: Problem, near: Point, value: float) -> Point:
+def _at_value(problem: BranchProblem, near: Point, value: float) -> Point:
     """The point of the branch at a value of the parameter close to that of `near`."""
     problem = problem.moved(near.solution)
     factor = (value - near.solution.value) / near.tangent[-1]
@@ -232,7 +232,9 @@ def _at_value(problem: Problem, near: Point, value: float) -> Point:
     return point_at(problem, at, problem.metric * near.tangent)
 
 
-def _bifurcations(problem: Problem, last: Point, point: Point, step: float) -> list[Bifurcation]:
+def _bifurcations(
+    problem: BranchProblem, last: Point, point: Point, step: float
+) -> list[Bifurcation]:
     """Bifurcations between two points, in order, each located along the step."""
     between = []
     for name, before in last.tests.items():
@@ -247,7 +249,7 @@ def _bifurcations(problem: Problem, last: Point, point: Point, step: float) -> l
     return [bifurcation for _, bifurcation in sorted(between, key=lambda pair: pair[0])]
 
 
-def _located(problem: Problem, last: Point, name: str, step: float) -> tuple[float, Point]:
+def _located(problem: BranchProblem, last: Point, name: str, step: float) -> tuple[float, Point]:
     """Length along the last tangent and the point where a test vanishes."""
     ahead = cache(lambda s: _next(problem, last, s) if s else last)
     root = brentq(lambda s: ahead(s).tests[name], 0.0, step, xtol=1e-9, rtol=1e-12, maxiter=60)

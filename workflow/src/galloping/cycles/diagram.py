@@ -51,7 +51,7 @@ class Eigenvalues:
 
 
 @dataclass(frozen=True)
-class EquilibriumProblem(continuation.Problem):
+class EquilibriumProblem(continuation.BranchProblem):
     """Equilibria of a family. resolution: longest step of the parameter."""
 
     family: Family

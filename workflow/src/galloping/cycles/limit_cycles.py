@@ -175,7 +175,7 @@ def floquet(monodromy: np.ndarray) -> Floquet:
 
 
 @dataclass(frozen=True)
-class CycleProblem(continuation.Problem):
+class CycleProblem(continuation.BranchProblem):
     """Limit cycles of a family about a reference orbit, whose phase is kept.
 
     Unknowns are the state at phase 0, the period and the parameter. resolution: longest step of the

@@ -18,8 +18,8 @@ from galloping.field.summary import METHODS, Summary, longest_period, summarised
 from galloping.field.terminal import SEARCHED
 from galloping.field.units import NONE, coefficient_unit, state_unit
 from galloping.field.wording import summary_text
-from galloping.identification.likelihood.problem import Coefficient
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.problem import Coefficient
 from galloping.identification.work import limited
 from galloping.intervals import NORMAL_95
 from galloping.passes import part, passing

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from galloping.arrays import Immutable
 from galloping.field.recordings import known_ahead
 from galloping.field.units import NONE
-from galloping.identification.likelihood.smoothing import (
+from galloping.identification.model import IdentifiedModel
+from galloping.identification.preparation.smoothing import (
     shortest_period,
     undisplaced,
     with_integrals,
     without_drift,
 )
-from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces import tracking as in_random_forces
 from galloping.intervals import QUANTILES_90, drawn
 from galloping.passes import passing

@@ -8,7 +8,7 @@ from numpy.polynomial.legendre import Legendre, legvander
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from galloping.field.units import state_unit
-from galloping.identification.likelihood.screening import piled
+from galloping.identification.preparation.screening import piled
 
 if TYPE_CHECKING:
     from galloping.field.mapping import ColumnMapping, InputColumn

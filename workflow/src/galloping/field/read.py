@@ -16,7 +16,7 @@ from galloping.field.file_table import FileError, FileTable, read_table
 from galloping.field.instants import instants
 from galloping.field.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
 from galloping.field.units import UnitError, amount, factor, input_si, named, state_unit
-from galloping.identification.likelihood.inputs import FEWEST
+from galloping.identification.inputs import FEWEST
 from galloping.passes import passing
 from galloping.recording import GAP, Input
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from galloping.identification.likelihood.inputs import FEWEST
+from galloping.identification.inputs import FEWEST
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.smoothing import shortest_period, with_integrals
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.preparation.smoothing import shortest_period, with_integrals
 from galloping.identification.random_forces.decision import if_moved_at_random
 from galloping.identification.random_forces.start import wavers
 from galloping.polynomial import PolynomialModel, velocity_pairs

@@ -26,7 +26,7 @@ from galloping.field.quality import peaks_of, sampled, spectrum
 from galloping.field.recordings import by_excerpts
 from galloping.field.units import NONE
 from galloping.field.wording import summary_text
-from galloping.identification.likelihood.inputs import checked_recordings
+from galloping.identification.inputs import checked_recordings
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -79,8 +80,14 @@ class Condensed:
         names = self.names(states)
         return sigma, {f"noise_{names[o]}": noise[-1, o] for o in np.flatnonzero(self.is_rate)}
 
+    @cached_property
+    def present(self) -> np.ndarray:
+        """(n_windows, n_observed, ROWS) whether a projection tells anything."""
+        return self.functionals.any(axis=3)
+
     @property
     def is_known(self) -> np.ndarray:
+        """(n_recordings, n_observed) whether the noise of a sample is known."""
         return np.isfinite(self.known_noise) & (self.counts > 0)
 
     @property

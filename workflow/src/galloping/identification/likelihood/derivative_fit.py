@@ -7,12 +7,12 @@ from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import TRUNCATION
 from galloping.identification.likelihood.free_run import pulled
-from galloping.identification.likelihood.plausible import detection_limits
-from galloping.identification.likelihood.problem import Problem, largest
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
-from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.verdict import Regression, judged, refused
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.plausible import detection_limits
+from galloping.identification.problem import Problem, largest
+from galloping.identification.selection import added_deviation, select, solve_support
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording, at_times
 

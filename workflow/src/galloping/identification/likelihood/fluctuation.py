@@ -10,17 +10,17 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.identification.likelihood.condense import WINDOWS_PER_PERIOD
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.selection import select, solve_support
+from galloping.identification.likelihood.elimination import eliminate_with_jumps, jump_covariance
+from galloping.identification.likelihood.shooting import Record
 from galloping.identification.likelihood.weak_constraint import (
     STRETCH_PERIODS,
-    Linear,
-    Stretches,
+    NormalEquations,
     StretchFit,
     integrable,
-    joint,
-    jump_covariance,
+    white_misfit,
 )
+from galloping.identification.problem import Problem
+from galloping.identification.selection import select, solve_support
 from galloping.identification.work import is_spent
 from galloping.passes import passing
 
@@ -63,7 +63,7 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     exponents = np.array(problem.terms)[term]
     of_rate = exponents[:, np.unique(equation)].sum(axis=1) == 1
     rates = np.flatnonzero((np.abs(exponents).sum(axis=1) == 1) & of_rate)
-    misfit = record.white_misfit(fit.linear.residual)
+    misfit = white_misfit(record, fit.linear.residual)
     excess = _excess(record, misfit)
     windows = np.diff(record.segments.first)
     divisible = windows.min() >= PARTS and len(windows) <= 200  # a part needs 50 kB and more
@@ -80,17 +80,17 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
         if is_spent():
             return None
         passing("try coefficients that fluctuate")
-        misfit = parts.white_misfit(fine.linear.residual)
+        misfit = white_misfit(parts, fine.linear.residual)
         # fluctuations explain 0.56 or more of what is left where gusts are all that the library
         # lacks, 0.32 to 0.50 on a line with more modes in the same gusts, of which the terms that
         # are then chosen imitate the modes, and 0.06 or less without gusts
         if passed and not excess - _excess(record, misfit) >= 0.53 * excess:
             return None
-        wider = _with_fluctuations(fine.linear, rates)
         support, jump = fine.support, fine.jump
         for settling in reversed(range(5)):
+            wider = _with_fluctuations(parts, fine.linear, rates, variance)
             precision = _precision(parts, jumping, jump, size, variance)
-            solved = joint(parts, _stationary(parts, wider, variance), precision)
+            solved = eliminate_with_jumps(parts, wider, precision)
             right = solved.right + solved.information @ fine.free
             if not settling and 0 < passed < passes - 1:
                 support = chosen(problem, solved.information, right, support, penalty)
@@ -107,14 +107,14 @@ def fluctuating(fit: StretchFit, penalty: float) -> tuple[StretchFit, np.ndarray
     return replace(fit, free=fine.free, support=fine.support), covariance
 
 
-def _excess(record: Stretches, misfit: np.ndarray) -> float:
+def _excess(record: Record, misfit: np.ndarray) -> float:
     """Logarithm of a white misfit over noise, of the channels whose samples tell theirs, summed."""
     condensed = record.condensed
     noise = np.maximum(condensed.noise_variance, record.floor**2)
     return float(np.sum(np.log(misfit[:, 0, :, 0] / noise)[condensed.tells_noise]))
 
 
-def _parts(record: Stretches) -> tuple[Stretches, np.ndarray]:
+def _parts(record: Record) -> tuple[Record, np.ndarray]:
     """The record in parts of its segments, and those after which it may jump: the last ones of a
     segment that another one follows.
     """
@@ -126,45 +126,34 @@ def _parts(record: Stretches) -> tuple[Stretches, np.ndarray]:
     return replace(record, segments=replace(segments, first=first, recording=owner)), jumping
 
 
-def _with_fluctuations(linear: Linear, rates: np.ndarray) -> Linear:
+def _with_fluctuations(
+    record: Record, linear: NormalEquations, rates: np.ndarray, variance: np.ndarray
+) -> NormalEquations:
     """The normal equations with the fluctuations of each segment, which act as their coefficients
-    do, added to its state.
+    do, added to its state; where a recording begins they have their `variance` (n_rates,).
     """
-    n, extra = linear.by_coefficients.shape[2], len(rates)
-    n_states = linear.ends.shape[1]
-    twice = np.append(np.arange(n + n_states), rates)
-    by_state = np.zeros((len(linear.ends), n_states + extra, n_states + extra))
-    by_state[:, :n_states, :n_states] = linear.by_state
+    n, (n_states, extra) = linear.by_coefficients.shape[2], (linear.ends.shape[1], len(rates))
+    twice, own = np.append(np.arange(n + n_states), rates), slice(n + n_states, None)
+    information = np.ascontiguousarray(linear.information[:, twice][:, :, twice])
+    information[record.begins, own, own] += np.diag(1.0 / variance)
+    added = ((0, 0), (0, extra))
+    by_state = np.pad(linear.by_state, (*added, (0, extra)))
     by_state[:, :n_states, n_states:] = linear.by_coefficients[:, :, rates]
     by_state[:, n_states:, n_states:] = MEMORY * np.eye(extra)
-    return Linear(
-        linear.free,
-        np.pad(linear.starts, ((0, 0), (0, extra))),
-        linear.information[:, twice][:, :, twice],
-        linear.right[:, twice],
-        linear.residual,
-        np.pad(linear.ends, ((0, 0), (0, extra))),
-        np.pad(linear.by_coefficients, ((0, 0), (0, extra), (0, 0))),
-        by_state,
-    )
-
-
-def _stationary(record: Stretches, linear: Linear, variance: np.ndarray) -> Linear:
-    """The same with fluctuations of that variance where each recording begins."""
-    information = linear.information.copy()
-    own = slice(information.shape[1] - len(variance), None)
-    information[record.begins, own, own] += np.diag(1.0 / variance)
-    return replace(linear, information=information)
+    return replace(
+        linear, starts=np.pad(linear.starts, added), information=information,
+        right=linear.right[:, twice], ends=np.pad(linear.ends, added),
+        by_coefficients=np.pad(linear.by_coefficients, (*added, (0, 0))), by_state=by_state,
+    )  # fmt: skip
 
 
 def _precision(
-    record: Stretches, jumping: np.ndarray, jump: np.ndarray, size: np.ndarray, variance: np.ndarray
+    record: Record, jumping: np.ndarray, jump: np.ndarray, size: np.ndarray, variance: np.ndarray
 ) -> np.ndarray:
     """Of state and fluctuations from each segment to the next: states jump after `jumping` only."""
-    n_states, extra = len(size), len(variance)
-    precision = np.zeros((len(record.size), n_states + extra, n_states + extra))
     states = record.precision(np.diag((1e-4 * size) ** 2))  # as good as continuous
     states[jumping] = record.precision(jump)[jumping]
-    precision[:, :n_states, :n_states] = states
+    n_states = len(size)
+    precision = np.pad(states, ((0, 0), (0, len(variance)), (0, len(variance))))
     precision[:, n_states:, n_states:] = np.diag(1.0 / ((1.0 - MEMORY**2) * variance))
     return precision

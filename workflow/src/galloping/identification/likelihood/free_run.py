@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from galloping.identification.likelihood.elimination import UNDETERMINED
 from galloping.identification.likelihood.model_error import (
     SYSTEMATIC,
     Approximation,
@@ -15,21 +16,20 @@ from galloping.identification.likelihood.model_error import (
     prior_covariance,
     stated,
 )
-from galloping.identification.likelihood.selection import solve_support
 from galloping.identification.likelihood.shooting import (
-    UNDETERMINED,
-    Fit,
     Record,
     Segments,
+    ShootingFit,
     linearise,
     residuals,
 )
 from galloping.identification.likelihood.trajectory_fit import CONVERGED, MOST_PASSES, guarded_step
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.selection import solve_support
 
 
 def whole_approximation(
-    fit: Fit, information: np.ndarray, residual: np.ndarray, penalty: float, objection: str
+    fit: ShootingFit, information: np.ndarray, residual: np.ndarray, penalty: float, objection: str
 ) -> IdentifiedModel:
     """The approximate model whose free runs are the chains of a fit that matches them.
 
@@ -80,7 +80,7 @@ def free_runs(
     try:
         squares = condensed.squares(residuals(record, free, starts)[0])
         sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), record.floor)
-        previous = fit = Fit(record, free, free != 0.0, starts, sigma, sigma)
+        previous = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
         if not forgets_start(fit):
             return None
         for _ in range(MOST_PASSES):
@@ -95,7 +95,7 @@ def free_runs(
         return None
 
 
-def forgets_start(fit: Fit) -> bool:
+def forgets_start(fit: ShootingFit) -> bool:
     """Whether the end of each chain depends a tenth as much on how it began as the beginning does,
     or less: that of a damped system that is driven does not, the phase of a limit cycle stays.
     """
@@ -106,7 +106,7 @@ def forgets_start(fit: Fit) -> bool:
     return True
 
 
-def _pulls(fit: Fit, residual: np.ndarray) -> Iterator[np.ndarray]:
+def _pulls(fit: ShootingFit, residual: np.ndarray) -> Iterator[np.ndarray]:
     """How each window of each chain pulls the coefficients of the fit, (n_windows, n_support): the
     gradient of chi^2 / 2 in runs from the first state of a chain, that state at its best.
     """
@@ -119,7 +119,7 @@ def _pulls(fit: Fit, residual: np.ndarray) -> Iterator[np.ndarray]:
         yield np.einsum("worp,wor->wp", design, residual[own] * weight)
 
 
-def _slopes(fit: Fit, pairs: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+def _slopes(fit: ShootingFit, pairs: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
     """Of each chain its windows, the slopes (n_windows, n_observed, n_rows, n_pairs + n_states) of
     the solution from its first state, over the noise, and one over the noise (n_observed, 1).
     """

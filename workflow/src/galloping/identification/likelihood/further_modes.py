@@ -24,7 +24,7 @@ def further_modes(
     not finite where it diverges. Channels that measure the rate of another one are left out.
     """
     found: list[FurtherMode] = []
-    own = [int(i) for i in condensed.observed[~condensed.is_rate]]
+    own = condensed.observed[~condensed.is_rate]
     rates = {v for i, v in velocity_pairs(states).items() if i in own}
     weights = condensed.samplings[:, :, 0, 0]
     for r, (a, b) in enumerate(pairwise(condensed.first)):
@@ -33,7 +33,7 @@ def further_modes(
             sampled = np.flatnonzero((weights[a:b, o] > 0.0) & np.isfinite(left))
             exact = np.linalg.norm(left[sampled]) < ROUNDING * np.linalg.norm(data)
             few = len(sampled) < max((b - a) / 2, NEIGHBOURS)
-            if condensed.is_rate[o] or int(i) in rates or exact or few:
+            if condensed.is_rate[o] or i in rates or exact or few:
                 continue
             means = left[sampled] / weights[a:b, o][sampled]
             main = 1 + np.argmax(np.abs(np.fft.rfft(data)[1:]))

@@ -11,22 +11,21 @@ import numpy as np
 from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import ROWS, of_rates
-from galloping.identification.likelihood.selection import (
+from galloping.identification.likelihood.elimination import Eliminated, eliminate
+from galloping.identification.likelihood.shooting import (
+    Linearised,
+    Record,
+    Segments,
+    ShootingFit,
+    linearise,
+    residuals,
+)
+from galloping.identification.selection import (
     DEPENDENT,
     select,
     solve_support,
     tableau,
     whiten,
-)
-from galloping.identification.likelihood.shooting import (
-    Eliminated,
-    Fit,
-    Linearised,
-    Record,
-    Segments,
-    eliminate,
-    linearise,
-    residuals,
 )
 from galloping.polynomial import velocity_pairs
 
@@ -62,7 +61,7 @@ class Fault:
         return self.cause == FORCES or explained >= excess / 2.0
 
 
-def faults(fit: Fit, penalty: float) -> list[Fault]:
+def faults(fit: ShootingFit, penalty: float) -> list[Fault]:
     """The faults that the data show, the clearest first; none where the recording is sound.
 
     fit: converged, in its chains. penalty: 2 ln N of N samples. A sound recording is accused once
@@ -70,12 +69,8 @@ def faults(fit: Fit, penalty: float) -> list[Fault]:
     """
     problem, condensed, segments = fit.record.problem, fit.record.condensed, fit.record.segments
     residual, _ = residuals(fit.record, fit.free, fit.starts)
-    shifted = replace(
-        condensed,
-        functionals=of_rates(condensed.functionals, condensed.step),
-        targets=np.zeros_like(condensed.targets),
-    )
-    rates = -residuals(replace(fit.record, condensed=shifted), fit.free, fit.starts)[0]
+    shifted = replace(condensed, functionals=of_rates(condensed.functionals, condensed.step))
+    rates = replace(fit.record, condensed=shifted).predictions(fit.free, fit.starts)
     wider, late = _delayed_inputs(fit)
     entries, columns, tests = _parameters(fit.record, rates, late)
 
@@ -104,7 +99,7 @@ def faults(fit: Fit, penalty: float) -> list[Fault]:
 Late = tuple[str, list[tuple[int, int]], list[float]]
 
 
-def _delayed_inputs(fit: Fit) -> tuple[Fit, list[Late]]:
+def _delayed_inputs(fit: ShootingFit) -> tuple[ShootingFit, list[Late]]:
     """The fit, its problem with terms of the rates of inputs, which are inputs too, and of each
     input that may be delayed its name, the coefficients (equation, term) that then are not zero,
     and their values for a delay of 1 s.
@@ -113,13 +108,9 @@ def _delayed_inputs(fit: Fit) -> tuple[Fit, list[Late]]:
     share no term with another.
     """
     problem, condensed = fit.record.problem, fit.record.condensed
-    coefficients, n, extra = (
-        problem.coefficients(fit.free),
-        len(problem.states),
-        len(problem.inputs),
-    )
+    coefficients, powers = problem.coefficients(fit.free), condensed.inputs
+    n, extra = len(problem.states), len(problem.inputs)
     terms, late = [(*term, *[0] * extra) for term in problem.terms], []
-    powers = condensed.inputs
     slopes = np.zeros_like(powers)
     slopes[:, :-1] = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None] / condensed.step
     columns = [powers]
@@ -130,15 +121,14 @@ def _delayed_inputs(fit: Fit) -> tuple[Fit, list[Late]]:
         pairs, weights = [], []
         for i, j in np.argwhere(coefficients):
             if power := problem.terms[j][n + k]:
-                slope = list(terms[j])
-                slope[n + k] -= 1
-                slope[n + extra + k] = 1
-                if tuple(slope) not in terms:
+                moved = {n + k: power - 1, n + extra + k: 1}
+                slope = tuple(moved.get(place, e) for place, e in enumerate(terms[j]))
+                if slope not in terms:
                     factor = problem.tables.factors.index(problem.terms[j][n:])
-                    if all(tuple(slope[n:]) != term[n:] for term in terms):
+                    if all(slope[n:] != term[n:] for term in terms):
                         columns.append(slopes[:, :, factor : factor + 1] / power)
-                    terms.append(tuple(slope))
-                pairs.append((i, terms.index(tuple(slope))))
+                    terms.append(slope)
+                pairs.append((i, terms.index(slope)))
                 weights.append(-coefficients[i, j] * power)
         if pairs:
             late.append((name, pairs, weights))
@@ -217,7 +207,7 @@ def _mixed(
     return to.T @ information @ to, right @ to
 
 
-def _beside(quadratic: Eliminated, fit: Fit, test: Fault) -> float:
+def _beside(quadratic: Eliminated, fit: ShootingFit, test: Fault) -> float:
     """z of a fault beside the one term, if any, that the model lacks most: weak terms are left out,
     and what they leave in the residuals may look like a fault.
     """
@@ -230,7 +220,7 @@ def _beside(quadratic: Eliminated, fit: Fit, test: Fault) -> float:
     return _score(quadratic.information[np.ix_(kept, kept)], quadratic.right[kept], test.mixture)
 
 
-def _instead(quadratic: Eliminated, fit: Fit, test: Fault, penalty: float) -> float:
+def _instead(quadratic: Eliminated, fit: ShootingFit, test: Fault, penalty: float) -> float:
     """z of a fault that may replace terms which only imitate it: by how much the data prefer the
     fault with other terms, selected anew, to the terms without it; 0 where they do not.
     """
@@ -254,7 +244,7 @@ def _instead(quadratic: Eliminated, fit: Fit, test: Fault, penalty: float) -> fl
     return float(np.sqrt(max(worth(without) - worth(chosen), 0.0)))
 
 
-def _gaps(linear: Linearised, fit: Fit) -> list[Fault]:
+def _gaps(linear: Linearised, fit: ShootingFit) -> list[Fault]:
     """How much better the recording is followed in stretches than as a whole.
 
     linear: by the terms of the fit, and then by parameters of faults.
@@ -280,29 +270,27 @@ def _gaps(linear: Linearised, fit: Fit) -> list[Fault]:
     return tested
 
 
-def _variances(fit: Fit, residual: np.ndarray, rates: np.ndarray) -> list[Fault]:
+def _variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> list[Fault]:
     """Whether the residuals are larger where the signal is steep, or where it is large."""
     condensed, segments, sigma = fit.record.condensed, fit.record.segments, fit.sigma
     owner = np.repeat(segments.recording, np.diff(segments.first))
-    there = np.any(condensed.functionals != 0.0, axis=3)
+    there = condensed.present
     square = (residual / sigma[owner][:, :, None]) ** 2
     weight = np.where(there[:, :, 0], condensed.samplings[:, :, 0, 0], 1.0)
     tested = []
     for cause, signals in ((JITTER, rates), (GROWING, condensed.targets - residual)):
-        signal, total, channels = signals[:, :, 0], 0.0, 0
+        signal, scores = signals[:, :, 0], []
         for r, o in np.ndindex(sigma.shape):
             inside = there[:, o] & (owner == r)[:, None]
-            if np.count_nonzero(inside) < 2:
+            own = square[:, o][inside]
+            # less is rounding: the projections' own estimate is never so far below
+            if len(own) < 2 or own.mean() < 0.25:
                 continue
             size = np.repeat((signal[:, o] / weight[:, o])[:, None] ** 2, ROWS, axis=1)[inside]
             size = size - size.mean()
-            own = square[:, o][inside]
-            if own.mean() < 0.25:
-                continue  # rounding: the projections' own estimate is never so far below
-            spread = np.sqrt(2.0 * np.sum(size**2))
-            if spread > 0.0:
-                total += float(size @ (own / own.mean())) / spread
-                channels += 1
-        if channels:
-            tested.append(Fault(cause, True, total / np.sqrt(channels), is_noise=True))
+            if (spread := np.sqrt(2.0 * np.sum(size**2))) > 0.0:
+                scores.append(float(size @ (own / own.mean())) / spread)
+        if scores:
+            z = sum(scores) / np.sqrt(len(scores))
+            tested.append(Fault(cause, True, z, is_noise=True))
     return tested

@@ -13,15 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
+from galloping.identification.inputs import asked, checked_recordings, driven
 from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
-from galloping.identification.likelihood.inputs import asked, checked_recordings, driven
 from galloping.identification.likelihood.instrument import DELAYED, FORCES, faults
 from galloping.identification.likelihood.model_error import approximation
-from galloping.identification.likelihood.problem import PRIOR, Coefficient, Prior, Problem, posed
-from galloping.identification.likelihood.rate_channels import scaled, scales_told, with_rates
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
-from galloping.identification.likelihood.shooting import Fit, Segments, residuals
+from galloping.identification.likelihood.shooting import Segments, ShootingFit, residuals
 from galloping.identification.likelihood.verdict import (
     Regression,
     agree,
@@ -32,8 +30,11 @@ from galloping.identification.likelihood.verdict import (
     with_inputs,
 )
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
-from galloping.identification.likelihood.weak_gls import Start, begin, delayed_inputs, weak_gls
+from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
+from galloping.identification.preparation.rate_channels import scaled, scales_told
+from galloping.identification.preparation.weak_form import Start, begin, delayed_inputs
+from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem, posed
 from galloping.identification.random_forces.decision import moved_at_random, random_forces
 from galloping.identification.random_forces.start import may_be_moved_at_random
 from galloping.identification.random_forces.unmodelled import unmodelled
@@ -64,7 +65,7 @@ def maximum_likelihood(
     all must have; a recording counts in the stretches in which they are there, and `initial_states`
     and `sigma` of the result are those of the stretches. known: model whose equations of
     `known_states` hold; the equation of a state X is known to be dX/dt = dX where a state has that
-    name. start: of `weak_gls.begin`, where it is made already.
+    name. start: of `weak_form.begin`, where it is made already.
     coefficients: what is known of single ones, which are then always there. allowed: (n_states,
     n_terms) boolean, in which equations each term is sought; in all by default.
     prior: of the terms (see `Prior`); None: the data alone choose them and speak in the verdict.
@@ -150,7 +151,7 @@ def _left_to_itself(
     rescaled = scaled(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
         begun = begin(problem, rescaled, share)
-    begun = with_rates(begun, rescaled)
+    begun = begun.with_rates(rescaled)
     if starts.rests_at_zero(begun):
         found, objections = [], []
         moving = replace(begun, problem=starts.without_constants(problem))
@@ -322,7 +323,7 @@ def _with_coloured_noise(
     return replace(again, free=joined.free, path=path)
 
 
-def _causes_of_none(fit: Fit, penalty: float) -> list[str]:
+def _causes_of_none(fit: ShootingFit, penalty: float) -> list[str]:
     """What may be why no model follows the whole recording; nothing where no work is left."""
     if is_spent():
         return []
@@ -335,7 +336,7 @@ def _causes_of_none(fit: Fit, penalty: float) -> list[str]:
     return named
 
 
-def _remaining(begun: Start, fit: Fit) -> tuple[np.ndarray, Residue]:
+def _remaining(begun: Start, fit: ShootingFit) -> tuple[np.ndarray, Residue]:
     """Residuals of single shooting over every chain, and what they show.
 
     Raises FloatingPointError where the model diverges over a chain.
@@ -348,7 +349,7 @@ def _remaining(begun: Start, fit: Fit) -> tuple[np.ndarray, Residue]:
     return remaining, residue(record.condensed, remaining, fit.parameters, begun.period)
 
 
-def _noise(fit: Fit, remaining: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
+def _noise(fit: ShootingFit, remaining: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
     """(n_recordings, n_states) noise of a sample of each state, and of each rate by its name."""
     condensed = fit.record.condensed
     share = fit.parameters / max(np.count_nonzero(condensed.counts), 1)

@@ -13,21 +13,22 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import stdtrit
 
+from galloping.identification.likelihood.elimination import eliminate_with_jumps, jump_covariance
 from galloping.identification.likelihood.fluctuation import chosen, fluctuating
 from galloping.identification.likelihood.further_modes import further_modes, in_words
-from galloping.identification.likelihood.plausible import detection_limits
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.selection import added_deviation, solve_support
-from galloping.identification.likelihood.shooting import Fit
+from galloping.identification.likelihood.shooting import Record, ShootingFit
 from galloping.identification.likelihood.verdict import by, refused
 from galloping.identification.likelihood.weak_constraint import (
-    Stretches,
     StretchFit,
+    coloured_misfit,
     integrable,
-    joint,
-    jump_covariance,
+    of_variance,
+    white_misfit,
 )
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.plausible import detection_limits
+from galloping.identification.problem import Problem
+from galloping.identification.selection import added_deviation, solve_support
 from galloping.identification.work import is_spent
 from galloping.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
@@ -35,7 +36,7 @@ from galloping.passes import passing
 # Total variance over that between stretches: what errs alike in all may be as large.
 SYSTEMATIC = 2.0
 
-MisfitOf = Callable[[Stretches, np.ndarray], np.ndarray]
+MisfitOf = Callable[[Record, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Approximation:
     found, in words.
     """
 
-    fit: Fit | StretchFit
+    fit: ShootingFit | StretchFit
     information: np.ndarray
     covariance: np.ndarray
     residual: np.ndarray
@@ -96,7 +97,7 @@ class Approximation:
         return shares
 
 
-def approximation(start: Fit, penalty: float, objection: str) -> IdentifiedModel:
+def approximation(start: ShootingFit, penalty: float, objection: str) -> IdentifiedModel:
     """The most compact model whose forecasts are hardly worse than those of the best.
 
     start: in segments of some periods each, or fewer where it diverges sooner. penalty: worth of a
@@ -160,7 +161,7 @@ def stated(
     return by(made.path, found)
 
 
-def _approximate(start: Fit, penalty: float) -> Approximation:
+def _approximate(start: ShootingFit, penalty: float) -> Approximation:
     """The smallest of several models that forecast, or, where coefficients fluctuate, their means.
 
     What is missed is taken for noise of its own spectrum and, where no model so found predicts
@@ -168,23 +169,21 @@ def _approximate(start: Fit, penalty: float) -> Approximation:
     the spectrum is told badly. None may jump more than the whole library: what a term that was left
     out would do is no disturbance. Raises as `_of_penalties`.
     """
-    one, every = start.record, np.ones(len(start.free), bool)
-    record = Stretches(one.problem, one.condensed, one.segments, one.states, one.floor)
+    record, every = start.record, np.ones(len(start.free), bool)
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
-    jump, misfit = np.diag((0.05 * scale) ** 2), record.of_variance(start.sigma**2)
+    jump, misfit = np.diag((0.05 * scale) ** 2), of_variance(record, start.sigma**2)
     first = StretchFit(record, start.free, every, start.starts, misfit, jump)
-    for misfit_of in (Stretches.coloured_misfit, Stretches.white_misfit):
+    for misfit_of in (coloured_misfit, white_misfit):
         try:
             whole = _iterate(first, misfit_of)
             made = _of_penalties(whole, misfit_of, penalty)
             if max(each.skill for each in made) > 0.0 or is_spent():
                 break
         except (FloatingPointError, np.linalg.LinAlgError):
-            if misfit_of is Stretches.white_misfit:
+            if misfit_of is white_misfit:
                 raise
     found = _varying(whole, penalty) or _smallest(made)
-    misfit = "white misfit" if misfit_of is Stretches.white_misfit else "coloured misfit"
-    return replace(found, path=(misfit, *found.path))
+    return replace(found, path=(misfit_of.__name__.replace("_", " "), *found.path))
 
 
 def _of_penalties(whole: StretchFit, misfit_of: MisfitOf, penalty: float) -> list[Approximation]:
@@ -255,13 +254,13 @@ def _iterate(
         if passed and is_spent():
             break
         passing("approximate in stretches")
-        solved = joint(record, fit.linear, record.precision(fit.jump))
+        solved = eliminate_with_jumps(record, fit.linear, record.precision(fit.jump))
         right, support = solved.right + solved.information @ fit.free, fit.support
         if passed < choosing:
             support = chosen(record.problem, solved.information, right, support, penalty)
         free, _ = solve_support(solved.information, right, support)
         change = free - fit.free
-        starts = fit.starts + solved.response[:, :, :-1] @ change + solved.response[:, :, -1]
+        starts = solved.moved(change, fit.starts)
         jump = jump_covariance(record, fit.linear, solved, 0.0 * change, record.followed)
         if largest is not None:
             share = np.minimum(1.0, np.sqrt(np.diag(largest) / np.diag(jump)))
@@ -286,7 +285,9 @@ def _judged(fit: StretchFit, price: float) -> Approximation:
     residual = np.full(condensed.targets.shape, np.inf)
     for k, group in enumerate(groups):
         passing("forecast stretches that are left out")
-        solved = joint(record, fit.linear, precision, np.isin(np.arange(count), group))
+        solved = eliminate_with_jumps(
+            record, fit.linear, precision, np.isin(np.arange(count), group)
+        )
         change, _ = solve_support(solved.information, solved.right, fit.support)
         changes[k] = change[fit.support]
         at = slice(group[0], group[-1] + 1)
@@ -296,7 +297,7 @@ def _judged(fit: StretchFit, price: float) -> Approximation:
     spread = changes - changes.mean(axis=0)
     freedom = max(len(groups) - 1, 1)
     covariance = SYSTEMATIC * of_few(len(groups)) * freedom / len(groups) * spread.T @ spread
-    solved = joint(record, fit.linear, precision)
+    solved = eliminate_with_jumps(record, fit.linear, precision)
     covariance += prior_covariance(record.problem, solved.information, fit.support)
     return Approximation(fit, solved.information, covariance, residual, price)
 

@@ -87,7 +87,7 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     """
     limit = 1.5 * condensed.step / period
     low, high, bins = [], [], np.zeros(2)
-    line, frequency, channel, cycles = 0.0, 0.0, 0, 0
+    lines = [(0.0, 0.0, 0, 0)]  # height, frequency, channel, cycles
     band_power, excess = np.full(condensed.rows.shape, np.nan), np.zeros(condensed.rows.shape)
     for r, (a, b) in enumerate(pairwise(condensed.first)):
         for o in range(residual.shape[1]):
@@ -105,9 +105,7 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
             high.append(power[~below].sum() / power.mean())
             bins += below.sum(), (~below).sum()
             peak, place = _line(power)
-            if peak > line:
-                line, channel, cycles = peak, o, place
-                frequency = place / ((b - a) * condensed.step)
+            lines.append((peak, place / ((b - a) * condensed.step), o, place))
     band, band_allowed = np.nan, np.nan
     if low:
         band = float(sum(low) / bins[0] / (sum(high) / bins[1]))
@@ -115,9 +113,10 @@ def residue(condensed: Condensed, residual: np.ndarray, parameters: int, period:
     # a bin over the mean of m others is F-distributed with (2, 2 m) degrees; of the highest
     m = 2 * NEIGHBOURS - 4
     line_allowed = m * ((RESIDUAL_RATE / (2.0 * int(condensed.first[-1]))) ** (-1.0 / m) - 1.0)
+    line, *where = max(lines, key=lambda own: own[0])
     return Residue(
         *_misfit(condensed, residual, parameters), bool(condensed.is_known.any()), band,
-        band_allowed, band_power, excess, line, line_allowed, frequency, channel, cycles,
+        band_allowed, band_power, excess, line, line_allowed, *where,
     )  # fmt: skip
 
 

@@ -1,21 +1,20 @@
-"""Multiple shooting over condensed recordings (H. G. Bock, 1983): linearised misfit, matching and
-elimination, so that a Gauss-Newton step is a regression on the coefficients alone. Chains of one
-segment leave all segment states free; one chain per recording is, at convergence, single shooting.
+"""Multiple shooting over condensed recordings (H. G. Bock, 1983): the misfit of segments, each with
+a first state of its own, linearised in these and in the coefficients. Chains of one segment leave
+all first states free; one chain per recording is, at convergence, single shooting.
 """
 
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from galloping.identification.likelihood.condense import Condensed
-from galloping.identification.likelihood.problem import Problem
+from galloping.identification.problem import Problem
 from galloping.identification.work import spend
 
 HUGE = 1e30  # of a state or a derivative, from which a solution counts as diverged
 MOST_HALVINGS = 6  # of the integrator's step, and of a Gauss-Newton step
-# Segments and chains.
-UNDETERMINED = 3e-7  # relative singular value below which a direction of a state is not solved for
 SEGMENT = 5e-5  # s, that one takes when it is linearised, or chained
 
 
@@ -58,14 +57,68 @@ class Record:
         """(n_recordings,) index of the first segment of each."""
         return np.unique(self.segments.recording, return_index=True)[1]
 
+    @cached_property
+    def followed(self) -> np.ndarray:
+        """Indices of the segments that another one of the same recording follows."""
+        return np.flatnonzero(np.diff(self.segments.recording) == 0)
+
     @property
     def stretch(self) -> float:
         """s, that a segment is long."""
         return float(np.median(np.diff(self.segments.first)) * self.condensed.step)
 
+    @cached_property
+    def size(self) -> np.ndarray:
+        """(n_segments,) root mean square of the motion in each, relative to the whole record, and
+        a few percent: jumps are no smaller where it rests.
+        """
+        mean = np.mean(self.states**2, axis=0) + np.finfo(float).tiny
+        squares = np.mean(self.states**2 / mean, axis=1)
+        first = self.segments.first
+        return np.sqrt(np.add.reduceat(squares, first[:-1]) / np.diff(first) + 0.03**2)
+
+    def predictions(
+        self, free: np.ndarray, starts: np.ndarray, segments: slice = slice(None)
+    ) -> np.ndarray:
+        """(n_windows, n_observed, n_rows) projections of the solution over consecutive segments,
+        not finite where it diverges. starts: (n, n_states) of these.
+        """
+        first = self.segments.first
+        begin, end, _ = segments.indices(len(first) - 1)
+        compiled = self.problem.compiled(free, self.problem.candidates[:0])
+        with np.errstate(all="ignore"):
+            predicted = self.condensed.solution(compiled, first[begin : end + 1], starts, False)[0]
+        return np.where(np.abs(predicted) < HUGE, predicted, np.inf)
+
+    def precision(self, jump: np.ndarray) -> np.ndarray:
+        """Of a jump after each segment; jump: its covariance at full motion."""
+        return np.linalg.inv(jump) / self.size[:, None, None] ** 2
+
+    def linearised(
+        self, free: np.ndarray, starts: np.ndarray, pairs: np.ndarray, at_once: int
+    ) -> Iterator[tuple[slice, slice, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+        """Solutions from the `starts` of segments, so many at once, with their derivatives.
+
+        pairs: (n_pairs, 2) coefficients (equation, term), by which and by the first states are the
+        derivatives. Yields segments, their windows, what the solution leaves of the projections
+        (n_windows, n_observed, n_rows) and derivatives of the solution's (..., n_pairs + n_states),
+        ends (n, n_states) and derivatives of these. Raises FloatingPointError where it diverges.
+        """
+        compiled, first = self.problem.compiled(free, pairs), self.segments.first
+        for begin in range(0, len(starts), at_once):
+            group = slice(begin, min(begin + at_once, len(starts)))
+            edges = first[group.start : group.stop + 1]
+            windows = slice(edges[0], edges[-1])
+            predicted, slopes, *ends, _ = self.condensed.solution(
+                compiled, edges, starts[group], sensitive=True
+            )
+            if not all(np.all(np.abs(values) < HUGE) for values in ends):
+                raise FloatingPointError("the model diverges within a segment")
+            yield group, windows, self.condensed.targets[windows] - predicted, slopes, *ends
+
 
 @dataclass(frozen=True)
-class Fit:
+class ShootingFit:
     """Where an iteration stands.
 
     free: (n_candidates,) coefficients; support: the same, boolean. starts: (n_segments,
@@ -115,23 +168,6 @@ class Linearised:
     end_derivatives: np.ndarray
 
 
-@dataclass(frozen=True)
-class Eliminated:
-    """The regression on the coefficients, and how the segment states follow them.
-
-    information: (n, n), right: (n,) of the coefficients' change. states: (n_segments, n_states,
-    n + 1), the change of each segment's state, linear in the coefficients' change and constant.
-    gap: (n_states,) largest mismatch between segments of a chain. fall: of chi^2, when the states
-    alone are moved to their best.
-    """
-
-    information: np.ndarray
-    right: np.ndarray
-    states: np.ndarray
-    gap: np.ndarray
-    fall: float
-
-
 def cut(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
     """Segments of about `windows` windows, each its own chain.
 
@@ -155,7 +191,7 @@ def cut(condensed: Condensed, windows: int, allowed: np.ndarray) -> Segments:
 
 
 def linearise(
-    fit: Fit, pairs: np.ndarray | None = None, columns: np.ndarray | None = None
+    fit: ShootingFit, pairs: np.ndarray | None = None, columns: np.ndarray | None = None
 ) -> Linearised:
     """Misfit of the condensed samples about the candidates' coefficients and segment states.
 
@@ -165,9 +201,8 @@ def linearise(
     others. Raises FloatingPointError where the solution diverges within a segment.
     """
     record, sigma, free, starts = fit.record, fit.sigma, fit.free, fit.starts
-    problem, condensed, segments = record.problem, record.condensed, record.segments
+    problem, segments = record.problem, record.segments
     pairs = problem.candidates if pairs is None else pairs
-    compiled = problem.compiled(free, pairs)
     n_states = starts.shape[1]
     direct = 0 if columns is None else columns.shape[3]
     n = len(pairs) + direct
@@ -178,31 +213,24 @@ def linearise(
     ends = np.empty(starts.shape)
     end_derivatives = np.zeros((*starts.shape, m))
     by_dynamics = np.r_[: len(pairs), n:m]
-    for batch in range(0, len(starts), 8):  # as what is held at once fits in the cache
-        group = slice(batch, min(batch + 8, len(starts)))
-        first = segments.first[group.start : group.stop + 1]
-        span = slice(first[0], first[-1])
-        predicted, derivatives, ends[group], moved, _ = condensed.solution(
-            compiled, first, starts[group], sensitive=True
-        )
-        end_derivatives[group][..., by_dynamics] = moved
+    at_once = 8  # as what is held then fits in the cache
+    for group, windows, residual, derivatives, *reached in record.linearised(
+        free, starts, pairs, at_once
+    ):
+        ends[group], end_derivatives[group][..., by_dynamics] = reached
         if columns is not None:
-            derivatives = np.insert(derivatives, [len(pairs)] * direct, columns[span], axis=3)
-        reached = (ends[group], end_derivatives[group])
-        if not all(np.all(np.abs(values) < HUGE) for values in reached):
-            raise FloatingPointError("the model diverges within a segment")
-        residual = condensed.targets[span] - predicted
+            derivatives = np.insert(derivatives, [len(pairs)] * direct, columns[windows], axis=3)
         for g in range(group.start, group.stop):
-            own = slice(segments.first[g] - first[0], segments.first[g + 1] - first[0])
+            own = slice(*(segments.first[g : g + 2] - windows.start))
             weight = 1.0 / sigma[segments.recording[g]][:, None]
             scaled = residual[own] * weight
             squares[segments.recording[g]] += np.einsum("wor,wor->o", scaled, scaled)
             rows = derivatives[own]
             rows *= weight[..., None]
-            kept[g], rest, gap = _rotated(rows.reshape(-1, m), scaled.ravel(), n)
+            kept[g], rest, gap = rotated(rows.reshape(-1, m), scaled.ravel(), n)
             information += rest.T @ rest
             right += gap @ rest
-    spend((1.1e-8 + 3e-11 * n) * m * condensed.targets.size + SEGMENT * len(starts))
+    spend((1.1e-8 + 3e-11 * n) * m * record.condensed.targets.size + SEGMENT * len(starts))
     own = problem.of_candidates(problem.precision, pairs)
     values = problem.of_candidates(problem.coefficients(free), pairs)
     information[np.diag_indices(len(pairs))] += own
@@ -210,7 +238,7 @@ def linearise(
     return Linearised(kept, information, right, squares, ends, end_derivatives)
 
 
-def _rotated(
+def rotated(
     rows: np.ndarray, residual: np.ndarray, n: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows rotated so that only the first contain the columns from `n` on: those, with the residual
@@ -221,92 +249,6 @@ def _rotated(
     own = q.T @ residual
     first = np.hstack([design, r, own[:, None]])
     return first, rows[:, :n] - q @ design, residual - q @ own
-
-
-def chained(linearised: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
-    """The segments in the longest chains whose ends depend not too much on their beginnings.
-
-    longest: of how many segments a chain may be; of one, every segment is free.
-    A chain is broken where its end state, in units of what a segment tells about it, moves by more
-    than 2,000 such units of its first state and the coefficients: on a chaotic or very long
-    recording the elimination, which squares that ratio, would otherwise be lost in rounding. With
-    1e-16 of it, what such a chain says about a term is known better than what `selection.tableau`
-    holds for imitated.
-    """
-    n, n_states = len(linearised.right), linearised.ends.shape[1]
-    of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
-    unit = np.sqrt(np.append(np.diag(linearised.information), of_states))
-    inverse = np.divide(1.0, unit, out=np.zeros(len(unit)), where=unit > 0.0)
-    spend(SEGMENT * len(linearised.ends))
-    chains = np.zeros(len(linearised.ends), np.int64)
-    identity = np.hstack([np.zeros((n_states, n)), np.eye(n_states)])
-    relation, length = identity, 1
-    for g in range(1, len(chains)):
-        derivative = linearised.end_derivatives[g - 1]
-        relation = derivative[:, n:] @ relation
-        relation[:, :n] += derivative[:, :n]
-        growth = np.linalg.norm(relation * inverse * unit[n:, None], 2)
-        other = segments.recording[g] != segments.recording[g - 1]
-        broken = other or growth > 2e3 or length == longest
-        chains[g] = chains[g - 1] + broken
-        length += 1
-        if broken:
-            relation, length = identity, 1
-    return replace(segments, chains=chains)
-
-
-def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Eliminated:
-    """Match the segments of each chain and eliminate its first state."""
-    n_segments, n_states = starts.shape
-    n = len(linearised.right)
-    spend(n_segments * (2 * SEGMENT + 1e-9 * n_states * n**2))
-    information, right = linearised.information.copy(), linearised.right.copy()
-    states = np.zeros((n_segments, n_states, n + 1))
-    gap, fall = np.zeros(n_states), 0.0
-    for begin, end in pairwise(segments.bounds):
-        relation = np.hstack([np.zeros((n_states, n)), np.eye(n_states)])
-        constant = np.zeros(n_states)
-        relations, rows, residual = [], [], []
-        for g in range(begin, end):
-            relations.append((relation, constant))
-            own = linearised.rows[g]
-            row = own[:, n:-1] @ relation
-            row[:, :n] += own[:, :n]
-            rows.append(row)
-            residual.append(own[:, -1] - own[:, n:-1] @ constant)
-            derivative = linearised.end_derivatives[g]
-            if g + 1 < end:
-                mismatch = linearised.ends[g] - starts[g + 1]
-                gap = np.maximum(gap, np.abs(mismatch))
-                constant = derivative[:, n:] @ constant + mismatch
-                relation = derivative[:, n:] @ relation
-                relation[:, :n] += derivative[:, :n]
-        kept, rest, left = _rotated(np.vstack(rows), np.concatenate(residual), n)
-        first, undetermined = _first_state(kept, n)
-        fall += float(np.sum(kept[:, -1] ** 2) - np.sum(undetermined[:, -1] ** 2))
-        rest = np.vstack([rest, undetermined[:, :n]])
-        information += rest.T @ rest
-        right += np.append(left, undetermined[:, n]) @ rest
-        for g, (matrix, shift) in zip(range(begin, end), relations, strict=True):
-            states[g] = matrix[:, n:] @ first
-            states[g, :, :n] += matrix[:, :n]
-            states[g, :, n] += shift
-    return Eliminated(information, right, states, gap, fall)
-
-
-def _first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """The best first state, linear in the coefficients' change, and constant, (n_states, n + 1),
-    where directions that the rows (n_states, n + n_states + 1) do not determine stay, and what
-    these leave to say, a design and a residual, (n_undetermined, n + 1).
-    """
-    block = rows[:, n:-1]
-    scale = 1.0 / np.maximum(np.linalg.norm(block, axis=0), np.finfo(float).tiny)
-    u, s, v = np.linalg.svd(block * scale)
-    known = s > UNDETERMINED * s[0]
-    turned = u.T @ np.delete(rows, np.s_[n:-1], axis=1)
-    solved = scale[:, None] * (v[known].T / s[known] @ turned[known])
-    solved[:, :n] *= -1.0
-    return solved, turned[~known]
 
 
 def residuals(record: Record, free: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, float]:

@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.selection import select, solve_support
-from galloping.identification.likelihood.smoothing import undisplaced
-from galloping.identification.likelihood.weak_gls import Start, WeakFit, rough_fit, weak_fit
 from galloping.identification.model import BY_TERM, IdentifiedModel
+from galloping.identification.preparation.smoothing import undisplaced
+from galloping.identification.preparation.weak_form import Start, WeakFit, rough_fit, weak_fit
+from galloping.identification.problem import Problem
+from galloping.identification.selection import select, solve_support
 
 
 def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:

@@ -11,21 +11,20 @@ from galloping.identification.likelihood.condense import (
     Condensed,
     condense,
 )
-from galloping.identification.likelihood.rate_channels import channel_noise, channels
+from galloping.identification.likelihood.elimination import chained, eliminate
 from galloping.identification.likelihood.residual_tests import ROUNDING
-from galloping.identification.likelihood.selection import select, solve_support
 from galloping.identification.likelihood.shooting import (
     MOST_HALVINGS,
-    Fit,
     Record,
-    chained,
+    ShootingFit,
     cut,
-    eliminate,
     linearise,
     residuals,
 )
-from galloping.identification.likelihood.smoothing import Smooth
-from galloping.identification.likelihood.weak_gls import Start, WeakFit
+from galloping.identification.preparation.rate_channels import channel_noise, channels
+from galloping.identification.preparation.smoothing import Smooth
+from galloping.identification.preparation.weak_form import Start, WeakFit
+from galloping.identification.selection import select, solve_support
 from galloping.identification.work import ENDED, is_spent
 from galloping.passes import passing
 from galloping.recording import Recording
@@ -39,15 +38,15 @@ DIVERGES = "no model found that follows the data: the iteration diverges"
 
 @dataclass(frozen=True)
 class Step:
-    """A Gauss-Newton step from one `Fit`, `before`, to the next, in the chains that were matched.
+    """A Gauss-Newton step from one fit, `before`, to the next, in the chains that were matched.
 
     information: of the regression on all candidates; right: half the fall of chi^2 with each, at
     the new fit. decrement: squared length of the step, in units of its covariance. gap: largest
     mismatch of segments before the step, in units of each state's size.
     """
 
-    before: Fit
-    fit: Fit
+    before: ShootingFit
+    fit: ShootingFit
     information: np.ndarray
     right: np.ndarray
     decrement: float
@@ -119,7 +118,7 @@ def follows_in_segments(begun: Start) -> bool:
         return False
 
 
-def _in_segments(fit: Fit) -> Step:
+def _in_segments(fit: ShootingFit) -> Step:
     """The last step in segments that stay apart. Raises FloatingPointError where one diverges."""
     before = fit
     for _ in range(5):  # then segments are joined, however bad the fit
@@ -130,7 +129,7 @@ def _in_segments(fit: Fit) -> Step:
     return step
 
 
-def prepare(begun: Start, start: WeakFit, periods: float) -> Fit:
+def prepare(begun: Start, start: WeakFit, periods: float) -> ShootingFit:
     """The start, with condensed samples, in segments of so many periods, with their first states.
 
     Windows are halved until the Taylor series is accurate over one, segments until the start
@@ -167,7 +166,7 @@ def prepare(begun: Start, start: WeakFit, periods: float) -> Fit:
             length = max(length // 2, 2)
             continue
         if truncation < TRUNCATION:
-            return Fit(record, start.free, start.support, record.starts, noise, noise)
+            return ShootingFit(record, start.free, start.support, record.starts, noise, noise)
         windows, length = 2 * windows, 2 * length
     raise FloatingPointError("the start diverges, or its time scale is too short")
 
@@ -242,7 +241,9 @@ def unseen_mixtures(information: np.ndarray, largest: np.ndarray) -> int:
     return int(np.sum(np.linalg.eigvalsh(information * largest * largest[:, None]) < 1.0))
 
 
-def guarded_step(previous: Fit, fit: Fit, longest: float | None, cost: np.ndarray | None) -> Step:
+def guarded_step(
+    previous: ShootingFit, fit: ShootingFit, longest: float | None, cost: np.ndarray | None
+) -> Step:
     """A step from `fit`, or, where that diverges or raises the misfit, from nearer to `previous`.
 
     The other arguments as in `_gauss_newton`. Raises FloatingPointError where halving the way
@@ -264,7 +265,7 @@ def guarded_step(previous: Fit, fit: Fit, longest: float | None, cost: np.ndarra
     raise FloatingPointError(DIVERGES)
 
 
-def _gauss_newton(fit: Fit, longest: float | None, cost: np.ndarray | None) -> Step:
+def _gauss_newton(fit: ShootingFit, longest: float | None, cost: np.ndarray | None) -> Step:
     """Linearise, choose the terms (unless `cost`, of each, is None), move, re-estimate the noise.
 
     The noise is that of the projections: where it is not white it differs from that between
@@ -283,7 +284,7 @@ def _gauss_newton(fit: Fit, longest: float | None, cost: np.ndarray | None) -> S
     rest = right + information @ (fit.free - free)
     free = free + solve_support(information, rest, support)[0]
     change = free - fit.free
-    starts = fit.starts + quadratic.states[:, :, :-1] @ change + quadratic.states[:, :, -1]
+    starts = quadratic.moved(change, fit.starts)
     record = replace(record, segments=segments)
     moved = replace(fit, record=record, free=free, support=support, starts=starts)
     squares, rows = linear.squares * fit.sigma**2, record.condensed.rows
@@ -297,7 +298,9 @@ def _gauss_newton(fit: Fit, longest: float | None, cost: np.ndarray | None) -> S
     return Step(fit, moved, information, right - information @ change, decrement, gap)
 
 
-def _chosen(fit: Fit, information: np.ndarray, right: np.ndarray, cost: np.ndarray) -> np.ndarray:
+def _chosen(
+    fit: ShootingFit, information: np.ndarray, right: np.ndarray, cost: np.ndarray
+) -> np.ndarray:
     """The best support found, from all candidates and from the terms of the fit."""
     tried, about = [np.ones(len(fit.support), bool), fit.support], fit.record.problem.chosen_about
     return select(information, right, tried, cost, about(fit.free))

@@ -9,7 +9,8 @@ from scipy.optimize import minimize_scalar
 from scipy.special import chdtri
 
 from galloping.identification.likelihood.instrument import GUSTS
-from galloping.identification.likelihood.plausible import (
+from galloping.identification.model import RANGE, IdentifiedModel
+from galloping.identification.plausible import (
     MISS_RATE,
     Plausible,
     detection_limits,
@@ -17,15 +18,14 @@ from galloping.identification.likelihood.plausible import (
     unconditional_errors,
     with_prior,
 )
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.selection import (
+from galloping.identification.problem import Problem
+from galloping.identification.selection import (
     Whitened,
     added_deviation,
     solve_support,
     tableau,
     whiten,
 )
-from galloping.identification.model import RANGE, IdentifiedModel
 from galloping.intervals import QUANTILES_90, normal
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from galloping.identification.likelihood.smoothing import without_drift
 from galloping.identification.model import Unusable
+from galloping.identification.preparation.smoothing import without_drift
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 

@@ -14,12 +14,12 @@ from itertools import chain
 from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
-from galloping.identification.likelihood.inputs import asked, checked_recordings, driven
-from galloping.identification.likelihood.problem import PRIOR, Coefficient, Prior, Problem
-from galloping.identification.likelihood.rate_channels import scaled, scales_told
+from galloping.identification.inputs import asked, checked_recordings, driven
 from galloping.identification.likelihood.verdict import by, refused, with_inputs
-from galloping.identification.likelihood.weak_gls import prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel
+from galloping.identification.preparation.rate_channels import scaled, scales_told
+from galloping.identification.preparation.screening import prepared
+from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem
 from galloping.identification.random_forces.model_in_forces import fitted_to_all, fitted_to_some
 from galloping.identification.random_forces.several_modes import (
     CLOSE,
@@ -152,7 +152,7 @@ def moved_at_random(
 
     None where the motion may be another one. A model of which that is not plain is `approximate`,
     of some modes of many, whose sizes go up and down: better than none. recordings, period: of
-    `weak_gls.prepared`.
+    `screening.prepared`.
     """
     several, others = SeveralModes(recordings, period), []
     find = partial(_moved_at_random, problem)

@@ -11,8 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.identification.likelihood.problem import Problem
 from galloping.identification.model import Resonance
+from galloping.identification.problem import Problem
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.tracking import Data, Filtered, Forces, Tracker
 from galloping.identification.work import is_spent

@@ -10,11 +10,10 @@ from itertools import product
 import numpy as np
 from scipy.special import chdtri
 
-from galloping.identification.likelihood.plausible import detection_limits
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.selection import added_deviation, select, solve_support
 from galloping.identification.likelihood.verdict import by
 from galloping.identification.model import MOST_DAMPING, NO_MODEL, IdentifiedModel, Unusable
+from galloping.identification.plausible import detection_limits
+from galloping.identification.problem import Problem
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.fitting import (
     Fit,
@@ -34,6 +33,7 @@ from galloping.identification.random_forces.start import (
 )
 from galloping.identification.random_forces.tracking import Data, sizes
 from galloping.identification.random_forces.whiteness import Whiteness, function_of, whiteness
+from galloping.identification.selection import added_deviation, select, solve_support
 from galloping.identification.work import is_spent
 from galloping.passes import passing
 from galloping.polynomial import design_matrix, velocity_pairs

@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri
 
-from galloping.identification.likelihood.weak_gls import prepared
 from galloping.identification.model import NO_MODEL, IdentifiedModel
+from galloping.identification.preparation.screening import prepared
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.low_pass import FLAT, ROLL_OFF, what_is_left
 from galloping.identification.random_forces.start import on_grids, spectra
@@ -44,7 +44,7 @@ Find = Callable[[list[Recording], float, int], IdentifiedModel | None]
 
 @dataclass(frozen=True)
 class SeveralModes:
-    """Recordings that may have more modes than coordinates; period: s, as of `weak_gls.prepared`.
+    """Recordings that may have more modes than coordinates; period: s, as of `screening.prepared`.
 
     Each model that is found swings as the modes do that it is of; there is none where random forces
     need not have moved the recordings, and beside inputs. The diagnostic `below` says from which

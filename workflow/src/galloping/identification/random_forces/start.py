@@ -15,8 +15,8 @@ import numpy as np
 from numpy.polynomial import Legendre
 from scipy.optimize import nnls
 
-from galloping.identification.likelihood.weak_gls import MOST_MISFIT, Start
 from galloping.identification.model import MOST_DAMPING, NO_MODEL, Unusable
+from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
 from galloping.identification.random_forces.channels import Channels
 from galloping.recording import Recording
 

@@ -7,14 +7,41 @@ from dataclasses import replace
 
 import numpy as np
 
-from galloping.identification.likelihood.smoothing import (
+from galloping.identification.model import Unusable
+from galloping.identification.preparation.smoothing import (
     GRID_PER_PERIOD,
     Smooth,
     distance_to,
+    shortest_period,
     smooth,
+    with_integrals,
 )
-from galloping.identification.model import Unusable
+from galloping.identification.work import spend
+from galloping.passes import passing
 from galloping.recording import Recording
+
+
+def prepared(
+    recordings: list[Recording], share: float = 1.0
+) -> tuple[list[Recording], list[Smooth], float]:
+    """The recordings without faults and outliers, their smooth curves, the shortest period, s.
+
+    Displacements that no channel measures are integrated for the curves (`with_integrals`).
+    share: of the shortest period that the spectra show, which is taken in its place. Raises
+    ValueError where no channel varies or a state cannot be had from the channels.
+    """
+    passing("smooth the recording")
+    spend(1e-6 * sum(recording.samples for recording in recordings))
+    whole = [with_integrals(recording) for recording in recordings]
+    period = share * shortest_period(whole)
+    pairs = [smooth_without_outliers(without_faults(one, period), period) for one in whole]
+    cleaned, curves = zip(*pairs, strict=True)
+    measured = [np.isfinite(given.values).any(axis=0) for given in recordings]
+    cleaned = [  # without values of channels that were not given
+        replace(one, values=np.where(own, one.values, np.nan))
+        for one, own in zip(cleaned, measured, strict=True)
+    ]
+    return cleaned, list(curves), period
 
 
 def without_faults(recording: Recording, period: float) -> Recording:

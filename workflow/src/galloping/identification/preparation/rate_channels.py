@@ -10,15 +10,14 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import legvander
 
-from galloping.identification.likelihood.smoothing import (
+from galloping.identification.model import Unusable
+from galloping.identification.preparation.smoothing import (
     DRIFT_DEGREE,
     Smooth,
     distance_to,
     sampled_rates,
     undisplaced,
 )
-from galloping.identification.likelihood.weak_gls import Start
-from galloping.identification.model import Unusable
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 
@@ -35,15 +34,6 @@ def channel_noise(recording: Recording, smoothed: Smooth) -> tuple[np.ndarray, n
     about = _deviation(sampled_rates(recording) - _slopes(recording, smoothed))
     told, known = np.append(smoothed.noise, about), recording.known_noise
     return told, np.full(len(told), np.nan) if known is None else known.ravel()
-
-
-def with_rates(start: Start, recordings: list[Recording]) -> Start:
-    """The start, its recordings with the rates of the given ones, without offsets and outliers.
-
-    Raises ValueError where an offset cannot be told.
-    """
-    pairs = zip(start.recordings, recordings, start.smoothed, strict=True)
-    return replace(start, recordings=[_without_offsets(*each, start.period) for each in pairs])
 
 
 def scaled(recordings: list[Recording], period: float) -> list[Recording]:
@@ -79,9 +69,13 @@ def _deviation(values: np.ndarray) -> np.ndarray:
     return deviation
 
 
-def _without_offsets(
+def without_offsets(
     recording: Recording, given: Recording, smoothed: Smooth, period: float
 ) -> Recording:
+    """The recording with the rates of the given one, without their offsets and outliers.
+
+    period: s, the shortest of the motion. Raises ValueError where an offset cannot be told.
+    """
     if given.rates is None:
         return recording
     rates = given.rates.copy()

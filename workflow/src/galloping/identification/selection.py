@@ -72,6 +72,7 @@ class Whitened:
 
     @property
     def usable(self) -> np.ndarray:
+        """(n,) boolean: the terms with information."""
         return self.unit > 0.0
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaincinv, ndtri
 
-from galloping.identification.likelihood.problem import Problem
-from galloping.identification.likelihood.selection import Whitened, moves, tableau
+from galloping.identification.problem import Problem
+from galloping.identification.selection import Whitened, moves, tableau
 
 # Rate at which an absent term of the size of its stated limit would not have been selected, and
 # share of the plausible supports that may put a coefficient beyond four unconditional errors.

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import compress
 from math import isfinite
 from typing import Self
 
@@ -38,9 +39,7 @@ class Prior:
         chi^2 + sum over its terms of [ln N - 2 ln odds].
 
     The odds were calibrated on recordings of seeds that report nothing
-    (docs/identification_parts.csv). Lorenz in the settings of `galloping.trials.published` (seed
-    777001), 178 recordings, 89 exact without a prior: with a price of ln N + 2 and a further 0, 3,
-    4.5 and 6 for a nonlinear term 94, 132, 141 and 142 are; 1 to 3 and a tenth are 2.2 and 4.6.
+    (docs/identification_parts.csv).
     Raises ValueError where one of them is not in (0, 1].
     """
 
@@ -137,6 +136,7 @@ class Problem:
 
     @cached_property
     def tables(self) -> Tables:
+        """Of the library."""
         return tables(self.terms, len(self.states))
 
     @property
@@ -146,14 +146,16 @@ class Problem:
 
     @property
     def known_equations(self) -> tuple[int, ...]:
+        """Indices of the equations that are not to be identified."""
         return tuple(i for i in range(len(self.states)) if i not in self.unknown)
 
     def by_term(
         self, change: Callable[[np.ndarray], np.ndarray], terms: Sequence[Exponents]
     ) -> Self:
         """The problem of other terms. change: of (n_states, n_terms) to what is of those."""
-        values = {name: change(getattr(self, name)) for name in ("known", "open", "expected")}
-        return replace(self, terms=tuple(terms), precision=change(self.precision), **values)
+        by_term = ("known", "open", "expected", "precision")
+        values = {name: change(getattr(self, name)) for name in by_term}
+        return replace(self, terms=tuple(terms), **values)
 
     def named(self, candidates: Sequence[int]) -> str:
         """Some candidates in words, '' of none."""
@@ -169,7 +171,7 @@ class Problem:
     def alike(self, support: np.ndarray) -> np.ndarray:
         """(n_candidates,) those of a support, and those of which but the inputs differ."""
         names = [(i, *self.of_states[j]) for i, j in self.candidates]
-        found = {name for name, present in zip(names, support, strict=True) if present}
+        found = set(compress(names, support))
         return np.array([name in found for name in names])
 
     def signals(self, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
@@ -203,42 +205,36 @@ class Problem:
         return values[tuple((self.candidates if pairs is None else pairs).T)]
 
     def chosen_about(self, about: np.ndarray | float = 0.0) -> np.ndarray:
-        """`about` as of `selection.whiten`, by which coefficients with a prior are always chosen.
-
-        Choosing terms compares each coefficient with zero: theirs are moved far away from it, by
-        1e4 deviations of their prior.
+        """`about` as of `selection.whiten`, by which coefficients with a prior are always chosen:
+        the choice compares each with zero, and theirs are moved 1e4 deviations of it away.
         """
-        precision = self.of_candidates(self.precision)
-        apart = np.zeros(len(precision))
-        np.divide(1e4, np.sqrt(precision), out=apart, where=precision > 0.0)
-        return about + apart
+        root = np.sqrt(self.of_candidates(self.precision))
+        return about + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
 
     def of_model(self, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
         """The covariance of the supported candidates among all terms that a model has, the fixed
         ones without variance.
         """
-        places = np.zeros(self.known.shape, int)
-        places[tuple(self.candidates[support].T)] = np.arange(1, len(covariance) + 1)
+        places = np.full(self.known.shape, -1)
+        places[tuple(self.candidates[support].T)] = np.arange(len(covariance))
         rows = list(self.unknown)
-        own = places[rows][(places[rows] > 0) | (self.known[rows] != 0.0)]
-        padded = np.pad(covariance, ((1, 0), (1, 0)))
-        return padded[np.ix_(own, own)]
+        own = places[rows][(places[rows] >= 0) | (self.known[rows] != 0.0)]
+        return np.pad(covariance, ((0, 1), (0, 1)))[np.ix_(own, own)]  # the last of no variance
 
     def on_library(self, values: np.ndarray, fixed: float = np.nan) -> np.ndarray:
         """Values (n_candidates,) as (n_states, n_terms), NaN in the known equations.
 
         fixed: of single coefficients that are known and not zero.
         """
-        full = np.full(self.known.shape, np.nan)
-        rows = list(self.unknown)
-        full[rows] = np.where(self.known[rows] != 0.0, fixed, np.nan)
-        full[self.candidates[:, 0], self.candidates[:, 1]] = values
+        full = np.where(self.known != 0.0, fixed, np.nan)
+        full[list(self.known_equations)] = np.nan
+        full[tuple(self.candidates.T)] = values
         return full
 
     def coefficients(self, free: np.ndarray) -> np.ndarray:
         """All of C, (n_states, n_terms), from the candidates' coefficients `free`."""
         full = self.known.copy()
-        full[self.candidates[:, 0], self.candidates[:, 1]] = free
+        full[tuple(self.candidates.T)] = free
         return full
 
     def costs(self, penalty: float) -> np.ndarray:
@@ -258,6 +254,7 @@ class Problem:
         return system(self.tables, self.coefficients(free), pairs)
 
     def model(self, free: np.ndarray) -> PolynomialModel:
+        """With the candidates' coefficients `free`."""
         return PolynomialModel(self.states, self.terms, self.coefficients(free), self.inputs)
 
 
@@ -281,24 +278,21 @@ def posed(
     ValueError where what is known is outside of the library, or nothing is left to find.
     """
     rows = np.zeros((len(states), len(terms)))
-    given = set()
     inputs = tuple(inputs)[: len(terms[0]) - len(states)]
     index = {term: j for j, term in enumerate(terms)}
-    for i, velocity in velocity_pairs(states).items():
+    pairs = velocity_pairs(states)
+    for i, velocity in pairs.items():
         unit = tuple(int(k == velocity) for k in range(len(states) + len(inputs)))
         if unit not in index:
             raise ValueError(f"the library lacks {states[velocity]}, the derivative of {states[i]}")
         rows[i, index[unit]] = 1.0
-        given.add(i)
+    given = [states.index(name) for name in known_states] if known is not None else []
     if known is not None:
-        model = known.on_library(terms)
-        for name in known_states:
-            rows[states.index(name)] = model.coefficients[states.index(name)]
-            given.add(states.index(name))
-    unknown = tuple(i for i in range(len(states)) if i not in given)
+        rows[given] = known.on_library(terms).coefficients[given]
+    unknown = tuple(i for i in range(len(states)) if i not in {*pairs, *given})
     if not unknown:
-        everything = ", ".join(states)
-        raise ValueError(f"the equations of {everything} are all known; none is left to find")
+        every = ", ".join(states)
+        raise ValueError(f"the equations of {every} are all known; none is left to find")
     where = np.ones(rows.shape, bool) if allowed is None else np.array(allowed, bool)
     expected, precision = np.zeros((2, *rows.shape))
     for one in coefficients:

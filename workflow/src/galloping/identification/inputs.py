@@ -6,8 +6,8 @@ from numbers import Integral
 import numpy as np
 from numpy.typing import ArrayLike
 
-from galloping.identification.likelihood.problem import Coefficient, Prior, Problem, posed
 from galloping.identification.model import Unusable
+from galloping.identification.problem import Coefficient, Prior, Problem, posed
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
@@ -71,10 +71,10 @@ def asked(
         sound = sound and all(isinstance(e, Integral) for e in term)
         if not sound or not all(e >= 0 for e in term[:n]):
             raise ValueError(f"terms: {term!r:.60}; {hint}")
-    if known is not None and not isinstance(known, PolynomialModel):
-        raise ValueError(f"known: a {type(known).__name__}; must be a PolynomialModel or None")
-    if prior is not None and not isinstance(prior, Prior):
-        raise ValueError(f"prior: a {type(prior).__name__}; must be a Prior or None")
+    for name, value, kind in (("known", known, PolynomialModel), ("prior", prior, Prior)):
+        if value is not None and not isinstance(value, kind):
+            wanted = f"must be a {kind.__name__} or None"
+            raise ValueError(f"{name}: a {type(value).__name__}; {wanted}")
     if known is not None and known.states != states:
         raise ValueError(f"known: has the states {known.states}; must have {states}")
     for name in known_states:

@@ -1,0 +1,236 @@
+"""Elimination of the segments' states: what is left is a regression on the coefficients alone.
+
+Where the segments of a chain match, their states follow from the chain's first one, which is
+eliminated by rotations of its rows: only so is what a chain says of the coefficients, a small part
+of the whole, not lost in rounding. Where the state may jump from segment to segment (weak
+constraint), states are eliminated from normal equations, which are block tridiagonal.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from galloping.identification.likelihood.shooting import (
+    SEGMENT,
+    Linearised,
+    Record,
+    Segments,
+    rotated,
+)
+from galloping.identification.likelihood.weak_constraint import NormalEquations
+from galloping.identification.work import spend
+
+UNDETERMINED = 3e-7  # relative singular value below which a direction of a state is not solved for
+STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
+
+
+@dataclass(frozen=True)
+class Eliminated:
+    """The regression on the coefficients, and how the segments' states follow them.
+
+    information: (n, n), right: (n,) of the coefficients' change. response: (n_segments, n_states,
+    n + 1), of each state to the coefficients' change, and constant.
+    """
+
+    information: np.ndarray
+    right: np.ndarray
+    response: np.ndarray
+
+    def moved(self, change: np.ndarray, starts: np.ndarray | float = 0.0) -> np.ndarray:
+        """(n_segments, n_states) states from `starts` on, with a change of the coefficients."""
+        return starts + self.response[:, :, :-1] @ change + self.response[:, :, -1]
+
+
+@dataclass(frozen=True)
+class Matched(Eliminated):
+    """Of segments that match. gap: (n_states,) largest mismatch between segments of a chain. fall:
+    of chi^2, when the states alone are moved to their best.
+    """
+
+    gap: np.ndarray
+    fall: float
+
+
+@dataclass(frozen=True)
+class Jumping(Eliminated):
+    """Of segments between which the state jumps, the priors of coefficients counted. variance,
+    covariance: (n_segments, n_states, n_states), of each state, and of each with its successor, at
+    given coefficients.
+    """
+
+    variance: np.ndarray
+    covariance: np.ndarray
+
+
+def chained(linearised: Linearised, segments: Segments, longest: float = np.inf) -> Segments:
+    """The segments in the longest chains whose ends depend not too much on their beginnings.
+
+    longest: of how many segments a chain may be; of one, every segment is free.
+    A chain is broken where its end state, in units of what a segment tells about it, moves by more
+    than 2,000 such units of its first state and the coefficients: on a chaotic or very long
+    recording the elimination, which squares that ratio, would otherwise be lost in rounding. With
+    1e-16 of it, what such a chain says about a term is known better than what `selection.tableau`
+    holds for imitated.
+    """
+    n, n_states = len(linearised.right), linearised.ends.shape[1]
+    of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
+    unit = np.sqrt(np.append(np.diag(linearised.information), of_states))
+    inverse = np.divide(1.0, unit, out=np.zeros(len(unit)), where=unit > 0.0)
+    spend(SEGMENT * len(linearised.ends))
+    chains = np.zeros(len(linearised.ends), np.int64)
+    identity = np.eye(n_states, n + n_states, n)
+    relation, length = identity, 1
+    for g in range(1, len(chains)):
+        relation = _followed(linearised.end_derivatives[g - 1], relation, n)
+        growth = np.linalg.norm(relation * inverse * unit[n:, None], 2)
+        other = segments.recording[g] != segments.recording[g - 1]
+        broken = other or growth > 2e3 or length == longest
+        chains[g] = chains[g - 1] + broken
+        relation, length = (identity, 1) if broken else (relation, length + 1)
+    return replace(segments, chains=chains)
+
+
+def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) -> Matched:
+    """Match the segments of each chain and eliminate its first state."""
+    n_segments, n_states = starts.shape
+    n = len(linearised.right)
+    spend(n_segments * (2 * SEGMENT + 1e-9 * n_states * n**2))
+    information, right = linearised.information.copy(), linearised.right.copy()
+    response = np.zeros((n_segments, n_states, n + 1))
+    gap, fall = np.zeros(n_states), 0.0
+    for begin, end in pairwise(segments.bounds):
+        relation, constant = np.eye(n_states, n + n_states, n), np.zeros(n_states)
+        relations, rows, residual = [], [], []
+        for g in range(begin, end):
+            relations.append((relation, constant))
+            own, derivative = linearised.rows[g], linearised.end_derivatives[g]
+            rows.append(_followed(own[:, :-1], relation, n))
+            residual.append(own[:, -1] - own[:, n:-1] @ constant)
+            if g + 1 < end:
+                mismatch = linearised.ends[g] - starts[g + 1]
+                gap = np.maximum(gap, np.abs(mismatch))
+                constant = derivative[:, n:] @ constant + mismatch
+                relation = _followed(derivative, relation, n)
+        kept, rest, left = rotated(np.vstack(rows), np.concatenate(residual), n)
+        first, undetermined = _first_state(kept, n)
+        fall += float(np.sum(kept[:, -1] ** 2) - np.sum(undetermined[:, -1] ** 2))
+        rest = np.vstack([rest, undetermined[:, :n]])
+        information += rest.T @ rest
+        right += np.append(left, undetermined[:, n]) @ rest
+        for g, (relation, constant) in zip(range(begin, end), relations, strict=True):
+            response[g] = _followed(relation, first, n)
+            response[g, :, n] += constant
+    return Matched(information, right, response, gap, fall)
+
+
+def _followed(slopes: np.ndarray, state: np.ndarray, n: int) -> np.ndarray:
+    """Slopes of what follows from a state and n coefficients, by what the state follows from:
+    `slopes` (m, n + n_states) by coefficients and state, that of `state` (n_states, n or more) by
+    coefficients first.
+    """
+    found = slopes[:, n:] @ state
+    found[:, :n] += slopes[:, :n]
+    return found
+
+
+def _first_state(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """The best first state, linear in the coefficients' change, and constant, (n_states, n + 1),
+    where directions that the rows (n_states, n + n_states + 1) do not determine stay, and what
+    these leave to say, a design and a residual, (n_undetermined, n + 1).
+    """
+    block = rows[:, n:-1]
+    scale = 1.0 / np.maximum(np.linalg.norm(block, axis=0), np.finfo(float).tiny)
+    u, s, v = np.linalg.svd(block * scale)
+    known = s > UNDETERMINED * s[0]
+    turned = u.T @ np.delete(rows, np.s_[n:-1], axis=1)
+    solved = scale[:, None] * (v[known].T / s[known] @ turned[known])
+    solved[:, :n] *= -1.0
+    return solved, turned[~known]
+
+
+def eliminate_with_jumps(
+    record: Record,
+    linear: NormalEquations,
+    precision: np.ndarray,
+    left_out: np.ndarray | None = None,
+) -> Jumping:
+    """Eliminate the states of segments, each of which follows the one before up to a jump.
+
+    precision: (n_segments, n_states, n_states) of the jump from each to the next. left_out:
+    (n_segments,) whose data, and whose jumps to and from them, do not count.
+    """
+    starts = linear.starts
+    count, n_states = starts.shape
+    n = linear.right.shape[1] - n_states
+    spend(count * (7e-5 + 5e-10 * n_states * n**2))
+    used = np.ones(count) if left_out is None else (~left_out).astype(float)
+    information = np.einsum("g,gij->ij", used, linear.information[:, :n, :n])
+    right = used @ linear.right[:, :n]
+    own = used[:, None, None] * linear.information[:, n:, n:]
+    own += STATE_RIDGE * np.diag(np.diag(linear.information[:, n:, n:].mean(axis=0)))
+    cross = np.concatenate([linear.information[:, n:, :n], linear.right[:, n:, None]], axis=2)
+    cross = used[:, None, None] * cross
+    ahead = np.zeros((count, n_states, n_states))
+    for g in record.followed:
+        if not used[g] * used[g + 1]:
+            continue
+        slope, by_state = linear.by_coefficients[g], linear.by_state[g]
+        aside = np.column_stack([slope, starts[g + 1] - linear.ends[g]])
+        weighted = precision[g] @ aside
+        information += slope.T @ weighted[:, :n]
+        right += slope.T @ weighted[:, n]
+        own[g] += by_state.T @ precision[g] @ by_state
+        own[g + 1] += precision[g]
+        ahead[g] = -by_state.T @ precision[g]
+        cross[g] += by_state.T @ weighted
+        cross[g + 1] -= weighted
+    # block tridiagonal elimination, forward and back
+    pivot, reduced = np.empty_like(own), cross.copy()
+    for g in range(count):
+        if g:
+            factor = ahead[g - 1].T @ pivot[g - 1]
+            own[g] -= factor @ ahead[g - 1]
+            reduced[g] -= factor @ reduced[g - 1]
+        pivot[g] = np.linalg.inv((own[g] + own[g].T) / 2.0)
+    solved, variance, covariance = np.empty_like(cross), pivot.copy(), np.zeros_like(own)
+    for g in range(count - 1, -1, -1):
+        rest = reduced[g]
+        if g + 1 < count:
+            gain = pivot[g] @ ahead[g]
+            rest = rest - ahead[g] @ solved[g + 1]
+            covariance[g] = -gain @ variance[g + 1]
+            variance[g] += gain @ variance[g + 1] @ gain.T
+        solved[g] = pivot[g] @ rest
+    flat, back = cross.reshape(-1, n + 1), solved.reshape(-1, n + 1)
+    information = information - flat[:, :n].T @ back[:, :n]
+    right = right - flat[:, :n].T @ back[:, n]
+    response = np.concatenate([-solved[:, :, :n], solved[:, :, n:]], axis=2)
+    information = (information + information.T) / 2.0
+    both = record.problem.with_prior(information, right, linear.free)
+    return Jumping(*both, response, variance, covariance)
+
+
+def jump_covariance(
+    record: Record,
+    linear: NormalEquations,
+    solved: Jumping,
+    change: np.ndarray,
+    at: np.ndarray,
+) -> np.ndarray:
+    """(n_states, n_states) expected covariance of the states' jumps at full motion, given the data.
+
+    change: of coefficients. at: (n,) segments after which the state jumps. What a segment begins
+    with may have more entries than the states.
+    """
+    n_states, by_state = record.states.shape[1], linear.by_state[at]
+    starts, step = linear.starts, solved.moved(change)
+    ends = linear.ends[at] + linear.by_coefficients[at] @ change
+    ends += np.einsum("gij,gj->gi", by_state, step[at])
+    gap = starts[at + 1] + step[at + 1] - ends
+    mixed = by_state @ solved.covariance[at]
+    spread = solved.variance[at + 1] + by_state @ solved.variance[at] @ by_state.transpose(0, 2, 1)
+    squares = gap[:, :, None] * gap[:, None, :] + (spread - mixed - mixed.transpose(0, 2, 1))
+    squares = squares[:, :n_states, :n_states] / record.size[at, None, None] ** 2
+    floor = np.mean(record.states**2, axis=0) + np.finfo(float).tiny
+    return np.sum(squares, axis=0) / max(len(at), 1) + STATE_RIDGE * np.diag(floor)

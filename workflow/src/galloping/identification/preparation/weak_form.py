@@ -1,0 +1,297 @@
+"""Weak form by generalised least squares: where methods start from.
+
+Each equation, tested with bump functions phi, reads <phi', x_i> + <phi, f_i(x)> = 0, whitened by
+the covariance of the measurement noise. Known equations give rows without free coefficients: noise
+that they share with others makes them informative.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import lapack
+
+from galloping.identification.model import Unusable
+from galloping.identification.preparation.rate_channels import without_offsets
+from galloping.identification.preparation.screening import prepared
+from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smooth
+from galloping.identification.problem import Problem, largest
+from galloping.identification.selection import select, solve_support
+from galloping.identification.work import spend
+from galloping.passes import passing
+from galloping.polynomial import design_matrix
+from galloping.recording import Recording, extrapolated
+
+TEST_STRIDE = GRID_PER_PERIOD // 6  # of the grid between test functions, a third of their radius
+MOST_MISFIT = 3.0  # chi^2 per row of the weak form: linearised errors explain no more
+
+
+def whitened_weak_form(
+    problem: Problem, smooth: Smooth, coefficients: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Design and right-hand side of the weak form, with errors of unit variance.
+
+    The test functions have a radius of half the shortest period and are TEST_STRIDE steps
+    of the grid apart; those that reach into a gap give zero rows. coefficients: (n_states,
+    n_terms), the linearisation of the errors; without them the rows are only scaled. Returns the
+    design (n_rows, n_candidates) and the right-hand side (n_rows,).
+    """
+    phi, slope = _bump(smooth)
+    n_states = len(problem.states)
+    usable = np.all(sliding_window_view(smooth.valid, len(phi))[::TEST_STRIDE], axis=1)
+    # no row where a curve and its own derivative say the same
+    told = {i for i in range(n_states) if smooth.derived[i] >= 0 or np.any(smooth.derived == i)}
+    keep = [i for i in range(n_states) if i in problem.unknown or i not in told]
+    moments = _tested(smooth.states, slope)
+    tested = _tested(design_matrix(smooth.values, problem.terms), phi)
+    # columns first, as LAPACK wants them: of a long recording a copy would be the largest array
+    rows = np.zeros((len(problem.candidates) + 1, len(tested), len(keep)))
+    for row, (equation, term) in zip(rows, problem.candidates, strict=False):
+        row[:, keep.index(equation)] = tested[:, term]
+    rows[-1] = -(moments + tested @ problem.known.T)[:, keep]
+    rows[:, ~usable] = 0.0
+    if coefficients is None:
+        rows /= np.sqrt(np.mean(moments[:, keep] ** 2, axis=0)) + np.finfo(float).tiny
+        white = rows.reshape(len(rows), -1).T.copy()
+    else:
+        bands = _covariance(problem, smooth, coefficients, usable, keep)
+        factor, info = lapack.dpbtrf(bands, lower=1)
+        if info:
+            raise np.linalg.LinAlgError("the covariance of the weak form is not positive definite")
+        flat = rows.reshape(len(rows), -1).T
+        white, _ = lapack.dtbtrs(factor, flat, uplo="L", overwrite_b=1)
+    return white[:, :-1], white[:, -1]
+
+
+def _bump(smooth: Smooth) -> tuple[np.ndarray, np.ndarray]:
+    """Test function and its derivative at the grid points inside the support, times their spacing.
+
+    (1 - u^2)^5, of a radius of half a period, keeps 0.68 of a sine of that period and 0.18 of half.
+    """
+    spacing, radius = smooth.time[1] - smooth.time[0], GRID_PER_PERIOD // 2
+    tau = np.arange(1 - radius, radius) / radius
+    phi = (1.0 - tau**2) ** 5
+    slope = -10.0 * tau * (1.0 - tau**2) ** 4
+    return phi * spacing, slope / (radius * spacing) * spacing
+
+
+def _tested(series: np.ndarray, phi: np.ndarray) -> np.ndarray:
+    """(n_grid, m) -> (n_tests, m): integrals of the columns against every test function."""
+    return sliding_window_view(series, len(phi), axis=0)[::TEST_STRIDE] @ phi
+
+
+def _covariance(
+    problem: Problem, smooth: Smooth, coefficients: np.ndarray, usable: np.ndarray, keep: list[int]
+) -> np.ndarray:
+    """Covariance of the rows by test and by kept equation, as lower bands (width, n_rows). usable:
+    (n_tests,); the rows of the other tests, all zero, get a variance of one.
+    """
+    n_tests, n_rows, width = len(usable), len(keep), len(_bump(smooth)[0])
+    reach = (width - 1) // TEST_STRIDE
+    bands = np.zeros((n_rows * (reach + 1), n_tests * n_rows))
+    a, b = np.meshgrid(np.arange(n_rows), np.arange(n_rows), indexing="ij")
+    batch = 4096  # whose errors are linearised at once: what they need is 3 kB each
+    for begin in range(0, n_tests, batch):
+        end = min(begin + batch, n_tests)
+        last = min(end + reach, n_tests)
+        points = slice(begin * TEST_STRIDE, (last - 1) * TEST_STRIDE + width)
+        influence = _noise_influence(problem, smooth, points, coefficients)[:, keep]
+        influence[~usable[begin:last]] = 0.0
+        for lag in range(min(reach, n_tests - 1) + 1):
+            shift, count = lag * TEST_STRIDE, min(end, n_tests - lag) - begin
+            if count <= 0:
+                break
+            early = influence[:count, :, :, shift:].reshape(count, n_rows, -1)
+            late = influence[lag : lag + count, :, :, : width - shift]
+            block = late.reshape(count, n_rows, -1) @ early.transpose(0, 2, 1)
+            below = lag * n_rows + a - b
+            column = np.arange(begin, begin + count)[:, None, None] * n_rows + b
+            use = np.broadcast_to(below >= 0, block.shape)
+            bands[np.broadcast_to(below, block.shape)[use], column[use]] = block[use]
+    bands[0] = bands[0] * (1.0 + 1e-9) + np.repeat(~usable, n_rows)
+    return bands
+
+
+def _noise_influence(
+    problem: Problem, smooth: Smooth, points: slice, coefficients: np.ndarray
+) -> np.ndarray:
+    """(n_tests, n_states, n_states, n_points): derivative of each row by unit noise samples, at
+    `points` of the grid, which the tests reach.
+    """
+    n_states, (phi, slope) = smooth.states.shape[1], _bump(smooth)
+    signals = problem.signals(smooth.states[points], smooth.inputs[points])
+    theta = design_matrix(signals, problem.tables.monomials)
+    by_states = problem.tables.jacobian(coefficients)
+    jacobian = np.empty((len(theta), n_states, n_states))
+    for state in range(n_states):
+        jacobian[:, :, state] = theta @ by_states[:, state].T
+    windows = sliding_window_view(jacobian, len(phi), axis=0)[::TEST_STRIDE]
+    influence = windows * phi
+    diagonal = np.arange(n_states)
+    influence[:, diagonal, diagonal] += slope
+    spacing = smooth.time[1] - smooth.time[0]
+    for state, source in enumerate(smooth.derived):
+        if source >= 0:
+            padded = np.pad(influence[:, :, state], ((0, 0), (0, 0), (1, 1)))
+            influence[:, :, source] -= (padded[..., 2:] - padded[..., :-2]) / (2.0 * spacing)
+            influence[:, :, state] = 0.0
+    sigma = np.where(smooth.derived >= 0, 0.0, smooth.sigma)
+    return influence * sigma[:, None]
+
+
+@dataclass(frozen=True)
+class WeakFit:
+    """Candidates' coefficients and support, with normal equations and misfit per row."""
+
+    free: np.ndarray
+    support: np.ndarray
+    information: np.ndarray
+    right: np.ndarray
+    misfit: float
+
+
+def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
+    """Support and coefficients from the weak form, the errors linearised about the last fit.
+
+    penalty: worth of a term in units of chi^2. Raises numpy.linalg.LinAlgError where the
+    covariance of the rows is singular.
+    """
+    n = len(problem.candidates)
+    support = every = np.ones(n, bool)
+    coefficients = None
+    for _ in range(1 + 3):  # after three weighings coefficients move by less than their errors
+        passing("start from the weak form")
+        *system, total, n_rows = _regression(problem, smoothed, coefficients)
+        information, right = problem.with_prior(*system)
+        if coefficients is not None:
+            support = select(information, right, [every], penalty, problem.chosen_about())
+        if not np.any(np.diag(information)):
+            raise Unusable("no stretch of a period of the recordings is free of gaps")
+        free, _ = solve_support(information, right, support)
+        coefficients = problem.coefficients(free)
+    misfit = (total - float(free @ right)) / max(n_rows - int(support.sum()), 1)
+    return WeakFit(free, support, information, right, max(misfit, 0.0))
+
+
+def _regression(
+    problem: Problem, smoothed: list[Smooth], coefficients: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, float, int]:
+    """Normal equations of the weak form, (n, n) and (n,), the sum of squares and number of rows."""
+    n = len(problem.candidates)
+    information, right, total, rows = np.zeros((n, n)), np.zeros(n), 0.0, 0
+    for one in smoothed:
+        if len(one.time) < GRID_PER_PERIOD:
+            continue  # shorter than a test function
+        spend((6e-8 + 5e-11 * n) * n * len(one.time))
+        a, b = whitened_weak_form(problem, one, coefficients)
+        information, right = information + a.T @ a, right + a.T @ b
+        total, rows = total + float(b @ b), rows + len(b)
+    return information, right, total, rows
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where the methods begin: `prepared` recordings, worth of a term, and the weak fit.
+
+    samples: of the recordings as they were given.
+    """
+
+    problem: Problem
+    recordings: list[Recording]
+    smoothed: list[Smooth]
+    period: float
+    penalty: float
+    fit: WeakFit
+    samples: int
+
+    def with_rates(self, given: Sequence[Recording]) -> Self:
+        """The start, its recordings with the rates of the given ones, as `without_offsets`."""
+        pairs = zip(self.recordings, given, self.smoothed, strict=True)
+        return replace(self, recordings=[without_offsets(*each, self.period) for each in pairs])
+
+    @property
+    def costs(self) -> np.ndarray:
+        """(n_candidates,) of the terms, in units of chi^2."""
+        return self.problem.costs(self.penalty)
+
+    @property
+    def largest(self) -> np.ndarray:
+        """(n_candidates,) as in `problem.largest`, of the smooth curves."""
+        rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in self.smoothed]
+        values = [one.values[one.valid] for one in self.smoothed]
+        return largest(self.problem, np.concatenate(values), np.concatenate(rates))
+
+
+def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
+    """share: as in `prepared`. Raises what it and `weak_fit` raise."""
+    cleaned, smoothed, period = prepared(recordings, share)
+    penalty = 2.0 * np.log(sum(recording.samples for recording in cleaned))
+    fit, samples = weak_fit(problem, smoothed, penalty), sum(one.samples for one in recordings)
+    return Start(problem, cleaned, smoothed, period, penalty, fit, samples)
+
+
+def rough_fit(start: Start) -> WeakFit:
+    """The weak fit of the start, that of long recordings to the stretch of each that tells most.
+
+    The longer a motion has settled, the more the errors of the weak form, small but the same in
+    every period, outweigh what the rest of a recording says about motions beside that one.
+    """
+    stretches = [_telling(start.problem, one, start.period) for one in start.smoothed]
+    if all(own is one for own, one in zip(stretches, start.smoothed, strict=True)):
+        return start.fit
+    return weak_fit(start.problem, stretches, start.penalty)
+
+
+def _telling(problem: Problem, smooth: Smooth, period: float) -> Smooth:
+    """The stretch of some 1,000 periods in which the moments of the library are most diverse: their
+    determinant is the largest (D-optimality, J. Kiefer and J. Wolfowitz, 1960).
+
+    The curve itself where it is shorter than two of them. Of the default line's 70 candidates, 14
+    of them true, the weak form keeps 25 over the first 1,000 periods, and over 40,000 63.
+    """
+    count = int((smooth.time[-1] - smooth.time[0]) / (1000 * period))
+    if count < 2:
+        return smooth
+    edges = np.linspace(0, len(smooth.time), count + 1).astype(int)
+    told, scale = [], np.std(smooth.states, axis=0) + np.finfo(float).tiny
+    scale = np.append(scale, np.ones(smooth.inputs.shape[1]))
+    for a, b in pairwise(edges):
+        theta = design_matrix(smooth.values[a:b][smooth.valid[a:b]] / scale, problem.terms)
+        told.append(np.linalg.slogdet(theta.T @ theta)[1])
+    best = int(np.argmax(told))
+    own = slice(edges[best], edges[best + 1])
+    cut = {name: getattr(smooth, name)[own] for name in ("time", "states", "valid", "inputs")}
+    return replace(smooth, **cut)
+
+
+def delayed_inputs(start: Start) -> dict[str, float]:
+    """By name, inputs with which the motion goes along at other times than theirs, and by how many
+    s they are late.
+
+    Looked for within four of the shortest periods, with all candidates, no model being needed
+    that nearly follows. Named is what takes most of the misfit beyond the noise away.
+    """
+    problem, n = start.problem, len(start.problem.candidates)
+    weighed, found = problem.coefficients(start.fit.free), {}
+
+    def misfit(k: int, late: float) -> tuple[float, int]:
+        moved = []
+        for recording, one in zip(start.recordings, start.smoothed, strict=True):
+            inputs = one.inputs.copy()
+            inputs[:, k] = extrapolated(recording.inputs[problem.inputs[k]], one.time + late)
+            moved.append(replace(one, inputs=inputs))
+        information, right, total, rows = _regression(problem, moved, weighed)
+        return total - float(solve_support(information, right, np.ones(n, bool))[0] @ right), rows
+
+    for k, name in enumerate(problem.inputs):
+        (now, rows), best, step = misfit(k, 0.0), 0.0, start.period / 2.0
+        for reach in (8, 1, 1, 1, 1):
+            tried = best + step * np.arange(-reach, reach + 1)
+            told = [misfit(k, late)[0] for late in tried]
+            best, step = float(tried[np.argmin(told)]), step / 2.0
+        if now - min(told) > max(start.penalty, (now - rows + n) / 2.0):
+            found[name] = best
+    return found
