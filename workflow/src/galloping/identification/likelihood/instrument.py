@@ -20,13 +20,7 @@ from galloping.identification.likelihood.shooting import (
     linearise,
     residuals,
 )
-from galloping.identification.selection import (
-    DEPENDENT,
-    select,
-    solve_support,
-    tableau,
-    whiten,
-)
+from galloping.identification.selection import DEPENDENT, select, solve_support, tableau, whiten
 from galloping.polynomial import velocity_pairs
 
 GUSTS = ", such as gusts"  # but where the wind was measured

@@ -91,8 +91,7 @@ def _covariance(
     """
     n_tests, n_rows, width = len(usable), len(keep), len(_bump(smooth)[0])
     reach = (width - 1) // TEST_STRIDE
-    bands = np.zeros((n_rows * (reach + 1), n_tests * n_rows))
-    a, b = np.meshgrid(np.arange(n_rows), np.arange(n_rows), indexing="ij")
+    bands = np.zeros((n_rows * (reach + 1), n_tests, n_rows))
     batch = 4096  # whose errors are linearised at once: what they need is 3 kB each
     for begin in range(0, n_tests, batch):
         end = min(begin + batch, n_tests)
@@ -107,12 +106,11 @@ def _covariance(
             early = influence[:count, :, :, shift:].reshape(count, n_rows, -1)
             late = influence[lag : lag + count, :, :, : width - shift]
             block = late.reshape(count, n_rows, -1) @ early.transpose(0, 2, 1)
-            below = lag * n_rows + a - b
-            column = np.arange(begin, begin + count)[:, None, None] * n_rows + b
-            use = np.broadcast_to(below >= 0, block.shape)
-            bands[np.broadcast_to(below, block.shape)[use], column[use]] = block[use]
-    bands[0] = bands[0] * (1.0 + 1e-9) + np.repeat(~usable, n_rows)
-    return bands
+            for a, b in np.ndindex(n_rows, n_rows):
+                if (below := lag * n_rows + a - b) >= 0:
+                    bands[below, begin : begin + count, b] = block[:, a, b]
+    bands[0] = bands[0] * (1.0 + 1e-9) + ~usable[:, None]
+    return bands.reshape(len(bands), -1)
 
 
 def _noise_influence(
