@@ -200,6 +200,7 @@ recording(values=VALUES.T) | recording: values: has shape (2, 200); {SHAPE}
 recording(values=[[1, 2], [3]]) | recording: values: rows differ in length; {SHAPE}
 recording(states="qd") | recording: states: 'qd'; must be a list of names
 recording(known_noise=[0.1]) | recording: known_noise: has shape (1,); must have shape (2, 2)
+recording(exact=True) | recording: exact: True; must be False without rates
 recording(unknown_scales=[0.1]) | recording: unknown_scales: [0.1]; {TRUTHS}
 recording(states=("q", "q")) | recording: states: ('q', 'q'); must be distinct, one or more
 framed(s=[0, 1], q=[0, 1]) | recording: no column 't'; must be one of ['s', 'q']
