@@ -112,7 +112,7 @@ def test_derive_prints_the_equations_of_a_case(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["--states", "v150"], 1, "unit 'mm' does not measure 1; the displacements"),
+        (["--states", "q_v", "--measure", "q_v=av150"], 1, "unit 'm/s^2' does not measure m"),
         (["--states", "v150", "--measure", "v150"], 1, "expected STATE=COLUMN"),
         (["--states", "v150", "--noise", "x=3"], 1, "--noise: no column 'x'"),
         (["--states", "v150", "--delay", "x=3"], 1, "--delay: no column 'x'"),

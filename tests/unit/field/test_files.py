@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import StateSpace, lfilter, lsim
 
 from galloping.field.file_table import LARGEST, FileError
 from galloping.field.mapping import MappingError, channel_of, validated
-from galloping.field.quality import quality
+from galloping.field.quality import QUIET, quality
 from galloping.field.read import read_series
 from galloping.field.recordings import recording
 
@@ -42,6 +43,20 @@ def questioned(path, frame):
     """What is said of the quality of a file of a frame."""
     mapping = validated(MAPPING)
     return quality(read_series(write(path, frame), mapping), mapping)
+
+
+def test_states_of_another_system_are_taken_in_si_whatever_unit_they_have(tmp_path):
+    path = write(tmp_path / "a.csv", pd.DataFrame({"t [s]": TIME, "x [mm]": 1e3 * V, "dx [V]": W}))
+    system = {"time": {"column": "t"}, "states": ["x", "dx"]}
+    given = {"x": {"noise": "2 mm"}, "dx": {"unit": "1", "noise": 3}}
+    channels = [{"column": c, "measures": c, **more} for c, more in given.items()]
+    series = read_series(path, validated({**system, "channels": channels}))
+    np.testing.assert_allclose(series.values, np.column_stack([V, W]))
+    np.testing.assert_allclose(series.noise, [0.002, 3.0])
+    assert series.notes == ("column 'x' is taken in m; numbers of x stand without that unit",)
+    channels[0]["unit"] = "1"
+    with pytest.raises(FileError, match=r"'2 mm' has a unit .*; must be a number alone"):
+        read_series(path, validated({**system, "channels": channels}))
 
 
 def test_units_come_from_the_description_beside_a_file(tmp_path):
@@ -180,3 +195,28 @@ def test_a_motion_that_dies_out_does_not_jump(tmp_path):
         )
         told = [each["what"] for each in report["problems"] if each["column"] == "w"]
         assert any(what.startswith("jumps by") for what in told) == jumps
+
+
+def test_what_follows_gusts_is_neither_too_short_nor_in_a_wrong_unit(tmp_path):
+    time, rng = np.arange(3000) / 10.0, np.random.default_rng(3)
+    gust = lfilter([1.0], [1.0, -0.995], rng.standard_normal(len(time)))  # of 20 s
+    own = {"v": 1e3 * np.sin(2.6 * time), "w": 0.1 * gust}
+    assert "periods" not in str(questioned(tmp_path / "a.csv", pd.DataFrame({"t": time, **own})))
+    slow = own | {"w": np.sin(0.15 * time)}  # seven periods
+    (one,) = questioned(tmp_path / "b.csv", pd.DataFrame({"t": time, **slow}))["problems"]
+    assert (one["column"], one["what"]) == ("w", "less than 10 periods of the motion")
+
+
+def test_a_random_force_in_an_accelerometer_is_no_noise(tmp_path):
+    time, rng = np.arange(6000) / 20.0, np.random.default_rng(3)
+    force = 20.0 * rng.standard_normal(len(time))  # mm/s^2
+    mode = StateSpace([[0, 1], [-6.8, -0.03]], [[0], [1]], [[-6.8, -0.03]], [[1]])
+    moved = lsim(mode, force, time, interp=False)[1]
+    channels = [{"column": "v", "measures": "ddq_v", "unit": "mm/s^2"}]
+    mapping = validated({**MAPPING, "channels": channels})
+
+    def said(values):
+        path = write(tmp_path / "a.csv", pd.DataFrame({"t": time, "v": values}))
+        return [each["what"] for each in quality(read_series(path, mapping), mapping)["problems"]]
+
+    assert said(moved) == [] and said(force) == [QUIET]

@@ -27,6 +27,8 @@ APART = 0.02  # of the time with samples: gaps that are longer part what lies on
 MISSED = 0.1  # of the time of other columns, in gaps of a channel
 DIFFERENT = 32  # values: fewer resolve a motion to no better than a tenth of its deviation
 SIGNAL = 3.0  # motion over noise below which terms can hardly be told
+STANDS_OUT = 20.0  # times what is around it at the median: no peak of white noise is half as high
+RECURS, NEAR = 0.6, 1.6  # correlation of a motion with itself, up to so many times a period later
 # Variance of the difference of two channels, over that of their noise, below which both show the
 # same motion; the variance of a noise is told to a few percent.
 SAME, SHOWN = 1.3, "shows only what"
@@ -67,14 +69,54 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
     }
     for channel, values in zip(mapping.channels, series.values.T, strict=True):
         unit = state_unit(channel.measures)
-        described, problems = _channel(time, values, step, series.rows, unit)
+        _, is_rate = mapping.target(channel)
+        described, problems = _channel(time, values, step, series.rows, unit, is_rate)
         report["channels"][channel.column] = {"measures": channel.measures, **described}
         report["problems"] += [
             {"column": channel.column, "row": int(row), "what": what} for row, what in problems
         ]
+    report["problems"] += _too_short(series, mapping, report)
     report["problems"] += _shown_twice(series, mapping, report["channels"])
     report["inputs"] = {one.column: _of_input(series, one) for one in mapping.inputs}
     return report
+
+
+def _too_short(series: "Series", mapping: "ColumnMapping", report: dict) -> list[dict]:
+    """Problems of channels that hold fewer than PERIODS of their motion.
+
+    What does not recur is no motion of its own where another channel holds as many periods: it
+    follows gusts, say. What moves about another mean is a problem by that.
+    """
+    moved = {one["column"] for one in report["problems"] if one["what"].startswith(MOVES)}
+    few, enough = {}, False
+    for channel, values in zip(mapping.channels, series.values.T, strict=True):
+        known = np.isfinite(values)
+        frequencies = report["channels"][channel.column]["dominant_frequencies_hz"]
+        periods = sampled(series.time[known]) * np.array(frequencies)
+        enough |= bool(np.any(periods >= PERIODS))
+        if len(periods) and periods[0] < PERIODS and channel.column not in moved:
+            few[channel.column] = known, values, frequencies[0]
+    return [
+        {
+            "column": column,
+            "row": int(series.rows[known][0]),
+            "what": f"less than {PERIODS} periods of the motion",
+        }
+        for column, (known, values, frequency) in few.items()
+        if not enough or _recurs(series.time[known], values[known], frequency)
+    ]
+
+
+def _recurs(time: np.ndarray, values: np.ndarray, frequency: float) -> bool:
+    """Whether values are alike about a period later, as far as the recording goes on so long."""
+    longest = min(NEAR / frequency, 2.0 / 3.0 * np.ptp(time))
+    alike = [0.0]
+    for lag in np.linspace(1.0 / NEAR / frequency, longest, 33):
+        early = time <= time[-1] - lag
+        if np.count_nonzero(early) > 2:
+            later = np.interp(time[early] + lag, time, values)
+            alike.append(np.corrcoef(values[early], later)[0, 1])
+    return max(alike) > RECURS
 
 
 def _shown_twice(series: "Series", mapping: "ColumnMapping", channels: dict) -> list[dict]:
@@ -158,9 +200,18 @@ def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _channel(
-    time: np.ndarray, values: np.ndarray, step: float, rows: np.ndarray, unit: str
+    time: np.ndarray,
+    values: np.ndarray,
+    step: float,
+    rows: np.ndarray,
+    unit: str,
+    is_rate: bool,
 ) -> tuple[dict, list[tuple[int, str]]]:
-    """What a channel is like, and its problems: the row where each begins, and what it is."""
+    """What a channel is like, and its problems: the row where each begins, and what it is.
+
+    is_rate: whether it shows random forces, such as an acceleration does, which are no noise: it
+    then is hardly more than that where no frequency stands out.
+    """
     known = np.isfinite(values)
     t, y, row = time[known], values[known], rows[known]
     sigma = noise(y)
@@ -200,14 +251,13 @@ def _channel(
     elif (jumps := _jumps(t, y, turn / step)) is not None:
         at, by = jumps
         problems.append((row[at], f"{JUMPS} {by:.3g} {unit}".removesuffix(" 1")))
-    if len(peaks) and sampled(t) * frequency[peaks[0]] < PERIODS and not moves:  # which has none
-        problems.append((row[0], f"less than {PERIODS} periods of the motion"))
     if (missed := 1.0 - sampled(t) / sampled(time)) > MISSED:
         last = row[after[0] - 1] if len(after) else row[-1]
         problems.append((last, f"no samples for {missed:.0%} of the time"))
     if (different := len(np.unique(y))) < DIFFERENT:
         problems.append((row[0], f"only {different} different values"))
-    if motion < SIGNAL * sigma and not coarse:
+    stands_out = around.max() * np.log(2.0) > STANDS_OUT * 5.0 * np.median(share)
+    if motion < SIGNAL * sigma and not (coarse or (is_rate and stands_out)):
         problems.append((row[0], QUIET))
     if coarse:
         problems.append((row[0], f"less than {PER_PERIOD} samples in a period"))
@@ -215,7 +265,7 @@ def _channel(
         problems.append((row[moves], f"{MOVES} {by:.3g} {unit}".removesuffix(" 1")))
     elif drifts:
         problems.append((row[0], "the mean drifts by more than the motion"))
-    problems += [(rows[0], what) for what in _unlikely(described, unit)]
+    problems += [(rows[0], what) for what in _unlikely(described, unit, t, y)]
     return described, problems
 
 
@@ -264,7 +314,7 @@ def _extent(values: np.ndarray) -> dict[str, float]:
     }
 
 
-def _unlikely(described: dict, unit: str) -> list[str]:
+def _unlikely(described: dict, unit: str, time: np.ndarray, values: np.ndarray) -> list[str]:
     """What no span does, of a channel that measures one in `unit`."""
     if unit not in RANGES:
         return []
@@ -277,7 +327,8 @@ def _unlikely(described: dict, unit: str) -> list[str]:
         )
     slowest, fastest = FREQUENCIES
     dominant = described["dominant_frequencies_hz"]
-    if dominant and not any(slowest <= frequency <= fastest for frequency in dominant):
+    likely = any(slowest <= frequency <= fastest for frequency in dominant)
+    if dominant and not likely and _recurs(time, values, dominant[0]):
         said.append(
             f"{dominant[0]:.3g} Hz is no frequency of a span ({slowest:g} to {fastest:g} Hz): is "
             "the unit of the time right?"

@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from galloping.field.file_table import FileError, FileTable, read_table
 from galloping.field.instants import instants
 from galloping.field.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
-from galloping.field.units import UnitError, amount, factor, input_si, named, state_unit
+from galloping.field.units import UnitError, amount, factor, input_si, named, state_si, state_unit
 from galloping.identification.inputs import FEWEST
 from galloping.passes import passing
 from galloping.recording import GAP, Input
@@ -96,8 +96,13 @@ def read_series(path: str | Path, mapping: ColumnMapping) -> Series:
                 f"{mapping.time.column!r} have {len(time)}"
             )
         if isinstance(one, Channel):
-            to_state = partial(factor, wanted=state_unit(one.measures))
-            scale = _to_si(table, one.column, one.unit, to_state)
+            to_state = partial(state_si, target=one.measures)
+            scale, unit = _to_si(table, one.column, one.unit, to_state)
+            if unit != state_unit(one.measures):
+                notes.append(
+                    f"column {one.column!r} is taken in {unit}; numbers of {one.measures} stand "
+                    "without that unit"
+                )
         else:
             scale, units[one.name] = _to_si(table, one.column, one.unit, input_si)
         columns.append(scale * column)
@@ -311,7 +316,7 @@ def _known_noise(table: FileTable, channel: Channel) -> float:
         return np.nan
     unit = channel.unit or table.unit(channel.column)
     try:
-        noise = amount(channel.noise, unit, state_unit(channel.measures))
+        noise = amount(channel.noise, unit, channel.measures)
         if not 0.0 < noise < np.inf:
             raise UnitError(f"{channel.noise}; must be above 0")
     except UnitError as error:

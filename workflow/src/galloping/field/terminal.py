@@ -13,6 +13,8 @@ from galloping.passes import progress
 
 FIRST, EVERY = 2.0, 10.0  # s, to the first line from the first pass, and from a line to the next
 STEPS = 1000  # of the bar
+TELLING = 0.5  # s, counted between two lines, by which the speed of a core is told
+SLOWEST = 20.0  # s, that one counted takes: what takes longer compiles, and tells no speed
 SEARCHED = 0.45  # share that a first search has, of which nobody knows how long it will take
 
 
@@ -41,10 +43,14 @@ class _Bar:
 
 
 class _Lines:
-    """A line every ten seconds of what takes longer than two."""
+    """A line every ten seconds of what takes longer than two.
+
+    What is left at most is told by the speed of the core since the last line, once it computes.
+    """
 
     def __init__(self) -> None:
         self._begin = self._next = None
+        self._last, self._slow = (0.0, 0.0), math.inf  # s, passed and counted; s for one counted
 
     def __call__(self, what: str, share: float) -> None:
         now = monotonic()
@@ -54,9 +60,14 @@ class _Lines:
             return
         self._next = now + EVERY
         passed = now - self._begin
-        from galloping.identification.work import at_most  # NumPy
+        from galloping.identification.work import counted  # NumPy
 
-        left, most = passed * (1.0 - share) / share, at_most(passed)
+        spent, more = counted()
+        took, computed = passed - self._last[0], spent - self._last[1]
+        self._last = passed, spent
+        if computed >= TELLING and took <= SLOWEST * computed:
+            self._slow = took / computed
+        left, most = passed * (1.0 - share) / share, self._slow * more
         if not math.isinf(most):
             left = min(left, most) if share > SEARCHED else math.sqrt(min(left, most) * most)
         told = f"{left:.0f} s left" + ("" if math.isinf(most) else f", {most:.0f} s at most")

@@ -78,11 +78,7 @@ def factor(unit: str, wanted: str) -> float:
     except pint.UndefinedUnitError as error:
         raise UnitError(f"unit {unit!r} is not known; must be such as mm, m/s^2 or g_n") from error
     except pint.DimensionalityError as error:
-        hint = (
-            "; the displacements of a line are the states q_v and q_w, and of another system "
-            "--unit COLUMN=1 takes numbers as they are"
-        ) * (wanted == "1")
-        raise UnitError(f"unit {unit!r} does not measure {wanted}{hint}") from error
+        raise UnitError(f"unit {unit!r} does not measure {wanted}") from error
     except Exception as error:  # pint's parser raises many kinds
         raise UnitError(f"unit {unit!r} cannot be read") from error
 
@@ -127,15 +123,17 @@ def behind(name: str) -> str:
     return unit if unit != name and unit in PLAIN else ""
 
 
-def amount(text: str | float, unit: str, wanted: str) -> float:
-    """A number in `wanted`, an SI unit, from text such as `3 mm`; without a unit it is in `unit`.
+def amount(text: str | float, unit: str, target: str) -> float:
+    """A number in SI from text such as `3 mm`, of a channel that measures `target`.
 
-    Raises UnitError.
+    unit: of the number where the text has none. Raises UnitError.
     """
     number, own = AMOUNT.fullmatch(str(text).strip()).groups()
     if not number:
         raise UnitError(f"{text!r} is not a number with a unit, such as '3 mm'")
-    return float(number) * factor(own or unit, wanted)
+    if own and unit == "1":
+        raise UnitError(f"{text!r} has a unit and the column has none; must be a number alone")
+    return float(number) * state_si(own or unit, target)[0]
 
 
 def meaning(target: str) -> str:
@@ -176,6 +174,16 @@ def input_si(unit: str) -> tuple[float, str]:
     if base.magnitude == 1.0:
         return 1.0, unit
     return float(base.magnitude), f"{base.units:~C}".replace("**", "^") or "1"
+
+
+def state_si(unit: str, target: str) -> tuple[float, str]:
+    """What values of a channel that measures `target` are multiplied by, and their unit then.
+
+    That is the unit of SI of a line's states; those of other systems may have any. Raises
+    UnitError.
+    """
+    si = state_unit(target)
+    return (factor(unit, si), si) if si != "1" else input_si(unit)
 
 
 def coefficient_unit(

@@ -18,7 +18,6 @@ from galloping.recording import Recording
 MOST = 36.0  # s, of a search in recordings of up to ROWS samples, and in proportion of longer ones
 ROWS = 30_001
 AFTER = 12.0  # s, that forecasts, limit cycles and figures take, which are not counted
-TELLING = 0.5  # s, counted, from which on the speed of a core is told by them
 ENDED = "the search for a model ended at its limit of work"
 
 
@@ -93,15 +92,12 @@ def spend(seconds: float) -> None:
     _work.get().spent += seconds
 
 
-def at_most(passed: float) -> float:
-    """s, that are left at most after `passed` s, at the speed so far, where that is told already;
-    infinite where there is no limit.
-    """
+def counted() -> tuple[float, float]:
+    """s, counted so far, and s left at most until all is written; infinite without a limit."""
     work, most, spent = _work.get(), _UNLIMITED.most, 0.0
     while work is not _UNLIMITED:
         most, spent, work = work.most, spent + work.spent, work.around
-    speed = passed / spent if spent >= TELLING else 1.0
-    return speed * (max(most - spent, 0.0) + AFTER)
+    return spent, max(most - spent, 0.0) + AFTER
 
 
 def is_spent() -> bool:
