@@ -125,9 +125,10 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
 
 
 def _followed(slopes: np.ndarray, state: np.ndarray, n: int) -> np.ndarray:
-    """Slopes of what follows from a state and n coefficients, by what the state follows from:
-    `slopes` (m, n + n_states) by coefficients and state, that of `state` (n_states, n or more) by
-    coefficients first.
+    """The chain rule: slopes of a result by n coefficients and by what a state depends on.
+
+    slopes: (m, n + n_states) of the result by the coefficients and the state. state: (n_states, n
+    or more) of the state by the coefficients and whatever else it depends on.
     """
     found = slopes[:, n:] @ state
     found[:, :n] += slopes[:, :n]

@@ -97,12 +97,12 @@ class Record:
     def linearised(
         self, free: np.ndarray, starts: np.ndarray, pairs: np.ndarray, at_once: int
     ) -> Iterator[tuple[slice, slice, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-        """Solutions from the `starts` of segments, so many at once, with their derivatives.
+        """Solutions from the `starts` of segments with derivatives, `at_once` segments a time.
 
-        pairs: (n_pairs, 2) coefficients (equation, term), by which and by the first states are the
-        derivatives. Yields segments, their windows, what the solution leaves of the projections
-        (n_windows, n_observed, n_rows) and derivatives of the solution's (..., n_pairs + n_states),
-        ends (n, n_states) and derivatives of these. Raises FloatingPointError where it diverges.
+        pairs: (n_pairs, 2) coefficients (equation, term); derivatives are by these and by the first
+        states. Yields the segments, their windows, the residual (n_windows, n_observed, n_rows),
+        derivatives of the predicted projections (..., n_pairs + n_states), the ends (n, n_states)
+        and derivatives of the ends. Raises FloatingPointError where a solution diverges.
         """
         compiled, first = self.problem.compiled(free, pairs), self.segments.first
         for begin in range(0, len(starts), at_once):
