@@ -179,6 +179,12 @@ def test_single_coefficients_are_fixed_or_bounded(protocol):
     assert bounded.model.coefficients[1, cubic] == pytest.approx(middle, abs=0.05 * deviation)
     assert bounded.standard_errors[1, cubic] == pytest.approx(deviation / np.sqrt(2.0), rel=0.05)
 
+    # what the data contradict is named, where it is surely so
+    cubed, far = free.model.coefficients[1, cubic], 20.0 * deviation
+    wrong = told(Coefficient("dy", (3, 0, 0), cubed + far, deviation))
+    assert wrong.status != "ok" and "contradicts what was known: y^3 in d(dy)/dt" in wrong.reason
+    assert told(Coefficient("dy", (3, 0, 0), cubed + 0.1 * far, deviation)).status == "ok"
+
     # not told by the data, yet not left out
     small = told(Coefficient("dy", (1, 1, 0), 0.0, 1e-4))
     assert small.support[1, odd] and small.support.sum() == free.support.sum() + 1

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,8 +25,27 @@ class Unusable(ValueError):
     """Why recordings give no model: an answer, not a mistake in a call."""
 
 
-# What ends an identification without a model. Any other ValueError is a mistake in the code.
+# What numerics raise where there is no model. Any other ValueError is a mistake in the code.
 NO_MODEL = (Unusable, FloatingPointError, np.linalg.LinAlgError)
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True)
+class NoModel:
+    """What a search returns that leads to no model: why it does not."""
+
+    reason: str
+    tells_little = True  # as of an `IdentifiedModel`
+
+
+def attempt(search: Callable[[], Found]) -> Found | NoModel:
+    """What a search returns, or `NoModel` where its numerics fail; other errors are raised."""
+    try:
+        return search()
+    except NO_MODEL as error:
+        return NoModel(str(error))
+
+
 STATUSES = ("ok", "not identifiable", "approximate", "refused", "unjudged")
 RANGE = ("_low", "_high")  # behind the name of an input: diagnostics, its range
 LITTLE_TOLD = 0.8  # R2 of forecasts over some periods, below which a model may only imitate forces

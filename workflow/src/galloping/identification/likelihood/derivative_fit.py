@@ -1,16 +1,19 @@
 """Exact states with noisy derivatives: weighted linear least squares, equation by equation."""
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.special import ndtri
 
 from galloping.identification.likelihood.condense import TRUNCATION
 from galloping.identification.likelihood.free_run import pulled
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
-from galloping.identification.likelihood.verdict import Regression, judged, refused
+from galloping.identification.likelihood.verdict import (
+    Near,
+    Regression,
+    approximate,
+    judged,
+    refused,
+)
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.plausible import detection_limits
 from galloping.identification.problem import Problem, largest
 from galloping.identification.selection import added_deviation, select, solve_support
 from galloping.polynomial import design_matrix
@@ -65,14 +68,11 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     free, covariance = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
     rates = np.concatenate([recording.rates for recording in recordings])
-    size = largest(problem, np.concatenate(values), rates)
-    found = judged(
-        problem,
-        Regression(information, right, support, penalty, size),
-        initial_states=np.array([recording.values[0] for recording in recordings]),
-        sigma=sigma,
-        chi2=misfit / max(count - int(support.sum()), 1),
-    )
+    fitted = {
+        "initial_states": np.array([recording.values[0] for recording in recordings]),
+        "sigma": sigma,
+        "chi2": misfit / max(count - int(support.sum()), 1),
+    }
     left = [rate - rows @ free[block] for block, rows, rate, _ in parts]
     goes_on = [
         float(one[1:] @ one[:-1] / np.sqrt(one[1:] @ one[1:] * (one[:-1] @ one[:-1]) / len(one)))
@@ -80,7 +80,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         if is_noisy
     ]
     if max(goes_on, default=0.0) < -ndtri(RESIDUAL_RATE / max(len(goes_on), 1)):
-        return found
+        size = largest(problem, np.concatenate(values), rates)
+        return judged(problem, Regression(information, right, support, penalty, size), **fitted)
     pulls = []
     for one, (block, rows, *_) in zip(left, parts, strict=True):
         pull = np.zeros((len(one), n))
@@ -89,14 +90,6 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
     covariance = pulled(pulls, covariance)
     errors = added_deviation(information, support)
     errors[support] = np.sqrt(np.diag(covariance))
-    return replace(
-        found,
-        status="approximate",
-        reason="model inadequate: what it leaves of the derivatives goes on from sample to sample",
-        standard_errors=problem.on_library(np.where(support, errors, np.nan), fixed=0.0),
-        unconditional_errors=None,
-        rivals=None,
-        rival_share=0.0,
-        detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
-        covariance=problem.of_model(covariance, support),
-    )
+    reason = "model inadequate: what it leaves of the derivatives goes on from sample to sample"
+    near = Near(free, support, errors, covariance, penalty)
+    return approximate(problem, near, reason, **fitted)

@@ -4,6 +4,7 @@ that of the inputs, and what the model misses does not add up (simulation error,
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -24,7 +25,7 @@ from galloping.identification.likelihood.shooting import (
     residuals,
 )
 from galloping.identification.likelihood.trajectory_fit import CONVERGED, MOST_PASSES, guarded_step
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import IdentifiedModel, NoModel, attempt
 from galloping.identification.selection import solve_support
 
 
@@ -74,25 +75,30 @@ def free_runs(
 
     None where the motion remembers how it began, or no such model is found.
     """
+    run = attempt(partial(_of_least_error, record, near, penalty, objection))
+    if run is None or isinstance(run, NoModel):
+        return None
+    return replace(run, detection_limits=near.detection_limits)
+
+
+def _of_least_error(
+    record: Record, near: IdentifiedModel, penalty: float, objection: str
+) -> IdentifiedModel | None:
     condensed, each = record.condensed, np.arange(len(record.condensed.first) - 1)
     record = replace(record, segments=Segments(condensed.first, each, each))
     free, starts = record.problem.of_candidates(near.model.coefficients), near.initial_states
-    try:
-        squares = condensed.squares(residuals(record, free, starts)[0])
-        sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), record.floor)
-        previous = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
-        if not forgets_start(fit):
-            return None
-        for _ in range(MOST_PASSES):
-            step = guarded_step(previous, fit, None, None)
-            previous, fit = step.before, step.fit
-            if step.decrement < CONVERGED:
-                break
-        remaining, _ = residuals(record, fit.free, fit.starts)
-        run = whole_approximation(fit, linearise(fit).information, remaining, penalty, objection)
-        return replace(run, detection_limits=near.detection_limits)
-    except (FloatingPointError, np.linalg.LinAlgError):
+    squares = condensed.squares(residuals(record, free, starts)[0])
+    sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), record.floor)
+    previous = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
+    if not forgets_start(fit):
         return None
+    for _ in range(MOST_PASSES):
+        step = guarded_step(previous, fit, None, None)
+        previous, fit = step.before, step.fit
+        if step.decrement < CONVERGED:
+            break
+    remaining, _ = residuals(record, fit.free, fit.starts)
+    return whole_approximation(fit, linearise(fit).information, remaining, penalty, objection)
 
 
 def forgets_start(fit: ShootingFit) -> bool:

@@ -5,7 +5,6 @@ each is fitted in free segments and joined over the recording; what the residual
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -23,6 +22,7 @@ from galloping.identification.likelihood.shooting import Segments, ShootingFit, 
 from galloping.identification.likelihood.verdict import (
     Regression,
     agree,
+    beside_known,
     best_of,
     by,
     judged,
@@ -31,7 +31,7 @@ from galloping.identification.likelihood.verdict import (
 )
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import weak_gls
-from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
+from galloping.identification.model import IdentifiedModel, NoModel, attempt
 from galloping.identification.preparation.rate_channels import scaled, scales_told
 from galloping.identification.preparation.weak_form import Start, begin, delayed_inputs
 from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem, posed
@@ -81,16 +81,15 @@ def maximum_likelihood(
         return random_forces(
             recordings, terms, known, known_states, prior, forced, coefficients, allowed
         )
-    try:
-        used = driven(recordings, problem.inputs)
-    except Unusable as error:
-        return by(["no model"], refused(problem, str(error)))
+    used = attempt(partial(driven, recordings, problem.inputs))
+    if isinstance(used, NoModel):
+        return by(["no model"], refused(problem, used.reason))
     if all(recording.exact for recording in used):
         found = by(["derivatives"], derivative_fit(problem, used))
-        return with_inputs(found, recordings, used)
-    with limited(used) as work:
-        found = work.told(_at_some_time_scale(problem, used, start))
-    return with_inputs(found, recordings, used)
+    else:
+        with limited(used) as work:
+            found = work.told(_at_some_time_scale(problem, used, start))
+    return with_inputs(beside_known(problem, found), recordings, used)
 
 
 def _at_some_time_scale(
@@ -103,19 +102,19 @@ def _at_some_time_scale(
     for share in (1.0, 1 / 2, 1 / 4):
         if is_spent():
             break
-        try:
-            found = _at_time_scale(problem, recordings, share, start if share == 1.0 else None)
+        begun = start if share == 1.0 else None
+        found = attempt(partial(_at_time_scale, problem, recordings, share, begun))
+        if isinstance(found, IdentifiedModel):
             return found if share == 1.0 else by([f"time scale {share:g}"], found)
-        except NO_MODEL as error:
-            objections.append(str(error))
+        objections.append(found.reason)
     more = unmodelled(recordings)
     return by(["no model"], refused(problem, "; ".join(filter(None, [more, *objections[:1]]))))
 
 
 def _at_time_scale(
     problem: Problem, recordings: list[Recording], share: float, begun: Start | None
-) -> IdentifiedModel:
-    """The model from the starts of one time scale. Raises NO_MODEL where none leads to one."""
+) -> IdentifiedModel | NoModel:
+    """The model from the starts of one time scale."""
     begun = replace(begun, problem=problem) if begun else begin(problem, recordings, share)
     doubted = share == 1.0 and may_be_moved_at_random(begun)
     follows = trajectory_fit.follows_in_segments
@@ -130,75 +129,70 @@ def _at_time_scale(
 
 
 def _or_forced(
-    forced: IdentifiedModel, recordings: list[Recording], search: Callable[[], IdentifiedModel]
+    forced: IdentifiedModel,
+    recordings: list[Recording],
+    search: Callable[[], IdentifiedModel | NoModel],
 ) -> IdentifiedModel:
     """What a search finds or, where that hardly tells the motion, a model in random forces."""
-    try:
-        with limited(recordings, 0.25 * MOST):
-            found = search()
-    except NO_MODEL:
-        return forced
+    with limited(recordings, 0.25 * MOST):
+        found = attempt(search)
     return forced if found.tells_little else found
 
 
 def _left_to_itself(
     begun: Start, recordings: list[Recording], share: float, doubted: Start | None = None
-) -> IdentifiedModel:
-    """The model of a motion without random forces. doubted: as of `_identified`. Raises NO_MODEL
-    where there is none.
-    """
-    problem = begun.problem
+) -> IdentifiedModel | NoModel:
+    """The model of a motion without random forces. doubted: as of `_identified`."""
     rescaled = scaled(recordings, begun.period)
     if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
-        begun = begin(problem, rescaled, share)
+        begun = begin(begun.problem, rescaled, share)
     begun = begun.with_rates(rescaled)
-    if starts.rests_at_zero(begun):
-        found, objections = [], []
-        moving = replace(begun, problem=starts.without_constants(problem))
-        positions = starts.positions_of_rest(moving)
-        for k, position in enumerate(positions, 1):
-            try:
-                found.append(by([f"rest {k} of {len(positions)}"], _identified(position)))
-            except NO_MODEL as error:
-                objections.append(error)
-            if agree(found) or is_spent():
-                break
-        if not found:
-            raise objections[0]
-        identified = starts.with_constants(problem, best_of(found))
-    else:
-        identified = _identified(begun, doubted)
+    at_rest = starts.rests_at_zero(begun)
+    found = _from_some_rest(begun) if at_rest else _identified(begun, doubted)
+    if isinstance(found, NoModel):
+        return found
     told = scales_told(recordings, rescaled)
-    return replace(identified, diagnostics={**identified.diagnostics, **told})
+    return replace(found, diagnostics={**found.diagnostics, **told})
 
 
-def _identified(begun: Start, doubted: Start | None = None) -> IdentifiedModel:
-    """The model that follows the data to the noise, or one that is near where none does.
+def _from_some_rest(begun: Start) -> IdentifiedModel | NoModel:
+    """The best model of those from several positions of rest, until two are of the same terms."""
+    moving = replace(begun, problem=starts.without_constants(begun.problem))
+    positions, found, objections = starts.positions_of_rest(moving), [], []
+    for k, position in enumerate(positions, 1):
+        one = attempt(partial(_identified, position))
+        if isinstance(one, NoModel):
+            objections.append(one)
+        else:
+            found.append(by([f"rest {k} of {len(positions)}"], one))
+        if agree(found) or is_spent():
+            break
+    return starts.with_constants(begun.problem, best_of(found)) if found else objections[0]
+
+
+def _identified(begun: Start, doubted: Start | None = None) -> IdentifiedModel | NoModel:
+    """The model that follows the data to the noise, or the model that is near where none does.
 
     doubted: the start of a recording that random forces may have moved: whether they did is asked
-    before what is near. Raises FloatingPointError where there is neither.
+    before what is near.
     """
-    try:
-        with portion(0.6):  # of the work that is left; the rest to come near
-            found = _followed(begun)
-    except FloatingPointError as error:
-        found = str(error)
-    if not isinstance(found, str):
+    with portion(0.6):  # of the work that is left; the rest to come near
+        found = attempt(partial(_followed, begun))
+    if isinstance(found, IdentifiedModel):
         return found
     forced, is_sure = _moved_at_random(doubted) if doubted else (None, False)
     if is_sure and forced is not None:
         return forced
     late = _late(begun)  # a score test may have said so, but not by how much
-    other = [clause for clause in found.split("; ") if clause not in late]
+    other = [clause for clause in found.reason.split("; ") if clause not in late]
     near = partial(_near, begun, "; ".join(filter(None, [late, *other])))
     return near() if forced is None else _or_forced(forced, begun.recordings, near)
 
 
 def _late(begun: Start) -> str:
     """Which inputs are late or early, in words, and by how much; '' where none is."""
-    try:
-        late = delayed_inputs(begun)
-    except NO_MODEL:
+    late = attempt(partial(delayed_inputs, begun))
+    if isinstance(late, NoModel):
         return ""
     return "; ".join(f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items())
 
@@ -211,9 +205,12 @@ def _moved_at_random(begun: Start) -> tuple[IdentifiedModel | None, bool]:
     return forced.doubted(f"{late}; {forced.reason}"), is_sure
 
 
-def _near(begun: Start, objection: str) -> IdentifiedModel:
+def _near(begun: Start, objection: str) -> IdentifiedModel | NoModel:
+    """The approximate model, or that of the least error of free runs where inputs drive it."""
     start = trajectory_fit.prepare(begun, begun.fit, STRETCH_PERIODS)
     near = approximation(start, begun.penalty, objection)
+    if isinstance(near, NoModel):
+        return near
     path = ["approximation"]
     if begun.problem.inputs and near.status == "approximate":
         run = free_run.free_runs(start.record, near, begun.penalty, objection)
@@ -222,44 +219,37 @@ def _near(begun: Start, objection: str) -> IdentifiedModel:
     return by(path, near)
 
 
-def _followed(begun: Start) -> IdentifiedModel | str:
-    """The model that follows the data to the noise, or why no model of the library is right.
-
-    Raises FloatingPointError where a model that was found diverges over the recording.
-    """
+def _followed(begun: Start) -> IdentifiedModel | NoModel:
+    """The model that follows the data to the noise; none where no model of the library is right."""
     problem, penalty, largest = begun.problem, begun.penalty, begun.largest
     joined = _joined(begun, largest)
     if joined is None:
-        return ENDED if is_spent() else trajectory_fit.DIVERGES
+        return NoModel(ENDED if is_spent() else trajectory_fit.DIVERGES)
     if joined.objection == ENDED:  # not joined, for no cause that the data show
-        return ENDED
+        return NoModel(ENDED)
     if joined.objection:
-        return "; ".join([*_causes_of_none(joined.free.fit, penalty), joined.objection])
+        causes = _causes_of_none(joined.free.fit, penalty)
+        return NoModel("; ".join([*causes, joined.objection]))
     remaining, shown = _remaining(begun, joined.step.fit)
     if shown.coloured and shown.band < MOST_COLOUR:
         joined = _with_coloured_noise(begun, joined, shown)
         if joined.objection:
-            return joined.objection
+            return NoModel(joined.objection)
         remaining, shown = _remaining(begun, joined.step.fit)
     step, fit, record = joined.step, joined.step.fit, joined.step.fit.record
     sigma, noise = _noise(fit, remaining)
     doubt = "many models follow the data alike"
     if joined.settled:  # else what it leaves in the residuals is that it is not the best fit
-        causes = faults(fit, penalty)
-        objection = shown.objection(record.condensed.names(problem.states))
+        objection, is_fault = _objection(fit, shown, penalty)
+        if is_fault:
+            return by(joined.path, refused(problem, objection))
+        if objection and problem.inputs and free_run.forgets_start(fit):
+            near = free_run.whole_approximation(
+                fit, step.information, remaining, penalty, objection
+            )
+            return by(joined.path, near)
         if objection:
-            excess = float(np.sum(shown.excess / fit.sigma**2))
-            causes = [fault for fault in causes if fault.explains(excess)]
-        objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
-        if objection:
-            if causes and not causes[0].or_model:
-                return by(joined.path, refused(problem, objection))
-            if problem.inputs and free_run.forgets_start(fit):
-                near = free_run.whole_approximation(
-                    fit, step.information, remaining, penalty, objection
-                )
-                return by(joined.path, near)
-            return objection
+            return NoModel(objection)
         doubt = ""
     kept = sum(recording.samples for recording in begun.recordings)
     found = judged(
@@ -282,6 +272,19 @@ def _followed(begun: Start) -> IdentifiedModel | str:
         },
     )
     return by(joined.path, found)
+
+
+def _objection(fit: ShootingFit, shown: Residue, penalty: float) -> tuple[str, bool]:
+    """Why a settled fit is not right, '' where nothing says so, and whether the instrument is at
+    fault for certain.
+    """
+    causes = faults(fit, penalty)
+    objection = shown.objection(fit.record.condensed.names(fit.record.problem.states))
+    if objection:
+        excess = float(np.sum(shown.excess / fit.sigma**2))
+        causes = [fault for fault in causes if fault.explains(excess)]
+    objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
+    return objection, bool(causes) and not causes[0].or_model
 
 
 def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | None:
@@ -364,12 +367,16 @@ def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...
     that they share; None where there is none, for a reason that each of them finds again, and of
     exact states with derivatives, which need none.
     """
-    begun = None
-    if not all(recording.exact for recording in recordings):
-        with suppress(*NO_MODEL):
-            problem = posed(recordings[0].states, terms, inputs=tuple(recordings[0].inputs))
-            begun = begin(problem, driven(list(recordings), problem.inputs))
-    return {"recordings": list(recordings), "terms": terms, "start": begun}
+
+    def found() -> Start | None:
+        if all(recording.exact for recording in recordings):
+            return None
+        problem = posed(recordings[0].states, terms, inputs=tuple(recordings[0].inputs))
+        return begin(problem, driven(list(recordings), problem.inputs))
+
+    begun = attempt(found)
+    start = None if isinstance(begun, NoModel) else begun
+    return {"recordings": list(recordings), "terms": terms, "start": start}
 
 
 def by_weak_gls(evidence: dict) -> IdentifiedModel:

@@ -7,7 +7,7 @@ stretches that were left out of the fit.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +17,7 @@ from galloping.identification.likelihood.elimination import eliminate_with_jumps
 from galloping.identification.likelihood.fluctuation import chosen, fluctuating
 from galloping.identification.likelihood.further_modes import further_modes, in_words
 from galloping.identification.likelihood.shooting import Record, ShootingFit
-from galloping.identification.likelihood.verdict import by, refused
+from galloping.identification.likelihood.verdict import Near, approximate, by, refused
 from galloping.identification.likelihood.weak_constraint import (
     StretchFit,
     coloured_misfit,
@@ -25,10 +25,9 @@ from galloping.identification.likelihood.weak_constraint import (
     of_variance,
     white_misfit,
 )
-from galloping.identification.model import IdentifiedModel
-from galloping.identification.plausible import detection_limits
+from galloping.identification.model import IdentifiedModel, NoModel, attempt
 from galloping.identification.problem import Problem
-from galloping.identification.selection import added_deviation, solve_support
+from galloping.identification.selection import NOTHING_STANDS_OUT, added_deviation, solve_support
 from galloping.identification.work import is_spent
 from galloping.intervals import NORMAL_95, QUANTILES_95
 from galloping.passes import passing
@@ -97,18 +96,17 @@ class Approximation:
         return shares
 
 
-def approximation(start: ShootingFit, penalty: float, objection: str) -> IdentifiedModel:
+def approximation(start: ShootingFit, penalty: float, objection: str) -> IdentifiedModel | NoModel:
     """The most compact model whose forecasts are hardly worse than those of the best.
 
     start: in segments of some periods each, or fewer where it diverges sooner. penalty: worth of a
     term in units of chi^2, were the model exact. objection: why no model of the library is right.
-    Refused where its forecasts are no better than the mean of the data. Raises FloatingPointError
-    where no model can be integrated over a stretch.
+    Refused where its forecasts are no better than the mean of the data; none where no model can be
+    integrated over a stretch.
     """
-    try:
-        made = _approximate(start, penalty)
-    except (FloatingPointError, np.linalg.LinAlgError) as error:
-        raise FloatingPointError(f"{objection}; {error}") from error
+    made = _approximate(start, penalty)
+    if isinstance(made, NoModel):
+        return NoModel(f"{objection}; {made.reason}")
     record, condensed = made.fit.record, made.fit.record.condensed
     if not made.skill > 0.0:
         nothing = f"{objection}; what comes near it predicts nothing"
@@ -140,17 +138,13 @@ def stated(
     noise_power = np.sum(made.forecast[2])
     errors = added_deviation(made.information, support)
     errors[support] = np.sqrt(np.diag(made.covariance))
-    found = IdentifiedModel(
-        model=problem.model(fit.free),
-        standard_errors=problem.on_library(np.where(support, errors, np.nan), fixed=0.0),
-        detection_limits=problem.on_library(detection_limits(errors, support, made.price)),
-        covariance=problem.of_model(made.covariance, support),
-        known=problem.known_equations,
+    found = approximate(
+        problem,
+        Near(fit.free, support, errors, made.covariance, made.price),
+        f"{reason} {left}" + in_words(besides),
         initial_states=fit.starts[record.begins],
         sigma=sigma,
         chi2=float(np.sum(made.forecast[1]) / noise_power) if noise_power else np.inf,
-        status="approximate",
-        reason=f"{reason} {left}" + in_words(besides),
         further_modes=besides,
         diagnostics={
             "forecast_r2": made.skill,
@@ -161,54 +155,60 @@ def stated(
     return by(made.path, found)
 
 
-def _approximate(start: ShootingFit, penalty: float) -> Approximation:
+def _approximate(start: ShootingFit, penalty: float) -> Approximation | NoModel:
     """The smallest of several models that forecast, or, where coefficients fluctuate, their means.
 
     What is missed is taken for noise of its own spectrum and, where no model so found predicts
     stretches that were left out, for white noise: of a motion that grows, and of few stretches,
-    the spectrum is told badly. None may jump more than the whole library: what a term that was left
-    out would do is no disturbance. Raises as `_of_penalties`.
+    the spectrum is told badly.
     """
     record, every = start.record, np.ones(len(start.free), bool)
     scale = np.sqrt(np.mean(record.states**2, axis=0)) + np.finfo(float).tiny
     jump, misfit = np.diag((0.05 * scale) ** 2), of_variance(record, start.sigma**2)
     first = StretchFit(record, start.free, every, start.starts, misfit, jump)
-    for misfit_of in (coloured_misfit, white_misfit):
-        try:
-            whole = _iterate(first, misfit_of)
-            made = _of_penalties(whole, misfit_of, penalty)
-            if max(each.skill for each in made) > 0.0 or is_spent():
-                break
-        except (FloatingPointError, np.linalg.LinAlgError):
-            if misfit_of is white_misfit:
-                raise
-    found = _varying(whole, penalty) or _smallest(made)
-    return replace(found, path=(misfit_of.__name__.replace("_", " "), *found.path))
+    misfits = {"coloured": coloured_misfit, "white": white_misfit}
+    for colour in misfits:
+        tried = attempt(partial(_of_misfit, first, misfits[colour], penalty))
+        found = not isinstance(tried, NoModel)
+        if found and (max(each.skill for each in tried[1]) > 0.0 or is_spent()):
+            break
+    if not found:
+        return tried
+    whole, made = tried
+    best = _varying(whole, penalty) or _smallest(made)
+    return replace(best, path=(f"{colour} misfit", *best.path))
 
 
-def _of_penalties(whole: StretchFit, misfit_of: MisfitOf, penalty: float) -> list[Approximation]:
-    """The models of two penalties, many times that of exact models, or of the first alone.
+def _of_misfit(
+    first: StretchFit, misfit_of: MisfitOf, penalty: float
+) -> tuple[StretchFit, list[Approximation]] | NoModel:
+    """The fit of the whole library, and the models of two penalties, many times that of exact
+    models, or of the first alone; none where the first leads to none.
 
     A wrong model needs stronger evidence: 7 times chooses nearly the same terms of every recording
-    of a truth, 3 to 5 up to five terms more. whole: the fit of the whole library. Raises
-    FloatingPointError or LinAlgError where the first finds none that can be integrated.
+    of a truth, 3 to 5 up to five terms more. No model may jump more than the whole library: what a
+    term that was left out would do is no disturbance.
     """
-    made: list[Approximation] = []
-    fit = whole
+    whole, made = _iterate(first, misfit_of), []
     for times in (7.0, 25.0):
         if made and is_spent():
             break
-        try:
-            price = times * penalty
-            fit = _iterate(fit, misfit_of, price, whole.jump)
-            if not fit.support.any():
-                raise FloatingPointError("no term stands out of the noise")
-            made.append(replace(_judged(fit, price), path=(f"penalty {times:g}",)))
-        except (FloatingPointError, np.linalg.LinAlgError):
+        fit = made[-1].fit if made else whole
+        tried = attempt(partial(_of_price, fit, misfit_of, times * penalty, whole.jump))
+        if isinstance(tried, NoModel):
             if not made:
-                raise
+                return tried
             break
-    return made
+        made.append(replace(tried, path=(f"penalty {times:g}",)))
+    return whole, made
+
+
+def _of_price(
+    fit: StretchFit, misfit_of: MisfitOf, price: float, largest: np.ndarray
+) -> Approximation | NoModel:
+    """The model whose terms are worth a price, from another fit. largest: as of `_iterate`."""
+    fit = _iterate(fit, misfit_of, price, largest)
+    return _judged(fit, price) if fit.support.any() else NoModel(NOTHING_STANDS_OUT)
 
 
 def _smallest(made: list[Approximation]) -> Approximation:
@@ -229,15 +229,14 @@ def _smallest(made: list[Approximation]) -> Approximation:
 
 def _varying(fit: StretchFit, penalty: float) -> Approximation | None:
     """Means of coefficients that fluctuate, judged as a fit is, where they predict anything."""
-    try:
-        varying = fluctuating(fit, penalty)
-        if varying is None:
-            return None
-        means, covariance = varying
-        found = replace(_judged(means, penalty), covariance=covariance, path=("fluctuating",))
-    except (FloatingPointError, np.linalg.LinAlgError):
+    varying = attempt(partial(fluctuating, fit, penalty))
+    if varying is None or isinstance(varying, NoModel):
         return None
-    return found if found.skill > 0.0 else None
+    means, covariance = varying
+    found = attempt(partial(_judged, means, penalty))
+    if isinstance(found, NoModel) or not found.skill > 0.0:
+        return None
+    return replace(found, covariance=covariance, path=("fluctuating",))
 
 
 def _iterate(

@@ -24,7 +24,7 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.preparation.rate_channels import channel_noise, channels
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import Start, WeakFit
-from galloping.identification.selection import select, solve_support
+from galloping.identification.selection import NOTHING_STANDS_OUT, select, solve_support
 from galloping.identification.work import ENDED, is_spent
 from galloping.passes import passing
 from galloping.recording import Recording
@@ -215,7 +215,7 @@ def join(free: Step, costs: np.ndarray, dear: float, unseen: bool) -> JoinedFit:
             step = guarded_step(step.before, step.fit, longest, cost)
             unchanged = np.array_equal(step.fit.support, step.before.support)
             if price == 1.0 and not step.fit.support.any():
-                raise FloatingPointError("no term stands out of the noise")
+                raise FloatingPointError(NOTHING_STANDS_OUT)
             was_whole = whole or chain >= count
             converged = step.decrement < CONVERGED and step.gap < 1e-3 and price == 1.0
             settled = unchanged and was_whole and converged

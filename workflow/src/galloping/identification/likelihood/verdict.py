@@ -20,6 +20,7 @@ from galloping.identification.plausible import (
 )
 from galloping.identification.problem import Problem
 from galloping.identification.selection import (
+    NOTHING_STANDS_OUT,
     Whitened,
     added_deviation,
     solve_support,
@@ -27,13 +28,14 @@ from galloping.identification.selection import (
     whiten,
 )
 from galloping.intervals import QUANTILES_90, normal
-from galloping.polynomial import PolynomialModel
+from galloping.polynomial import PolynomialModel, term_name
 from galloping.recording import Recording
 from galloping.taylor import solution
 
 # Weight that the plausible supports without one of the terms found may have together: at most one
 # in fifty of all models that are `ok` holds a false term (docs/identification_parts.csv).
 MOST_RIVAL_WEIGHT = 0.2
+MOST_SURPRISE = 4.0  # deviations; by chance once in 16,000
 RIVALS = 40  # drawn, to be told with a model
 REPEATS = "the motion only repeats, and other equations have the same limit cycle"
 FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noise
@@ -54,6 +56,22 @@ class Regression:
     penalty: float
     largest: np.ndarray
     about: np.ndarray | float = 0.0
+
+
+@dataclass(frozen=True)
+class Near:
+    """Coefficients of a model near the data, of which no model of the library is right.
+
+    free: (n,), zero outside `support` (n,). errors: (n,) standard errors of the present ones, and
+    of each absent one were it alone added. covariance: (n_support, n_support). price: of a term, in
+    units of chi^2, at which the terms were chosen.
+    """
+
+    free: np.ndarray
+    support: np.ndarray
+    errors: np.ndarray
+    covariance: np.ndarray
+    price: float
 
 
 def judged(
@@ -78,7 +96,7 @@ def judged(
     support, penalty = regression.support, regression.penalty
     free, covariance = solve_support(regression.information, regression.right, support)
     free = free + regression.about
-    reason, told = "no term stands out of the noise", ""
+    reason, told = NOTHING_STANDS_OUT, ""
     errors = added_deviation(regression.information, support)
     if support.any():
         about = problem.chosen_about(regression.about)
@@ -107,6 +125,23 @@ def judged(
         unconditional_errors=problem.on_library(errors, fixed=0.0),
         detection_limits=problem.on_library(detection_limits(errors, support, penalty)),
         covariance=problem.of_model(covariance, support),
+        known=problem.known_equations,
+        **fitted,
+    )
+
+
+def approximate(problem: Problem, near: Near, reason: str, **fitted: object) -> IdentifiedModel:
+    """The identified model where no model of the library is right, `approximate`: only how far it
+    is from the data is claimed, which `reason` says. fitted: as of `judged`.
+    """
+    limits = detection_limits(near.errors, near.support, near.price)
+    return IdentifiedModel(
+        model=problem.model(near.free),
+        status="approximate",
+        reason=reason,
+        standard_errors=problem.on_library(np.where(near.support, near.errors, np.nan), fixed=0.0),
+        detection_limits=problem.on_library(limits),
+        covariance=problem.of_model(near.covariance, near.support),
         known=problem.known_equations,
         **fitted,
     )
@@ -166,6 +201,29 @@ def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
 def refused(problem: Problem, reason: str) -> IdentifiedModel:
     """The answer where there is no model: status `refused`, with the reason."""
     return IdentifiedModel.refused(problem.states, problem.terms, reason, problem.inputs)
+
+
+def beside_known(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
+    """The model, not `ok` where recordings alone would put a coefficient MOST_SURPRISE deviations
+    from what was known of it, or further: then what was known is wrong, or the model is.
+
+    The estimate is the mean of both, weighted by their precisions: of its distance from what was
+    known, the variance is that of what was known less its own.
+    """
+    found, mean = identified.model.coefficients, problem.expected
+    with np.errstate(invalid="ignore", divide="ignore"):
+        deviation = problem.precision**-0.5
+        share = np.fmax(1.0 - (identified.standard_errors / deviation) ** 2, 1e-6)
+        surprise = abs(found - mean) / (deviation * np.sqrt(share))
+    denied = [
+        f"{term_name(problem.terms[j], problem.names)} in d({problem.states[i]})/dt is "
+        f"{found[i, j]:.3g}, and {mean[i, j]:.3g} ± {deviation[i, j]:.2g}"
+        for i, j in np.argwhere(surprise > MOST_SURPRISE)
+    ]
+    if not denied:
+        return identified
+    clause = f"the recording contradicts what was known: {', '.join(denied)} was said"
+    return identified.doubted("; ".join(filter(None, [clause, identified.reason])))
 
 
 def with_inputs(

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
 from galloping.identification.inputs import asked, checked_recordings, driven
-from galloping.identification.likelihood.verdict import by, refused, with_inputs
+from galloping.identification.likelihood.verdict import beside_known, by, refused, with_inputs
 from galloping.identification.model import NO_MODEL, IdentifiedModel
 from galloping.identification.preparation.rate_channels import scaled, scales_told
 from galloping.identification.preparation.screening import prepared
@@ -72,7 +72,7 @@ def random_forces(
         with limited(recordings) as work:
             cleaned, _, period = prepared(recordings)
             found = _of_some_modes(find, cleaned, period)
-        return with_inputs(work.told(found), given, recordings)
+        return with_inputs(beside_known(problem, work.told(found)), given, recordings)
     except NO_MODEL as error:
         return by(["random forces"], refused(problem, str(error)))
 
