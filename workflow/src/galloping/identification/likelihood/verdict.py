@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -85,8 +86,9 @@ def judged(
     """The identified model of a fit that may be trusted, `ok` or `not identifiable`.
 
     `ok` claims: the terms found are right, every absent one is smaller than its stated limit, and
-    no simple one may hide that matters. Where the data alone would leave other terms open, and the
-    prior did not, its reason says so. Intervals and limits are those of the data alone.
+    no simple one may hide that matters. Where another one may, or where the data alone would leave
+    other terms open and the prior did not, its reason says so. Intervals and limits are those of
+    the data alone.
 
     doubt: why its terms are not settled, '' where there is nothing to say. recordings: that its
     motion followed from `initial_states`, in which it is asked whether it only repeats; none where
@@ -104,12 +106,16 @@ def judged(
         plausible = plausible_supports(whitened, support)
         believed = with_prior(problem, plausible)
         limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
-        hidden = hidden_term(problem, support, limits, regression.largest)
+        simple = is_simple(problem, support)
+        hidden = partial(hidden_term, problem, limits=limits, largest=regression.largest)
+        missing = hidden(~support & simple, "may be missing: the data would not show")
         questions = open_questions(problem, whitened, believed)
-        reason = "; ".join(filter(None, [doubt, questions, hidden]))
+        reason = "; ".join(filter(None, [doubt, questions, missing]))
+        told = hidden(~support & ~simple, "would not show, were it")
         share, rival = _rival(problem, plausible)
         if problem.prior and share > MOST_RIVAL_WEIGHT:
-            told = f"the data alone cannot tell {rival}; the prior prefers the simpler terms"
+            prior = f"the data alone cannot tell {rival}; the prior prefers the simpler terms"
+            told = "; ".join(filter(None, [prior, told]))
         errors = unconditional_errors(plausible, errors)
         fitted |= _rivals(problem, regression, believed)
     model = problem.model(free)
@@ -320,24 +326,30 @@ def open_questions(problem: Problem, whitened: Whitened, plausible: Plausible) -
     return "; ".join(reasons)
 
 
-def hidden_term(
-    problem: Problem, support: np.ndarray, limits: np.ndarray, largest: np.ndarray
-) -> str:
-    """One line on the term that may be missing though it matters, '' where there is none.
-
-    limits: (n,) of `detection_limits`, the prior counted. largest: (n,) as in `problem.largest`.
-    Looked at are terms as simple as the simplest of their equation, or of the first degree: of
-    those a reader of the equation would ask why they are not there.
+def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
+    """(n,) terms as simple as the simplest of their equation, or of the first degree: of those a
+    reader of the equation would ask why they are not there.
     """
     degrees, equations = problem.degrees, problem.candidates[:, 0]
     simplest = [min(degrees[support & (equations == i)], default=1) for i in equations]
-    asked = ~support & (degrees <= np.maximum(simplest, 1))
+    return degrees <= np.maximum(simplest, 1)
+
+
+def hidden_term(
+    problem: Problem, asked: np.ndarray, words: str, limits: np.ndarray, largest: np.ndarray
+) -> str:
+    """One line on the one of the terms asked, (n,) boolean, that may be there unseen though it
+    matters, '' where there is none.
+
+    words: between the term and how much of its equation it may be. limits: (n,) of
+    `detection_limits`, the prior counted. largest: (n,) as in `problem.largest`.
+    """
     share = np.where(asked, limits / np.maximum(largest, np.finfo(float).tiny), 0.0)
     k = int(np.argmax(share))
     if share[k] < 0.25:  # docs/identification_parts.csv has what 0.4 did
         return ""
     much = "all" if share[k] >= 1.0 else f"{100.0 * share[k]:.0f} %"
-    return f"{problem.named([k])} may be missing: the data would not show {much} of its equation"
+    return f"{problem.named([k])} {words} {much} of its equation"
 
 
 def _rival(problem: Problem, plausible: Plausible) -> tuple[float, str]:
