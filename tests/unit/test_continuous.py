@@ -122,12 +122,9 @@ def test_sensors_read_the_line_and_tell_the_first_modes_apart():
     assert acceleration[1:-1] == pytest.approx(slope, abs=1e-3 * np.abs(slope).max())
 
 
-def test_unknown_names_are_refused():
+def test_unknown_aerodynamics_are_refused():
     with pytest.raises(ValueError, match="aerodynamics: steady is none of small_angle, relative"):
         continuous_line(RESONANT, 1, aerodynamic="steady")
-    line = continuous_line(RESONANT, 1)
-    with pytest.raises(ValueError, match="quantity: strain is none of"):
-        readings(line, np.zeros((2, 4)), [10.0], "strain")
 
 
 # --- gusts ---

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from lines import CASES, RESONANT, START, edited
 
 from galloping.evaluation.motion import steady_amplitude
-from galloping.physics.galerkin import Line, coefficients, frequencies, integrate, model, modes
+from galloping.physics.galerkin import at_rest, coefficients, integrate, model
 from galloping.polynomial import PolynomialModel
 from galloping.simulation import Simulator, time_grid
 
@@ -53,16 +53,14 @@ def test_energy_is_conserved_without_wind_and_damping(shape, q_v, q_w, dq_v, dq_
 
 def energies(case, states):
     """Kinetic and potential energy in J, from the line's own integrals, not its coefficients."""
-    line = Line.from_case(case)
-    phi, psi = modes(case, line)
-    _, _, m_v, m_w = frequencies(line, phi, psi)
+    line, phi, psi = at_rest(case)
     q_v, q_w, dq_v, dq_w = states.T
     span = line.span
     stretch = [integrate(mode.slope**2, span) for mode in (phi, psi)]
     bend = [integrate(mode.curvature**2, span) for mode in (phi, psi)]
     sway = line.static_curvature() * integrate(phi.shape, span)
     strain = (-sway * q_v + (stretch[0] * q_v**2 + stretch[1] * q_w**2) / 2) / span
-    twice = m_v * dq_v**2 + m_w * dq_w**2 + line.axial_stiffness * span * strain**2
+    twice = phi.mass * dq_v**2 + psi.mass * dq_w**2 + line.axial_stiffness * span * strain**2
     for s, b, q in zip(stretch, bend, (q_v, q_w), strict=True):
         twice += (line.tension * s + line.bending_stiffness * b) * q**2
     return twice / 2

@@ -178,7 +178,7 @@ OTHERS = {
         "identification/sparse/lasso.py"),
     "a comment, a docstring or the layout of a module": all_of(
         replaced(module("physics/galerkin.py"), '"""The galloping equations: ', '"""Words: '),
-        replaced(module("physics/galerkin.py"), " * omega_v + ", " * (\n omega_v  # words\n) + "),
+        replaced(module("physics/galerkin.py"), "= slope / ", "= (\n slope  # words\n) / "),
     ),
     "an error message where no number is computed: `reproducibility/job.py`": replaced(
         module("reproducibility/job.py"), "The disk is full: ", "No space is left: "),

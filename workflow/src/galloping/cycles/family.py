@@ -8,13 +8,11 @@ import numpy as np
 from galloping.physics.galerkin import (
     STATES,
     TERMS,
-    Line,
+    at_rest,
     coefficients,
-    frequencies,
     ice_coefficients,
     integrate,
     model,
-    modes,
 )
 from galloping.polynomial import PolynomialModel
 
@@ -142,15 +140,13 @@ def critical_wind(case: Mapping) -> float:
     The structural damping 2 zeta omega equals the aerodynamic one, rho D U b1 <phi^2> / (2 m_v)
     (Den Hartog 1932 for a mode of the span); infinite where the ice does not destabilise.
     """
-    line = Line.from_case(case)
-    phi, psi = modes(case, line)
-    omega_v, _, m_v, _ = frequencies(line, phi, psi)
+    line, vertical, _ = at_rest(case)
     (b1, _, _), _ = ice_coefficients(case["ice"])
     load = 0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"] * b1
-    per_speed = load * integrate(phi.shape**2, line.span) / m_v
+    per_speed = load * integrate(vertical.shape**2, line.span) / vertical.mass
     if per_speed <= 0:
         return float("inf")
-    return 2 * case["damping"]["vertical"] * omega_v / per_speed
+    return 2 * case["damping"]["vertical"] * vertical.frequency / per_speed
 
 
 def initial_state(case: Mapping) -> list[float]:

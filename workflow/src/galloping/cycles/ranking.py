@@ -9,8 +9,8 @@ from galloping.cycles.limit_cycles import Settled, cycle_of, settle
 from galloping.cycles.prediction import Split, near, split
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import of_draws
-from galloping.physics.galerkin import STATES, coefficients, model
-from galloping.physics.measures import NOTHING, Measure, added, clearance, modal_masses
+from galloping.physics.galerkin import STATES, at_rest, coefficients, model
+from galloping.physics.measures import NOTHING, Measure, added, clearance
 from galloping.simulation import Simulator
 
 OUTLINE = 2000  # places of a motion: with 256 one that never repeats had 0.1 to 0.2 m too much room
@@ -64,7 +64,7 @@ def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
     after = measure.change(case)
     old, new = derived(case), derived(after)
     damping, mass = added(after, measure)
-    masses = modal_masses(after)
+    masses = np.array([mode.mass for mode in at_rest(after)[1:]])
     lighter = masses / (masses + mass)  # of forces by mass, with the added point masses
     factor = np.append(np.ones(2), lighter)  # of kinematic equations, and of those of motion
     ratios = np.ones(len(parts.values))

@@ -14,7 +14,7 @@ from galloping.cycles.family import critical_wind, initial_state, line_family, p
 from galloping.cycles.limit_cycles import Orbit, Settled, settle
 from galloping.cycles.prediction import Prediction
 from galloping.cycles.ranking import Design, Outcome, outline
-from galloping.physics.galerkin import STATES, Line, frequencies, modes
+from galloping.physics.galerkin import STATES, Line, at_rest
 from galloping.physics.measures import clearance, design_ellipses, envelope
 from galloping.simulation import Simulator
 
@@ -148,13 +148,12 @@ def map_rows(
         family = line_family(outer, x_name)
         for x in x_values:
             inner = x_parameter.at(outer, float(x))
-            line = Line.from_case(inner)
-            omega_v, omega_w, *_ = frequencies(line, *modes(inner, line))
+            _, vertical, horizontal = at_rest(inner)
             motion = settle(simulator, family.model(x), initial_state(inner))
             rows.append(
                 {"case": label, "x_parameter": x_name, "x_unit": x_parameter.unit, "x": float(x)}
                 | {"y_parameter": y_name, "y_unit": y_parameter.unit, "y": float(y)}
-                | {"frequency_ratio": omega_v / omega_w}
+                | {"frequency_ratio": vertical.frequency / horizontal.frequency}
                 | _motion(motion)
             )
     return rows

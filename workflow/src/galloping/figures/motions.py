@@ -14,7 +14,7 @@ from matplotlib.patheffects import withStroke
 from galloping.cycles.rows import SIMULATION
 from galloping.figures import parts, style
 from galloping.measurement import Motion
-from galloping.physics.galerkin import Line, frequencies, modes
+from galloping.physics.galerkin import at_rest
 from galloping.results import Reconstruction
 
 LAST = 30.0  # s at the end of the record, where single periods can be seen
@@ -176,11 +176,10 @@ def draw_limit_cycles(
 
 def _beyond_small_angles(panels: Sequence[Axes], case: Mapping) -> None:
     """Shades half ranges whose velocity, at the mode's own frequency, is not small to the wind."""
-    line = Line.from_case(case)
     low, high = panels[0].get_ylim()  # all panels share it
-    for axes, frequency in zip(panels, frequencies(line, *modes(case, line)), strict=False):
+    for axes, mode in zip(panels, at_rest(case)[1:], strict=False):
         wind = np.array(axes.get_xlim())
-        small = np.minimum(SMALL * wind / frequency, high)  # frequency: rad/s
+        small = np.minimum(SMALL * wind / mode.frequency, high)  # frequency: rad/s
         axes.fill_between(wind, small, high, color=style.SHADE, lw=0, zorder=0,
                           label="beyond small angles")  # fmt: skip
         axes.set_ylim(low, high)

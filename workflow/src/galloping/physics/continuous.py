@@ -17,7 +17,7 @@ from scipy.optimize import root
 from galloping.physics.galerkin import (
     STATES,
     Line,
-    Mode,
+    ModeShape,
     ice_coefficients,
     positions,
     sine_mode,
@@ -69,8 +69,8 @@ class Span:
 
 def span(
     case: Mapping,
-    vertical: Sequence[Mode],
-    horizontal: Sequence[Mode],
+    vertical: Sequence[ModeShape],
+    horizontal: Sequence[ModeShape],
     *,
     aerodynamic: str = "small_angle",
     drag: float = 0.0,
@@ -87,39 +87,37 @@ def span(
         raise ValueError(f"aerodynamics: {aerodynamic} is none of {', '.join(AERODYNAMICS)}")
     line = Line.from_case(case)
     weight = weights(line.span)
-    directions = (vertical, horizontal)
-    shapes = np.array([np.column_stack([mode.shape for mode in modes]) for modes in directions])
+    shapes, slopes, curvatures, spacers = (
+        np.array([np.column_stack([getattr(mode, name) for mode in modes])
+                  for modes in (vertical, horizontal)])
+        for name in ("shape", "slope", "curvature", "at_spacers")
+    )  # fmt: skip
+    masses = line.mass * (shapes.mT * weight) @ shapes + line.spacer_mass * spacers.mT @ spacers
+    tension = (slopes.mT * weight) @ slopes
+    bending = line.bending_stiffness * (curvatures.mT * weight) @ curvatures
+    stiffness = line.tension * tension + bending
+    quadratic = tension / (2.0 * line.span)
     strain = -line.static_curvature() * (weight @ shapes[0]) / line.span
     stretch = line.axial_stiffness * line.span
-    sag = stretch * np.outer(strain, strain)
-    ratios = (case["damping"]["vertical"], case["damping"]["horizontal"])
-    masses, stiffness, damping, quadratic, inverses = [], [], [], [], []
-    for modes, shape, ratio, extra in zip(directions, shapes, ratios, (sag, 0.0), strict=True):
-        slope = np.column_stack([mode.slope for mode in modes])
-        curvature = np.column_stack([mode.curvature for mode in modes])
-        spacers = np.column_stack([mode.at_spacers for mode in modes])
-        mass = line.mass * (shape.T * weight) @ shape + line.spacer_mass * spacers.T @ spacers
-        tension = (slope.T * weight) @ slope
-        own = line.tension * tension + line.bending_stiffness * (curvature.T * weight) @ curvature
-        omega, normal = _modes(mass, own + extra)
-        inverse = np.linalg.inv(mass)
-        masses.append(mass)
-        inverses.append(inverse)
-        stiffness.append(inverse @ own)
-        damping.append(normal @ np.diag(2.0 * ratio * omega) @ normal.T @ mass)
-        quadratic.append(tension / (2.0 * line.span))
-    static = np.array([[0.0], [drag]])
+    sag = np.zeros_like(stiffness)
+    sag[0] = stretch * np.outer(strain, strain)
+    omega, normal = _modes(masses, stiffness + sag)
+    ratios = np.array([[case["damping"]["vertical"]], [case["damping"]["horizontal"]]])
+    inverse = np.linalg.inv(masses)
     arrays = Arrays(
-        np.array(stiffness), np.array(damping), strain, np.array(quadratic),
-        inverses[0] @ strain * stretch,
-        np.array([2.0 * stretch * a @ b for a, b in zip(inverses, quadratic, strict=True)]),
-        np.ascontiguousarray(shapes),
-        np.array([a @ (s.T * weight) for a, s in zip(inverses, shapes, strict=True)]),
-        np.hstack([static, ice_coefficients(case["ice"])]),
-        0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"],
-        aerodynamic == "relative",
-    )  # fmt: skip
-    return Span(line, float(case["wind"]["speed"]), np.array(masses), arrays)
+        stiffness=inverse @ stiffness,
+        damping=normal * (2.0 * ratios * omega)[:, np.newaxis] @ normal.mT @ masses,
+        strain=strain,
+        quadratic=quadratic,
+        pull=inverse[0] @ strain * stretch,
+        stretch=2.0 * stretch * inverse @ quadratic,
+        shapes=shapes,
+        loading=inverse @ (shapes.mT * weight),
+        coefficients=np.hstack([[[0.0], [drag]], ice_coefficients(case["ice"])]),
+        pressure=0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"],
+        relative=aerodynamic == "relative",
+    )
+    return Span(line, float(case["wind"]["speed"]), masses, arrays)
 
 
 def continuous_line(case: Mapping, modes: int = 9, **load) -> Span:
@@ -130,11 +128,12 @@ def continuous_line(case: Mapping, modes: int = 9, **load) -> Span:
 
 
 def _modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies, rad/s, increasing, and mode shapes normalised by mass, in columns."""
-    root_mass = np.linalg.cholesky(mass)
-    inverse = np.linalg.inv(root_mass)
-    squares, vectors = np.linalg.eigh(inverse @ stiffness @ inverse.T)
-    return np.sqrt(squares), inverse.T @ vectors
+    """Frequencies (..., n), rad/s, increasing, and mode shapes normalised by mass, in columns, of
+    matrices (..., n, n).
+    """
+    inverse = np.linalg.inv(np.linalg.cholesky(mass))
+    squares, vectors = np.linalg.eigh(inverse @ stiffness @ inverse.mT)
+    return np.sqrt(squares), inverse.mT @ vectors
 
 
 def shapes_at(line: Span, where: Sequence[float]) -> np.ndarray:
@@ -154,7 +153,7 @@ def natural_modes(line: Span, direction: int) -> tuple[np.ndarray, np.ndarray]:
     """
     stiffness = line.masses[direction] @ line.arrays.stiffness[direction]
     if direction == 0:
-        stiffness = stiffness + line.masses[0] @ np.outer(line.arrays.pull, line.arrays.strain)
+        stiffness += line.masses[0] @ np.outer(line.arrays.pull, line.arrays.strain)
     omega, coordinates = _modes(line.masses[direction], stiffness)
     middle, quarter = shapes_at(line, [line.line.span / 2, line.line.span / 4])[direction]
     scale = np.where(
@@ -175,18 +174,13 @@ def equilibrium(line: Span) -> np.ndarray:
     Raises ValueError where none is close to the line without wind.
     """
     n = 2 * line.modes
-    state = np.zeros(2 * n)
+    still = np.zeros(n)
     if not line.arrays.coefficients[:, 0].any():
-        return state
-
-    def forces(displaced: np.ndarray) -> np.ndarray:
-        return line.rates(np.concatenate([displaced, np.zeros(n)]), line.speed)[n:]
-
-    solution = root(forces, state[:n])
+        return np.zeros(2 * n)
+    solution = root(lambda x: line.rates(np.concatenate([x, still]), line.speed)[n:], still)
     if not solution.success:
         raise ValueError("the line finds no equilibrium in the mean wind")
-    state[:n] = solution.x
-    return state
+    return np.concatenate([solution.x, still])
 
 
 def eigenvalues(line: Span) -> tuple[np.ndarray, np.ndarray]:
@@ -196,16 +190,13 @@ def eigenvalues(line: Span) -> tuple[np.ndarray, np.ndarray]:
     part frequency in rad/s.
     """
     rest = equilibrium(line)
-    n = len(rest)
-    jacobian = np.empty((n, n))
-    for k in range(n):
-        change = np.zeros(n)
-        change[k] = 1e-5
-        above, below = line.rates(rest + change, line.speed), line.rates(rest - change, line.speed)
-        jacobian[:, k] = (above - below) / 2e-5
-    values, vectors = np.linalg.eig(jacobian)
-    kept = np.flatnonzero(values.imag > 0)
-    kept = kept[np.argsort(values[kept].imag)]
+    columns = [
+        (line.rates(rest + change, line.speed) - line.rates(rest - change, line.speed)) / 2e-5
+        for change in 1e-5 * np.eye(len(rest))
+    ]
+    values, vectors = np.linalg.eig(np.column_stack(columns))
+    kept = np.argsort(values.imag)
+    kept = kept[values.imag[kept] > 0]
     return values[kept], vectors[:, kept]
 
 
@@ -348,20 +339,13 @@ def readings(
 
     states: (n, 4 n_modes), of `continuous.simulate`. where: positions, m. quantity: one of
     `QUANTITIES`, m, m/s, m/s2. speed: (n,) wind at the samples, of which only an acceleration
-    depends; the mean wind where not given. Raises ValueError for an unknown quantity.
+    depends; the mean wind where not given.
     """
-    if quantity not in QUANTITIES:
-        raise ValueError(f"quantity: {quantity} is none of {', '.join(QUANTITIES)}")
-    half = states.shape[1] // 2
-    if quantity == "displacement":
-        coordinates = states[:, :half]
-    elif quantity == "velocity":
-        coordinates = states[:, half:]
-    else:
+    if quantity == "acceleration":
         wind = np.full(len(states), line.speed) if speed is None else speed
-        rates = [line.rates(x, u) for x, u in zip(states, wind, strict=True)]
-        coordinates = np.array(rates)[:, half:]
-    both = coordinates.reshape(len(states), 2, line.modes)
+        states = np.array([line.rates(x, u) for x, u in zip(states, wind, strict=True)])
+    halves = states.reshape(len(states), 2, 2, line.modes)
+    both = halves[:, 0 if quantity == "displacement" else 1]
     return np.einsum("dsk,ndk->nsd", shapes_at(line, where), both)
 
 

@@ -79,7 +79,7 @@ def irvine_root(irvine_parameter: float) -> float:
 
 
 @dataclass(frozen=True)
-class Mode:
+class ModeShape:
     """A mode shape at the quadrature nodes of the span and at the spacers.
 
     shape, slope, curvature: (n_nodes,), 1, 1/m, 1/m2. at_spacers: (n_spacers,).
@@ -106,15 +106,14 @@ def integrate(values: np.ndarray, span: float) -> float:
     return float(values @ _WEIGHTS) * span / 2
 
 
-def sine_mode(line: Line, order: int = 1) -> Mode:
+def sine_mode(line: Line, order: int = 1) -> ModeShape:
     """sin(order pi s / l)."""
-    k = pi * order / line.span
-    s = positions(line.span)
-    spacers = np.asarray(line.spacer_positions, dtype=float)
-    return Mode(np.sin(k * s), k * np.cos(k * s), -(k**2) * np.sin(k * s), np.sin(k * spacers))
+    k, spacers = pi * order / line.span, np.asarray(line.spacer_positions, dtype=float)
+    at = k * positions(line.span)
+    return ModeShape(np.sin(at), k * np.cos(at), -(k**2) * np.sin(at), np.sin(k * spacers))
 
 
-def irvine_mode(line: Line) -> Mode:
+def irvine_mode(line: Line) -> ModeShape:
     """First symmetric in-plane mode of a shallow sagging cable, scaled to 1 at mid-span.
 
     1 - tan(x/2) sin(x s/l) - cos(x s/l) written about mid-span, where it has no pole.
@@ -124,7 +123,7 @@ def irvine_mode(line: Line) -> Mode:
     scale = 1 / (1 - edge)
     u = k * (positions(line.span) - line.span / 2)
     at_spacers = np.cos(k * (np.asarray(line.spacer_positions, dtype=float) - line.span / 2))
-    return Mode(
+    return ModeShape(
         scale * (np.cos(u) - edge),
         -scale * k * np.sin(u),
         -scale * k**2 * np.cos(u),
@@ -196,26 +195,42 @@ def ice_coefficients(ice: Mapping) -> tuple[tuple[float, ...], tuple[float, ...]
     return READINGS[ice["reading"]]
 
 
-def modes(case: Mapping, line: Line) -> tuple[Mode, Mode]:
+def modes(case: Mapping, line: Line) -> tuple[ModeShape, ModeShape]:
     """Mode shapes of the vertical (configured) and the horizontal (sine) motion."""
     return MODES[case["line"]["mode_shape"]](line), sine_mode(line)
 
 
-def frequencies(line: Line, phi: Mode, psi: Mode) -> tuple[float, float, float, float]:
-    """omega_v, omega_w in rad/s and modal masses m_v, m_w in kg (spacers included)."""
-    span = line.span
-    m_v = line.mass * integrate(phi.shape**2, span) + line.spacer_mass * np.sum(phi.at_spacers**2)
-    m_w = line.mass * integrate(psi.shape**2, span) + line.spacer_mass * np.sum(psi.at_spacers**2)
-    a1 = -line.static_curvature() * integrate(phi.shape, span) / span
-    k_v = (
-        line.tension * integrate(phi.slope**2, span)
-        + line.bending_stiffness * integrate(phi.curvature**2, span)
-        + line.axial_stiffness * span * a1**2
+@dataclass(frozen=True)
+class LinearMode(ModeShape):
+    """A mode of the line at rest, without wind.
+
+    mass: modal, kg, spacers included. frequency: rad/s. strain, 1/m, and quadratic, 1/m2: dynamic
+    strain of the line by the mode's coordinate and by its square.
+    """
+
+    mass: float
+    frequency: float
+    strain: float
+    quadratic: float
+
+
+def at_rest(case: Mapping) -> tuple[Line, LinearMode, LinearMode]:
+    """The line of a case, its vertical and its horizontal mode."""
+    line = Line.from_case(case)
+    phi, psi = modes(case, line)
+    strain = -line.static_curvature() * integrate(phi.shape, line.span) / line.span
+    return line, _linear(line, phi, strain), _linear(line, psi, 0.0)
+
+
+def _linear(line: Line, own: ModeShape, strain: float) -> LinearMode:
+    shape, slope, curvature = (
+        integrate(values**2, line.span) for values in (own.shape, own.slope, own.curvature)
     )
-    k_w = line.tension * integrate(psi.slope**2, span) + line.bending_stiffness * integrate(
-        psi.curvature**2, span
-    )
-    return sqrt(k_v / m_v), sqrt(k_w / m_w), float(m_v), float(m_w)
+    mass = float(line.mass * shape + line.spacer_mass * np.sum(own.at_spacers**2))
+    stiffness = line.tension * slope + line.bending_stiffness * curvature
+    stiffness += line.axial_stiffness * line.span * strain**2
+    quadratic = slope / (2 * line.span)
+    return LinearMode(*vars(own).values(), mass, sqrt(stiffness / mass), strain, quadratic)
 
 
 def coefficients(case: Mapping) -> dict[str, float]:
@@ -224,61 +239,49 @@ def coefficients(case: Mapping) -> dict[str, float]:
     Galerkin projection of the line's energies on its two modes, with quasi-static cubic
     aerodynamics, alpha = V_t / U (paper, eqs. 10-13).
     """
-    line = Line.from_case(case)
-    phi, psi = modes(case, line)
-    omega_v, omega_w, m_v, m_w = frequencies(line, phi, psi)
-    span, stretch = line.span, line.axial_stiffness * line.span
-
-    # dynamic strain: a1 q_v + a2 q_v^2 + a3 q_w^2
-    a1 = -line.static_curvature() * integrate(phi.shape, span) / span
-    a2 = integrate(phi.slope**2, span) / (2 * span)
-    a3 = integrate(psi.slope**2, span) / (2 * span)
-
+    line, v, w = at_rest(case)
+    phi, psi, stretch = v.shape, w.shape, line.axial_stiffness * line.span
+    a1, a2, a3 = v.strain, v.quadratic, w.quadratic  # strain: a1 q_v + a2 q_v^2 + a3 q_w^2
     speed = case["wind"]["speed"]
     pressure = 0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"] * speed**2
     (b1, b2, b3), (e1, e2, e3) = ice_coefficients(case["ice"])
 
-    def vertical_load(b: float, power: int) -> float:
-        return 0.0 - pressure * b / speed**power * integrate(phi.shape ** (power + 1), span) / m_v
-
-    def horizontal_load(e: float, power: int) -> float:
-        shape = phi.shape**power * psi.shape
-        return 0.0 - pressure * e / speed**power * integrate(shape, span) / m_w
+    def load(coefficient: float, power: int, shapes: np.ndarray, mass: float) -> float:
+        return 0.0 - pressure * coefficient / speed**power * integrate(shapes, line.span) / mass
 
     return {
-        "gamma_1": 2 * case["damping"]["vertical"] * omega_v + vertical_load(b1, 1),
-        "gamma_2": omega_v**2,
-        "gamma_3": 3 * stretch * a1 * a2 / m_v,
-        "gamma_4": stretch * a1 * a3 / m_v,
-        "gamma_5": vertical_load(b2, 2),
-        "gamma_6": vertical_load(b3, 3),
-        "gamma_7": 2 * stretch * a2**2 / m_v,
-        "gamma_8": 2 * stretch * a2 * a3 / m_v,
-        "kappa_1": 2 * case["damping"]["horizontal"] * omega_w,
-        "kappa_2": omega_w**2,
-        "kappa_3": 2 * stretch * a1 * a3 / m_w,
-        "kappa_4": 2 * stretch * a2 * a3 / m_w,
-        "kappa_5": 2 * stretch * a3**2 / m_w,
-        "kappa_6": horizontal_load(e2, 2),
-        "kappa_7": horizontal_load(e1, 1),
+        "gamma_1": 2 * case["damping"]["vertical"] * v.frequency + load(b1, 1, phi**2, v.mass),
+        "gamma_2": v.frequency**2,
+        "gamma_3": 3 * stretch * a1 * a2 / v.mass,
+        "gamma_4": stretch * a1 * a3 / v.mass,
+        "gamma_5": load(b2, 2, phi**3, v.mass),
+        "gamma_6": load(b3, 3, phi**4, v.mass),
+        "gamma_7": 2 * stretch * a2**2 / v.mass,
+        "gamma_8": 2 * stretch * a2 * a3 / v.mass,
+        "kappa_1": 2 * case["damping"]["horizontal"] * w.frequency,
+        "kappa_2": w.frequency**2,
+        "kappa_3": 2 * stretch * a1 * a3 / w.mass,
+        "kappa_4": 2 * stretch * a2 * a3 / w.mass,
+        "kappa_5": 2 * stretch * a3**2 / w.mass,
+        "kappa_6": load(e2, 2, phi**2 * psi, w.mass),
+        "kappa_7": load(e1, 1, phi * psi, w.mass),
         "kappa_8": 0.0,
-        "kappa_9": horizontal_load(e3, 3),
+        "kappa_9": load(e3, 3, phi**3 * psi, w.mass),
         "kappa_10": 0.0,
     }
 
 
 def derive(case: Mapping) -> Derived:
     """All that follows from a case without simulating it."""
-    line = Line.from_case(case)
-    omega_v, omega_w, m_v, m_w = frequencies(line, *modes(case, line))
+    line, v, w = at_rest(case)
     values = coefficients(case)
     quantities = {
         "sag_m": line.sag,
         "irvine_parameter": line.irvine_parameter,
         "irvine_root_over_pi": irvine_root(line.irvine_parameter) / np.pi,
-        "omega_v_rad_s": omega_v,
-        "omega_w_rad_s": omega_w,
-        "modal_mass_v_kg": m_v,
-        "modal_mass_w_kg": m_w,
+        "omega_v_rad_s": v.frequency,
+        "omega_w_rad_s": w.frequency,
+        "modal_mass_v_kg": v.mass,
+        "modal_mass_w_kg": w.mass,
     }
     return Derived(model(values), values, quantities)

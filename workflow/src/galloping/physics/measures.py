@@ -13,7 +13,7 @@ from math import log, sqrt
 
 import numpy as np
 
-from galloping.physics.galerkin import Line, frequencies, modes
+from galloping.physics.galerkin import Line, modes
 
 EPRI = "EPRI, Transmission Line Reference Book: Wind-Induced Conductor Motion (2009), ch. 4"
 CIGRE = "CIGRE Technical Brochure 322 (2007)"
@@ -119,12 +119,6 @@ def added(case: Mapping, applied: Measure) -> tuple[np.ndarray, np.ndarray]:
             at = modes(case, replace(line, spacer_positions=(position,)))
             total += [value * float(mode.at_spacers[0]) ** 2 for mode in at]
     return damping, mass
-
-
-def modal_masses(case: Mapping) -> np.ndarray:
-    """(2,) of the vertical and the horizontal mode, kg."""
-    line = Line.from_case(case)
-    return np.array(frequencies(line, *modes(case, line))[2:])
 
 
 FOOT = 0.3048  # m
