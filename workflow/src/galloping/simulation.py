@@ -109,17 +109,13 @@ class Simulator:
         ta.time, ta.state[:] = time[0], x0
         ta.reset_cooldowns()
         outcome, *_, states = ta.propagate_grid(time, max_steps=steps)
-        full = np.full((len(time), len(self.states)), np.nan)
-        full[: len(states)] = states
         if outcome == hy.taylor_outcome.time_limit:
-            status = "ok"
-        elif outcome == hy.taylor_outcome.step_limit:
-            status = f"stopped: more than {steps} integration steps at t = {ta.time:.4g} s"
-        elif outcome == hy.taylor_outcome.err_nf_state:
-            status = f"diverged: not finite at t = {ta.time:.4g} s"
-        else:
-            status = f"diverged: |x| exceeded {limit:g} at t = {ta.time:.4g} s"
-        return Trajectory(time, full, status)
+            return Trajectory(time, states, "ok")
+        why = {
+            hy.taylor_outcome.step_limit: f"stopped: more than {steps} integration steps",
+            hy.taylor_outcome.err_nf_state: "diverged: not finite",
+        }.get(outcome, f"diverged: |x| exceeded {limit:g}")
+        return ended(time, states, f"{why} at t = {ta.time:.4g} s")
 
     def _driven(
         self,
@@ -144,18 +140,21 @@ class Simulator:
         try:
             states, _, self._step = solution(model, own, np.asarray(x0, float), time, step, steps)
         except FloatingPointError as error:
-            return Trajectory(
-                time, np.full((len(time), len(self.states)), np.nan), f"stopped: {error}"
-            )
+            return ended(time, np.empty((0, len(self.states))), f"stopped: {error}")
         limit = _farthest(x0)
         with np.errstate(over="ignore", invalid="ignore"):
             far = ~(np.sum(states**2, axis=1) < limit**2)
         if not far.any():
             return Trajectory(time, states, "ok")
         at = int(np.argmax(far))
-        states = np.where(np.arange(len(time))[:, None] < at, states, np.nan)
-        status = f"diverged: |x| exceeded {limit:g} at t = {time[at]:.4g} s"
-        return Trajectory(time, states, status)
+        why = f"diverged: |x| exceeded {limit:g} at t = {time[at]:.4g} s"
+        return ended(time, states[:at], why)
+
+
+def ended(time: NDArray[np.float64], states: NDArray[np.float64], status: str) -> Trajectory:
+    """A motion that ended early: NaN behind the states (k, n_states) that it came to."""
+    missing = np.full((len(time) - len(states), states.shape[1]), np.nan)
+    return Trajectory(time, np.concatenate([states, missing]), status)
 
 
 def _farthest(x0: NDArray[np.float64]) -> float:
