@@ -51,6 +51,7 @@ RANGE = ("_low", "_high")  # behind the name of an input: diagnostics, its range
 LITTLE_TOLD = 0.8  # R2 of forecasts over some periods, below which a model may only imitate forces
 MOST_DAMPING = 0.3  # ratio, of a motion that swings
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
+LATER = {"rivals", "forces", "slow_forces"}  # arrays that files of older models do not have
 
 
 @dataclass(frozen=True)
@@ -162,17 +163,10 @@ class IdentifiedModel(Immutable):
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
             raise ValueError(f"status: {self.status!r} must be one of {', '.join(STATUSES)}")
-        shape = self.model.coefficients.shape
-        shapes = dict.fromkeys(BY_TERM, shape) | {"thresholds": shape[:1]}
-        shapes |= dict.fromkeys(("initial_states", "sigma"), (0, shape[0])) | {
-            "rivals": (0, *shape)
-        }
-        for name, unstated in shapes.items():
+        for name, shape in _shapes(*self.model.coefficients.shape).items():
             if getattr(self, name) is None:
-                object.__setattr__(self, name, np.full(unstated, np.nan))
-        for name in ("forces", "slow_forces"):
-            if getattr(self, name) is None:
-                object.__setattr__(self, name, np.zeros((shape[0], shape[0])))
+                unstated = 0.0 if name in ("forces", "slow_forces") else np.nan
+                object.__setattr__(self, name, np.full([max(n, 0) for n in shape], unstated))
         super().__post_init__()
 
     @classmethod
@@ -321,30 +315,12 @@ class IdentifiedModel(Immutable):
 
         about: further plain values, such as units, which `load` leaves aside.
         """
-        arrays = (
-            *BY_TERM, "covariance", "rivals", "rival_share", "initial_states", "sigma",
-            "thresholds", "chi2",
-        )  # fmt: skip
-        content = {
-            "states": self.model.states,
-            "inputs": self.model.inputs,
-            "terms": self.model.terms,
-            "coefficients": _plain(self.model.coefficients),
-            "status": self.status,
-            "reason": self.reason,
-            **{name: _plain(getattr(self, name)) for name in arrays},
-            "known": [int(i) for i in self.known],
-            "diagnostics": {
-                name: value if isinstance(value, str) else _plain(value)
-                for name, value in self.diagnostics.items()
-            },
-            "further_modes": [asdict(mode) for mode in self.further_modes],
-            "forces": _plain(self.forces),
-            "slow_forces": _plain(self.slow_forces),
-            "resonances": [asdict(mode) for mode in self.resonances],
-            **about,
-        }
-        write_json(path, content)
+        of = self.model
+        content = {"states": of.states, "inputs": of.inputs, "terms": of.terms}
+        own = {"coefficients": of.coefficients} | self._held()
+        del own["model"]
+        content |= {name: _plain(value) for name, value in own.items()}
+        write_json(path, content | {"known": [int(i) for i in self.known]} | about)
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> IdentifiedModel:
@@ -356,13 +332,10 @@ class IdentifiedModel(Immutable):
             states, inputs = tuple(content["states"]), tuple(content.get("inputs", ()))
             terms = tuple(map(tuple, content["terms"]))
             model = PolynomialModel(states, terms, _array(content["coefficients"]), inputs)
-            n, status = len(states), content["status"]
-            shapes = dict.fromkeys(BY_TERM, model.coefficients.shape) | {"thresholds": (n,)}
-            shapes |= dict.fromkeys(("initial_states", "sigma"), (-1, n))
+            status, shapes = content["status"], _shapes(*model.coefficients.shape)
             shapes["covariance"] = (len(content["covariance"]),) * 2
-            shapes |= {name: (n, n) for name in ("forces", "slow_forces") if name in content}
-            if "rivals" in content:
-                shapes["rivals"] = (-1, n, len(terms))
+            for name in LATER - content.keys():
+                del shapes[name]
             if status != "refused" and not np.all(np.isfinite(model.coefficients)):
                 raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
             return cls(
@@ -401,11 +374,26 @@ def _power_of_ten(number: str) -> str:
     return re.sub(r"e([+-]?\d+)", lambda match: rf" \cdot 10^{{{int(match[1])}}}", number)
 
 
-def _plain(values: NDArray[np.float64] | float) -> object:
-    """Nested lists of numbers, those that are not finite as text."""
-    if np.ndim(values):
-        return [_plain(value) for value in values]
-    return float(values) if np.isfinite(values) else str(float(values))
+def _shapes(states: int, terms: int) -> dict[str, tuple[int, ...]]:
+    """Of each array of a model, by name; -1 where its length is free."""
+    square = (states, states)
+    return dict.fromkeys(BY_TERM, (states, terms)) | {
+        "rivals": (-1, states, terms), "initial_states": (-1, states), "sigma": (-1, states),
+        "thresholds": (states,), "forces": square, "slow_forces": square,
+    }  # fmt: skip
+
+
+def _plain(value: object) -> object:
+    """As JSON has it; numbers that are not finite are text."""
+    if isinstance(value, FurtherMode | Resonance):
+        return asdict(value)
+    if isinstance(value, Mapping):
+        return {name: _plain(each) for name, each in value.items()}
+    if isinstance(value, str):
+        return value
+    if np.ndim(value):
+        return [_plain(each) for each in value]
+    return float(value) if np.isfinite(value) else str(float(value))
 
 
 def _array(lists: object) -> NDArray[np.float64]:
