@@ -10,9 +10,9 @@ from galloping.evaluation.oracle import PATHS, alternatives, oracles
 from galloping.figures.errors import beaten_at
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions, reduce
-from galloping.identification.sparse.regression import FOLDS, Judged, Regression, judge
+from galloping.identification.sparse.regression import FOLDS, Judged, ReducedRegression, judge
 from galloping.identification.sparse.supports import forward_models
-from galloping.identification.sparse.tuning import Filtered, savitzky_golay, seeded, weak_form
+from galloping.identification.sparse.tuning import Convolution, savitzky_golay, weak_form
 from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import PolynomialModel, library
 from galloping.tables.scores import CHOSEN, ORACLE, peers
@@ -33,7 +33,7 @@ NOISY += np.random.default_rng(11).normal(0, 0.1, NOISY.shape)
 def test_smoothing_is_that_of_pysindy(window, order):
     half, rows = window // 2, np.arange(60, 340)
     state, slope = (
-        Filtered(NOISY, window)(kernel, rows) for kernel in savitzky_golay(window, order, STEP)
+        Convolution(NOISY, window)(kernel, rows) for kernel in savitzky_golay(window, order, STEP)
     )
     smoother = ps.SmoothedFiniteDifference(
         smoother_kws={"window_length": window, "polyorder": order}
@@ -49,17 +49,17 @@ def test_smoothing_is_that_of_pysindy(window, order):
 @pytest.mark.filterwarnings("ignore:.*axes labeled")  # pysindy's, of what it does itself
 @pytest.mark.parametrize(("half", "order"), [(10, 2), (40, 8)])
 def test_test_functions_are_those_of_pysindy(half, order):
-    with seeded(np.random.default_rng(3)):
-        weak = ps.WeakPDELibrary(
-            function_library=ps.PolynomialLibrary(degree=1, include_bias=False),
-            spatiotemporal_grid=TIME, K=20, H_xt=STEP * (half + 0.25), p=order,
-        )  # fmt: skip
+    np.random.seed(3)
+    weak = ps.WeakPDELibrary(
+        function_library=ps.PolynomialLibrary(degree=1, include_bias=False),
+        spatiotemporal_grid=TIME, K=20, H_xt=STEP * (half + 0.25), p=order,
+    )  # fmt: skip
     cells = [np.asarray(cell[0]) for cell in weak.inds_k]
     same = np.array([len(cell) == 2 * half + 1 for cell in cells])
     assert same.any()
     centres = np.array([cell[half] for cell in cells if len(cell) == 2 * half + 1])
     states, slopes = (
-        Filtered(NOISY, 2 * half + 1)(kernel, centres) for kernel in weak_form(half, order, STEP)
+        Convolution(NOISY, 2 * half + 1)(kernel, centres) for kernel in weak_form(half, order, STEP)
     )
     weak.fit([NOISY])
     assert states == pytest.approx(np.asarray(weak.transform([NOISY])[0])[same], abs=1e-12)
@@ -75,7 +75,7 @@ def problem(blocks=10, noise=0.3):
     rows = rng.standard_normal((2, blocks, 7, 6))
     targets = rows @ np.array([2, 0, 0, -1, 0, 0]) + noise * rng.standard_normal((2, blocks, 7))
     seen, held_out = (np.dstack([x, y]) for x, y in zip(rows, targets, strict=True))
-    return Regression(
+    return ReducedRegression(
         rows[0].reshape(-1, 6), targets[0].reshape(-1, 1), np.array([7 * blocks]), ("x",), (),
         held_out.transpose(0, 2, 1) @ held_out,
     ), seen, held_out  # fmt: skip

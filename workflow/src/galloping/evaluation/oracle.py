@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 
 from galloping.evaluation.score import ORDERS, UNKNOWN, Truth, reconstruct, score
-from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse import evidence, frols, stlsq
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.regression import Path
+from galloping.identification.sparse.regression import Path, nonzero
 from galloping.identification.sparse.supports import solve, threshold_path
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
@@ -117,9 +117,7 @@ def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
     for problem in [each.reduced for each in evidence.settings] or [evidence.tuned]:
         products = problem.products.sum(axis=0)
         p = len(products) - len(problem.states)
-        lengths = np.sqrt(np.diagonal(products))
-        if not np.all(lengths > 0):
-            raise Unusable("a state or a derivative is zero throughout the recording")
+        lengths = nonzero(np.sqrt(np.diagonal(products)))
         unit = products / np.outer(lengths, lengths)
         (models,) = path(unit[np.newaxis, :p, :p], unit[np.newaxis, p:, :p])
         for i, each in enumerate(models):

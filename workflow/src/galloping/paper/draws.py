@@ -17,7 +17,7 @@ from galloping.evaluation.score import UNKNOWN, Truth, evaluate
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.regression import Regression
+from galloping.identification.sparse.regression import ReducedRegression
 from galloping.measurement import Motion, channel_scale
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import Exponents, design_matrix, extended, library
@@ -42,7 +42,9 @@ class Products:
     across: np.ndarray
     samples: int
 
-    def regressions(self, names: tuple[str, ...], terms: tuple[Exponents, ...]) -> list[Regression]:
+    def regressions(
+        self, names: tuple[str, ...], terms: tuple[Exponents, ...]
+    ) -> list[ReducedRegression]:
         """Each recording as the regression that its samples would be reduced to."""
         m, p = self.moments.shape[1:]
         reduced = []
@@ -51,7 +53,7 @@ class Products:
             library = np.vstack([triangle, np.zeros((m, p))]) * self.lengths
             targets = np.vstack([np.linalg.solve(triangle.T, moments.T), np.diag(across)])
             observations = np.full(m, self.samples)
-            reduced.append(Regression(library, targets, observations, names, terms))
+            reduced.append(ReducedRegression(library, targets, observations, names, terms))
         return reduced
 
 
@@ -229,7 +231,11 @@ def paper_draws(
 
 
 def identify(
-    reduced: Regression, *, threshold: float | None, columns: str, known: np.ndarray | None = None
+    reduced: ReducedRegression,
+    *,
+    threshold: float | None,
+    columns: str,
+    known: np.ndarray | None = None,
 ) -> IdentifiedModel:
     """The paper's method on a regression; keywords as of `paper_draws`.
 

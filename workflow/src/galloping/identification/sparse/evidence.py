@@ -12,9 +12,9 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
 from galloping.identification.model import Unusable
-from galloping.identification.sparse.regression import Regression, regression, stretches
+from galloping.identification.sparse.regression import ReducedRegression, regression, stretches
 from galloping.identification.sparse.tuning import (
-    Setting,
+    FilterTrial,
     best_setting,
     settings,
     smoothings,
@@ -122,50 +122,41 @@ class Regressions:
     or `plain` where there is none to choose. settings: every smoothing that was tried.
     """
 
-    plain: Regression
-    tuned: Regression
-    settings: tuple[Setting, ...] = ()
+    plain: ReducedRegression
+    tuned: ReducedRegression
+    settings: tuple[FilterTrial, ...] = ()
 
 
 def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
     """The regressions of recordings of one system on the candidate library `terms`.
 
     Where no derivatives were measured they come from smoothing, and so do the states: it is chosen
-    where the samples are equally spaced, or some of equally spaced ones. Recordings without any
-    sample, as of a line that diverges, give NaN, which no method can solve. Raises ValueError where
-    a value is missing.
+    where the samples are equally spaced, or some of equally spaced ones. Raises Unusable where a
+    value is missing.
     """
-    states = recordings[0].states
-    if any(np.isnan(recording.values).all() for recording in recordings):
-        theta, targets = np.full((1, len(terms)), np.nan), np.full((1, len(states)), np.nan)
-        nothing = Regression(theta, targets, np.zeros(len(states)), states, terms)
-        return Regressions(nothing, nothing)
-    if not any(each.exact for each in recordings):
-        recordings = [with_missing_samples(_complete(each)) for each in recordings]
-    parts = [_differentiated(recording) for recording in recordings]
-    x, dx = (np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[:2])
-    observations = sum(part[2] for part in parts)
+    _check_complete(recordings)
+    if recordings[0].exact:
+        parts = [(r.values, r.rates, np.full(len(r.states), len(r.time))) for r in recordings]
+    else:
+        recordings = [with_missing_samples(each) for each in recordings]
+        parts = [differentiate(each.time, each.values) for each in recordings]
+    states, rates, observations = zip(*parts, strict=True)
+    x, dx = np.concatenate(states), np.concatenate(rates)
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
-    plain = regression(blocks, observations, states, terms)
+    plain = regression(blocks, sum(observations), recordings[0].states, terms)
     tried = settings(recordings, terms, smoothings)
     return Regressions(plain, best_setting(tried).reduced if tried else plain, tuple(tried))
 
 
-def _complete(recording: Recording) -> Recording:
-    if not np.all(np.isfinite(recording.values)):
-        raise Unusable("recording: sparse regression needs every state at every sample")
-    return recording
-
-
-def _differentiated(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States, derivatives and the effective number of observations of each derivative."""
-    if not recording.exact:
-        return differentiate(recording.time, recording.values)
-    if not np.all(np.isfinite(recording.rates)):
-        raise Unusable("recording: sparse regression needs every derivative at every sample")
-    n, states = _complete(recording).values.shape
-    return recording.values, recording.rates, np.full(states, n)
+def _check_complete(recordings: Sequence[Recording]) -> None:
+    for recording in recordings:
+        read = {"state": recording.values}
+        if recording.exact:
+            read["derivative"] = recording.rates
+        for what, samples in read.items():
+            if not np.all(np.isfinite(samples)):
+                raise Unusable(f"needs every {what} at every sample")
 
 
 def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
@@ -174,11 +165,9 @@ def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...])
     Weak SINDy (Messenger and Bortz 2021; Reinbold et al. 2020) with pysindy's test functions.
     Raises ValueError for irregular, short or missing samples.
     """
-    for recording in recordings:
-        if not recording.is_uniform:
-            raise Unusable("needs a regularly sampled recording")
-        if not np.all(np.isfinite(recording.values)):
-            raise Unusable("needs every state at every sample")
+    if not all(recording.is_uniform for recording in recordings):
+        raise Unusable("needs a regularly sampled recording")
+    _check_complete(recordings)
     tried = settings(recordings, terms, test_functions)
     if not tried:
         raise Unusable("the recording is too short for its test functions")

@@ -7,7 +7,7 @@ import numpy as np
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.regression import Scaled, compact, judge
+from galloping.identification.sparse.regression import Scaled, judge
 from galloping.identification.sparse.supports import (
     NEGLIGIBLE,
     forward_models,
@@ -25,7 +25,7 @@ def frols(evidence: Regressions) -> IdentifiedModel:
     Terms that their successors have made NEGLIGIBLE are dropped.
     """
     problem = evidence.tuned
-    scaled = Scaled.of(*compact(problem))
+    scaled = Scaled(*problem.triangle)
     library, targets = scaled.library, scaled.targets
     if problem.held_out is None:
         products = library.T @ library, targets.T @ library

@@ -6,7 +6,7 @@ from sklearn.linear_model import LassoLars, lars_path, lars_path_gram
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.regression import Scaled, compact, judge
+from galloping.identification.sparse.regression import Scaled, judge
 from galloping.identification.sparse.supports import NEGLIGIBLE, refit, scores, solve
 
 PENALTIES = np.geomspace(1, 1e-6, 45)  # of unit columns and targets, as sums over rows
@@ -19,7 +19,7 @@ def lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
     refitted share is NEGLIGIBLE are dropped.
     """
     problem = evidence.tuned
-    scaled = Scaled.of(*compact(problem))
+    scaled = Scaled(*problem.triangle)
     library, targets = scaled.library, scaled.targets
     if threshold is not None:
         alphas = np.full(targets.shape[1], threshold)
@@ -29,11 +29,9 @@ def lasso(evidence: Regressions, *, threshold: float | None) -> IdentifiedModel:
         judged = judge(problem, models_along)
         alphas = PENALTIES[judged.chosen()] / len(library)
     rows = []
-    for i, alpha in enumerate(alphas):
-        target = targets[:, [i]]
+    for target, alpha in zip(targets.T[..., np.newaxis], alphas, strict=True):
         optimizer = WrappedOptimizer(LassoLars(alpha=alpha, fit_intercept=False))
-        support = optimizer.fit(library, target).coef_ != 0
-        support = _prune(library, target, support[np.newaxis])
+        support = _prune(library, target, optimizer.fit(library, target).coef_[np.newaxis] != 0)
         rows.append(refit(library, target, support)[0, 0])
     return problem.model(scaled.unscaled(np.stack(rows)), alphas)
 

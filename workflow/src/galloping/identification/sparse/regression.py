@@ -25,8 +25,8 @@ Path = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)  # itself alone, so that what was made of it can be kept
-class Regression:
-    """A reduced regression dX/dt = Theta c.
+class ReducedRegression:
+    """A regression dX/dt = Theta c.
 
     library: (rows, n_terms), targets: (rows, n_states), rows of the stacked block factors, each
     with as many rows as columns. observations: (n_states,) effective number of independent
@@ -55,40 +55,40 @@ class Regression:
         """Inner products of [library | targets] on each block, shaped as `held_out`."""
         factors = np.hstack([self.library, self.targets])
         factors = factors.reshape(-1, factors.shape[1], factors.shape[1])
-        return factors.transpose(0, 2, 1) @ factors
+        return factors.mT @ factors
+
+    @property
+    def triangle(self) -> tuple[np.ndarray, np.ndarray]:
+        """Library and targets as the rows of one triangle, (p + m, p) and (p + m, m).
+
+        Raises Unusable where a column is zero.
+        """
+        triangle = np.linalg.qr(np.hstack([self.library, self.targets]), mode="r")
+        nonzero(np.linalg.norm(triangle, axis=0))
+        return tuple(np.hsplit(triangle, [len(self.terms)]))
 
 
-@dataclass(frozen=True)
+def nonzero(lengths: np.ndarray) -> np.ndarray:
+    """The lengths of columns. Raises Unusable where one has none to be scaled by."""
+    if not np.all(lengths > 0):
+        raise Unusable("a state or a derivative is zero throughout the recording")
+    return lengths
+
+
 class Scaled:
-    """A regression with columns of unit length: library (rows, p) and targets (rows, m) over
-    their `lengths` (p,) and `scale` (m,).
+    """Columns of unit length: library (rows, p) and targets (rows, m) over their `lengths` (p,)
+    and `scale` (m,). Raises Unusable where a column is zero.
     """
 
-    library: np.ndarray
-    targets: np.ndarray
-    lengths: np.ndarray
-    scale: np.ndarray
-
-    @classmethod
-    def of(cls, library: np.ndarray, targets: np.ndarray) -> "Scaled":
-        lengths, scale = np.linalg.norm(library, axis=0), np.linalg.norm(targets, axis=0)
-        return cls(library / lengths, targets / scale, lengths, scale)
+    def __init__(self, library: np.ndarray, targets: np.ndarray) -> None:
+        self.lengths, self.scale = (
+            nonzero(np.linalg.norm(each, axis=0)) for each in (library, targets)
+        )
+        self.library, self.targets = library / self.lengths, targets / self.scale
 
     def unscaled(self, shares: np.ndarray) -> np.ndarray:
         """Coefficients (m, p) from those of the scaled columns."""
         return shares * self.scale[:, np.newaxis] / self.lengths
-
-
-def compact(problem: Regression) -> tuple[np.ndarray, np.ndarray]:
-    """Library and targets as the rows of one triangle, (p + m, p) and (p + m, m).
-
-    Raises ValueError where a column has no length to scale it by.
-    """
-    p = problem.library.shape[1]
-    triangle = np.linalg.qr(np.hstack([problem.library, problem.targets]), mode="r")
-    if not np.all(np.linalg.norm(triangle, axis=0) > 0):
-        raise Unusable("a state or a derivative is zero throughout the recording")
-    return triangle[:, :p], triangle[:, p:]
 
 
 def stretches(n: int) -> list[slice]:
@@ -102,11 +102,11 @@ def regression(
     observations: np.ndarray,
     states: tuple[str, ...],
     terms: tuple[Exponents, ...],
-) -> Regression:
+) -> ReducedRegression:
     """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
     factors = np.concatenate([_triangle(np.column_stack(block)) for block in blocks])
     library, targets = map(np.ascontiguousarray, np.hsplit(factors, [len(terms)]))
-    return Regression(library, targets, np.asarray(observations), states, terms)
+    return ReducedRegression(library, targets, np.asarray(observations), states, terms)
 
 
 def _triangle(rows: np.ndarray) -> np.ndarray:
@@ -151,23 +151,22 @@ class Judged:
         return np.array([np.lexsort(keys)[0] for keys in zip(total, sizes, strict=True)])
 
 
-def judge(problem: Regression, path: Path) -> Judged:
+def judge(problem: ReducedRegression, path: Path) -> Judged:
     """Fits along a path to all stretches of a problem, and to all but each fold of them."""
     blocks = problem.products
     p = blocks.shape[1] - len(problem.states)
     fold = np.arange(len(blocks)) % FOLDS
     whole = blocks.sum(axis=0)
-    lengths = np.sqrt(np.diagonal(whole))
-    if not np.all(lengths > 0):
-        raise Unusable("a state or a derivative is zero throughout the recording")
+    scale = nonzero(np.sqrt(np.diagonal(whole)))
+    unit = np.outer(scale, scale)
     trained = [whole - blocks[fold == f].sum(axis=0) for f in range(FOLDS)]
-    unit = np.stack([*trained, whole]) / np.outer(lengths, lengths)
-    *models, model = path(unit[:, :p, :p], unit[:, p:, :p])
+    products = np.stack([*trained, whole]) / unit
+    *models, model = path(products[:, :p, :p], products[:, p:, :p])
     errors = []
     for f, c in enumerate(models):
-        held_out = problem.held_out[fold == f].sum(axis=0) / np.outer(lengths, lengths)
+        held_out = problem.held_out[fold == f].sum(axis=0) / unit
         squares = np.einsum("mkp,mkp->mk", c @ held_out[:p, :p], c)
         cross = np.einsum("mkp,mp->mk", c, held_out[p:, :p])
         total = np.diagonal(held_out)[p:, np.newaxis]
         errors.append(np.maximum(total - 2 * cross + squares, ROUNDING * total))
-    return Judged(model != 0, np.stack(errors) * lengths[p:, np.newaxis] ** 2)
+    return Judged(model != 0, np.stack(errors) * scale[p:, np.newaxis] ** 2)

@@ -11,7 +11,7 @@ from sklearn import config_context
 
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.sparse.evidence import Regressions
-from galloping.identification.sparse.regression import Regression, Scaled, compact, judge
+from galloping.identification.sparse.regression import ReducedRegression, Scaled, judge
 from galloping.identification.sparse.supports import (
     NEGLIGIBLE,
     best_threshold,
@@ -27,7 +27,6 @@ from galloping.results import IDENTIFIED, KNOWN
 # Of unit columns: a ridge keeps nearly collinear ones from large coefficients of opposite sign
 # while thresholds act; the last step is least squares without it.
 RIDGES = (0.0, 1e-4)
-MOST_PASSES = 20  # of a bootstrapped sample, as in pysindy
 
 
 def normalised(
@@ -39,7 +38,7 @@ def normalised(
     between NEGLIGIBLE and 1: by cross-validation, or where nothing is held out by EBIC.
     """
     problem = evidence.tuned
-    scaled = Scaled.of(*compact(problem))
+    scaled = Scaled(*problem.triangle)
     chosen, ridges = choose(problem, threshold, path_length)
     shares = np.zeros((len(scaled.scale), len(scaled.lengths)))
     for ridge in np.unique(ridges):
@@ -61,7 +60,7 @@ def raw(
     of `path_length` from NEGLIGIBLE times the largest coefficient of least squares up to it.
     kinematics: KNOWN puts in place of an identified rate of a displacement its velocity.
     """
-    library, targets = compact(evidence.plain)
+    library, targets = evidence.plain.triangle
     if threshold is None:
         largest = np.abs(np.linalg.lstsq(library, targets, rcond=None)[0]).max(axis=0)
         candidates = largest[:, np.newaxis] * threshold_path(path_length)
@@ -87,14 +86,14 @@ def models_along(path: np.ndarray, grams: np.ndarray, moments: np.ndarray) -> np
 
 @lru_cache(maxsize=1)  # ensembles ask again
 def choose(
-    problem: Regression, threshold: float | None, path_length: int
+    problem: ReducedRegression, threshold: float | None, path_length: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The threshold and the ridge of each equation, as `normalised` has them."""
     path, ridges = threshold_path(path_length), np.zeros(len(problem.states))
     if threshold is not None:
         return np.full(len(ridges), threshold), ridges
     if problem.held_out is None:
-        scaled = Scaled.of(*compact(problem))
+        scaled = Scaled(*problem.triangle)
         candidates = np.tile(path, (len(ridges), 1))
         return _scan(scaled.library, scaled.targets, candidates, problem.observations), ridges
     judged = judge(problem, partial(models_along, path))
@@ -145,8 +144,7 @@ def ensemble(
     block's factor are exchangeable once an orthogonal transform has mixed them.
     """
     problem = evidence.tuned
-    compact(problem)  # refuses what cannot be scaled
-    scaled = Scaled.of(problem.library, problem.targets)
+    scaled = Scaled(problem.library, problem.targets)
     thresholds, _ = choose(problem, threshold, path_length)
     size = len(scaled.lengths) + len(scaled.scale)  # rows of a block
     targets = _mixed(scaled.targets, size) / thresholds  # in units of their threshold, as in `fit`
@@ -173,25 +171,7 @@ def bagged_medians(
     """
     draws = np.random.RandomState(rng.integers(2**32))
     samples = [draws.choice(len(library), len(library)) for _ in range(models)]
-    gram = np.stack([library[rows].T @ library[rows] for rows in samples])[:, np.newaxis]
-    moment = np.stack([targets[rows].T @ library[rows] for rows in samples])
-    support = np.ones(moment.shape, bool)
-    diagonal = np.arange(library.shape[1])
-    for _ in range(MOST_PASSES):
-        masks = support.astype(float)
-        systems = gram * masks[..., :, np.newaxis] * masks[..., np.newaxis, :]
-        systems[..., diagonal, diagonal] += 1 - masks
-        solved = _solved(systems, moment * masks)
-        kept = support & (np.abs(solved) >= 1)
-        if np.array_equal(kept, support):
-            break
-        support = kept
-    return np.median(np.where(kept, solved, 0.0), axis=0)
-
-
-def _solved(systems: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solutions of (..., p, p) symmetric systems; the shortest where one is singular."""
-    try:
-        return np.linalg.solve(systems, right[..., np.newaxis])[..., 0]
-    except np.linalg.LinAlgError:
-        return (np.linalg.pinv(systems, hermitian=True) @ right[..., np.newaxis])[..., 0]
+    grams = np.stack([library[rows].T @ library[rows] for rows in samples])
+    moments = np.stack([targets[rows].T @ library[rows] for rows in samples])
+    supports = thresholded_supports(grams, moments, np.ones(1))
+    return np.median(solve(grams, moments, supports)[:, :, 0], axis=0)

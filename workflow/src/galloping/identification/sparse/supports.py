@@ -11,7 +11,9 @@ def threshold_path(length: int) -> np.ndarray:
     return np.geomspace(NEGLIGIBLE, 1, length)
 
 
-def ebic(rss: np.ndarray, terms: np.ndarray, observations: int, candidates: int) -> np.ndarray:
+def ebic(
+    rss: np.ndarray, terms: np.ndarray, observations: np.ndarray | int, candidates: int
+) -> np.ndarray:
     """Extended Bayesian information criterion with gamma = 1 (Chen and Chen 2008).
 
     rss: residual sums of squares, terms: numbers of terms, of `candidates` in the library.
@@ -120,10 +122,7 @@ def scores(
     coefficients = refit(library, targets, supports)
     residuals = targets.T[:, np.newaxis, :] - coefficients @ library.T
     rss = np.sum(residuals**2, axis=-1)
-    sizes = supports.sum(axis=-1)
-    return np.stack(
-        [ebic(r, k, n, library.shape[1]) for r, k, n in zip(rss, sizes, observations, strict=True)]
-    )
+    return ebic(rss, supports.sum(axis=-1), observations[:, np.newaxis], library.shape[1])
 
 
 def best_threshold(thresholds: np.ndarray, supports: np.ndarray, place: int) -> float:

@@ -7,17 +7,21 @@ those classes to every sample would take 10^3 times longer.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 import pysindy as ps
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import irfft, next_fast_len, rfft
 
-from galloping.identification.sparse.regression import BLOCKS, Regression, judge, regression
+from galloping.identification.sparse.regression import (
+    ReducedRegression,
+    judge,
+    regression,
+    stretches,
+)
 from galloping.identification.sparse.supports import forward_models
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
@@ -33,29 +37,29 @@ Block = tuple[np.ndarray, np.ndarray]  # rows of a library (r, p) and of targets
 
 
 @dataclass(frozen=True)
-class Setting:
-    """What of a regression tells its setting from others; the rest is made only where it is chosen.
+class FilterTrial:
+    """A filter tried on recordings: what tells it from others; the rest is made only where chosen.
 
-    states, terms, products, held_out: as of `Regression`. blocks: of each recording, makes the
-    library and the targets of each stretch.
+    states, terms, products, held_out: as of `ReducedRegression`. blocks: makes the library and the
+    targets of each stretch.
     """
 
     states: tuple[str, ...]
     terms: tuple[Exponents, ...]
     products: np.ndarray
     held_out: np.ndarray
-    blocks: tuple[Callable[[], list[Block]], ...]
+    blocks: Callable[[], list[Block]]
 
     @cached_property
-    def reduced(self) -> Regression:
+    def reduced(self) -> ReducedRegression:
         """Least squares with this setting."""
-        blocks = [block for make in self.blocks for block in make()]
+        blocks = self.blocks()
         observations = np.full(len(self.states), sum(len(library) for library, _ in blocks))
         reduced = regression(blocks, observations, self.states, self.terms)
         return replace(reduced, held_out=self.held_out)
 
 
-def best_setting(settings: Sequence[Setting]) -> Setting:
+def best_setting(settings: Sequence[FilterTrial]) -> FilterTrial:
     """The one whose models, grown term by term, err least on held-out stretches.
 
     Errors of each state derivative in units of the least of all settings, added up.
@@ -63,17 +67,6 @@ def best_setting(settings: Sequence[Setting]) -> Setting:
     path = partial(forward_models, steps=STEPS)
     errors = np.stack([judge(setting, path).best for setting in settings])
     return settings[np.sum(errors / errors.min(axis=0), axis=1).argmin()]
-
-
-@contextmanager
-def seeded(rng: np.random.Generator) -> Iterator[None]:
-    """Seeds NumPy's global generator, from which pysindy draws, by `rng`; and puts it back."""
-    state = np.random.get_state()
-    np.random.seed(rng.integers(2**32))
-    try:
-        yield
-    finally:
-        np.random.set_state(state)
 
 
 @lru_cache(maxsize=64)
@@ -107,19 +100,20 @@ def weak_form(half: int, order: int, step: float) -> tuple[np.ndarray, np.ndarra
     half: of the test function's length, in samples; order: of its ends. Both are WeakPDELibrary's
     weights of one test function, which are the same wherever it stands.
     """
+    drawn_from = np.random.get_state()
     # the cell holds these 2 half + 1 samples wherever its centre is drawn
-    with seeded(np.random.default_rng(0)):
-        library = ps.WeakPDELibrary(
-            function_library=ps.PolynomialLibrary(degree=1),
-            spatiotemporal_grid=step * np.arange(-half - 1, half + 2),
-            K=1,
-            H_xt=step * (half + 0.5),
-            p=order,
-        )
+    library = ps.WeakPDELibrary(
+        function_library=ps.PolynomialLibrary(degree=1),
+        spatiotemporal_grid=step * np.arange(-half - 1, half + 2),
+        K=1,
+        H_xt=step * (half + 0.5),
+        p=order,
+    )
+    np.random.set_state(drawn_from)
     return library.fullweights0[0][::-1], -library.fulltweights[0][::-1]
 
 
-class Filtered:
+class Convolution:
     """Columns (n, m) that many kernels will be applied to.
 
     longest: samples of the longest kernel.
@@ -150,10 +144,11 @@ class _Frame:
         self.samples, self.terms = max(period / self.step, SMALLEST), terms
         margin, stride = int(self.samples / 2) + 2, max(1, n // ROWS)
         self.rows = np.arange(margin, n - margin, stride)
-        edges = np.linspace(0, len(self.rows), BLOCKS + 1).astype(int)
-        self.stretches = [slice(a, b) for a, b in pairwise(edges)]
+        self.stretches = stretches(len(self.rows))
         half = max(2, round(JUDGE[0] * self.samples / stride))
-        self.centres = [np.arange(a + half, b - half, half // 2) for a, b in pairwise(edges)]
+        self.centres = [
+            np.arange(each.start + half, each.stop - half, half // 2) for each in self.stretches
+        ]
         self.weights = _bump(half, stride * self.step)[0]
         self.slopes = _bump(half * stride, self.step)[1]
 
@@ -166,13 +161,14 @@ class _Frame:
         stretches = zip(self.centres, self._raw, strict=True)
         return _products((_integrals(library, self.weights, c), raw) for c, raw in stretches)
 
-    def setting(self, rows: Callable[[], Block], held_out: np.ndarray | None = None) -> Setting:
+    def setting(self, rows: Callable[[], Block], held_out: np.ndarray | None = None) -> FilterTrial:
         """Of `rows`, which makes a library and targets. held_out: of the library, where known."""
         library, targets = rows()
         held_out = self.held_out(library) if held_out is None else held_out
         blocks = self._stretches(library, targets)
-        again = (lambda: self._stretches(*rows()),)
-        return Setting(self.states, self.terms, _products(blocks), held_out, again)
+        return FilterTrial(
+            self.states, self.terms, _products(blocks), held_out, lambda: self._stretches(*rows())
+        )
 
     def _stretches(self, library: np.ndarray, targets: np.ndarray) -> list[Block]:
         return [(library[each], targets[each]) for each in self.stretches]
@@ -181,8 +177,8 @@ class _Frame:
 def settings(
     recordings: Sequence[Recording],
     terms: tuple[Exponents, ...],
-    applied: Callable[[_Frame], Iterator[Setting]],
-) -> list[Setting]:
+    applied: Callable[[_Frame], Iterator[FilterTrial]],
+) -> list[FilterTrial]:
     """Those of all recordings together. applied: `smoothings` or `test_functions`.
 
     Empty where derivatives were measured, samples are not equally spaced, or the stretches of a
@@ -192,15 +188,15 @@ def settings(
         return []
     period = min(map(_period, recordings))
     frames = [_Frame(recording, period, terms) for recording in recordings]
-    if not all(len(centres) for frame in frames for centres in frame.centres):
+    if not all(frame.centres and all(map(len, frame.centres)) for frame in frames):
         return []
     return [_joined(parts) for parts in zip(*map(applied, frames), strict=True)]
 
 
-def smoothings(frame: _Frame) -> Iterator[Setting]:
+def smoothings(frame: _Frame) -> Iterator[FilterTrial]:
     """One for each window and order of Savitzky-Golay filters on states and slopes."""
     windows = 2 * (np.geomspace(SMALLEST, frame.samples, WINDOWS) / 2).astype(int) + 1
-    filtered = Filtered(frame.values, windows[-1])
+    filtered = Convolution(frame.values, windows[-1])
 
     def rows(window: int, order: int) -> Block:
         kernels = savitzky_golay(window, order, frame.step)
@@ -211,12 +207,12 @@ def smoothings(frame: _Frame) -> Iterator[Setting]:
         yield frame.setting(partial(rows, window, order))
 
 
-def test_functions(frame: _Frame) -> Iterator[Setting]:
+def test_functions(frame: _Frame) -> Iterator[FilterTrial]:
     """One in the weak form for each length and order of test functions."""
     raw = design_matrix(frame.values, frame.terms)
     halves = [max(2, int(share * frame.samples)) for share in HALF_WIDTHS]
     longest = 2 * halves[-1] + 1
-    library, states = Filtered(raw, longest), Filtered(frame.values, longest)
+    library, states = Convolution(raw, longest), Convolution(frame.values, longest)
     held_out = frame.held_out(raw[frame.rows])
 
     def rows(half: int, order: int) -> Block:
@@ -227,13 +223,13 @@ def test_functions(frame: _Frame) -> Iterator[Setting]:
         yield frame.setting(partial(rows, half, order), held_out)
 
 
-def _joined(parts: Sequence[Setting]) -> Setting:
+def _joined(parts: Sequence[FilterTrial]) -> FilterTrial:
     """One setting for all recordings."""
     return replace(
         parts[0],
         products=np.concatenate([part.products for part in parts]),
         held_out=np.concatenate([part.held_out for part in parts]),
-        blocks=tuple(part.blocks[0] for part in parts),
+        blocks=lambda: [block for part in parts for block in part.blocks()],
     )
 
 
