@@ -10,9 +10,9 @@ from galloping.configuration.load import load, plain
 from galloping.evaluation import reduction as trial
 from galloping.evaluation.score import Truth, evaluate
 from galloping.identification.model import IdentifiedModel
-from galloping.physics import continuous, galerkin
+from galloping.physics import continuous
 from galloping.physics.continuous import continuous_line, readings, release, simulate
-from galloping.physics.galerkin import STATES, Line, coefficients, model
+from galloping.physics.galerkin import STATES, coefficients, model
 from galloping.physics.gusts import SPECTRA, wind_speed
 
 TIME = np.arange(30001) / 100
@@ -39,8 +39,7 @@ def test_line_on_more_and_more_modes(modes, aerodynamic, frequency, v, w):
 
 
 def test_one_pair_of_shapes_is_the_model_of_the_paper():
-    phi, psi = galerkin.modes(RESONANT, Line.from_case(RESONANT))
-    line = continuous.span(RESONANT, [phi], [psi])
+    line = continuous_line(RESONANT, 0)
     end = simulate(line, np.array([0.1, 0.1, 0.0, 0.0]), TIME)[-1]
     # the numbers of physics.md; the fixed step is good to a millionth after 300 s
     expected = [0.35202677, 1.81831793, -1.84807987, -0.88856756]

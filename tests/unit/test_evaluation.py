@@ -10,9 +10,8 @@ from galloping.evaluation import score as scores
 from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
 from galloping.evaluation.motion import summarise as summarise_motions
 from galloping.evaluation.score import Truth, evaluate, reconstruct, score
-from galloping.identification.model import IdentifiedModel
+from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.identification.sparse.evidence import reduce
-from galloping.identification.sparse.stlsq import normalised
 from galloping.measurement import Motion
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import PolynomialModel, extended, library
@@ -216,9 +215,8 @@ def test_a_line_that_diverges_is_a_row_with_its_reason():
     truth = Truth(line, time, states, (10, 20), "diverged: |x| exceeded 1000 at t = 3 s")
     with np.errstate(invalid="raise"):
         motion = Motion(line.states, time, states, line(states), truth.status)
-        reduced = reduce(recorded(motion), library(4, 3))
-    with pytest.raises(ValueError):  # which makes a row of it
-        normalised(reduced, threshold=None, path_length=5)
+    with pytest.raises(Unusable, match="needs every state"):  # which makes a row of it
+        reduce(recorded(motion), library(4, 3))
     failed = IdentifiedModel.refused(line.states, line.terms, "stlsq: no data")
     (motion,) = reconstruct(truth, [failed])
     row = score(truth, failed, motion, np.full(line.coefficients.shape, np.nan))

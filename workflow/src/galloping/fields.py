@@ -96,17 +96,16 @@ def listing(*items: Any) -> Any:
     return Annotated[tuple[items], Field(strict=False)]
 
 
-def distinct(item: Any) -> Any:
-    """The type of a list of which no two items are equal."""
-    unique = Field(strict=False, json_schema_extra={"uniqueItems": True})
+def distinct(item: Any, **schema: int) -> Any:
+    """The type of a list of which no two items are equal. schema: what JSON Schema says beside."""
+    unique = Field(strict=False, json_schema_extra={**schema, "uniqueItems": True})
     return Annotated[tuple[item, ...], unique, AfterValidator(_distinct)]
 
 
 def selection(item: Any) -> Any:
     """The type of a list of at least one item, no two equal."""
     # Checked in `_some`: min_length would also count out the items that are wrong.
-    some = Field(strict=False, json_schema_extra={"minItems": 1, "uniqueItems": True})
-    return Annotated[tuple[item, ...], some, AfterValidator(_some), AfterValidator(_distinct)]
+    return Annotated[distinct(item, minItems=1), AfterValidator(_some)]
 
 
 def setting(default: Any, description: str, unit: str = "") -> Any:

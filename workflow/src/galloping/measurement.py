@@ -15,9 +15,8 @@ from galloping.streams import generator
 
 # What recordings hold: exact states with their derivatives, all states, not all of them, or
 # derivatives beside states that are not exact, if there are any.
-DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE, RATES = (
-    "derivatives", "states", "displacements", "rates",
-)  # fmt: skip
+DERIVATIVES, ALL_STATES = "derivatives", "states"
+DISPLACEMENTS_ALONE, RATES = "displacements", "rates"
 
 
 @dataclass(frozen=True)
@@ -132,11 +131,10 @@ def measure(
         if samples < len(motion.time):
             rows = np.sort(rng.choice(len(motion.time), size=samples, replace=False))
         values = _channels(motion.states[rows], noise.states, rng)
-        further = {}
+        rates = None
         if np.any(np.isfinite(noise.derivatives)):
-            channels = _channels(motion.derivatives[rows], noise.derivatives, rng)
-            further = {"rates": channels, "exact": exact}
-        return Recording(motion.time[rows], motion.names, values, **further)
+            rates = _channels(motion.derivatives[rows], noise.derivatives, rng)
+        return Recording(motion.time[rows], motion.names, values, rates, exact=exact)
 
     return [tuple(record(r, i) for i in range(recordings)) for r in range(replicates)]
 

@@ -114,7 +114,7 @@ def alternatives(evidence: Regressions, path: Path) -> list[np.ndarray]:
     path: the models that a method's thresholds give.
     """
     found: list[list[np.ndarray]] = [[] for _ in evidence.tuned.states]
-    for problem in [each.reduced for each in evidence.settings] or [evidence.tuned]:
+    for problem in [each.reduced for each in evidence.filters] or [evidence.tuned]:
         products = problem.products.sum(axis=0)
         p = len(products) - len(problem.states)
         lengths = nonzero(np.sqrt(np.diagonal(products)))

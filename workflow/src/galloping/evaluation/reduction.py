@@ -8,8 +8,7 @@ import pandas as pd
 
 from galloping.cycles.family import initial_state
 from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
-from galloping.physics import continuous, galerkin
-from galloping.physics.galerkin import Line
+from galloping.physics import continuous
 from galloping.streams import generator
 
 RATE = 50  # Hz
@@ -95,8 +94,7 @@ def reduction(case: Mapping, motions: Mapping[str, tuple[np.ndarray, np.ndarray]
     falls out of step. antisymmetric_m, the amplitude of the limit cycle at a quarter of the span
     in antisymmetric modes, is what the two-mode model cannot see.
     """
-    phi, psi = galerkin.modes(case, Line.from_case(case))
-    model = _motion(continuous.span(case, [phi], [psi]), np.array(initial_state(case)))
+    model = _motion(continuous.continuous_line(case, 0), np.array(initial_state(case)))
     of_model, tables = _described(*model), []
     for name, motion in {"two modes": model, **motions}.items():
         own, row = _described(*motion), {"line": name, "direction": DIRECTIONS}

@@ -17,8 +17,8 @@ from scipy.optimize import root
 from galloping.physics.galerkin import (
     STATES,
     Line,
-    ModeShape,
     ice_coefficients,
+    modes,
     positions,
     sine_mode,
     weights,
@@ -67,16 +67,12 @@ class Span:
         return rate
 
 
-def span(
-    case: Mapping,
-    vertical: Sequence[ModeShape],
-    horizontal: Sequence[ModeShape],
-    *,
-    aerodynamic: str = "small_angle",
-    drag: float = 0.0,
+def continuous_line(
+    case: Mapping, sines: int = 9, *, aerodynamic: str = "small_angle", drag: float = 0.0
 ) -> Span:
-    """The line of a `cases` section on the given shapes, as many vertical as horizontal.
+    """The line of a `cases` section on so many sine modes in each direction.
 
+    sines: 0 for the two shapes of `galerkin.modes`, one in each direction.
     aerodynamic: `small_angle`, the paper's alpha = v_t/U and F = rho D U^2 C(alpha)/2, or
     `relative`, alpha = arctan(v_t/(U - w_t)) and the square of the relative speed. drag: static
     horizontal coefficient; with small angles its load is linear in w_t, which damps w.
@@ -87,11 +83,13 @@ def span(
         raise ValueError(f"aerodynamics: {aerodynamic} is none of {', '.join(AERODYNAMICS)}")
     line = Line.from_case(case)
     weight = weights(line.span)
+    directions = [[sine_mode(line, k + 1) for k in range(sines)]] * 2
+    if sines == 0:
+        directions = [[shape] for shape in modes(case, line)]
     shapes, slopes, curvatures, spacers = (
-        np.array([np.column_stack([getattr(mode, name) for mode in modes])
-                  for modes in (vertical, horizontal)])
+        np.array([np.column_stack([getattr(mode, name) for mode in own]) for own in directions])
         for name in ("shape", "slope", "curvature", "at_spacers")
-    )  # fmt: skip
+    )
     masses = line.mass * (shapes.mT * weight) @ shapes + line.spacer_mass * spacers.mT @ spacers
     tension = (slopes.mT * weight) @ slopes
     bending = line.bending_stiffness * (curvatures.mT * weight) @ curvatures
@@ -118,13 +116,6 @@ def span(
         relative=aerodynamic == "relative",
     )
     return Span(line, float(case["wind"]["speed"]), masses, arrays)
-
-
-def continuous_line(case: Mapping, modes: int = 9, **load) -> Span:
-    """The line of a case on that many sine modes in each direction; `load` as in `span`."""
-    line = Line.from_case(case)
-    sines = [sine_mode(line, order) for order in range(1, modes + 1)]
-    return span(case, sines, sines, **load)
 
 
 def _modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

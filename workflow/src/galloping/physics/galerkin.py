@@ -163,15 +163,12 @@ EQUATIONS = {2: "vertical", 3: "horizontal"}
 
 def model(values: Mapping[str, float]) -> PolynomialModel:
     """The galloping equations with the left-hand-side coefficients `values`, by symbol of TERMS."""
-    present = {symbol: value for symbol, value in values.items() if value != 0}
-    kinematic = ((0, 0, 1, 0), (0, 0, 0, 1))
-    terms = tuple(dict.fromkeys([*kinematic, *(TERMS[symbol][1] for symbol in present)]))
+    present = [(*TERMS[symbol], -value) for symbol, value in values.items() if value != 0]
+    places = [(0, (0, 0, 1, 0), 1.0), (1, (0, 0, 0, 1), 1.0), *present]
+    terms = tuple(dict.fromkeys(term for _, term, _ in places))
     matrix = np.zeros((len(STATES), len(terms)))
-    for row, term in enumerate(kinematic):
-        matrix[row, terms.index(term)] = 1.0
-    for symbol, value in present.items():
-        row, term = TERMS[symbol]
-        matrix[row, terms.index(term)] = -value
+    for row, term, value in places:
+        matrix[row, terms.index(term)] = value
     return PolynomialModel(STATES, terms, matrix)
 
 

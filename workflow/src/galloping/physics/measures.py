@@ -79,13 +79,7 @@ def ice_removal() -> Measure:
     return Measure("ice removed", lambda case: {**case, "ice": bare}, source=CIGRE)
 
 
-KINDS = {
-    "tension": tension,
-    "damper": damper,
-    "spacers": spacers,
-    "pendulum": pendulum,
-    "ice_removal": ice_removal,
-}
+KINDS = {kind.__name__: kind for kind in (tension, damper, spacers, pendulum, ice_removal)}
 
 
 def usual(case: Mapping) -> tuple[Measure, ...]:
@@ -132,9 +126,9 @@ class Ellipse:
     minor: float
     below: float
 
-    def outline(self, points: int = 400) -> np.ndarray:
-        """(points, 2) places (w, v) about the rest position at mid-span, in m."""
-        angle = 2 * np.pi * np.arange(points) / points
+    def outline(self) -> np.ndarray:
+        """(400, 2) places (w, v) about the rest position at mid-span, in m."""
+        angle = 2 * np.pi * np.arange(400) / 400
         centre = self.major / 2 - self.below
         return np.column_stack(
             [self.minor / 2 * np.cos(angle), centre + self.major / 2 * np.sin(angle)]

@@ -17,8 +17,8 @@ from galloping.evaluation.motion import steady_amplitude
 from galloping.identification.cell import identify
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95, drawn
-from galloping.physics import continuous, galerkin
-from galloping.physics.galerkin import STATES, Line
+from galloping.physics import continuous
+from galloping.physics.galerkin import STATES
 from galloping.polynomial import PolynomialModel, library
 from galloping.recording import Input, Recording
 from galloping.simulation import Simulator
@@ -53,7 +53,7 @@ class SensedLine:
     """A line and its sensors.
 
     modes: sine modes in each direction, or 0 for the two shapes of the paper's model.
-    aerodynamics: as in `continuous.span`. intensity: of the gusts. sensors: of LAYOUTS, told apart
+    aerodynamics: as in `continuous_line`. intensity: of the gusts. sensors: of LAYOUTS, told apart
     into as many sine modes, the first of which is recorded; or the modal `states`. velocities:
     whether they are measured. wind: whether the wind is, the model's library then being the
     quasi-static law.
@@ -88,10 +88,7 @@ DRIVEN = ("maximum_likelihood", "weak_gls")  # methods that take inputs
 
 def line_of(case: Mapping, truth: SensedLine) -> continuous.Span:
     """The line of a truth in the wind of a `cases` section."""
-    if truth.modes:
-        return continuous.continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
-    phi, psi = galerkin.modes(case, Line.from_case(case))
-    return continuous.span(case, [phi], [psi], aerodynamic=truth.aerodynamics)
+    return continuous.continuous_line(case, truth.modes, aerodynamic=truth.aerodynamics)
 
 
 def motion(

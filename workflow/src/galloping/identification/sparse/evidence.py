@@ -14,11 +14,11 @@ from scipy.sparse import csr_array
 from galloping.identification.model import Unusable
 from galloping.identification.sparse.regression import ReducedRegression, regression, stretches
 from galloping.identification.sparse.tuning import (
-    FilterTrial,
-    best_setting,
-    settings,
+    TriedFilter,
+    best_filter,
     smoothings,
     test_functions,
+    tried_filters,
 )
 from galloping.polynomial import Exponents, design_matrix
 from galloping.recording import Recording
@@ -119,12 +119,12 @@ class Regressions:
 
     plain: derivatives as measured, or those of a spline that generalised cross-validation made as
     smooth as each channel asks for. tuned: by the smoothing that predicts held-out stretches best,
-    or `plain` where there is none to choose. settings: every smoothing that was tried.
+    or `plain` where there is none to choose. filters: every one that was tried.
     """
 
     plain: ReducedRegression
     tuned: ReducedRegression
-    settings: tuple[FilterTrial, ...] = ()
+    filters: tuple[TriedFilter, ...] = ()
 
 
 def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Regressions:
@@ -145,8 +145,8 @@ def reduce(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> Reg
     # block by block, so that a block's library stays in the cache
     blocks = ((design_matrix(x[rows], terms), dx[rows]) for rows in stretches(len(x)))
     plain = regression(blocks, sum(observations), recordings[0].states, terms)
-    tried = settings(recordings, terms, smoothings)
-    return Regressions(plain, best_setting(tried).reduced if tried else plain, tuple(tried))
+    tried = tried_filters(recordings, terms, smoothings)
+    return Regressions(plain, best_filter(tried).reduced if tried else plain, tuple(tried))
 
 
 def _check_complete(recordings: Sequence[Recording]) -> None:
@@ -168,8 +168,8 @@ def reduce_weakly(recordings: Sequence[Recording], terms: tuple[Exponents, ...])
     if not all(recording.is_uniform for recording in recordings):
         raise Unusable("needs a regularly sampled recording")
     _check_complete(recordings)
-    tried = settings(recordings, terms, test_functions)
+    tried = tried_filters(recordings, terms, test_functions)
     if not tried:
         raise Unusable("the recording is too short for its test functions")
-    chosen = best_setting(tried).reduced
+    chosen = best_filter(tried).reduced
     return Regressions(chosen, chosen, tuple(tried))

@@ -5,7 +5,7 @@ orthogonal transformation keeps those. Identification therefore works on the tri
 
 Fits to some stretches of a recording are judged by the others, in the weak form of the raw samples:
 what a model predicts of a held-out stretch, int phi Theta(x) c, is compared with -int phi' y, which
-no smoothing has touched, so that its noise has zero mean and is the same for all settings.
+no smoothing has touched, so that its noise has zero mean and is the same for all filters.
 """
 
 from collections.abc import Callable, Iterable

@@ -37,7 +37,7 @@ Block = tuple[np.ndarray, np.ndarray]  # rows of a library (r, p) and of targets
 
 
 @dataclass(frozen=True)
-class FilterTrial:
+class TriedFilter:
     """A filter tried on recordings: what tells it from others; the rest is made only where chosen.
 
     states, terms, products, held_out: as of `ReducedRegression`. blocks: makes the library and the
@@ -52,21 +52,21 @@ class FilterTrial:
 
     @cached_property
     def reduced(self) -> ReducedRegression:
-        """Least squares with this setting."""
+        """Least squares with this filter."""
         blocks = self.blocks()
         observations = np.full(len(self.states), sum(len(library) for library, _ in blocks))
         reduced = regression(blocks, observations, self.states, self.terms)
         return replace(reduced, held_out=self.held_out)
 
 
-def best_setting(settings: Sequence[FilterTrial]) -> FilterTrial:
+def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
     """The one whose models, grown term by term, err least on held-out stretches.
 
-    Errors of each state derivative in units of the least of all settings, added up.
+    Errors of each state derivative in units of the least of all filters, added up.
     """
     path = partial(forward_models, steps=STEPS)
-    errors = np.stack([judge(setting, path).best for setting in settings])
-    return settings[np.sum(errors / errors.min(axis=0), axis=1).argmin()]
+    errors = np.stack([judge(each, path).best for each in tried])
+    return tried[np.sum(errors / errors.min(axis=0), axis=1).argmin()]
 
 
 @lru_cache(maxsize=64)
@@ -161,12 +161,12 @@ class _Frame:
         stretches = zip(self.centres, self._raw, strict=True)
         return _products((_integrals(library, self.weights, c), raw) for c, raw in stretches)
 
-    def setting(self, rows: Callable[[], Block], held_out: np.ndarray | None = None) -> FilterTrial:
+    def tried(self, rows: Callable[[], Block], held_out: np.ndarray | None = None) -> TriedFilter:
         """Of `rows`, which makes a library and targets. held_out: of the library, where known."""
         library, targets = rows()
         held_out = self.held_out(library) if held_out is None else held_out
         blocks = self._stretches(library, targets)
-        return FilterTrial(
+        return TriedFilter(
             self.states, self.terms, _products(blocks), held_out, lambda: self._stretches(*rows())
         )
 
@@ -174,11 +174,11 @@ class _Frame:
         return [(library[each], targets[each]) for each in self.stretches]
 
 
-def settings(
+def tried_filters(
     recordings: Sequence[Recording],
     terms: tuple[Exponents, ...],
-    applied: Callable[[_Frame], Iterator[FilterTrial]],
-) -> list[FilterTrial]:
+    applied: Callable[[_Frame], Iterator[TriedFilter]],
+) -> list[TriedFilter]:
     """Those of all recordings together. applied: `smoothings` or `test_functions`.
 
     Empty where derivatives were measured, samples are not equally spaced, or the stretches of a
@@ -193,7 +193,7 @@ def settings(
     return [_joined(parts) for parts in zip(*map(applied, frames), strict=True)]
 
 
-def smoothings(frame: _Frame) -> Iterator[FilterTrial]:
+def smoothings(frame: _Frame) -> Iterator[TriedFilter]:
     """One for each window and order of Savitzky-Golay filters on states and slopes."""
     windows = 2 * (np.geomspace(SMALLEST, frame.samples, WINDOWS) / 2).astype(int) + 1
     filtered = Convolution(frame.values, windows[-1])
@@ -204,10 +204,10 @@ def smoothings(frame: _Frame) -> Iterator[FilterTrial]:
         return design_matrix(states, frame.terms), slopes
 
     for window, order in product(windows.tolist(), ORDERS):
-        yield frame.setting(partial(rows, window, order))
+        yield frame.tried(partial(rows, window, order))
 
 
-def test_functions(frame: _Frame) -> Iterator[FilterTrial]:
+def test_functions(frame: _Frame) -> Iterator[TriedFilter]:
     """One in the weak form for each length and order of test functions."""
     raw = design_matrix(frame.values, frame.terms)
     halves = [max(2, int(share * frame.samples)) for share in HALF_WIDTHS]
@@ -220,11 +220,11 @@ def test_functions(frame: _Frame) -> Iterator[FilterTrial]:
         return library(weights, frame.rows), states(slopes, frame.rows)
 
     for half, order in product(halves, ENDS):
-        yield frame.setting(partial(rows, half, order), held_out)
+        yield frame.tried(partial(rows, half, order), held_out)
 
 
-def _joined(parts: Sequence[FilterTrial]) -> FilterTrial:
-    """One setting for all recordings."""
+def _joined(parts: Sequence[TriedFilter]) -> TriedFilter:
+    """One filter on all recordings."""
     return replace(
         parts[0],
         products=np.concatenate([part.products for part in parts]),
