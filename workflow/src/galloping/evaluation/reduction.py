@@ -77,10 +77,9 @@ def _time() -> np.ndarray:
 def _motion(
     line: continuous.Span, start: np.ndarray, speed: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    where = [share * line.line.span for share in continuous.QUARTERS]
     states = continuous.simulate(line, start, _time(), speed, STEP)
-    readings = continuous.readings(line, states, where, "displacement")
-    left, middle, right = np.moveaxis(readings, 1, 0)
+    displacements = continuous.readings(line, states, continuous.QUARTERS)[..., :2]
+    left, middle, right = np.moveaxis(displacements, 1, 0)
     return middle, (left - right) / 2.0
 
 

@@ -127,10 +127,10 @@ def _modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndar
     return np.sqrt(squares), inverse.mT @ vectors
 
 
-def shapes_at(line: Span, where: Sequence[float]) -> np.ndarray:
-    """(2, n_positions, n): the shapes of both directions at the positions `where`, m."""
+def shapes_at(line: Span, places: Sequence[float]) -> np.ndarray:
+    """(2, n_places, n): the shapes of both directions at `places`, shares of the span."""
     nodes = 2.0 * positions(line.line.span) / line.line.span - 1.0
-    points = 2.0 * np.asarray(where, dtype=float) / line.line.span - 1.0
+    points = 2.0 * np.asarray(places) - 1.0
     # exact to rounding: the quadrature nodes are those of a polynomial of high degree
     basis = np.linalg.solve(legvander(nodes, len(nodes) - 1).T, legvander(points, len(nodes) - 1).T)
     return basis.T @ line.arrays.shapes
@@ -146,7 +146,7 @@ def natural_modes(line: Span, direction: int) -> tuple[np.ndarray, np.ndarray]:
     if direction == 0:
         stiffness += line.masses[0] @ np.outer(line.arrays.pull, line.arrays.strain)
     omega, coordinates = _modes(line.masses[direction], stiffness)
-    middle, quarter = shapes_at(line, [line.line.span / 2, line.line.span / 4])[direction]
+    middle, quarter = shapes_at(line, (0.5, 0.25))[direction]
     scale = np.where(
         symmetric(line, coordinates, direction), middle @ coordinates, quarter @ coordinates
     )
@@ -315,38 +315,25 @@ def _runge_kutta(start, step, substeps, wind, line):
     return states
 
 
-QUANTITIES = ("displacement", "velocity", "acceleration")
 QUARTERS = (0.25, 0.5, 0.75)  # of the span: three sensors that tell the first three modes apart
 
 
-def readings(
-    line: Span,
-    states: np.ndarray,
-    where: Sequence[float],
-    quantity: str,
-    speed: np.ndarray | None = None,
-) -> np.ndarray:
-    """(n, n_sensors, 2) vertical and horizontal readings, without noise.
-
-    states: (n, 4 n_modes), of `continuous.simulate`. where: positions, m. quantity: one of
-    `QUANTITIES`, m, m/s, m/s2. speed: (n,) wind at the samples, of which only an acceleration
-    depends; the mean wind where not given.
+def readings(line: Span, states: np.ndarray, places: Sequence[float]) -> np.ndarray:
+    """(n, n_sensors, 4) of states (n, 4 n_modes): displacements, v and w, m, and velocities, m/s,
+    at `places`, shares of the span; of rates of states: velocities and accelerations, m/s2.
     """
-    if quantity == "acceleration":
-        wind = np.full(len(states), line.speed) if speed is None else speed
-        states = np.array([line.rates(x, u) for x, u in zip(states, wind, strict=True)])
-    halves = states.reshape(len(states), 2, 2, line.modes)
-    both = halves[:, 0 if quantity == "displacement" else 1]
-    return np.einsum("dsk,ndk->nsd", shapes_at(line, where), both)
+    each = states.reshape(len(states), 2, 2, line.modes)
+    read = np.einsum("dsk,nhdk->nshd", shapes_at(line, places), each)
+    return read.reshape(*read.shape[:2], 4)
 
 
-def first_modes(values: np.ndarray, where: Sequence[float], span: float) -> np.ndarray:
+def first_modes(line: Span, values: np.ndarray, places: Sequence[float]) -> np.ndarray:
     """Coordinates of as many sine modes as there are sensors: the matrix of sines inverted.
 
-    values: (n, n_sensors, ...). where: positions, m, inside the span. Same shape, by mode.
+    values: (n, n_sensors, ...) at `places`, shares of the span. Same shape, by mode.
     """
-    order = np.arange(1, len(where) + 1)
-    sines = np.sin(np.pi * np.outer(np.asarray(where, dtype=float), order) / span)
+    where, span = np.multiply(places, line.line.span), line.line.span
+    sines = np.sin(np.pi * np.outer(where, np.arange(1, len(where) + 1)) / span)
     return np.einsum("ks,ns...->nk...", np.linalg.inv(sines), values)
 
 
@@ -373,11 +360,7 @@ def observed(
     if not np.all(np.isfinite(states)):
         nowhere = np.full((len(time), len(STATES)), np.nan)
         return Motion(STATES, time, nowhere, nowhere, "diverged: not finite")
-    where = [share * line.line.span for share in truth["sensors"]]
-    displacement, velocity, acceleration = (
-        first_modes(readings(line, states, where, quantity, speed), where, line.line.span)[:, 0]
-        for quantity in QUANTITIES
-    )
-    return Motion(
-        STATES, time, np.hstack([displacement, velocity]), np.hstack([velocity, acceleration])
-    )
+    winds = np.full(len(time), line.speed) if speed is None else speed
+    rates = np.array([line.rates(*each) for each in zip(states, winds, strict=True)])
+    seen = (readings(line, each, truth["sensors"]) for each in (states, rates))
+    return Motion(STATES, time, *(first_modes(line, each, truth["sensors"])[:, 0] for each in seen))

@@ -106,23 +106,14 @@ def motion(
     states = continuous.simulate(line, start, time, speed)
     if truth.sensors == "states":
         return states[:, np.newaxis]
-    where = _places(line, truth)
-    both = [
-        continuous.readings(line, states, where, quantity)
-        for quantity in ("displacement", "velocity")
-    ]
-    return np.concatenate(both, axis=2)
+    return continuous.readings(line, states, LAYOUTS[truth.sensors])
 
 
 def combined(line: continuous.Span, truth: SensedLine, values: np.ndarray) -> np.ndarray:
     """(n, 4): the states that are made of the sensors' readings (n, n_sensors, 4)."""
     if truth.sensors == "states":
         return values[:, 0]
-    return continuous.first_modes(values, _places(line, truth), line.line.span)[:, 0]
-
-
-def _places(line: continuous.Span, truth: SensedLine) -> list[float]:
-    return [share * line.line.span for share in LAYOUTS[truth.sensors]]
+    return continuous.first_modes(line, values, LAYOUTS[truth.sensors])[:, 0]
 
 
 def linear_modes(model: PolynomialModel) -> np.ndarray:
