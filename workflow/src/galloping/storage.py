@@ -53,10 +53,8 @@ def replacing_folder(path: str | os.PathLike) -> Iterator[Path]:
         if place.is_dir():
             for file in partial.iterdir():
                 file.replace(place / file.name)
-            partial.rmdir()
         else:
             partial.rename(place)
-        made = []
     except OSError as error:
         raise OSError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:

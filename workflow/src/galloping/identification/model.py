@@ -95,11 +95,12 @@ class Resonance:
 
     @property
     def is_mode(self) -> bool:
-        """Else it is how the forces differ from white ones: no mode of a line dies out so fast."""
+        """Whether a mode of the line: what dies out faster is how forces differ from white ones."""
         return self.damping < MOST_DAMPING / 3.0
 
     @property
     def name(self) -> str:
+        """What sentences call the resonance."""
         return f"the mode at {self.frequency / (2.0 * np.pi):.3g} Hz"
 
 
@@ -195,12 +196,12 @@ class IdentifiedModel(Immutable):
 
     @property
     def tells_little(self) -> bool:
-        """Whether it is none, or one that hardly tells the motion from what came before."""
+        """Whether there is no model, or it hardly tells the motion from what came before."""
         inexact = self.status in ("approximate", "refused")
         return inexact and self.diagnostics.get("forecast_r2", 0.0) < LITTLE_TOLD
 
     def doubted(self, reason: str) -> IdentifiedModel:
-        """The same with a reason for which it is not `ok`, whatever it was."""
+        """The same model with a reason for which its status is not `ok`, whatever it was."""
         doubtful = "approximate" if self.is_forced else "not identifiable"
         status = doubtful if self.status == "ok" else self.status
         return replace(self, status=status, reason=reason)
@@ -216,7 +217,7 @@ class IdentifiedModel(Immutable):
         return tuple(self.diagnostics[end] for end in ends if end in self.diagnostics)
 
     def at(self, values: Mapping[str, float]) -> IdentifiedModel:
-        """What it is at constant values of inputs, its terms merged; the other inputs stay.
+        """The model at constant values of inputs, its terms merged; the other inputs stay.
 
         Covariance and errors follow the merged coefficients. Raises ValueError as
         `PolynomialModel.at` does.
@@ -224,8 +225,7 @@ class IdentifiedModel(Immutable):
         model = self.model.at(values)
         _, merge = merged(self.model, values)
         old, kept = np.argwhere(self.support), {"model": model}
-        new = np.nan_to_num(model.coefficients) != 0
-        new[list(self.known)] = False
+        new = replace(self, model=model).support
         places = np.argwhere(new)
         same = places[:, :1] == old[:, 0]
         slope = np.where(same, merge[old[:, 1]][:, places[:, 1]].T, 0.0)

@@ -104,13 +104,9 @@ def _basis(time: bytes, every: int) -> tuple[csr_array, np.ndarray]:
     instants = np.frombuffer(time)
     # no sample is outside, and to look for one costs as much as the matrix
     design = BSpline.design_matrix(instants, _knots(instants, every), DEGREE, extrapolate=True)
-    values, columns = (each.reshape(-1, DEGREE + 1) for each in (design.data, design.indices))
-    bands = np.zeros((DEGREE + 1, design.shape[1]))
-    for offset in range(DEGREE + 1):
-        products = values[:, offset:] * values[:, : DEGREE + 1 - offset]
-        sums = np.bincount(columns[:, offset:].ravel(), products.ravel(), design.shape[1])
-        bands[DEGREE - offset] = sums
-    return design, cholesky_banded(bands)
+    gram = design.T @ design
+    bands = [np.pad(gram.diagonal(k), (k, 0)) for k in range(DEGREE, -1, -1)]
+    return design, cholesky_banded(np.stack(bands))
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ Block = tuple[np.ndarray, np.ndarray]  # rows of a library (r, p) and of targets
 
 @dataclass(frozen=True)
 class TriedFilter:
-    """A filter tried on recordings: what tells it from others; the rest is made only where chosen.
+    """A filter tried on recordings: by what filters are compared, and what the chosen one reduces.
 
     states, terms, products, held_out: as of `ReducedRegression`. blocks: makes the library and the
     targets of each stretch.
@@ -60,7 +60,7 @@ class TriedFilter:
 
 
 def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
-    """The one whose models, grown term by term, err least on held-out stretches.
+    """The filter whose models, grown term by term, err least on held-out stretches.
 
     Errors of each state derivative in units of the least of all filters, added up.
     """
@@ -162,7 +162,7 @@ class _Frame:
         return _products((_integrals(library, self.weights, c), raw) for c, raw in stretches)
 
     def tried(self, rows: Callable[[], Block], held_out: np.ndarray | None = None) -> TriedFilter:
-        """Of `rows`, which makes a library and targets. held_out: of the library, where known."""
+        """The filter of `rows`, which makes library and targets. held_out: where it is known."""
         library, targets = rows()
         held_out = self.held_out(library) if held_out is None else held_out
         blocks = self._stretches(library, targets)
@@ -179,7 +179,7 @@ def tried_filters(
     terms: tuple[Exponents, ...],
     applied: Callable[[_Frame], Iterator[TriedFilter]],
 ) -> list[TriedFilter]:
-    """Those of all recordings together. applied: `smoothings` or `test_functions`.
+    """Filters tried on all recordings together. applied: `smoothings` or `test_functions`.
 
     Empty where derivatives were measured, samples are not equally spaced, or the stretches of a
     recording are too short to be held out.
@@ -194,7 +194,7 @@ def tried_filters(
 
 
 def smoothings(frame: _Frame) -> Iterator[TriedFilter]:
-    """One for each window and order of Savitzky-Golay filters on states and slopes."""
+    """A filter for each window and order of Savitzky and Golay, of states and slopes."""
     windows = 2 * (np.geomspace(SMALLEST, frame.samples, WINDOWS) / 2).astype(int) + 1
     filtered = Convolution(frame.values, windows[-1])
 
@@ -208,7 +208,7 @@ def smoothings(frame: _Frame) -> Iterator[TriedFilter]:
 
 
 def test_functions(frame: _Frame) -> Iterator[TriedFilter]:
-    """One in the weak form for each length and order of test functions."""
+    """A filter for each length and order of the weak form's test functions."""
     raw = design_matrix(frame.values, frame.terms)
     halves = [max(2, int(share * frame.samples)) for share in HALF_WIDTHS]
     longest = 2 * halves[-1] + 1
