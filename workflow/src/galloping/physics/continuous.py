@@ -136,27 +136,26 @@ def shapes_at(line: Span, places: Sequence[float]) -> np.ndarray:
     return basis.T @ line.arrays.shapes
 
 
-def natural_modes(line: Span, direction: int) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (n,), rad/s, and coordinates (n, n) of the modes of the line without wind.
+def natural_modes(line: Span) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (2, n), rad/s, and coordinates (2, n, n) of the modes of the line without wind.
 
-    direction: 0 in plane, 1 out of plane. The modes are in columns, by frequency, scaled to one
-    at mid-span or, where that is their node, at a quarter of the span.
+    In plane and out of plane. The modes are in columns, by frequency, scaled to one at mid-span or,
+    where that is their node, at a quarter of the span.
     """
-    stiffness = line.masses[direction] @ line.arrays.stiffness[direction]
-    if direction == 0:
-        stiffness += line.masses[0] @ np.outer(line.arrays.pull, line.arrays.strain)
-    omega, coordinates = _modes(line.masses[direction], stiffness)
-    middle, quarter = shapes_at(line, (0.5, 0.25))[direction]
-    scale = np.where(
-        symmetric(line, coordinates, direction), middle @ coordinates, quarter @ coordinates
-    )
+    stiffness = line.masses @ line.arrays.stiffness
+    stiffness[0] += line.masses[0] @ np.outer(line.arrays.pull, line.arrays.strain)
+    omega, coordinates = _modes(line.masses, stiffness)
+    middle, quarter = shapes_at(line, (0.5, 0.25)).swapaxes(0, 1)[:, :, np.newaxis] @ coordinates
+    scale = np.where(symmetric(line, coordinates)[:, np.newaxis], middle, quarter)
     return omega, coordinates / scale
 
 
-def symmetric(line: Span, coordinates: np.ndarray, direction: int) -> np.ndarray:
-    """Whether each shape, of coordinates (n, n_shapes), is symmetric about mid-span."""
-    shape = line.arrays.shapes[direction] @ coordinates
-    return np.sum(shape * shape[::-1], axis=0) > 0.0
+def symmetric(line: Span, coordinates: np.ndarray) -> np.ndarray:
+    """(2, n_shapes) whether each shape, of coordinates (2, n, n_shapes), is symmetric about
+    mid-span.
+    """
+    shapes = line.arrays.shapes @ coordinates
+    return np.sum(shapes * shapes[:, ::-1], axis=1) > 0.0
 
 
 def equilibrium(line: Span) -> np.ndarray:
@@ -205,14 +204,13 @@ def release(
     in-plane mode.
     """
     state = equilibrium(line).reshape(4, -1)
-    for direction in (0, 1):
-        _, coordinates = natural_modes(line, direction)
-        even = symmetric(line, coordinates, direction)
-        first = coordinates[:, np.argmax(even)]
-        state[direction] += displacement[direction] * first
-        state[2 + direction] += velocity[direction] * first
-        if antisymmetric and direction == 0:
-            state[0] += antisymmetric * coordinates[:, np.argmin(even)]
+    _, coordinates = natural_modes(line)
+    even = symmetric(line, coordinates)
+    for direction, moved in enumerate(zip(displacement, velocity, strict=True)):
+        first = coordinates[direction][:, np.argmax(even[direction])]
+        state[direction::2] += np.outer(moved, first)
+    if antisymmetric:
+        state[0] += antisymmetric * coordinates[0][:, np.argmin(even[0])]
     return state.ravel()
 
 
