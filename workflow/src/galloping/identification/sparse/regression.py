@@ -102,11 +102,12 @@ def regression(
     observations: np.ndarray,
     states: tuple[str, ...],
     terms: tuple[Exponents, ...],
+    held_out: np.ndarray | None = None,
 ) -> ReducedRegression:
     """Reduce blocks of rows, each a library (n, n_terms) and targets (n, n_states)."""
     factors = np.concatenate([_triangle(np.column_stack(block)) for block in blocks])
     library, targets = map(np.ascontiguousarray, np.hsplit(factors, [len(terms)]))
-    return ReducedRegression(library, targets, np.asarray(observations), states, terms)
+    return ReducedRegression(library, targets, observations, states, terms, held_out)
 
 
 def _triangle(rows: np.ndarray) -> np.ndarray:

@@ -55,8 +55,7 @@ class TriedFilter:
         """Least squares with this filter."""
         blocks = self.blocks()
         observations = np.full(len(self.states), sum(len(library) for library, _ in blocks))
-        reduced = regression(blocks, observations, self.states, self.terms)
-        return replace(reduced, held_out=self.held_out)
+        return regression(blocks, observations, self.states, self.terms, self.held_out)
 
 
 def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
