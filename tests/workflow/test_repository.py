@@ -15,7 +15,6 @@ from galloping.storage import read_json
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "workflow" / "src" / "galloping"
-NAMED = rf"{SOURCE.name}(\.\w+)+(:\w+)?"  # a module or a function, imported by name
 
 
 @pytest.mark.parametrize(
@@ -59,17 +58,15 @@ def rooms():
 
 
 def imported(path):
-    """The rooms that a module imports, wherever in it, or names in a string."""
+    """The rooms that a module imports, wherever in it, or has imported by `deferred`."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             names = [f"{node.module}.{alias.name}" for alias in node.names]
-        elif isinstance(node, ast.Constant) and re.fullmatch(NAMED, str(node.value)):
-            names = [node.value]
         else:
             continue
-        parts = (name.split(".") for name in names)
+        parts = (name.replace(".deferred.", ".").split(".") for name in names)
         yield from (own[1] for own in parts if own[0] == SOURCE.name and own[1:])
 
 

@@ -122,8 +122,7 @@ NEW_METHOD = """METHODS = (
     Method(
         name="ridge",
         family="sparse",
-        evidence=REGRESSION,
-        function="galloping.identification.sparse.ridge:ridge",
+        function=sparse.ridge.ridge,
         options=Thresholded,
         takes=(DERIVATIVES, ALL_STATES),
         needs_uniform=False,

@@ -118,8 +118,7 @@ def trial(wildcards):
 
 def tried_by(wildcards):
     """The function of a trial's kind, as `evaluate.smk` names it."""
-    kind = STUDY.plain["trials"][wildcards.trial]["kind"]
-    return f"galloping.trials.{TRIED_BY[kind]}"
+    return TRIED_BY[STUDY.plain["trials"][wildcards.trial]["kind"]]
 
 
 def batch(wildcards):
@@ -153,9 +152,9 @@ def code(script, *modules):
 
 
 @cache
-def captions(kind, *names):
-    """Captions of `tables` or `figures`, by name; `introduction` is that of the whole report."""
-    files = {name: workflow.source_path(f"../report/{kind}/{name}.rst") for name in names}
+def captions(folder, *names):
+    """Texts of a folder of `workflow/report`, by name."""
+    files = {name: workflow.source_path(f"../report/{folder}/{name}.rst") for name in names}
     texts = {name: Path(file).read_text(encoding="utf-8") for name, file in files.items()}
     # read from a git host, files come without their last end of line
     return {name: text.rstrip("\n") + "\n" for name, text in texts.items()}

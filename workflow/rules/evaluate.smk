@@ -1,4 +1,6 @@
 # identified models, the Cramer-Rao bound, and oracles of pysindy's settings -> scores
+from galloping.deferred import trials  # the jobs import it
+
 ORACLE_REPLICATES = 5  # the first, of which the oracle of pysindy's settings is computed
 
 
@@ -68,16 +70,16 @@ rule find_oracle:
 # By kind, its function in `galloping.trials`. It takes `seed`, `case`, `replicates` (their numbers),
 # `methods` (of `Method.settings`, by name) and the keywords `options`, and yields a row for each fit.
 TRIED_BY = {
-    "default_line": "recorded_lines:of_the_default_line",
-    "random_lines": "recorded_lines:of_random_lines",
-    "sensor_faults": "recorded_lines:of_faulty_recordings",
-    "long_and_steady": "recorded_lines:of_long_and_steady_motions",
-    "systems": "published:systems",
-    "model_error": "real_lines:trial",
-    "ambient": "ambient:trial",
-    "published_terms": "published:exact_terms",
-    "published_intervals": "published:intervals",
-    "paper": "paper_search:trial",
+    "default_line": trials.recorded_lines.of_the_default_line,
+    "random_lines": trials.recorded_lines.of_random_lines,
+    "sensor_faults": trials.recorded_lines.of_faulty_recordings,
+    "long_and_steady": trials.recorded_lines.of_long_and_steady_motions,
+    "systems": trials.published.systems,
+    "model_error": trials.real_lines.trial,
+    "ambient": trials.ambient.trial,
+    "published_terms": trials.published.exact_terms,
+    "published_intervals": trials.published.intervals,
+    "paper": trials.paper_search.trial,
 }
 
 

@@ -1,6 +1,7 @@
 # models, motions, tables -> figures
 #
 # A figure: its label in the report, and how it is made, as a table is (tables.smk).
+from galloping.deferred import figures  # the jobs import it
 from galloping.results import BOUND, NOISE, SUBSET
 
 COEFFICIENT_LEVELS = (0.01, 0.03, 0.05)
@@ -56,7 +57,7 @@ def sampled_histories(pair):
 
 def figure(label, function, settings=None, **reads):
     """How a figure is made. label: in the report."""
-    return SimpleNamespace(label=label, **vars(made(f"figures.{function}", settings, **reads)))
+    return SimpleNamespace(label=label, **vars(made(function, settings, **reads)))
 
 
 def histories(number, what, cells_of):
@@ -72,7 +73,7 @@ def histories(number, what, cells_of):
         cells = {f"{FIRST}/{pair[0].name}/{cell}": text for cell, text in cells_of(pair).items()}
         found[name] = figure(
             label,
-            "motions:draw_histories",
+            figures.motions.draw_histories,
             {"case": FIRST, **names(pair), "cells": cells, "window": WINDOW},
             trajectory=TRAJECTORY,
             reconstructions=every("<results>/reconstructions/{cell}.npz", cell=cells),
@@ -84,7 +85,7 @@ FIGURES = {}
 if DEPARTURES:
     FIGURES["printed"] = figure(
         "the paper's printed numbers beside ours",
-        "against_paper:draw_printed",
+        figures.against_paper.draw_printed,
         {"case": next(iter(DEPARTURES))},
         table=table_of("paper"),
     )
@@ -111,17 +112,17 @@ if LINES:
     predicting = [shown.predicting_methods(each) for each in predicted.values()][:1] or [[""]]
     FIGURES |= {
         "figure01": figure(
-            "01 line and coordinates", "schematics:draw_line", first_line, model=MODEL
+            "01 line and coordinates", figures.schematics.draw_line, first_line, model=MODEL
         ),
         "figure02": figure(
             "02 aerodynamic load",
-            "schematics:draw_aerodynamic_load",
+            figures.schematics.draw_aerodynamic_load,
             first_line,
             trajectory=TRAJECTORY,
         ),
         "figure03": figure(
             "03 flow chart",
-            "schematics:draw_flow",
+            figures.schematics.draw_flow,
             {
                 "degree": DEGREE,
                 "protocols": everything["protocols"],
@@ -133,7 +134,7 @@ if LINES:
         ),
         "figure04": figure(
             "04 motion without noise",
-            "motions:draw_recovery",
+            figures.motions.draw_recovery,
             {"cases": LINES, **names(by_paper), "level": min(levels)},
             trajectories=every("<results>/trajectories/{case}.npz", case=LINES),
             reconstructions={
@@ -142,7 +143,7 @@ if LINES:
         ),
         "figure05": figure(
             "05 coefficients under noise",
-            "each_term:draw_coefficients",
+            figures.each_term.draw_coefficients,
             {**papers, "levels": noisy_cells, "unit": unit(by_paper[0]), "degree": DEGREE},
             model=MODEL,
             identified=every(
@@ -151,22 +152,22 @@ if LINES:
         ),
         "figure06": figure(
             "06 coefficient error against noise",
-            "errors:draw_draws",
+            figures.errors.draw_draws,
             papers | against_noise("coefficients"),
             **draws,
         ),
         "figure06_methods": figure(
             "06, all methods: coefficient error against noise",
-            "errors:draw_methods",
+            figures.errors.draw_methods,
             everything | against_noise("coefficients"),
             table=SCORES,
         ),
         "figure07": figure(
-            "07 R2 against noise", "errors:draw_draws", papers | against_noise("r2"), **draws
+            "07 R2 against noise", figures.errors.draw_draws, papers | against_noise("r2"), **draws
         ),
         "figure07_methods": figure(
             "07, all methods: R2 against noise",
-            "errors:draw_methods",
+            figures.errors.draw_methods,
             everything | against_noise("r2"),
             table=SCORES,
         ),
@@ -174,44 +175,44 @@ if LINES:
         **histories("09", "time histories by amount of data", sampled_histories),
         "figure10": figure(
             "10 R2 and amplitude by amount of data",
-            "errors:draw_draws",
+            figures.errors.draw_draws,
             papers | against_points("r2", "amplitude"),
             **draws,
         ),
         "figure10_methods": figure(
             "10, all methods: amplitude by amount of data",
-            "errors:draw_methods",
+            figures.errors.draw_methods,
             everything | against_points("amplitude"),
             table=SCORES,
         ),
         "claims": figure(
             "claims of the paper",
-            "against_paper:draw_claims",
+            figures.against_paper.draw_claims,
             {"combinations": [[p.name, m.name] for p, m in shown.claim_pairs(STUDY)]},
             table=table_of("claims"),
         ),
         "overview": figure(
             "overview: error against noise, and the bound",
-            "errors:draw_overview",
+            figures.errors.draw_overview,
             {"case": FIRST, "protocol": sensors.name, "label": noise_labels[sensors.name]},
             table=SCORES,
             peers=table_of("peers"),
         ),
         "efficiency": figure(
             "efficiency against noise",
-            "errors:draw_efficiency",
+            figures.errors.draw_efficiency,
             everything | {"labels": noise_labels},
             table=table_of("efficiency"),
         ),
         "identifiability": figure(
             "identifiability of each term",
-            "each_term:draw_identifiability",
+            figures.each_term.draw_identifiability,
             everything | {"level": STUDY.settings.measurement.subsets.level},
             table=table_of("identifiability"),
         ),
         "limit_cycles": figure(
             "from which wind on, and how far",
-            "motions:draw_limit_cycles",
+            figures.motions.draw_limit_cycles,
             {
                 "cases": {case.name: case.line for case in STUDY.cases},
                 "parameter": "wind_speed",
@@ -222,7 +223,7 @@ if LINES:
         ),
         "resonance_map": figure(
             "where the 2:1 resonance lies",
-            "motions:draw_resonance_map",
+            figures.motions.draw_resonance_map,
             {
                 "case": FIRST,
                 "x_label": "wind speed, m/s",
@@ -233,13 +234,13 @@ if LINES:
         ),
         "orbits": figure(
             "orbits at mid-span",
-            "engineering:draw_orbits",
+            figures.engineering.draw_orbits,
             {"cases": {case.name: case.released for case in STUDY.cases}},
             orbits=every("<results>/assessment/{case}/orbits.npz", case=LINES),
         ),
         "prediction": figure(
             "other wind speeds, from an identified model",
-            "motions:draw_prediction",
+            figures.motions.draw_prediction,
             {
                 "case": FIRST,
                 "protocols": list(predicted),
@@ -251,16 +252,16 @@ if LINES:
         ),
         "limit_cycle_ahead": figure(
             "the limit cycle ahead of its time",
-            "motions:draw_limit_cycle_ahead",
+            figures.motions.draw_limit_cycle_ahead,
             {"window": WINDOW},
             table=table_of("limit_cycle_ahead"),
         ),
         "reduction": figure(
-            "what two modes are worth", "verdicts:draw_reduction", table=table_of("reduction")
+            "what two modes are worth", figures.verdicts.draw_reduction, table=table_of("reduction")
         ),
         "measures": figure(
             "what stops it",
-            "engineering:draw_measures",
+            figures.engineering.draw_measures,
             {"cases": LINES},
             table=table_of("measures"),
         ),
@@ -268,24 +269,36 @@ if LINES:
 if REDRAWN:
     FIGURES["reproduction"] = figure(
         "what the missing parameters decide",
-        "against_paper:draw_reproduction",
+        figures.against_paper.draw_reproduction,
         {"labels": OPEN_LABELS},
         table=table_of("reproduction"),
     )
-for kind, function, label, table in (
-    (TRUST, "draw_trust", "how often each status is right", "fits"),
-    (MODEL_ERROR, "draw_model_error", "what a recording of a real line gives", MODEL_ERROR),
-    (EXACT_TERMS, "draw_published_terms", "exact terms beside published methods", EXACT_TERMS),
-    (
-        INTERVALS,
-        "draw_published_intervals",
+if has_trials(TRUST):
+    FIGURES[TRUST] = figure(
+        "how often each status is right", figures.verdicts.draw_trust, table=table_of("fits")
+    )
+if has_trials(MODEL_ERROR):
+    FIGURES[MODEL_ERROR] = figure(
+        "what a recording of a real line gives",
+        figures.verdicts.draw_model_error,
+        table=table_of(MODEL_ERROR),
+    )
+if has_trials(EXACT_TERMS):
+    FIGURES[EXACT_TERMS] = figure(
+        "exact terms beside published methods",
+        figures.verdicts.draw_published_terms,
+        table=table_of(EXACT_TERMS),
+    )
+if has_trials(INTERVALS):
+    FIGURES[INTERVALS] = figure(
         "intervals after selection beside published ones",
-        INTERVALS,
-    ),
-):
-    if has_trials(kind):
-        FIGURES[kind] = figure(label, f"verdicts:{function}", table=table_of(table))
+        figures.verdicts.draw_published_intervals,
+        table=table_of(INTERVALS),
+    )
 if has_trials(PAPER):
     FIGURES["paper_region"] = figure(
-        "what the paper leaves out", "against_paper:draw_region", samples=SAMPLES, readings=READINGS
+        "what the paper leaves out",
+        figures.against_paper.draw_region,
+        samples=SAMPLES,
+        readings=READINGS,
     )

@@ -114,12 +114,7 @@ rule write_report:
         introduction=lambda wildcards: {
             "introduction": "\n".join(captions(".", *INTRODUCTIONS).values())
         },
-        captions=lambda wildcards: {
-            "captions": {
-                "figures": captions("figures", *FIGURES, *ANIMATED),
-                "tables": captions("tables", *SHOWN_TABLES),
-            }
-        },
+        captions=lambda wildcards: {"captions": captions("figures", *FIGURES, *ANIMATED)},
         headline={
             "headline": (
                 {"case": LINES[0], "protocol": shown.sensor_protocol(STUDY).name} if LINES else {}

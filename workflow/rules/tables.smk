@@ -5,8 +5,9 @@
 # `galloping.study.files.read` returns it.
 from types import SimpleNamespace
 
-from galloping.results import OURS
 from galloping.configuration.kinds import EXACT_TERMS, INTERVALS, MODEL_ERROR, SYSTEMS, TRUST
+from galloping.deferred import evaluation, report as pages, tables  # the jobs import them
+from galloping.results import OURS
 
 SCORES = "<results>/tables/scores.csv"
 SAMPLES = "<results>/tables/paper_samples.csv"
@@ -17,7 +18,7 @@ REGION = "results/reference/paper/paper_region.csv"  # what `make paper` found, 
 
 def made(function, settings=None, **reads):
     """How a table or a figure is made. settings: its own, by key, in plain values."""
-    return SimpleNamespace(function=f"galloping.{function}", settings=settings or {}, reads=reads)
+    return SimpleNamespace(function=function, settings=settings or {}, reads=reads)
 
 
 def files_of(what):
@@ -67,7 +68,7 @@ def fits_of(*tables):
 
 def joined(parts):
     """The rows of all parts."""
-    return made("tables.scores:together", parts=parts)
+    return made(tables.scores.together, parts=parts)
 
 
 def has_trials(*tables):
@@ -76,7 +77,7 @@ def has_trials(*tables):
 
 TABLES = {}
 if DEPARTURES:
-    TABLES["readings"] = made("tables.line_parameters:readings")
+    TABLES["readings"] = made(tables.line_parameters.readings)
 if LINES:
     first_case = STUDY.cases[0]
     paper_protocol, paper_method = shown.paper_pair(STUDY)
@@ -85,16 +86,16 @@ if LINES:
     ahead = {each.id: each.columns for each in shown.ahead_cells(STUDY)}
     TABLES |= {
         "table1_conductor": made(
-            "tables.line_parameters:conductor",
+            tables.line_parameters.conductor,
             {"cases": STUDY.plain["cases"]},
             **({"region": REGION} if Path(REGION).exists() else {}),
         ),
         "table3_as_printed": made(
-            "tables.table3:as_printed", table3="<results>/tables/table3_coefficients.csv"
+            tables.table3.as_printed, table3="<results>/tables/table3_coefficients.csv"
         ),
-        "table2_spacers": made("tables.line_parameters:spacers", {"cases": STUDY.plain["cases"]}),
+        "table2_spacers": made(tables.line_parameters.spacers, {"cases": STUDY.plain["cases"]}),
         "table3_coefficients": made(
-            "tables.table3:table3",
+            tables.table3.table3,
             {
                 "cases": LINES,
                 "continuous": CONTINUOUS,
@@ -109,11 +110,11 @@ if LINES:
                 for case, cell in least_noise.items()
             },
         ),
-        "noise_coefficients": made("tables.scores:noise_coefficients", scores=SCORES),
-        "noise_r2": made("tables.scores:noise_r2", scores=SCORES),
-        "data_amount": made("tables.scores:data_amount", scores=SCORES),
+        "noise_coefficients": made(tables.scores.noise_coefficients, scores=SCORES),
+        "noise_r2": made(tables.scores.noise_r2, scores=SCORES),
+        "data_amount": made(tables.scores.data_amount, scores=SCORES),
         "claims": made(
-            "tables.judged_claims:claims_table",
+            tables.judged_claims.claims_table,
             {
                 "cases": shown.judged_cases(STUDY),
                 "pairs": [[p.name, m.name] for p in STUDY.protocols for m in STUDY.methods],
@@ -126,7 +127,7 @@ if LINES:
     }
 if DEPARTURES:
     TABLES["paper"] = made(
-        "tables.judged_claims:paper_table",
+        tables.judged_claims.paper_table,
         {"departures": DEPARTURES},
         draws=every("<results>/paper/{case}.csv", case=REDRAWN),
         claims="<results>/tables/claims.csv",
@@ -134,19 +135,19 @@ if DEPARTURES:
 if LINES:
     TABLES |= {
         "efficiency": made(
-            "tables.scores:efficiency",
+            tables.scores.efficiency,
             scores=SCORES,
             identifiability="<results>/tables/identifiability.csv",
         ),
         "peers": made(
-            "tables.scores:peers",
+            tables.scores.peers,
             scores=SCORES,
             oracles=every(
                 "<results>/oracles/{cell}.csv", cell=[each.id for each in shown.oracle_cells(STUDY)]
             ),
         ),
         "identifiability": made(
-            "tables.scores:identifiability",
+            tables.scores.identifiability,
             {"degree": DEGREE, "cells": noisy},
             models=every("<results>/models/{case}.json", case=LINES),
             bounds=every("<results>/bounds/{cell}.npz", cell=noisy),
@@ -168,7 +169,7 @@ if LINES:
             )
         ),
         "limit_cycle_ahead": made(
-            "tables.limit_cycle_ahead:limit_cycles_ahead",
+            tables.limit_cycle_ahead.limit_cycles_ahead,
             {
                 "method": OURS,
                 "seed": SEED,
@@ -181,7 +182,7 @@ if LINES:
             identified=every(f"<results>/identified/{{cell}}/{OURS_FAMILY}.npz", cell=ahead),
         ),
         "reduction": made(
-            "evaluation.reduction:reduction_table",
+            evaluation.reduction.reduction_table,
             {
                 "case": first_case.released,
                 "seed": SEED,
@@ -201,32 +202,32 @@ if REDRAWN:
     )
 if LINES:
     TABLES["scores"] = made(
-        "tables.scores:all_scores",
+        tables.scores.all_scores,
         cells=every("<results>/scores/{cell}.csv", cell=[each.id for each in STUDY.cells]),
     )
-TABLES["columns"] = made("report.data_dictionary:columns")  # its settings, all tables: below
+TABLES["columns"] = made(pages.data_dictionary.columns)  # its settings, all tables: below
 if has_trials(TRUST):
     TABLES |= {
         "fits": joined(fits_of(TRUST)),
-        "trust": made("tables.trial_summaries:trust", fits="<results>/tables/fits.csv"),
+        "trust": made(tables.trial_summaries.trust, fits="<results>/tables/fits.csv"),
     }
 for kind in (SYSTEMS, MODEL_ERROR, EXACT_TERMS, INTERVALS):  # by the name of their table
     if has_trials(kind):
-        TABLES[kind] = made(f"tables.trial_summaries:{kind}", parts=fits_of(kind))
+        TABLES[kind] = made(getattr(tables.trial_summaries, kind), parts=fits_of(kind))
 if has_trials(TRUST, SYSTEMS, MODEL_ERROR):
     TABLES["paths"] = made(
-        "tables.trial_summaries:paths",
+        tables.trial_summaries.paths,
         {"kinds": {name: of.kind for name, of in STUDY.settings.trials.items()}},
         parts=fits_of(TRUST, SYSTEMS, MODEL_ERROR),
     )
 if has_trials(PAPER):
     TABLES |= {
-        "paper_region": made("tables.inference:region_table", samples=SAMPLES, readings=READINGS),
-        "paper_readings": made("tables.inference:readings", parts=fits_of(PAPER)),
-        "paper_left_out": made("tables.inference:left_out", samples=SAMPLES),
-        "paper_exclusions": made("tables.inference:exclusions", parts=fits_of(PAPER)),
+        "paper_region": made(tables.inference.region_table, samples=SAMPLES, readings=READINGS),
+        "paper_readings": made(tables.inference.readings, parts=fits_of(PAPER)),
+        "paper_left_out": made(tables.inference.left_out, samples=SAMPLES),
+        "paper_exclusions": made(tables.inference.exclusions, parts=fits_of(PAPER)),
         "paper_samples": made(
-            "tables.inference:region_samples", {"seed": SEED}, parts=fits_of(PAPER)
+            tables.inference.region_samples, {"seed": SEED}, parts=fits_of(PAPER)
         ),
     }
 

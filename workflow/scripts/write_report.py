@@ -3,6 +3,7 @@
 from os.path import relpath
 from pathlib import Path
 
+from galloping.report.data_dictionary import caption
 from galloping.report.page import Item, made_by, render, versions
 from galloping.report.printed_numbers import headline as found
 from galloping.report.printed_numbers import inferred, section, verdicts
@@ -43,8 +44,8 @@ def _recording(name: str, paths: list[str]) -> dict:
 def write_report(
     figures, animation, tables, recordings, report, labels, introduction, captions, headline, study
 ):
-    drawn = _items([*figures, *animation], captions["figures"], labels)
-    shown = _items(tables, captions["tables"], {})
+    drawn = _items([*figures, *animation], captions, labels)
+    shown = _items(tables, {name: caption(name) for name in (Path(t).stem for t in tables)}, {})
 
     def told(sentences, *names: str, **options) -> list[str]:
         """Sentences about tables, where the study has these."""

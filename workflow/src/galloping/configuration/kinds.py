@@ -1,7 +1,7 @@
 """The kinds of trials that a study can name, without importing any of them.
 
 `workflow/rules/evaluate.smk` says which function tries a kind; what it feeds is a table of
-`workflow/rules/tables.smk`.
+`workflow/rules/tables.smk`. `systems.csv` has the published systems, see `trials.published`.
 """
 
 import csv
@@ -11,8 +11,8 @@ from pathlib import Path
 
 from galloping.paper.unknowns import BY_NAME
 
-with (Path(__file__).parents[1] / "trials/systems.csv").open(encoding="utf-8") as file:
-    PUBLISHED = tuple(row["name"] for row in csv.DictReader(file))
+with Path(__file__).with_name("systems.csv").open(encoding="utf-8", newline="") as file:
+    PUBLISHED = {row["name"]: row for row in csv.DictReader(file)}
 # tables: of lines, of other systems, of lines that are not their own model, of what the paper
 # leaves out, beside what others published of exact terms and of intervals
 TRUST, SYSTEMS, MODEL_ERROR, PAPER = "trust", "systems", "model_error", "paper"
@@ -67,7 +67,7 @@ KINDS = {
     ),
     "systems": Kind(
         SYSTEMS,
-        cases=PUBLISHED,
+        cases=tuple(PUBLISHED),
         methods=("maximum_likelihood", "weak_gls", "weak"),
         options={"levels": (0.01, 0.05, 0.1, 0.2), "samples": (500, 2000)},
     ),

@@ -1,6 +1,6 @@
 """Sweep points as tidy rows: limit cycles, bifurcations, maps, predictions, clearance, measures.
 
-Their columns are those of `report/columns.csv`.
+Their columns are those of `report/tables.csv`.
 """
 
 from collections.abc import Mapping, Sequence

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from galloping.deferred import identification
 from galloping.fields import Section, one_of, real, setting, whole
 from galloping.measurement import (
     ALL_STATES,
@@ -54,11 +55,8 @@ class Ensemble(Scanned):
     models: whole(ge=2, le=1000) = setting(20, "bagged models of an ensemble", "1")
 
 
-SPARSE = "galloping.identification.sparse"
-LIKELIHOOD = "galloping.identification.likelihood.maximum_likelihood"
-REGRESSION = f"{SPARSE}.evidence:reduce"
-WEAK_FORM = f"{SPARSE}.evidence:reduce_weakly"
-START = f"{LIKELIHOOD}:shared_evidence"
+sparse = identification.sparse
+likelihood = identification.likelihood.maximum_likelihood
 
 
 @dataclass(frozen=True)
@@ -66,9 +64,10 @@ class Method:
     """One way from a recording to a sparse model.
 
     family: the methods that share a job: imports, recordings, and evidence where it is the same.
-    evidence: `module:function` of what it works on, made of the recordings of one replicate, which
-    share one model, and the terms of the library; None for the recordings themselves.
-    function: `module:function`, imported only by the job that runs it. It takes the evidence of a
+    evidence: the function, as `deferred` names it, that makes what the method works on of the
+    recordings of one replicate, which share one model, and the terms of the library; None for the
+    recordings themselves.
+    function: named likewise, imported only by the job that runs it. It takes the evidence of a
     replicate and the keywords `options`, and returns an `IdentifiedModel`.
     options: its own section of the `identification` settings, keywords of the function. given:
     further keywords: `degree` of the library, `seed` of the study, `rng` of the replicate.
@@ -81,7 +80,7 @@ class Method:
     function: str
     options: type[Section]
     family: str = "sparse"
-    evidence: str | None = REGRESSION
+    evidence: str | None = sparse.evidence.reduce
     takes: tuple[str, ...] = (DERIVATIVES, ALL_STATES)
     needs_uniform: bool = False
     given: tuple[str, ...] = ()
@@ -118,23 +117,24 @@ class Method:
 
 
 METHODS = (
-    Method("paper", f"{SPARSE}.stlsq:raw", Paper),
-    Method("stlsq", f"{SPARSE}.stlsq:normalised", Scanned),
+    Method("paper", sparse.stlsq.raw, Paper),
+    Method("stlsq", sparse.stlsq.normalised, Scanned),
     # no better than frols where it was tried, at twenty times the cost
-    Method("lasso", f"{SPARSE}.lasso:lasso", Thresholded, by_default=False),
-    Method("frols", f"{SPARSE}.frols:frols", NoOptions),
-    Method("ensemble", f"{SPARSE}.stlsq:ensemble", Ensemble, given=("rng",)),
+    Method("lasso", sparse.lasso.lasso, Thresholded, by_default=False),
+    Method("frols", sparse.frols.frols, NoOptions),
+    Method("ensemble", sparse.stlsq.ensemble, Ensemble, given=("rng",)),
     Method(
-        "weak", f"{SPARSE}.stlsq:normalised", Scanned,
-        evidence=WEAK_FORM, takes=(ALL_STATES,), needs_uniform=True,
+        "weak", sparse.stlsq.normalised, Scanned,
+        evidence=sparse.evidence.reduce_weakly, takes=(ALL_STATES,), needs_uniform=True,
     ),
     Method(
-        "weak_gls", f"{LIKELIHOOD}:by_weak_gls", NoOptions,
-        family="likelihood", evidence=START, takes=(ALL_STATES, DISPLACEMENTS_ALONE),
+        "weak_gls", likelihood.by_weak_gls, NoOptions,
+        family="likelihood", evidence=likelihood.shared_evidence,
+        takes=(ALL_STATES, DISPLACEMENTS_ALONE),
     ),
     Method(
-        "maximum_likelihood", f"{LIKELIHOOD}:by_maximum_likelihood", NoOptions,
-        family="likelihood", evidence=START,
+        "maximum_likelihood", likelihood.by_maximum_likelihood, NoOptions,
+        family="likelihood", evidence=likelihood.shared_evidence,
         takes=(DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE, RATES),
     ),
 )  # fmt: skip

@@ -1,8 +1,8 @@
-"""The data dictionary: what each column of each table holds, with its unit.
+"""The data dictionary: what each table shows, and what each of its columns holds, with its unit.
 
-`columns.csv` has a row for a column of one table, or, where `table` is empty, of every table with
-such a column that has no row of its own. A module apart from the page, whose edits need not make
-the table again.
+`tables.csv` has a row for each table, without a column: its caption; and a row for a column of one
+table, or, where `table` is empty, of every table with such a column that has no row of its own. A
+module apart from the page, whose edits need not make the table again.
 """
 
 from collections.abc import Mapping
@@ -12,18 +12,29 @@ from importlib.resources import files
 import pandas as pd
 
 EVERY = ""  # table
+WHOLE = ""  # column
 
 
 @cache
 def _dictionary() -> pd.DataFrame:
-    with files(__package__).joinpath("columns.csv").open(encoding="utf-8") as file:
+    with files(__package__).joinpath("tables.csv").open(encoding="utf-8") as file:
         return pd.read_csv(file, dtype=str, keep_default_na=False)
 
 
 def columns(settings: Mapping) -> pd.DataFrame:
     """table, column, unit, meaning, for all who read the tables. settings: tables of the study."""
     rows = _dictionary()
-    return rows[rows["table"].isin([EVERY, *settings["tables"]])].reset_index(drop=True)
+    shown = (rows["column"] != WHOLE) & rows["table"].isin([EVERY, *settings["tables"]])
+    return rows[shown].reset_index(drop=True)
+
+
+def caption(table: str) -> str:
+    """What a table shows, in reStructuredText. Raises ValueError where the dictionary lacks it."""
+    rows = _dictionary()
+    rows = rows[(rows["table"] == table) & (rows["column"] == WHOLE)]
+    if rows.empty:
+        raise ValueError(f"{table}: report/tables.csv has no row that says what this table shows")
+    return rows["meaning"].iloc[0]
 
 
 def meaning(table: str, column: str) -> str:

@@ -33,7 +33,7 @@ DOCUMENTED = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 def code(*roots: str | Path) -> dict:
     """What `roots` run, as plain values: digest of the code, versions of the libraries it uses.
 
-    roots: script files, or `module` or `module:function` of what is imported by name at run time.
+    roots: script files, and functions that they import by name, as `deferred` gives them.
     Raises ValueError for a module that is not in the package.
     """
     files = _closure(roots)

@@ -8,7 +8,7 @@ from galloping.configuration.load import plain
 from galloping.configuration.schema import child, leaves, schema
 from galloping.configuration.settings import CaseSection, Settings, paper_cases
 from galloping.fields import show
-from galloping.identification.registry import REGRESSION, WEAK_FORM, Method
+from galloping.identification.registry import Method
 from galloping.measurement import ALL_STATES, DERIVATIVES, Protocol
 from galloping.results import JOINT, NOISE, OURS, OURS_FAMILY, PAPER_METHOD, PAPER_PROTOCOL, SUBSET
 from galloping.study.cells import Case, Cell, Study
@@ -172,7 +172,7 @@ def oracle_cells(study: Study) -> list[Cell]:
         for cell in study.cells
         if cell.kind == NOISE and cell.level > 0 and cell.protocol.measures == ALL_STATES
         and not cell.case.is_continuous
-        and any(method.evidence in (REGRESSION, WEAK_FORM) for method in cell.methods)
+        and any(method.family != OURS_FAMILY for method in cell.methods)
     ]  # fmt: skip
 
 

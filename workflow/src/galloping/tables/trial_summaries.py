@@ -1,5 +1,5 @@
 """Trials summed up: how often a verdict is right, what it costs, and what others published of the
-same. The columns are those of `report/columns.csv`.
+same. The columns are those of `report/tables.csv`.
 
 `exact_terms.csv`: how many of DRAWS draws of the noise of the Lorenz system gave exactly the right
 terms, by length in s and noise level, as kept in AHsu98/jsindy at da8393e,

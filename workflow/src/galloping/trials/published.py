@@ -1,9 +1,9 @@
 """Fits to recordings of published polynomial systems, also as another method's authors set them up.
 
-Systems: `systems.csv` has them, periodic and chaotic; equations and parameters are those of the
-sources named; parameters and initial states of the chaotic flows are as in the collection of Gilpin
-(NeurIPS 2021, `dysts`), on their attractors. A recording lasts thirty of a system's periods,
-whatever its number of samples.
+Systems: `configuration/systems.csv` has them, periodic and chaotic; equations and parameters are
+those of the sources named; parameters and initial states of the chaotic flows are as in the
+collection of Gilpin (NeurIPS 2021, `dysts`), on their attractors. A recording lasts thirty of a
+system's periods, whatever its number of samples.
 Exact terms: the chaotic and periodic systems of ODR-BINDy (L. Fung, arXiv 2507.23426; its code,
 llfung/ODR-BINDy at 90271d3): recordings of a few periods with noise of the same size on every
 state, a share `level` of the standard deviation of all states together over the longest of the
@@ -11,16 +11,14 @@ recordings. Intervals: the relaxation of PSI-SINDy (arXiv 2610.11486) towards it
 quadratic coefficient is zero or small, with noise of known size.
 """
 
-import csv
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from galloping.bounds import Experiment, on_library, state_bound
-from galloping.configuration.kinds import GAMMAS, LONGEST
+from galloping.configuration.kinds import GAMMAS, LONGEST, PUBLISHED
 from galloping.identification.cell import identify
 from galloping.intervals import NORMAL_95
 from galloping.polynomial import PolynomialModel, library
@@ -64,14 +62,15 @@ def model_of(equations: str, degree: int) -> PolynomialModel:
     return known_model(texts, states, library(len(states), degree))[0]
 
 
-with Path(__file__).with_name("systems.csv").open(encoding="utf-8", newline="") as file:
-    SYSTEMS = {
-        row["name"]: PublishedSystem(
-            row["equations"], tuple(json.loads(row["start"])), float(row["period"]),
-            bool(row["chaotic"]),
-        )
-        for row in csv.DictReader(file)
-    }  # fmt: skip
+SYSTEMS = {
+    name: PublishedSystem(
+        row["equations"],
+        tuple(json.loads(row["start"])),
+        float(row["period"]),
+        bool(row["chaotic"]),
+    )
+    for name, row in PUBLISHED.items()
+}
 
 
 @trial_of

@@ -1,0 +1,40 @@
+"""Functions as attributes of modules that are not imported: `deferred.trials.ambient.trial`.
+
+Rules and the register of methods say which function a job calls. To import it there would take
+seconds at each start of Snakemake or of the command. Here it is `module:function`: the job imports
+that with `pkgutil.resolve_name`, and `reproducibility.digest` finds its code by it.
+"""
+
+import re
+from pathlib import Path
+
+SOURCE = Path(__file__).parents[1]
+
+
+class Deferred:
+    """A package or module of this library by its full name."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, name: str) -> "Deferred | str":
+        """A module in the package, or a function as `module:function`.
+
+        Raises AttributeError where the files have neither.
+        """
+        below = f"{self._name}.{name}"
+        if _file(below):
+            return Deferred(below)
+        own = _file(self._name).read_text(encoding="utf-8")
+        if re.search(rf"^def {name}\(", own, re.MULTILINE):
+            return f"{self._name}:{name}"
+        raise AttributeError(f"{below}: no such module or function")
+
+
+def _file(name: str) -> Path | None:
+    base = SOURCE.joinpath(*name.split("."))
+    return next(filter(Path.is_file, (base / "__init__.py", base.with_suffix(".py"))), None)
+
+
+def __getattr__(name: str) -> Deferred | str:
+    return getattr(Deferred(__package__), name)
