@@ -12,7 +12,7 @@ from galloping.figures.against_paper import draw_region
 from galloping.paper import draws, unknowns
 from galloping.paper.draws import Amounts
 from galloping.paper.quick import QuickStudy, coefficients
-from galloping.paper.unknowns import BASE, BY_NAME, HIGH, LOW, NAMES, UNKNOWNS, Setting
+from galloping.paper.unknowns import BASE, BY_NAME, HIGH, LOW, NAMES, UNKNOWNS, MethodReading
 from galloping.polynomial import library
 from galloping.tables import inference as tables
 from galloping.trials import paper_search
@@ -34,7 +34,7 @@ def test_quick_thresholds_are_those_of_the_method(moved, columns, threshold):
     motion, line = moved
     terms, rng = library(4, 3), np.random.default_rng(3)
     products = draws.DerivativeNoise(motion, terms, np.ones(4)).draw(0.05, 10000, rng, draws=3)
-    quick = coefficients(products, Setting(threshold, columns=columns))
+    quick = coefficients(products, MethodReading(threshold, columns=columns))
     for reduced, found in zip(products.regressions(line.states, terms), quick, strict=True):
         model = draws.identify(reduced, threshold=threshold, columns=columns).model
         np.testing.assert_allclose(found, model.coefficients, rtol=1e-6, atol=1e-9)
@@ -42,7 +42,7 @@ def test_quick_thresholds_are_those_of_the_method(moved, columns, threshold):
 
 def test_quick_motions_are_those_of_the_simulator(moved):
     amounts = Amounts(levels=(0.03,), points=(10000,))
-    quick = QuickStudy(*moved, amounts).draws(Setting(0.003), 12, np.random.default_rng(1))
+    quick = QuickStudy(*moved, amounts).draws(MethodReading(0.003), 12, np.random.default_rng(1))
     exact = draws.paper_draws(
         BASE.case(RESONANT, KNOWN), draws=12, seed=1, name=("x",), threshold=0.003,
         kinematics="known", amounts=amounts,
@@ -52,7 +52,9 @@ def test_quick_motions_are_those_of_the_simulator(moved):
         assert np.all(np.isfinite(ours))
         np.testing.assert_allclose(np.median(ours), np.median(theirs), rtol=0.6, atol=0.02)
     still = QuickStudy(*moved, amounts)
-    without_noise = still.draws(replace(Setting(0.003)), 1, np.random.default_rng(1), still=(0.03,))
+    without_noise = still.draws(
+        replace(MethodReading(0.003)), 1, np.random.default_rng(1), still=(0.03,)
+    )
     assert np.isnan(without_noise.loc[without_noise["points"] > 10000, "r2_q_v"]).all()
 
 

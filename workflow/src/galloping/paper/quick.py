@@ -27,7 +27,7 @@ from galloping.identification.sparse.supports import (
 )
 from galloping.measurement import Motion, channel_scale
 from galloping.paper.draws import PATH_LENGTH, PROTOCOLS, Amounts, Products
-from galloping.paper.unknowns import Setting
+from galloping.paper.unknowns import MethodReading
 from galloping.polynomial import Exponents, PolynomialModel, library
 from galloping.results import KNOWN
 
@@ -47,7 +47,11 @@ class QuickStudy:
     amounts: Amounts
 
     def draws(
-        self, setting: Setting, number: int, rng: np.random.Generator, still: Sequence[float] = ()
+        self,
+        setting: MethodReading,
+        number: int,
+        rng: np.random.Generator,
+        still: Sequence[float] = (),
     ) -> pd.DataFrame:
         """Scores of `number` draws of each cell, in the columns that claims are about.
 
@@ -130,7 +134,7 @@ class QuickStudy:
         return quality, found[:, 2:]
 
 
-def coefficients(drawn: Products, setting: Setting) -> np.ndarray:
+def coefficients(drawn: Products, setting: MethodReading) -> np.ndarray:
     """The paper's method on all recordings at once: (k, m, p) coefficients of the library.
 
     The same fixed points as those of `stlsq.raw` and `stlsq.normalised`.

@@ -59,7 +59,7 @@ LOW, HIGH = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "hig
 
 
 @dataclass(frozen=True)
-class Setting:
+class MethodReading:
     """What the paper does not say of its method. Fields as the keywords of `draws.paper_draws`."""
 
     threshold: float | None = 1.0
@@ -84,7 +84,7 @@ class Variant:
     kind: str = ""
     mode_shape: str = "irvine"
     ice: tuple[tuple[float, ...], tuple[float, ...]] = ((0.442, 2.126, -4.432), (3.33, 0.0, 0.0))
-    setting: Setting = Setting()
+    setting: MethodReading = MethodReading()
     chosen: bool = False
     steady: bool = True
     cost: int = 1
@@ -98,7 +98,7 @@ class Variant:
             case = unknown.at(case, values[unknown.name])
         return case
 
-    def method(self, values: Mapping[str, float]) -> Setting:
+    def method(self, values: Mapping[str, float]) -> MethodReading:
         return replace(self.setting, threshold=None if self.chosen else values["threshold"])
 
 
@@ -126,13 +126,13 @@ VARIANTS = (
     BASE,
     Variant("any motion", "steadiness", steady=False),
     Variant("sine", "mode shape", mode_shape="sine"),
-    Variant("kinematics identified", "kinematics", setting=Setting(kinematics=IDENTIFIED)),
-    Variant("columns normalised", "columns", setting=Setting(columns="normalised")),
+    Variant("kinematics identified", "kinematics", setting=MethodReading(kinematics=IDENTIFIED)),
+    Variant("columns normalised", "columns", setting=MethodReading(columns="normalised")),
     Variant("threshold chosen", "threshold", chosen=True),
-    Variant("threshold chosen normalised", "threshold", setting=Setting(columns="normalised"),
+    Variant("threshold chosen normalised", "threshold", setting=MethodReading(columns="normalised"),
             chosen=True),
-    Variant("noise relative", "noise", setting=Setting(relative=True)),
-    Variant("noisy velocities", "protocol", setting=Setting(protocol="velocity"), cost=8),
+    Variant("noise relative", "noise", setting=MethodReading(relative=True)),
+    Variant("noisy velocities", "protocol", setting=MethodReading(protocol="velocity"), cost=8),
     *_ICE[1:],
 )  # fmt: skip
 BY_NAME = {variant.name: variant for variant in VARIANTS}

@@ -20,6 +20,7 @@ from galloping.publication.archive import (
     pack,
     write_manifest,
 )
+from galloping.report.data_dictionary import caption
 from galloping.reproducibility.digest import Commit, commit, environment
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import digest, receipts
@@ -121,12 +122,14 @@ def _properties(folder: Path, path: str) -> dict[str, str]:
     """Name, description (the caption in the report, if it has one), format, size and digest."""
     file = folder / path
     text = DESCRIPTIONS.get(path) or DESCRIPTIONS.get(file.name) or file.stem
-    caption = folder / "workflow" / "report" / file.parent.name / f"{file.stem}.rst"
-    if caption.exists():
-        text = " ".join(caption.read_text(encoding="utf-8").replace("``", "").split())
+    words = folder / "workflow" / "report" / file.parent.name / f"{file.stem}.rst"  # of a figure
+    if file.parent.name == "tables" and file.suffix == ".csv":
+        text = caption(file.stem)
+    elif words.exists():
+        text = words.read_text(encoding="utf-8")
     return {
         "name": file.name,
-        "description": text,
+        "description": " ".join(text.replace("``", "").split()),
         "encodingFormat": FORMATS.guess_type(file.name)[0] or "text/plain",
         "contentSize": str(file.stat().st_size),
         "sha256": digest(file),

@@ -4,6 +4,7 @@ import fcntl
 import os
 import shlex
 import shutil
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -51,12 +52,9 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
         mark.flush()
         try:
             yield os.fstat(mark.fileno()).st_mtime_ns
-        except Killed:
-            raise
-        except BaseException:
-            mark.truncate(0)
-            raise
-        mark.truncate(0)
+        finally:
+            if not isinstance(sys.exception(), Killed):
+                mark.truncate(0)
 
 
 def check_disk(results: str) -> None:

@@ -29,7 +29,7 @@ from galloping.measurement import Motion
 from galloping.paper import unknowns
 from galloping.paper.draws import Amounts, line_motion
 from galloping.paper.quick import FARTHEST, SHARING, QuickStudy
-from galloping.paper.unknowns import BY_NAME, HIGH, LOW, NAMES, Setting, Variant
+from galloping.paper.unknowns import BY_NAME, HIGH, LOW, NAMES, MethodReading, Variant
 from galloping.physics.galerkin import coefficients
 from galloping.streams import generator
 
@@ -165,7 +165,7 @@ def evaluated_scores(
     return study.draws(variant.method(values), draws, rng, still=unknowns.STILL)
 
 
-def _is_raw(setting: Setting) -> bool:
+def _is_raw(setting: MethodReading) -> bool:
     return setting.columns == "raw" and setting.threshold is not None
 
 
