@@ -184,7 +184,7 @@ OTHERS = {
     "a rule's message or a comment in a rule": replaced(
         "workflow/rules/simulate.smk", '        "Deriving', '        # words\n        "Now deriving'
     ),
-    "a caption": appended("workflow/report/figures/figure05.rst", "Words.\n"),
+    "a caption of a figure": appended("workflow/report/figures/figure05.rst", "Words.\n"),
     "another version of matplotlib": upgraded("matplotlib"),
     "another version of pysindy": upgraded("pysindy"),
     "a number in `results/reference`": replaced(

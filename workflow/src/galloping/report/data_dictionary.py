@@ -7,7 +7,7 @@ module apart from the page, whose edits need not make the table again.
 
 from collections.abc import Mapping
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 
 import pandas as pd
 
@@ -17,8 +17,9 @@ WHOLE = ""  # column
 
 @cache
 def _dictionary() -> pd.DataFrame:
-    with files(__package__).joinpath("tables.csv").open(encoding="utf-8") as file:
-        return pd.read_csv(file, dtype=str, keep_default_na=False)
+    return pd.read_csv(
+        Path(__file__).with_name("tables.csv"), dtype=str, keep_default_na=False, encoding="utf-8"
+    )
 
 
 def columns(settings: Mapping) -> pd.DataFrame:

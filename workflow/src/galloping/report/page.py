@@ -8,7 +8,6 @@ from base64 import b64encode
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import metadata
-from importlib.resources import files
 from pathlib import Path
 from urllib.parse import quote
 
@@ -96,7 +95,7 @@ def render(page: Mapping) -> str:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     template = environment.from_string(
-        files(__package__).joinpath("page.html.jinja").read_text(encoding="utf-8")
+        Path(__file__).with_name("page.html.jinja").read_text(encoding="utf-8")
     )
     of_paper = [item for item in page["figures"] if OF_PAPER.fullmatch(item.name)]
     others = [item for item in page["figures"] if item not in of_paper]

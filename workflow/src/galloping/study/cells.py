@@ -42,6 +42,7 @@ class Sweep:
 
     @property
     def is_map(self) -> bool:
+        """Whether a second parameter is varied as well."""
         return self.second is not None
 
     @property
@@ -163,6 +164,7 @@ class Cell:
 
     @property
     def id(self) -> str:
+        """`case/protocol/cell`, its path below a folder of results."""
         return "/".join(self.wildcards.values())
 
     @property
@@ -221,6 +223,7 @@ class Study:
 
     @cached_property
     def cases(self) -> tuple[Case, ...]:
+        """In the order of the settings."""
         return tuple(
             Case(
                 name,

@@ -80,6 +80,7 @@ def write_model(path: str | os.PathLike, derived: Derived) -> None:
 
 
 def read_model(path: str | os.PathLike) -> Derived:
+    """The equations, their coefficients by symbol, and further quantities."""
     content = read_json(path)
     model = content.pop("model")
     equations = PolynomialModel(
@@ -235,6 +236,7 @@ def write_bounds(path: str | os.PathLike, deviations: np.ndarray) -> None:
 
 
 def read_bounds(path: str | os.PathLike) -> np.ndarray:
+    """(n_samplings, n_states, n_terms), as of `write_bounds`."""
     with np.load(path) as file:
         return file["std"]
 
@@ -271,6 +273,7 @@ def write_orbits(path: str | os.PathLike, orbits: Mapping[float, np.ndarray]) ->
 
 
 def read_orbits(path: str | os.PathLike) -> dict[float, np.ndarray]:
+    """(n, 2) places (w, v) in m about rest, by wind speed in m/s."""
     with np.load(path) as file:
         return {float(wind): file[wind] for wind in file}
 

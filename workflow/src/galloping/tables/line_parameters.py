@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator
 from functools import reduce
-from importlib.resources import files
 from operator import getitem
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from galloping import paper
 from galloping.configuration.load import load, plain
 from galloping.configuration.schema import child, leaves, schema
 from galloping.configuration.settings import Settings
@@ -46,8 +47,7 @@ def spacers(settings: dict) -> pd.DataFrame:
 
 def readings() -> pd.DataFrame:
     """How the damaged text of the paper is read: what it prints, what stands for it, and why."""
-    with files("galloping.paper").joinpath("readings.csv").open(encoding="utf-8") as file:
-        return pd.read_csv(file, keep_default_na=False)
+    return pd.read_csv(Path(paper.__path__[0], "readings.csv"), keep_default_na=False)
 
 
 def _table(rows: Iterator[tuple]) -> pd.DataFrame:

@@ -54,11 +54,13 @@ class MovingLine:
 
     @property
     def states(self) -> np.ndarray:
+        """(n, 4) at its times."""
         return self.motion(self.time)
 
 
 @cache
 def default_line() -> MovingLine:
+    """The default line of a study, DURATION s from its release on and MARGIN s more."""
     case = plain(load({}))["cases"][CASE]
     line = model(coefficients(case))
     start = np.array([case["initial_state"][state] for state in STATES])
@@ -71,6 +73,7 @@ def default_line() -> MovingLine:
 def of_the_default_line(
     seed: int, case: str, replicates: Sequence[int], *, protocols: list[str], levels: list[float]
 ) -> Iterator[Attempt]:
+    """The default line from its release on; the replicates are draws of the noise."""
     line = default_line()
     states = line.states
     for protocol in protocols:
@@ -132,7 +135,7 @@ def of_random_lines(
     seed: int, case: str, replicates: Sequence[int], *, protocols: list[str], levels: list[float],
     duration: float = DURATION, sampling_rate: float = RATE,
 ) -> Iterator[Attempt]:  # fmt: skip
-    """The replicates are the lines."""
+    """Lines drawn at random, each from two releases; the replicates are the lines."""
     time = time_grid(duration, sampling_rate)
     simulator = Simulator(STATES, TERMS)
     for number in replicates:
@@ -152,6 +155,7 @@ def of_random_lines(
 def of_long_and_steady_motions(
     seed: int, case: str, replicates: Sequence[int], *, levels: list[float]
 ) -> Iterator[Attempt]:
+    """Long, steady or sensitive motions, as `case` says; of CHOSEN each replicate is a line."""
     time, simulator = time_grid(*LONG.get(case, (DURATION, RATE))), Simulator(STATES, TERMS)
     for level, replicate in product(levels, replicates):
         if case in CHOSEN:
@@ -313,6 +317,7 @@ FAULTS = {
 def of_faulty_recordings(
     seed: int, case: str, replicates: Sequence[int], *, levels: list[float]
 ) -> Iterator[Attempt]:
+    """The default line with the fault `case` of FAULTS, of a size that each replicate draws."""
     line, (named, sizes, record) = default_line(), FAULTS[case]
     for level, replicate in product(levels, replicates):
         rng = generator(seed, GROUP, case, replicate)
