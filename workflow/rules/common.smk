@@ -116,11 +116,6 @@ def trial(wildcards):
     return STUDY.trial(wildcards.trial)
 
 
-def tried_by(wildcards):
-    """The function of a trial's kind, as `evaluate.smk` names it."""
-    return TRIED_BY[STUDY.plain["trials"][wildcards.trial]["kind"]]
-
-
 def batch(wildcards):
     """One case of a trial, and the numbers of the replicates that one job tries."""
     return next(each for each in trial(wildcards).batches if each.name == wildcards.batch)

@@ -3,7 +3,7 @@
 
 rule make_table:
     input:
-        unpack(lambda wildcards: files_of(TABLES[wildcards.table])),
+        unpack(lambda wildcards: TABLES[wildcards.table].input),
     output:
         table=report("<results>/tables/{table}.csv", category="Tables", labels={"table": "{table}"}),
     log:
@@ -16,7 +16,7 @@ rule make_table:
         "../envs/galloping.yaml"
     params:
         function=lambda wildcards: {"function": TABLES[wildcards.table].function},
-        names=lambda wildcards: names_of(TABLES[wildcards.table]),
+        names=lambda wildcards: {"names": TABLES[wildcards.table].names},
         settings=lambda wildcards: {"settings": TABLES[wildcards.table].settings},
         code=lambda wildcards: code("make_table.py", TABLES[wildcards.table].function),
     message:
@@ -55,7 +55,7 @@ rule compare_reference:
 
 rule draw_figure:
     input:
-        unpack(lambda wildcards: files_of(FIGURES[wildcards.figure])),
+        unpack(lambda wildcards: FIGURES[wildcards.figure].input),
     output:
         svg=report(
             "<results>/figures/{figure}.svg", category="Figures", labels={"figure": "{figure}"}
@@ -71,7 +71,7 @@ rule draw_figure:
         "../envs/galloping.yaml"
     params:
         function=lambda wildcards: {"function": FIGURES[wildcards.figure].function},
-        names=lambda wildcards: names_of(FIGURES[wildcards.figure]),
+        names=lambda wildcards: {"names": FIGURES[wildcards.figure].names},
         settings=lambda wildcards: {"settings": FIGURES[wildcards.figure].settings},
         look=setting("figures"),
         code=lambda wildcards: code("draw_figure.py", FIGURES[wildcards.figure].function),

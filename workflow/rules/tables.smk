@@ -17,25 +17,17 @@ REGION = "results/reference/paper/paper_region.csv"  # what `make paper` found, 
 
 
 def made(function, settings=None, **reads):
-    """How a table or a figure is made. settings: its own, by key, in plain values."""
-    return SimpleNamespace(function=function, settings=settings or {}, reads=reads)
+    """How a table or a figure is made. settings: its own, by key, in plain values.
 
-
-def files_of(what):
-    """Inputs of a table or a figure: a list where it reads several files by name."""
-    return {
-        name: list(files.values()) if isinstance(files, dict) else files
-        for name, files in what.reads.items()
-    }
-
-
-def names_of(what):
-    """The names of the files in these lists."""
-    return {
-        "names": {
-            name: list(files) for name, files in what.reads.items() if isinstance(files, dict)
-        }
-    }
+    An input is a list where several files are read by name, and `names` has their names.
+    """
+    several = {key: files for key, files in reads.items() if isinstance(files, dict)}
+    return SimpleNamespace(
+        function=function,
+        settings=settings or {},
+        input=reads | {key: list(files.values()) for key, files in several.items()},
+        names={key: list(files) for key, files in several.items()},
+    )
 
 
 def every(pattern, **wildcards):
