@@ -129,7 +129,7 @@ def extended_filter(
     innovations = np.full((n, channels), np.nan)
     variances = np.full((n, channels), np.nan)
     means = np.full((n, d), np.nan)
-    slopes = np.zeros((n, channels, many))
+    by_candidate = np.zeros((n, channels, many))
     told = np.zeros((d, many))  # slopes of the states
     terms, stages = np.zeros(len(exponents)), np.zeros((5, d))
     here, middle = np.append(x, driven[0]), np.append(x, driven[0])
@@ -214,7 +214,7 @@ def extended_filter(
                     seen[j] += row[i] * told[i, j]
                 if at_sample and candidates[j, 0] == own:
                     seen[j] += terms[candidates[j, 1]]
-                slopes[k, c, j] = -seen[j]
+                by_candidate[k, c, j] = -seen[j]
             for i in range(d):
                 gain[i] /= spread
                 here[i] += gain[i] * error
@@ -226,7 +226,7 @@ def extended_filter(
                     p[j, i] = p[i, j]
         means[k] = here[:d]
     x[:] = here[:d]
-    return innovations, variances, means, slopes
+    return innovations, variances, means, by_candidate
 
 
 @njit(cache=True, error_model="numpy")
