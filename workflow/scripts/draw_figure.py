@@ -1,4 +1,4 @@
-"""One figure: `workflow/rules/report.smk` says by which function and of what."""
+"""One figure: `workflow/rules/figures.smk` says by which function and of what."""
 
 from pkgutil import resolve_name
 

@@ -1,4 +1,4 @@
-"""One table: `workflow/rules/report.smk` says by which function and of what."""
+"""One table: `workflow/rules/tables.smk` says by which function and of what."""
 
 from pkgutil import resolve_name
 

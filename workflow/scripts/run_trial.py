@@ -1,4 +1,4 @@
-"""One batch of a trial of `galloping.configuration.kinds`: a row for each fit."""
+"""One batch of a trial, a row a fit: `workflow/rules/evaluate.smk` says by which function."""
 
 from pkgutil import resolve_name
 
