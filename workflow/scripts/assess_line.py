@@ -8,7 +8,7 @@ from galloping.cycles.family import LIBRARY, initial_state, line_family
 from galloping.cycles.limit_cycles import settle
 from galloping.cycles.prediction import SAMPLES, split
 from galloping.cycles.ranking import Design, damping_ratios, derived, places, ranked
-from galloping.cycles.rows import clearance_rows, measure_rows
+from galloping.cycles.rows import clearance_rows
 from galloping.physics.galerkin import STATES
 from galloping.physics.measures import KINDS, usual
 from galloping.reproducibility.job import run
@@ -42,8 +42,8 @@ def assess_line(
     given = ({k: v for k, v in each.items() if v is not None} for each in chosen.values())
     asked = [KINDS[each.pop("kind")](**each) for each in given] or usual(line)
     design = Design(design_wind, start, distance, limit)
-    outcomes = ranked(parts, line, asked, design, simulator, draws)
-    write_rows(measures, measure_rows(case, outcomes, design))
+    found = ranked(parts, line, asked, design, simulator, draws)
+    write_rows(measures, [{"case": case, **row} for row in found])
 
 
 if __name__ == "__main__":

@@ -26,9 +26,7 @@ def _predicted(identified, case, winds, rng) -> Prediction:
         parts = split([identified], [speed], damping_ratios(case))
         return predict(parts, speed, winds, start, rng, simulator(identified.model.terms))
     except (ValueError, np.linalg.LinAlgError) as error:
-        nothing = np.full((len(winds), len(STATES)), np.nan)
-        unresolved = np.ones(len(winds))
-        return Prediction(np.array(winds), nothing, nothing, nothing, unresolved, str(error))
+        return Prediction.nothing(winds, len(STATES), str(error))
 
 
 def predict_winds(case, protocol, identified, prediction, line, winds, methods, seed):

@@ -86,8 +86,8 @@ def test_clearance_and_measures():
     assert last["height_m"] == pytest.approx(2 * told[-1]["height_m"], rel=0.01)  # its last swings
     design, parts = Design(12.0, START, (0.0, 8.0), 3.0), derived(RESONANT)
     tried, no_draws = [ice_removal(), pendulum(20.0, (100.0,))], np.zeros((0, len(parts.values)))
-    outcomes = ranked(parts, RESONANT, tried, design, simulator(), no_draws)
-    table = pd.DataFrame(rows.measure_rows("line", outcomes, design))
+    found = ranked(parts, RESONANT, tried, design, simulator(), no_draws)
+    table = pd.DataFrame(found).assign(case="line")
     assert table["measure"][0] == "ice removed" and "torsion" in " ".join(table["note"])
     drawn(lambda: draw_measures(table, {"cases": ["line"]}))
     many = [f"line {k}" for k in range(20)]

@@ -24,7 +24,7 @@ def family(terms, matrix, states="xyz"):
 
 def cycles_of(models, span, state, **options):
     """(equilibria, limit cycles) of the first Hopf bifurcation."""
-    equilibria = equilibrium_branch(models, np.array(state, float), span.low, span)
+    equilibria = equilibrium_branch(models, np.array(state, float), span)
     assert equilibria.complete
     return equilibria, from_hopf(models, hopf_points(equilibria)[0], span, **options)
 
@@ -127,16 +127,16 @@ def test_a_system_of_period_doubling_and_its_branch():
     """Genesio-Tesi jerk equation x''' + a x'' + b x' + x - x^2 = 0: Hopf at a b = 1, and at b = 1 a
     period doubling at a = 0.630302 of period 6.364071 (MatCont's tutorial on limit cycles)."""
     terms = ((1, 0, 0), (0, 1, 0), (0, 0, 1), (2, 0, 0))
-    jerk = family(terms, lambda a: [[0, 1, 0, 0], [0, 0, 1, 0], [-1, -1, -a, 1]])
-    equilibria = equilibrium_branch(jerk, np.zeros(3), 1.2, Range(0.5, 1.2), upward=False)
+    jerk = family(terms, lambda p: [[0, 1, 0, 0], [0, 0, 1, 0], [-1, -1, p, 1]])  # p = -a
+    equilibria = equilibrium_branch(jerk, np.zeros(3), Range(-1.2, -0.5))
     (hopf,) = hopf_points(equilibria)
-    assert hopf.point.solution.value == pytest.approx(1.0, abs=1e-9)
-    cycles = from_hopf(jerk, hopf, Range(0.5, 1.2))
+    assert hopf.point.solution.value == pytest.approx(-1.0, abs=1e-9)
+    cycles = from_hopf(jerk, hopf, Range(-1.2, -0.5))
     doubling = cycles.bifurcations[0]
     assert doubling.name == "period doubling"
-    assert doubling.point.solution.value == pytest.approx(0.6303020, abs=2e-6)
+    assert doubling.point.solution.value == pytest.approx(-0.6303020, abs=2e-6)
     assert doubling.point.solution.period == pytest.approx(6.364071, abs=2e-6)
-    (doubled,) = from_branching(jerk, doubling, Range(0.5, 1.2))
+    (doubled,) = from_branching(jerk, doubling, Range(-1.2, -0.5))
     assert doubled.points[0].solution.period == pytest.approx(2 * 6.364071, rel=1e-3)
     assert doubled.points[3].stability.stable
 
@@ -166,7 +166,7 @@ def test_a_branch_point_and_both_branches():
 def test_failures_say_why_and_keep_the_branch():
     cut = family(VAN_DER_POL_TERMS, lambda p: [[0, 1, 0], [-1, p, -1 if p < 0.5 else np.nan]])
     span = Range(-0.5, 1.0)
-    equilibria = equilibrium_branch(cut, np.zeros(2), -0.5, span)
+    equilibria = equilibrium_branch(cut, np.zeros(2), span)
     assert not equilibria.complete and equilibria.reason.startswith("continuation failed at 0.")
     (hopf,) = hopf_points(equilibria)
     cycles = from_hopf(cut, hopf, span)
@@ -181,20 +181,20 @@ def test_failures_say_why_and_keep_the_branch():
     with pytest.raises(ValueError, match="does not come back"):
         from_motion(VAN_DER_POL, 0.3, grid, np.column_stack([grid, grid]), Range(0.1, 1))
     with pytest.raises(ValueError, match="no limit cycles branch off at a fold"):
-        at = equilibrium_branch(FOLDED, np.array([-1.0, 0.0]), 1.0, Range(-1, 1.5), upward=False)
-        from_branching(FOLDED, at.bifurcations[0], Range(-1, 1.5))
+        at = equilibrium_branch(FOLDED, np.array([-1.0, 0.0]), Range(-1, 1))
+        from_branching(FOLDED, at.bifurcations[0], Range(-1, 1))
     with pytest.raises(ValueError, match="low 2 must be below high 1"):
         Range(2, 1)
 
 
-# x' = p - x^2: a fold of equilibria at 0
-FOLDED = family(((0, 0), (2, 0), (0, 1)), lambda p: [[p, -1, 0], [0, 0, -1]])
+# x' = -p - x^2: a fold of equilibria at 0
+FOLDED = family(((0, 0), (2, 0), (0, 1)), lambda p: [[-p, -1, 0], [0, 0, -1]])
 
 
 def test_equilibria_pass_a_fold():
-    branch = equilibrium_branch(FOLDED, np.array([-1.0, 0.0]), 1.0, Range(-1, 1.5), upward=False)
+    branch = equilibrium_branch(FOLDED, np.array([-1.0, 0.0]), Range(-1, 1))
     (fold,) = branch.bifurcations
     assert fold.name == "fold" and fold.point.solution.value == pytest.approx(0, abs=1e-9)
-    assert branch.points[-1].solution.state[0] == pytest.approx(np.sqrt(1.5))
+    assert branch.points[-1].solution.state[0] == pytest.approx(1.0)
     with pytest.raises(ValueError, match="no equilibrium near the given state"):
-        equilibrium_branch(FOLDED, np.zeros(2), -0.5, Range(-1, 1.5))
+        equilibrium_branch(FOLDED, np.zeros(2), Range(0.5, 1))

@@ -109,16 +109,16 @@ def test_ranking():
     assert len(usual(bare)) == len(usual(RESONANT)) - 2
     chosen = [m for m in usual(RESONANT) if "ice" in m.label or "damper" in m.label]
     order = ranked(parts, RESONANT, chosen, design, simulator(), draws)
-    assert [o.measure.label for o in order] == [
+    assert [row["measure"] for row in order] == [
         "ice removed", "damper of 200 N s/m at 30 m", "as it is",
     ]  # fmt: skip
     bare, _, as_is = order
-    assert bare.critical_wind[0] == np.inf and bare.v[0] == 0 and bare.kind == "rest"
-    assert (as_is.v[0], as_is.w[0]) == pytest.approx(CHECKS[12], abs=1e-3)
-    assert as_is.v[1] < as_is.v[0] < as_is.v[2]
-    assert 3 < as_is.clearance[0] < 8
+    assert bare["critical_wind_m_s"] == np.inf and bare["v_m"] == 0 and bare["kind"] == "rest"
+    assert (as_is["v_m"], as_is["w_m"]) == pytest.approx(CHECKS[12], abs=1e-3)
+    assert as_is["v_m_low"] < as_is["v_m"] < as_is["v_m_high"]
+    assert 3 < as_is["clearance_m"] < 8
     lost = evaluate(parts, RESONANT, NOTHING, replace(design, wind=25.0), simulator(), draws[:0])
-    assert lost.kind.startswith("diverged") and np.isnan(lost.v[0])
+    assert lost["kind"].startswith("diverged") and np.isnan(lost["v_m"])
 
 
 def test_measures_that_cannot_be():

@@ -8,10 +8,12 @@ in m + 1 unknowns, of which the last is the parameter.
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Protocol, Self
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 from scipy.optimize import brentq
+
+from galloping.cycles.family import Family
 
 CORRECTIONS = 8
 CORRECTED = 1e-9  # length of the last correction, in steps
@@ -46,13 +48,15 @@ class Equations:
 
 
 class BranchProblem(Protocol):
-    """What is continued.
+    """What is continued: solutions of the models of a family.
 
     metric: (n,) the square of a change of a vector is the sum of its squares times these; a step of
-    one is as long as steps may be.
+    one is as long as steps may be. sought: the solutions in words, for messages.
     """
 
+    family: Family
     metric: np.ndarray
+    sought: ClassVar[str]
 
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         """(m + 1,) of a solution with this vector (n,)."""
@@ -171,6 +175,15 @@ def point_at(problem: BranchProblem, at: Equations, border: np.ndarray) -> Point
     tangent = at.along(border)
     tangent = tangent / problem.length(tangent)
     return Point(at.solution, tangent, *problem.examine(at, tangent))
+
+
+def first(problem: BranchProblem, guess: np.ndarray, border: np.ndarray) -> Point:
+    """The point near a guess, as of `corrected` and `point_at`. Raises ValueError without one."""
+    try:
+        return point_at(problem, corrected(problem, guess, border), border)
+    except NotConverged as failure:
+        place = f"{guess[-1]:g} {problem.family.unit}"
+        raise ValueError(f"no {problem.sought} at {place}: {failure}") from None
 
 
 def follow(problem: BranchProblem, start: Point, span: Range) -> Branch:

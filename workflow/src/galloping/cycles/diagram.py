@@ -4,11 +4,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations, pairwise
+from typing import ClassVar
 
 import numpy as np
 
 from galloping.cycles import continuation, limit_cycles
-from galloping.cycles.continuation import Branch, Range
+from galloping.cycles.continuation import Bifurcation, Branch, Equations, Range
 from galloping.cycles.family import Family
 from galloping.polynomial import design_matrix
 
@@ -19,7 +20,7 @@ HOPF, FOLD, BRANCH_POINT = "Hopf", "fold", "branch point"
 
 
 @dataclass(frozen=True)
-class Equilibrium:
+class FixedPoint:
     """vector: (n_states + 1,), the state where dx/dt = 0 and the value of the parameter."""
 
     vector: np.ndarray
@@ -57,6 +58,7 @@ class EquilibriumProblem(continuation.BranchProblem):
     family: Family
     n_states: int
     resolution: float
+    sought: ClassVar[str] = "equilibrium near the given state"
 
     @property
     def metric(self) -> np.ndarray:
@@ -65,28 +67,20 @@ class EquilibriumProblem(continuation.BranchProblem):
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         return vector
 
-    def linearise(self, unknowns: np.ndarray) -> continuation.Equations:
+    def linearise(self, unknowns: np.ndarray) -> Equations:
         model, x = self.family.model(unknowns[-1]), unknowns[np.newaxis, :-1]
         slope = self.family.slope(unknowns[-1], self.resolution)
         by_value = design_matrix(x, model.terms) @ slope.T
         jacobian = np.column_stack([model.jacobian(x)[0], by_value[0]])
-        found = Equilibrium(unknowns)
-        return continuation.Equations(found, unknowns, model(x)[0], jacobian, np.eye(len(unknowns)))
+        found, moved = FixedPoint(unknowns), np.eye(len(unknowns))
+        return Equations(found, unknowns, model(x)[0], jacobian, moved)
 
-    def examine(
-        self, at: continuation.Equations, tangent: np.ndarray
-    ) -> tuple[Eigenvalues, dict[str, float]]:
+    def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Eigenvalues, dict[str, float]]:
         values, modes = np.linalg.eig(at.jacobian[:, :-1])
-        pair = min(
-            (k for k, v in enumerate(values) if v.imag > 0),
-            key=lambda k: abs(values[k].real),
-            default=None,
-        )
-        stability = Eigenvalues(
-            values,
-            np.zeros(len(values), complex) if pair is None else modes[:, pair],
-            0.0 if pair is None else float(values[pair].imag),
-        )
+        stability = Eigenvalues(values, np.zeros(len(values), complex), 0.0)
+        if pairs := [k for k, value in enumerate(values) if value.imag > 0]:
+            pair = min(pairs, key=lambda k: abs(values[k].real))
+            stability = Eigenvalues(values, modes[:, pair], float(values[pair].imag))
         sums = np.prod([a + b for a, b in combinations(values, 2)]) if len(values) > 1 else 1.0
         return stability, {
             HOPF: float(np.real(sums)),
@@ -103,26 +97,17 @@ class EquilibriumProblem(continuation.BranchProblem):
         return bool(np.any(complex_pair & (rates < 1e-6 * np.max(np.abs(stability.values)))))
 
 
-def equilibrium_branch(
-    family: Family, state: np.ndarray, value: float, span: continuation.Range, upward: bool = True
-) -> continuation.Branch:
-    """Equilibria from the one near `state` (n_states,) at `value`, along the parameter.
+def equilibrium_branch(family: Family, state: np.ndarray, span: Range) -> Branch:
+    """Equilibria from the one near `state` (n_states,) at the low end of a range, along it.
 
-    upward: whether the parameter grows at first. Raises ValueError where there is no equilibrium
-    near the state.
+    Raises ValueError where there is no equilibrium near the state.
     """
     problem = EquilibriumProblem(family, len(state), span.longest)
-    along = problem.along_parameter()
-    try:
-        at = continuation.corrected(problem, np.append(state, value), along)
-    except continuation.NotConverged as failure:
-        message = f"no equilibrium near the given state at {value:g} {family.unit}: {failure}"
-        raise ValueError(message) from None
-    orientation = along if upward else -along
-    return continuation.follow(problem, continuation.point_at(problem, at, orientation), span)
+    start = continuation.first(problem, np.append(state, span.low), problem.along_parameter())
+    return continuation.follow(problem, start, span)
 
 
-def hopf_points(branch: continuation.Branch) -> list[continuation.Bifurcation]:
+def hopf_points(branch: Branch) -> list[Bifurcation]:
     """The Hopf bifurcations of a branch of equilibria, in its order."""
     return [b for b in branch.bifurcations if b.name == HOPF and b.located]
 
@@ -157,7 +142,7 @@ def diagram(
     bifurcation lies in the range, a settled motion to start from: the parameter's value, times
     (n,) in s and states (n, n_states). Raises ValueError where there is no equilibrium near that.
     """
-    equilibria = equilibrium_branch(family, rest, span.low, span)
+    equilibria = equilibrium_branch(family, rest, span)
     queue = [
         _Start(f"Hopf {k}", 0, lambda at=hopf: (limit_cycles.from_hopf(family, at, span),))
         for k, hopf in enumerate(hopf_points(equilibria), start=1)

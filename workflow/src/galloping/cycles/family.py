@@ -2,18 +2,11 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from galloping.physics.galerkin import (
-    STATES,
-    TERMS,
-    at_rest,
-    coefficients,
-    ice_coefficients,
-    integrate,
-    model,
-)
+from galloping.physics import galerkin
 from galloping.polynomial import PolynomialModel
 
 DIFFERENCE = 1e-5  # of the parameter's scale: central differences are good to about 1e-10
@@ -44,9 +37,8 @@ def constant(model: PolynomialModel) -> Family:
 
 
 # every term the derivation can produce, so that the library never changes along a parameter
-LIBRARY = tuple(
-    dict.fromkeys([(0, 0, 1, 0), (0, 0, 0, 1), *(exponents for _, exponents in TERMS.values())])
-)
+_DERIVED = (exponents for _, exponents in galerkin.TERMS.values())
+LIBRARY = tuple(dict.fromkeys([(0, 0, 1, 0), (0, 0, 0, 1), *_DERIVED]))
 
 
 @dataclass(frozen=True)
@@ -83,14 +75,11 @@ def _span(case: Mapping, value: float) -> dict:
     }
 
 
-def _ice(direction: str, power: int) -> Callable[[Mapping, float], dict]:
-    def at(case: Mapping, value: float) -> dict:
-        both = map(list, ice_coefficients(case["ice"]))
-        ice = dict(zip(("vertical", "horizontal"), both, strict=True))
-        ice[direction][power - 1] = value
-        return {**case, "ice": {"reading": "custom", **ice}}
-
-    return at
+def _ice(direction: str, power: int, case: Mapping, value: float) -> dict:
+    both = map(list, galerkin.ice_coefficients(case["ice"]))
+    ice = dict(zip(("vertical", "horizontal"), both, strict=True))
+    ice[direction][power - 1] = value
+    return {**case, "ice": {"reading": "custom", **ice}}
 
 
 _DAMPING = (("damping", "vertical"), ("damping", "horizontal"))
@@ -106,7 +95,7 @@ PARAMETERS = {
     **{
         f"ice_{direction}_{power}": Parameter(
             f"{direction} aerodynamic coefficient of order {power}", "1",
-            change=_ice(direction, power),
+            change=partial(_ice, direction, power),
         )
         for direction in ("vertical", "horizontal")
         for power in (1, 2, 3)
@@ -121,17 +110,20 @@ def parameter(name: str) -> Parameter:
     return PARAMETERS[name]
 
 
+def line_model(case: Mapping) -> PolynomialModel:
+    """The two-mode model of a case, on LIBRARY."""
+    return galerkin.model(galerkin.coefficients(case)).on_library(LIBRARY)
+
+
 def line_family(case: Mapping, name: str) -> Family:
     """The models of a case along the parameter `name` of PARAMETERS.
 
     Raises ValueError for a name that no sweep can vary.
     """
     varied = parameter(name)
-
-    def at(value: float):
-        return model(coefficients(varied.at(case, float(value)))).on_library(LIBRARY)
-
-    return Family(at, varied.label, varied.unit)
+    return Family(
+        lambda value: line_model(varied.at(case, float(value))), varied.label, varied.unit
+    )
 
 
 def critical_wind(case: Mapping) -> float:
@@ -140,10 +132,10 @@ def critical_wind(case: Mapping) -> float:
     The structural damping 2 zeta omega equals the aerodynamic one, rho D U b1 <phi^2> / (2 m_v)
     (Den Hartog 1932 for a mode of the span); infinite where the ice does not destabilise.
     """
-    line, vertical, _ = at_rest(case)
-    (b1, _, _), _ = ice_coefficients(case["ice"])
+    line, vertical, _ = galerkin.at_rest(case)
+    (b1, _, _), _ = galerkin.ice_coefficients(case["ice"])
     load = 0.5 * case["wind"]["air_density"] * case["bundle"]["dimension"] * b1
-    per_speed = load * integrate(vertical.shape**2, line.span) / vertical.mass
+    per_speed = load * galerkin.integrate(vertical.shape**2, line.span) / vertical.mass
     if per_speed <= 0:
         return float("inf")
     return 2 * case["damping"]["vertical"] * vertical.frequency / per_speed
@@ -151,4 +143,4 @@ def critical_wind(case: Mapping) -> float:
 
 def initial_state(case: Mapping) -> list[float]:
     """Where the case's trajectory starts, in the order of the states."""
-    return [case["initial_state"][state] for state in STATES]
+    return [case["initial_state"][state] for state in galerkin.STATES]

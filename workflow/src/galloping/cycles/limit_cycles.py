@@ -9,13 +9,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, pairwise
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from galloping.cycles import continuation
-from galloping.cycles.family import Family, constant
+from galloping.cycles.continuation import Bifurcation, Branch, Equations, Point, Range
+from galloping.cycles.family import Family
 from galloping.polynomial import PolynomialModel
 from galloping.simulation import Simulator
 from galloping.taylor import ORDER, integrate, system, tables
@@ -190,18 +191,15 @@ class CycleProblem(continuation.BranchProblem):
     slope: np.ndarray
     ceiling: float
     largest: float
+    sought: ClassVar[str] = "limit cycle near the given motion"
 
     @classmethod
     def about(
         cls, family: Family, orbit: Orbit, resolution: float, ceiling: float = np.inf
     ) -> Self:
+        """A branch that begins near an orbit."""
         slope = family.slope(orbit.value, resolution)
         return cls(family, orbit, resolution, slope, ceiling, orbit.spread)
-
-    @classmethod
-    def beside(cls, model: PolynomialModel, orbit: Orbit) -> Self:
-        """Limit cycles of a model near an orbit of another one."""
-        return cls.about(constant(model), orbit, resolution=1.0)
 
     @cached_property
     def metric(self) -> np.ndarray:
@@ -218,7 +216,7 @@ class CycleProblem(continuation.BranchProblem):
     def unknowns(self, vector: np.ndarray) -> np.ndarray:
         return np.append(vector[: len(self.slope)], vector[-2:])
 
-    def linearise(self, unknowns: np.ndarray) -> continuation.Equations:
+    def linearise(self, unknowns: np.ndarray) -> Equations:
         n, (period, value) = len(self.slope), unknowns[-2:]
         model = self.family.model(value)
         free = np.argwhere(self.slope)
@@ -239,17 +237,11 @@ class CycleProblem(continuation.BranchProblem):
         moved[..., n] = np.arange(PHASES)[:, np.newaxis] / PHASES * rates
         end_moved[:, n] = model(end[np.newaxis])[0]
         moved = np.vstack([moved.reshape(-1, n + 2), np.eye(n + 2)[n:]])
-        return continuation.Equations(
-            orbit,
-            unknowns,
-            np.append(end - unknowns[:n], self.phase @ (orbit.vector - self.reference.vector)),
-            np.vstack([end_moved - np.eye(n, n + 2), self.phase @ moved]),
-            moved,
-        )
+        off = self.phase @ (orbit.vector - self.reference.vector)
+        jacobian = np.vstack([end_moved - np.eye(n, n + 2), self.phase @ moved])
+        return Equations(orbit, unknowns, np.append(end - unknowns[:n], off), jacobian, moved)
 
-    def examine(
-        self, at: continuation.Equations, tangent: np.ndarray
-    ) -> tuple[Floquet, dict[str, float]]:
+    def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Floquet, dict[str, float]]:
         n = len(self.slope)
         stability = floquet(at.jacobian[:n, :n] + np.eye(n))
         mu = stability.multipliers
@@ -296,9 +288,7 @@ def _turn(compiled, start: np.ndarray, period: float, steps: int) -> tuple:
     return states, moved, end[0], end_moved[0], truncation
 
 
-def from_hopf(
-    family: Family, hopf: continuation.Bifurcation, span: continuation.Range, size: float = 1e-3
-) -> continuation.Branch:
+def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3) -> Branch:
     """The limit cycles that leave a Hopf bifurcation of `equilibrium_branch`.
 
     size: of the first one, in units of the states.
@@ -308,13 +298,11 @@ def from_hopf(
     orbit = circle(at.state, swing, 2 * np.pi / mode.frequency, at.value)
     problem = CycleProblem.about(family, orbit, span.longest, span.ceiling)
     growth = np.append((orbit.states - at.state).ravel(), [0.0, 0.0])
-    start = _first(problem, orbit.vector, problem.metric * growth)
+    start = continuation.first(problem, orbit.vector, problem.metric * growth)
     return continuation.follow(problem, start, span)
 
 
-def from_branching(
-    family: Family, at: continuation.Bifurcation, span: continuation.Range
-) -> tuple[continuation.Branch, ...]:
+def from_branching(family: Family, at: Bifurcation, span: Range) -> tuple[Branch, ...]:
     """The limit cycles that leave a branch at a period doubling or a branch point.
 
     Two branches leave a branch point; those that leave a period doubling are one, shifted in phase.
@@ -336,7 +324,7 @@ def from_branching(
     direction *= DEPARTURE / (STEP * problem.length(direction))
     branches = []
     for away in (direction,) if doubled else (direction, -direction):
-        start = _first(problem, orbit.vector + away, problem.metric * away)
+        start = continuation.first(problem, orbit.vector + away, problem.metric * away)
         branches.append(continuation.follow(problem, start, span))
     return tuple(branches)
 
@@ -347,8 +335,8 @@ def _twice(states: np.ndarray) -> np.ndarray:
 
 
 def from_motion(
-    family: Family, value: float, time: np.ndarray, states: np.ndarray, span: continuation.Range
-) -> tuple[continuation.Branch, continuation.Branch]:
+    family: Family, value: float, time: np.ndarray, states: np.ndarray, span: Range
+) -> tuple[Branch, Branch]:
     """The limit cycles below and above the one that a motion has settled on.
 
     time: (n,) s, states: (n, n_states) of the settled motion at `value` of the parameter; several
@@ -363,31 +351,19 @@ def from_motion(
 
 def settled(
     family: Family, value: float, time: np.ndarray, states: np.ndarray, resolution: float
-) -> continuation.Point:
+) -> Point:
     """The limit cycle on which a motion has settled, as in `from_motion`."""
     orbit = _last_turn(time, states, value)
     problem = CycleProblem.about(family, orbit, resolution)
-    return _first(problem, orbit.vector, problem.along_parameter())
+    return continuation.first(problem, orbit.vector, problem.along_parameter())
 
 
-def cycle_of(family: Family, value: float, motion: Settled) -> continuation.Point | None:
+def cycle_of(family: Family, value: float, motion: Settled) -> Point | None:
     """The limit cycle that a motion has settled on; None where there is none near enough."""
     if motion.kind == "cycle":
         with suppress(ValueError):
             return settled(family, value, motion.time, motion.states, resolution=1.0)
     return None
-
-
-def _first(problem: CycleProblem, guess: np.ndarray, border: np.ndarray) -> continuation.Point:
-    """The limit cycle near a guess. Raises ValueError where there is none."""
-    try:
-        found = continuation.corrected(problem, guess, border)
-        return continuation.point_at(problem, found, border)
-    except continuation.NotConverged as failure:
-        raise ValueError(
-            f"no limit cycle near the given motion at {guess[-1]:g} {problem.family.unit}: "
-            f"{failure}"
-        ) from None
 
 
 def _last_turn(time: np.ndarray, states: np.ndarray, value: float) -> Orbit:
@@ -405,7 +381,7 @@ def _last_turn(time: np.ndarray, states: np.ndarray, value: float) -> Orbit:
     return Orbit(CubicSpline(time, states)(phases), period, value)
 
 
-def at_value(family: Family, branch: continuation.Branch, value: float) -> list[continuation.Point]:
+def at_value(family: Family, branch: Branch, value: float) -> list[Point]:
     """The limit cycles of a branch at a value of the parameter, one for each time it passes there.
 
     Raises ValueError where one cannot be computed from its neighbours.
@@ -418,7 +394,8 @@ def at_value(family: Family, branch: continuation.Branch, value: float) -> list[
         near = min(before, after, key=lambda p: abs(p.solution.value - value))
         problem = CycleProblem.about(family, near.solution, abs(end - begin))
         ahead = near.tangent * ((value - near.solution.value) / near.tangent[-1])
-        points.append(_first(problem, near.solution.vector + ahead, problem.along_parameter()))
+        guess = near.solution.vector + ahead
+        points.append(continuation.first(problem, guess, problem.along_parameter()))
     if branch.points[-1].solution.value == value:
         points.append(branch.points[-1])
     return points

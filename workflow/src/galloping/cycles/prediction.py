@@ -11,20 +11,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import compress
+from typing import Self
 
 import numpy as np
 
+from galloping.cycles import limit_cycles
 from galloping.cycles.continuation import NotConverged, Range, corrected
 from galloping.cycles.family import Family, constant
-from galloping.cycles.limit_cycles import (
-    VANISHED,
-    CycleProblem,
-    Orbit,
-    at_value,
-    from_motion,
-    settle,
-    settled,
-)
+from galloping.cycles.limit_cycles import CycleProblem, Orbit
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import Identified, drawn, normal, of_draws
 from galloping.passes import passing
@@ -64,6 +58,12 @@ class Split:
         present[self.entries[:, 1]] = True
         terms = tuple(compress(self.terms, present))
         return PolynomialModel(self.states, terms, coefficients[:, present])
+
+    def by_term(self) -> dict[tuple[int, Exponents, float], float]:
+        """The value of each unknown part by its equation, term and power of the wind speed."""
+        rows, columns = self.entries.T.tolist()
+        terms = (self.terms[column] for column in columns)
+        return dict(zip(zip(rows, terms, self.powers, strict=True), self.values, strict=True))
 
     def family(self) -> Family:
         return Family(lambda wind: self.model(float(wind)), "wind speed", "m/s")
@@ -172,6 +172,12 @@ class Prediction:
     unresolved: np.ndarray
     reason: str = ""
 
+    @classmethod
+    def nothing(cls, winds: Sequence[float], n_states: int, reason: str = "") -> Self:
+        """No limit cycle at any of the wind speeds."""
+        amplitude, low, high = np.full((3, len(winds), n_states), np.nan)
+        return cls(np.asarray(winds, float), amplitude, low, high, np.ones(len(winds)), reason)
+
 
 def predict(
     parts: Split,
@@ -186,10 +192,8 @@ def predict(
 
     start: (n_states,) from which the model is simulated there until it has settled.
     """
-    winds = np.asarray(winds, float)
-    amplitude, low, high = np.full((3, len(winds), len(parts.states)), np.nan)
-    found = Prediction(winds, amplitude, low, high, np.ones(len(winds)))
-    motion = settle(simulator, parts.model(recorded), start, duration=2000, window=200)
+    found, missing = Prediction.nothing(winds, len(parts.states)), []
+    motion = limit_cycles.settle(simulator, parts.model(recorded), start, duration=2000, window=200)
     if motion.kind != "cycle":
         reason = f"at {recorded:g} m/s the identified model does not settle: {motion.kind}"
         return replace(found, reason=reason)
@@ -199,29 +203,36 @@ def predict(
         ceiling=CEILING * np.sqrt(np.sum(np.var(motion.states, axis=0))),
     )  # fmt: skip
     try:
-        branches = from_motion(family, recorded, motion.time, motion.states, span)
+        branches = limit_cycles.from_motion(family, recorded, motion.time, motion.states, span)
     except ValueError as failure:
         return replace(found, reason=str(failure))
     draws = parts.sampled(rng, samples)
-    missing = []
-    for k, wind in enumerate(winds):
+    for k, wind in enumerate(found.winds):
         stable = [
             point.solution
             for branch in branches
-            for point in at_value(family, branch, wind)
+            for point in limit_cycles.at_value(family, branch, wind)
             if point.stability.stable
         ]
         if not stable:
             missing.append(f"{wind:g}")
             continue
-        amplitude[k] = stable[0].half_range()
-        orbits = near((parts.model(stable[0].value, each) for each in draws), stable[0])
-        ranges = [orbit.half_range() for orbit in orbits]
-        found.unresolved[k] = 1 - len(ranges) / max(1, len(draws))
-        if len(ranges) > len(draws) / 2:
-            low[k], high[k] = of_draws(ranges)
+        found.amplitude[k] = stable[0].half_range()
+        models = [parts.model(stable[0].value, each) for each in draws]
+        found.low[k], found.high[k], found.unresolved[k] = _band(models, stable[0])
     reason = f"no stable limit cycle at {', '.join(missing)} m/s" if missing else ""
     return replace(found, reason=reason)
+
+
+def _band(models: Sequence[PolynomialModel], orbit: Orbit) -> tuple[np.ndarray, np.ndarray, float]:
+    """Ends of the 95 % interval of the half range of drawn models' limit cycles near an orbit,
+    (n_states,) each, NaN where most models have none there; the share of these models.
+    """
+    ranges = [each.half_range() for each in near(models, orbit)]
+    unresolved = 1 - len(ranges) / max(1, len(models))
+    if len(ranges) > len(models) / 2:
+        return (*of_draws(ranges), unresolved)
+    return (*np.full((2, orbit.states.shape[1]), np.nan), unresolved)
 
 
 def near(
@@ -235,28 +246,24 @@ def near(
     found = []
     for model in models:
         passing("draw limit cycles")
-        for steps in WAY[:1] if best is None else WAY:
-            if (orbit_of_model := _followed(model, orbit, best, steps)) is not None:
-                found.append(orbit_of_model)
-                break
-    return found
+        ways = [[model]]  # of models from the orbit's to this one
+        if best is not None:
+            change = model.coefficients - best.coefficients
+            ways = [[replace(best, coefficients=best.coefficients + share * change)
+                     for share in shares] for shares in WAY]  # fmt: skip
+        found.append(next((end for way in ways if (end := _followed(way, orbit))), None))
+    return [end for end in found if end]
 
 
-def _followed(
-    model: PolynomialModel, orbit: Orbit, best: PolynomialModel | None, steps: Sequence[float]
-) -> Orbit | None:
-    """The limit cycle of a model, by those at shares of the way to it; None where it has none."""
+def _followed(models: Sequence[PolynomialModel], orbit: Orbit) -> Orbit | None:
+    """The limit cycle of the last model, from one model's to the next; None where it has none."""
     found = orbit
     with suppress(NotConverged):
-        for share in steps:
-            between = model
-            if best is not None:
-                change = model.coefficients - best.coefficients
-                between = replace(best, coefficients=best.coefficients + share * change)
-            problem = CycleProblem.beside(between, found)
+        for model in models:
+            problem = CycleProblem.about(constant(model), found, resolution=1.0)
             border = problem.along_parameter()
             found = corrected(problem, found.vector, border, CORRECTED).solution
-        if found.spread > VANISHED * orbit.spread:
+        if found.spread > limit_cycles.VANISHED * orbit.spread:
             return found
     return None
 
@@ -277,14 +284,12 @@ def limit_cycle_ahead(
     terms = tuple(compress(identified.model.terms, present))
     found = identified.model.on_library(terms)
     simulator = Simulator(found.states, terms, found.support)
-    motion = settle(simulator, found, start, SETTLING, WINDOW)
+    motion = limit_cycles.settle(simulator, found, start, SETTLING, WINDOW)
     if not np.all(np.isfinite(motion.states)):
         raise ValueError(f"the model does not settle: {motion.kind}")
-    point = settled(constant(found), 0.0, motion.time, motion.states, resolution=1.0)
-    low = high = np.full(len(found.states), np.nan)
+    point = limit_cycles.settled(constant(found), 0.0, motion.time, motion.states, resolution=1.0)
+    models = []
     if len(identified.covariance) == identified.support.sum() > 0:
-        models = (model.on_library(terms) for model in drawn(identified, SAMPLES, rng))
-        ranges = [orbit.half_range() for orbit in near(models, point.solution)]
-        if len(ranges) > SAMPLES / 2:
-            low, high = of_draws(ranges)
+        models = [model.on_library(terms) for model in drawn(identified, SAMPLES, rng)]
+    low, high, _ = _band(models, point.solution)
     return point.solution.half_range(), low, high

@@ -28,22 +28,6 @@ class Design:
     limit: float
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """Each number with the interval that the model leaves: (value, low, high), NaN where unknown.
-
-    critical_wind: m/s, inf where it never gallops. v, w: half range at the design wind, m.
-    clearance: m. kind: of the motion there: `cycle`, `rest`, or what else it is.
-    """
-
-    measure: Measure
-    critical_wind: tuple[float, float, float]
-    v: tuple[float, float, float]
-    w: tuple[float, float, float]
-    clearance: tuple[float, float, float]
-    kind: str
-
-
 def damping_ratios(case: Mapping) -> dict[str, float]:
     """Of the structure, by velocity state."""
     return {state: case["damping"][name] for state, name in DAMPING}
@@ -63,21 +47,22 @@ def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
     it does in the derivation. parts: of the line that `case` describes."""
     after = measure.change(case)
     old, new = derived(case), derived(after)
+    before, later = old.by_term(), new.by_term()
     damping, mass = added(after, measure)
     masses = np.array([mode.mass for mode in at_rest(after)[1:]])
     lighter = masses / (masses + mass)  # of forces by mass, with the added point masses
     factor = np.append(np.ones(2), lighter)  # of kinematic equations, and of those of motion
-    ratios = np.ones(len(parts.values))
-    for k, ((i, j), power) in enumerate(zip(parts.entries.tolist(), parts.powers, strict=True)):
-        before, later = (_part(of, i, parts.terms[j], power) for of in (old, new))
-        ratios[k] = factor[i] * (later / before if before else 1.0)
+    ratios = np.array([
+        factor[part[0]] * (later.get(part, 0.0) / before[part] if before.get(part) else 1.0)
+        for part in parts.by_term()
+    ])  # fmt: skip
     fixed = parts.fixed.copy()
     for k, (state, _) in enumerate(DAMPING):
         row, linear = STATES.index(state), _linear(state)
         term = parts.terms.index(linear)
-        before, later = (of.fixed[row, of.terms.index(linear)] for of in (old, new))
+        known, other = (of.fixed[row, of.terms.index(linear)] for of in (old, new))
         # the damping ratio stays, the frequency falls with the added mass
-        fixed[row, term] *= np.sqrt(lighter[k]) * (later / before if before else 1.0)
+        fixed[row, term] *= np.sqrt(lighter[k]) * (other / known if known else 1.0)
         fixed[row, term] -= damping[k] / (masses + mass)[k]
     return replace(
         parts,
@@ -89,14 +74,6 @@ def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
 
 def _linear(state: str) -> tuple[int, ...]:
     return tuple(int(name == state) for name in STATES)
-
-
-def _part(of: Split, equation: int, term: tuple[int, ...], power: float) -> float:
-    """A part of a derived split; zero where it has none."""
-    for (i, j), p, value in zip(of.entries.tolist(), of.powers, of.values, strict=True):
-        if (i, of.terms[j], p) == (equation, term, power):
-            return float(value)
-    return 0.0
 
 
 def critical_winds(parts: Split, values: np.ndarray) -> np.ndarray:
@@ -119,39 +96,49 @@ def evaluate(
     design: Design,
     simulator: Simulator,
     draws: np.ndarray,
-) -> Outcome:
-    """One measure on the line `parts`, identified or `derived`, that `case` describes.
+) -> dict:
+    """One measure on the line `parts`, identified or `derived`, that `case` describes: a row.
 
     draws: (n, n_values) samples of the parts' values, from which the intervals are; may be empty.
+    A number has the interval that they leave, `_low` and `_high`, NaN where unknown:
+    critical_wind_m_s, infinite where the line never gallops; v_m and w_m, half ranges at the design
+    wind; clearance_m. kind: of the motion there, `cycle`, `rest`, or what else it is.
     """
     line = changed(parts, case, measure)
     with np.errstate(divide="ignore", invalid="ignore"):
         scaled = draws * np.where(parts.values != 0, line.values / parts.values, 1.0)
     (critical,) = critical_winds(line, line.values[np.newaxis])
-    critical_wind = _interval(float(critical), critical_winds(line, scaled))
     motion = settle(simulator, line.model(design.wind), design.start)
-    nothing = (np.nan,) * 3
+    kind, v, w, room = motion.kind, *(((np.nan,) * 3,) * 3)
     # near the critical wind a motion may die out too slowly to settle
-    if motion.kind == "rest" or (motion.kind != "cycle" and critical >= design.wind):
+    if kind == "rest" or (kind != "cycle" and critical >= design.wind):
         still = clearance(np.zeros((1, 2)), np.zeros((1, 2)), design.distance)
-        return Outcome(measure, critical_wind, (0.0,) * 3, (0.0,) * 3, (still,) * 3, "rest")
-    if (point := cycle_of(line.family(), design.wind, motion)) is not None:
-        orbit = point.solution
-        orbits = near((line.model(orbit.value, each) for each in scaled), orbit)
-        centre, half = places(orbit.states), orbit.half_range()
-    elif np.all(np.isfinite(motion.states)):  # the motion itself
-        orbits, half = [], motion.half_range
-        centre = outline(motion)
-    else:
-        return Outcome(measure, critical_wind, nothing, nothing, nothing, motion.kind)
-    least, *others = (
-        clearance(each, each, design.distance)
-        for each in (centre, *(places(orbit.states) for orbit in orbits))
-    )
-    distance = _interval(least, np.array(others))
-    halves = np.array([orbit.half_range() for orbit in orbits]).reshape(-1, len(STATES))
-    v, w = (_interval(float(half[k]), halves[:, k]) for k in range(2))
-    return Outcome(measure, critical_wind, v, w, distance, motion.kind)
+        kind, v, w, room = "rest", (0.0,) * 3, (0.0,) * 3, (still,) * 3
+    elif np.all(np.isfinite(motion.states)):
+        orbits, half, centre = [], motion.half_range, outline(motion)
+        if (point := cycle_of(line.family(), design.wind, motion)) is not None:
+            orbit = point.solution
+            orbits = near((line.model(orbit.value, each) for each in scaled), orbit)
+            half, centre = orbit.half_range(), places(orbit.states)
+        least, *others = (
+            clearance(each, each, design.distance)
+            for each in (centre, *(places(orbit.states) for orbit in orbits))
+        )
+        room = _interval(least, np.array(others))
+        halves = np.array([orbit.half_range() for orbit in orbits]).reshape(-1, len(STATES))
+        v, w = (_interval(float(half[k]), halves[:, k]) for k in range(2))
+    wind = _interval(float(critical), critical_winds(line, scaled))
+    numbers = {"critical_wind_m_s": wind, "v_m": v, "w_m": w, "clearance_m": room}
+    measured = {
+        f"{name}{end}": value
+        for name, values in numbers.items()
+        for end, value in zip(("", "_low", "_high"), values, strict=True)
+    }
+    return {
+        "measure": measure.label, **measured, "kind": kind, "limit_m": design.limit,
+        "kept": bool(room[0] >= design.limit), "design_wind_m_s": design.wind,
+        "source": measure.source, "note": measure.limit,
+    }  # fmt: skip
 
 
 def outline(motion: Settled) -> np.ndarray:
@@ -182,13 +169,14 @@ def ranked(
     design: Design,
     simulator: Simulator,
     draws: np.ndarray,
-) -> list[Outcome]:
-    """The line as it is and with each measure, the smallest vertical motion first.
+) -> list[dict]:
+    """Rows of `evaluate`, of the line as it is and with each measure, with the rank of each.
 
-    Of two lines at rest the one with the higher critical wind comes first; a line without a
-    bounded motion comes last.
+    The smallest vertical motion comes first, and of two lines at rest the one with the higher
+    critical wind; a line without a bounded motion comes last.
     """
-    outcomes = [
+    rows = [
         evaluate(parts, case, measure, design, simulator, draws) for measure in (NOTHING, *measures)
     ]
-    return sorted(outcomes, key=lambda o: (np.nan_to_num(o.v[0], nan=np.inf), -o.critical_wind[0]))
+    rows.sort(key=lambda row: (np.nan_to_num(row["v_m"], nan=np.inf), -row["critical_wind_m_s"]))
+    return [{"rank": rank, **row} for rank, row in enumerate(rows, start=1)]

@@ -1,26 +1,26 @@
-"""Sweep points as tidy rows: limit cycles, bifurcations, maps, predictions, clearance, measures.
+"""Sweep points as tidy rows: limit cycles, bifurcations, maps, predictions, clearance.
 
 Their columns are those of `report/tables.csv`.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
 from galloping.cycles.continuation import Branch, Range
 from galloping.cycles.diagram import HOPF, Diagram, diagram
-from galloping.cycles.family import critical_wind, initial_state, line_family, parameter
-from galloping.cycles.limit_cycles import Orbit, Settled, settle
+from galloping.cycles.family import critical_wind, initial_state, line_family, line_model, parameter
+from galloping.cycles.limit_cycles import DURATION, Orbit, Settled, settle
 from galloping.cycles.prediction import Prediction
-from galloping.cycles.ranking import Design, Outcome, outline
+from galloping.cycles.ranking import outline
 from galloping.physics.galerkin import STATES, Line, at_rest
 from galloping.physics.measures import clearance, design_ellipses, envelope
 from galloping.simulation import Simulator
 
 SIMULATION = "simulation"
 PATIENT = 16000.0  # s: near a bifurcation, 4,000 s leave a third of a percent to settle
-MEASURED = ("critical_wind_m_s", "v_m", "w_m", "clearance_m")  # of an outcome, with intervals
 CEILING = 2.0  # sags: a larger orbit is no line's any more
 
 
@@ -39,9 +39,7 @@ def line_diagram(
     if along.cycles or along.failures:
         return along
     middle = (low + high) / 2
-    settled = settle(
-        simulator, family.model(middle), initial_state(parameter(name).at(case, middle))
-    )
+    settled = settled_line(parameter(name).at(case, middle), simulator)
     if settled.kind != "cycle":
         reason = (
             f"no limit cycle: no Hopf bifurcation in {low:g}..{high:g} {family.unit}, and at "
@@ -52,18 +50,22 @@ def line_diagram(
     return diagram(family, span, np.zeros(len(STATES)), motion=motion)
 
 
+def settled_line(case: Mapping, simulator: Simulator, duration: float = DURATION) -> Settled:
+    """What a case settles to from its initial state, after `duration` s."""
+    return settle(simulator, line_model(case), initial_state(case), duration)
+
+
 def limit_cycle_rows(label: str, name: str, along: Diagram) -> list[dict]:
     """Every limit cycle of a diagram; label: of the case, name: of the parameter."""
-    rows = []
-    for branch, cycles in along.cycles.items():
-        for k, point in enumerate(cycles.points):
-            orbit, own = point.solution, point.stability
-            rows.append({
-                **_place(label, name, along.family.unit, orbit.value),
-                "branch": branch, "point": k, "stable": own.stable, **_size(orbit),
-                "largest_multiplier": own.largest, "trivial_defect": own.trivial_defect,
-            })  # fmt: skip
-    return rows
+    return [
+        _place(label, name, along.family.unit, point.solution.value)
+        | {"branch": branch, "point": k, "stable": point.stability.stable}
+        | _size(point.solution)
+        | {"largest_multiplier": point.stability.largest}
+        | {"trivial_defect": point.stability.trivial_defect}
+        for branch, cycles in along.cycles.items()
+        for k, point in enumerate(cycles.points)
+    ]
 
 
 def _size(orbit: Orbit) -> dict:
@@ -111,12 +113,13 @@ def simulation_rows(
     label: str, case: Mapping, name: str, values: Sequence[float], simulator: Simulator
 ) -> list[dict]:
     """The long simulation of a case from its initial state at each value of a parameter."""
-    family, varied, rows = line_family(case, name), parameter(name), []
-    for value in values:
-        motion = settle(simulator, family.model(value), initial_state(varied.at(case, value)))
-        place = _place(label, name, family.unit, value)
-        rows.append(place | {"branch": SIMULATION} | _motion(motion))
-    return rows
+    varied = parameter(name)
+    return [
+        _place(label, name, varied.unit, value)
+        | {"branch": SIMULATION}
+        | _motion(settled_line(varied.at(case, value), simulator))
+        for value in values
+    ]
 
 
 def _motion(motion: Settled) -> dict:
@@ -143,19 +146,15 @@ def map_rows(
     (x_name, x_values), (y_name, y_values) = across, up
     x_parameter, y_parameter = parameter(x_name), parameter(y_name)
     rows = []
-    for y in y_values:
-        outer = y_parameter.at(case, float(y))
-        family = line_family(outer, x_name)
-        for x in x_values:
-            inner = x_parameter.at(outer, float(x))
-            _, vertical, horizontal = at_rest(inner)
-            motion = settle(simulator, family.model(x), initial_state(inner))
-            rows.append(
-                {"case": label, "x_parameter": x_name, "x_unit": x_parameter.unit, "x": float(x)}
-                | {"y_parameter": y_name, "y_unit": y_parameter.unit, "y": float(y)}
-                | {"frequency_ratio": vertical.frequency / horizontal.frequency}
-                | _motion(motion)
-            )
+    for y, x in product(map(float, y_values), map(float, x_values)):
+        varied = x_parameter.at(y_parameter.at(case, y), x)
+        _, vertical, horizontal = at_rest(varied)
+        rows.append({
+            "case": label, "x_parameter": x_name, "x_unit": x_parameter.unit, "x": x,
+            "y_parameter": y_name, "y_unit": y_parameter.unit, "y": y,
+            "frequency_ratio": vertical.frequency / horizontal.frequency,
+            **_motion(settled_line(varied, simulator)),
+        })  # fmt: skip
     return rows
 
 
@@ -167,19 +166,16 @@ def prediction_rows(
     cell: case, protocol, method, replicate, which begin each row. true: (n_winds, 2) half ranges
     (v, w). verdict: of the identification, which says whether the band can be trusted.
     """
-    rows = []
-    for k, wind in enumerate(predicted.winds):
-        for axis, direction in enumerate(("v", "w")):
-            values = (predicted.amplitude, predicted.low, predicted.high, true)
-            value, low, high, reality = (float(of[k, axis]) for of in values)
-            rows.append({
-                **cell, "wind_m_s": float(wind), "direction": direction, "predicted_m": value,
-                "low_m": low, "high_m": high, "true_m": reality,
-                "error_percent": 100 * abs(value / reality - 1),
-                "inside": bool(low <= reality <= high),
-                "unresolved": float(predicted.unresolved[k]), "verdict": verdict,
-                "reason": predicted.reason,
-            })  # fmt: skip
+    rows, columns = [], (predicted.amplitude, predicted.low, predicted.high, true)
+    for (k, wind), (axis, direction) in product(enumerate(predicted.winds), enumerate("vw")):
+        value, low, high, reality = (float(of[k, axis]) for of in columns)
+        rows.append({
+            **cell, "wind_m_s": float(wind), "direction": direction, "predicted_m": value,
+            "low_m": low, "high_m": high, "true_m": reality,
+            "error_percent": 100 * abs(value / reality - 1), "inside": bool(low <= reality <= high),
+            "unresolved": float(predicted.unresolved[k]), "verdict": verdict,
+            "reason": predicted.reason,
+        })  # fmt: skip
     return rows
 
 
@@ -195,46 +191,25 @@ def clearance_rows(
     motions: what the line settles to, by wind speed in m/s. distance: (horizontal, vertical) in m
     of the phases at rest; limit: clearance in m to keep.
     """
+    outlines = [(what, np.nan, each.outline()) for what, each in design_ellipses(case).items()]
+    outlines += [
+        (motion.kind, float(wind), outline(motion))
+        for wind, motion in motions.items()
+        if np.all(np.isfinite(motion.states))
+    ]
     rows = []
-
-    def row(what: str, wind: float, outline: np.ndarray) -> None:
-        room = dict(zip(("height_m", "width_m", "below_m"), envelope(outline), strict=True))
-        least = clearance(outline, outline, distance)
+    for what, wind, places in outlines:
+        room = dict(zip(("height_m", "width_m", "below_m"), envelope(places), strict=True))
+        least = clearance(places, places, distance)
         kept = {"least_clearance_m": least, "limit_m": limit, "kept": least >= limit}
         rows.append({"case": label, "what": what, "wind_m_s": wind, **room, **kept})
-
-    for what, ellipse in design_ellipses(case).items():
-        row(what, np.nan, ellipse.outline())
-    for wind, motion in motions.items():
-        if np.all(np.isfinite(motion.states)):
-            row(motion.kind, float(wind), outline(motion))
-    return rows
-
-
-def measure_rows(label: str, outcomes: Sequence[Outcome], design: Design) -> list[dict]:
-    """Measures in their order."""
-    rows = []
-    for rank, of in enumerate(outcomes, start=1):
-        numbers = of.critical_wind, of.v, of.w, of.clearance
-        measured = {
-            f"{name}{end}": value
-            for name, values in zip(MEASURED, numbers, strict=True)
-            for end, value in zip(("", "_low", "_high"), values, strict=True)
-        }
-        rows.append({
-            "case": label, "rank": rank, "measure": of.measure.label, **measured,
-            "kind": of.kind, "limit_m": design.limit,
-            "kept": bool(of.clearance[0] >= design.limit), "design_wind_m_s": design.wind,
-            "source": of.measure.source, "note": of.measure.limit,
-        })  # fmt: skip
     return rows
 
 
 def steady_truth(case: Mapping, winds: Sequence[float], simulator: Simulator) -> np.ndarray:
     """(n_winds, 2) half ranges (v, w) to which a case settles; NaN where it finds no cycle."""
-    family = line_family(case, "wind_speed")
-    start = initial_state(case)
-    motions = [settle(simulator, family.model(w), start, duration=PATIENT) for w in winds]
+    at = parameter("wind_speed").at
+    motions = [settled_line(at(case, wind), simulator, PATIENT) for wind in winds]
     return np.array(
         [m.half_range[:2] if m.kind == "cycle" else np.full(2, np.nan) for m in motions]
     )

@@ -286,7 +286,7 @@ def _onsets(
     for model in of.draws:
         passing("draw onsets")
         try:
-            branches.append(equilibrium_branch(_family(model, along), rest, span.low, span))
+            branches.append(equilibrium_branch(_family(model, along), rest, span))
         except ValueError:
             continue
     for hopf in hopf_points(found.equilibria):
