@@ -10,13 +10,15 @@ from galloping.evaluation.score import Truth, evaluate
 from galloping.identification import cell, registry
 from galloping.identification.sparse.evidence import reduce
 from galloping.paper import draws
+from galloping.paper.quick import QuickStudy
+from galloping.paper.unknowns import MethodReading
 from galloping.polynomial import extended, library
-from galloping.results import NOISE, PAPER_METHOD, SUBSET
+from galloping.results import IDENTIFIED, KNOWN, NOISE, PAPER_METHOD, SUBSET
 
 CASE = {**RESONANT, "initial_state": {**RESONANT["initial_state"], "q_v": 0.7, "q_w": 1.0}}
 AMOUNTS = draws.Amounts(levels=(0.0, 0.05), points=(1000,), duration=60, sampling_rate=50,
                         steady_window=(40, 60))  # fmt: skip
-SETTING = {"threshold": 0.003, "columns": "raw"}
+SETTING = {"threshold": 0.003}
 TERMS = library(4, 3)
 
 
@@ -94,10 +96,12 @@ def test_a_draw_depends_on_its_own_cell_and_number_alone():
 
 @pytest.mark.parametrize("protocol", list(draws.PROTOCOLS))
 def test_known_kinematic_equations_are_not_identified(protocol):
-    setting = {"threshold": None, "columns": "normalised", "protocol": protocol}
+    study = QuickStudy(*draws.line_motion(CASE, 30, 100), short((0.05,)))
     known, identified = (
-        drawn(2, short((0.05,)), kinematics=kinematics, **setting)
-        for kinematics in (draws.KNOWN, draws.IDENTIFIED)
+        study.draws(
+            MethodReading(None, "normalised", kinematics, protocol), 2, np.random.default_rng(1)
+        )
+        for kinematics in (KNOWN, IDENTIFIED)
     )
     assert (known["spurious"] <= identified["spurious"]).all()
     assert (known["mean_error_cubic_percent"] == identified["mean_error_cubic_percent"]).all()

@@ -9,6 +9,8 @@ from lines import RESONANT
 from pictures import drawn
 
 from galloping.figures.against_paper import draw_region
+from galloping.identification.sparse.evidence import Regressions
+from galloping.identification.sparse.stlsq import normalised, raw
 from galloping.paper import draws, unknowns
 from galloping.paper.draws import Amounts
 from galloping.paper.quick import QuickStudy, coefficients
@@ -27,16 +29,15 @@ def moved():
     return draws.line_motion(BASE.case(RESONANT, KNOWN), 300, 100)
 
 
-@pytest.mark.parametrize(
-    ("columns", "threshold"), [("raw", 0.003), ("raw", None), ("normalised", 0.003)]
-)
-def test_quick_thresholds_are_those_of_the_method(moved, columns, threshold):
+@pytest.mark.parametrize(("method", "threshold"), [(raw, 0.003), (raw, None), (normalised, 0.003)])
+def test_quick_thresholds_are_those_of_the_method(moved, method, threshold):
     motion, line = moved
     terms, rng = library(4, 3), np.random.default_rng(3)
     products = draws.DerivativeNoise(motion, terms, np.ones(4)).draw(0.05, 10000, rng, draws=3)
-    quick = coefficients(products, MethodReading(threshold, columns=columns))
+    quick = coefficients(products, MethodReading(threshold, columns=method.__name__))
     for reduced, found in zip(products.regressions(line.states, terms), quick, strict=True):
-        model = draws.identify(reduced, threshold=threshold, columns=columns).model
+        evidence = Regressions(reduced, reduced)
+        model = method(evidence, threshold=threshold, path_length=draws.PATH_LENGTH).model
         np.testing.assert_allclose(found, model.coefficients, rtol=1e-6, atol=1e-9)
 
 

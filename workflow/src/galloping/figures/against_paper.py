@@ -17,7 +17,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import NullFormatter
 
 from galloping.figures import parts, style
-from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS, Claim
+from galloping.paper.claims import AT_LEAST, AT_MOST, CLAIMS
 from galloping.paper.unknowns import BASE, UNKNOWNS
 from galloping.results import PAPER_METHOD
 
@@ -50,10 +50,6 @@ def _percent_axis(axes: Axes, low: float, high: float, label: str) -> tuple[floa
     return low, high
 
 
-def _is_r2(claim: Claim) -> bool:
-    return claim.column.startswith("r2_") and not claim.minus
-
-
 def draw_claims(table: pd.DataFrame, settings: Mapping) -> Figure:
     """Dots with intervals where claims share a unit, and values with verdicts for all of them.
 
@@ -65,15 +61,16 @@ def draw_claims(table: pd.DataFrame, settings: Mapping) -> Figure:
     groups: dict[str, list] = {axis: [] for axis in TITLES}
     for name, case in dict.fromkeys(key[:2] for key in found):
         claim = BY_NAME[name]
-        axis = "error" if claim.is_number else "r2" if _is_r2(claim) else "none"
+        axis = "error" if claim.is_number else "r2" if claim.is_r2 else "none"
         groups[axis].append((name, case))
     groups = {axis: rows for axis, rows in groups.items() if rows}
     if not groups:
         return parts.nothing_at_all("no claim was tested by these protocols and methods")
     heights = list(map(len, groups.values()))
-    figure = Figure(figsize=(style.DOUBLE, HEAD + ROW * sum(heights)), layout="constrained")
-    grid = figure.subplots(len(groups), 2, squeeze=False, sharey="row", width_ratios=(0.35, 1),
-                           height_ratios=heights)  # fmt: skip
+    figure, grid = parts.panels(
+        HEAD + ROW * sum(heights), len(groups), 2, sharey="row", width_ratios=(0.35, 1),
+        height_ratios=heights,
+    )  # fmt: skip
     for (axis, rows), (dots, cells) in zip(groups.items(), grid, strict=True):
         names = [
             name if case == rows[0][1] else f"{name}, {style.spoken(case)}" for name, case in rows
@@ -164,12 +161,11 @@ def draw_printed(table: pd.DataFrame, settings: Mapping) -> Figure:
     rows = table[(table["case"] == settings["case"]) & table["median"].notna()]
     rows = rows[rows["claim"].isin(BY_NAME)]
     numbers = rows[[BY_NAME[name].is_number for name in rows["claim"]]]
-    bounds = rows[[_is_r2(BY_NAME[name]) for name in rows["claim"]]]
+    bounds = rows[[BY_NAME[name].is_r2 for name in rows["claim"]]]
     if numbers.empty and bounds.empty:
         return parts.nothing_at_all("the paper's claims are not judged in this study")
     height = 0.9 + 0.22 * max(len(numbers), len(bounds))
-    figure = Figure(figsize=(style.DOUBLE, height), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(1.1, 1))
+    figure, ((left, right),) = parts.panels(height, 1, 2, width_ratios=(1.1, 1))
     parts.letter(left, 0, "errors that the paper prints")
     limits = _percent_axis(left, 1e-2, 1e3, "error, %")
     for k, row in enumerate(numbers.itertuples()):
@@ -215,8 +211,8 @@ def draw_reproduction(table: pd.DataFrame, settings: Mapping) -> Figure:
     names = [name for name in settings["labels"] if name in set(table["parameter"])]
     claims = list(dict.fromkeys(table["claim"]))
     widths = [table[table["parameter"] == name]["value"].nunique() for name in names]
-    figure = Figure(figsize=(style.DOUBLE, 1.3 + 0.17 * len(claims)), layout="constrained")
-    panes = figure.subplots(1, len(names), sharey=True, squeeze=False, width_ratios=widths)[0]
+    height = 1.3 + 0.17 * len(claims)
+    figure, (panes,) = parts.panels(height, 1, len(names), sharey=True, width_ratios=widths)
     parts.rows(panes[0], list(map(parts.typeset, claims)), lines=False)
     panes[0].set_ylim(len(claims) - 0.5, -1.5)
     for axes, name in zip(panes, names, strict=True):

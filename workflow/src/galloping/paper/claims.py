@@ -62,6 +62,11 @@ class Claim:
         return self.kind == VALUE
 
     @property
+    def is_r2(self) -> bool:
+        """Whether it is a bound of R2 itself, not of a difference."""
+        return self.column.startswith("r2_") and not self.minus
+
+    @property
     def cell_kind(self) -> str:
         """NOISE or SUBSET: the cells that it is about."""
         return NOISE if self.points is None else SUBSET

@@ -6,22 +6,22 @@ through its projections on the library's columns: 35 normal numbers for each equ
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
 from galloping.cycles.family import initial_state
-from galloping.evaluation.score import UNKNOWN, Truth, evaluate
-from galloping.identification.model import IdentifiedModel
+from galloping.evaluation.score import Truth, evaluate
+from galloping.identification.model import NO_MODEL, IdentifiedModel
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions
 from galloping.identification.sparse.regression import ReducedRegression
 from galloping.measurement import Motion, channel_scale
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import Exponents, design_matrix, extended, library
-from galloping.results import IDENTIFIED, KNOWN, NOISE, SUBSET
+from galloping.results import IDENTIFIED, NOISE, SUBSET
 from galloping.simulation import Simulator, time_grid
 from galloping.streams import generator
 
@@ -146,7 +146,6 @@ class VelocityNoise(_Noise):
 PROTOCOLS = {"derivative": (DerivativeNoise, 1), "velocity": (VelocityNoise, 0)}
 
 
-COLUMNS = {"raw": stlsq.raw, "normalised": stlsq.normalised}  # of the library, for thresholds
 PATH_LENGTH = 30  # candidate thresholds, where the data choose
 AT_ONCE = 25  # draws whose motions are kept in memory
 
@@ -185,20 +184,14 @@ def paper_draws(
     seed: int,
     name: Sequence[str],
     threshold: float | None,
-    columns: str = "raw",
     kinematics: str = IDENTIFIED,
-    protocol: str = "derivative",
-    relative: bool = False,
     degree: int = 3,
     amounts: Amounts,
 ) -> pd.DataFrame:
     """Scores of the paper's method over draws of the noise, and of the samples of subsets.
 
-    case: as of `study.cells.Case.released`. threshold: one number for all terms, or None to choose
-    each equation's by EBIC. columns: `raw` or `normalised`, what thresholds act on. kinematics:
-    `identified` as any equation, or `known`. protocol: of PROTOCOLS. relative: whether levels are
-    in standard deviations of each noisy channel. A draw depends on `seed`, `name`, its cell and its
-    number only.
+    case: as of `study.cells.Case.released`. threshold, kinematics: as of `stlsq.raw`. A draw
+    depends on `seed`, `name`, its cell and its number only.
     Columns kind, level, points, draw, then those of `evaluation.score.score`. Without noise all
     draws are equal, and there is one.
     """
@@ -206,15 +199,14 @@ def paper_draws(
     terms = library(len(line.states), degree)
     true = line.on_library(extended(terms, line))
     truth = Truth(true, motion.time, motion.states, amounts.steady_window, motion.status)
-    noise, scale = PROTOCOLS[protocol]
-    noisy = noise(motion, terms, channel_scale(motion, relative)[scale])
-    known = true.coefficients[:, : len(terms)] if kinematics == KNOWN else None
+    noise, scale = PROTOCOLS["derivative"]
+    noisy = noise(motion, terms, channel_scale(motion, relative=False)[scale])
     unbounded = np.full((1, *true.coefficients.shape), np.nan)
 
     def identified(kind: str, level: float, points: int, draw: int) -> IdentifiedModel:
         rng = generator(seed, "paper", *name, kind, f"{level:.12g}", points, draw)
         (reduced,) = noisy.draw(level, points, rng).regressions(line.states, terms)
-        return identify(reduced, threshold=threshold, columns=columns, known=known)
+        return identify(reduced, threshold=threshold, kinematics=kinematics)
 
     def rows() -> Iterator[dict]:
         for kind, level, points in amounts.cells:
@@ -224,32 +216,14 @@ def paper_draws(
                 models = [identified(kind, level, points, draw) for draw in part]
                 scored, _ = evaluate(truth, {"paper": models}, unbounded)
                 for draw, row in zip(part, scored, strict=True):
-                    row = {k: v for k, v in row.items() if k not in ("method", "replicate")}
                     yield {"kind": kind, "level": level, "points": points, "draw": draw, **row}
 
-    return pd.DataFrame(rows())
+    return pd.DataFrame(rows()).drop(columns=["method", "replicate"], errors="ignore")
 
 
-def identify(
-    reduced: ReducedRegression,
-    *,
-    threshold: float | None,
-    columns: str,
-    known: np.ndarray | None = None,
-) -> IdentifiedModel:
-    """The paper's method on a regression; keywords as of `paper_draws`.
-
-    known: (n_states, n_terms), from which the kinematic equations are taken, or None where they are
-    identified too.
-    """
-    evidence = Regressions(reduced, reduced)
+def identify(reduced: ReducedRegression, **options: object) -> IdentifiedModel:
+    """The paper's method on a regression. options: threshold and kinematics, as of `stlsq.raw`."""
     try:
-        found = COLUMNS[columns](evidence, threshold=threshold, path_length=PATH_LENGTH)
-    except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+        return stlsq.raw(Regressions(reduced, reduced), path_length=PATH_LENGTH, **options)
+    except NO_MODEL as error:
         return IdentifiedModel.refused(reduced.states, reduced.terms, str(error).splitlines()[0])
-    if known is None:
-        return found
-    matrix = found.model.coefficients.copy()
-    rows = [row for row in range(len(matrix)) if row not in UNKNOWN]
-    matrix[rows] = known[rows]
-    return replace(found, model=replace(found.model, coefficients=matrix))

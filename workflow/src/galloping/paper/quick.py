@@ -13,18 +13,8 @@ import numba
 import numpy as np
 import pandas as pd
 
-from galloping.evaluation.score import (
-    DISPLACEMENT_COLUMNS,
-    UNKNOWN,
-    mean_error_by_order,
-    support_scores,
-)
-from galloping.identification.sparse.supports import (
-    ebic,
-    solve,
-    threshold_path,
-    thresholded_supports,
-)
+from galloping.evaluation import score
+from galloping.identification.sparse import supports
 from galloping.measurement import Motion, channel_scale
 from galloping.paper.draws import PATH_LENGTH, PROTOCOLS, Amounts, Products
 from galloping.paper.unknowns import MethodReading
@@ -48,33 +38,33 @@ class QuickStudy:
 
     def draws(
         self,
-        setting: MethodReading,
-        number: int,
+        method: MethodReading,
+        count: int,
         rng: np.random.Generator,
         still: Sequence[float] = (),
     ) -> pd.DataFrame:
-        """Scores of `number` draws of each cell, in the columns that claims are about.
+        """Scores of `count` draws of each cell, in the columns that claims are about.
 
         still: noise levels of whole records whose models are not simulated, which costs most.
         """
-        noise, scale = PROTOCOLS[setting.protocol]
-        noisy = noise(self.motion, self.terms, channel_scale(self.motion, setting.relative)[scale])
+        noise, scale = PROTOCOLS[method.protocol]
+        noisy = noise(self.motion, self.terms, channel_scale(self.motion, method.relative)[scale])
         parts = []
         for kind, level, points in self.amounts.cells:
             whole = points >= len(self.motion.time)
-            groups = [min(SHARING, number - k) for k in range(0, number, SHARING)]
-            groups = [number] if whole else groups
-            models = np.concatenate(
-                [coefficients(noisy.draw(level, points, rng, group), setting) for group in groups]
-            )
-            if setting.kinematics == KNOWN:
-                rows = [row for row in range(models.shape[1]) if row not in UNKNOWN]
+            shared = count if whole else SHARING
+            models = np.concatenate([
+                coefficients(noisy.draw(level, points, rng, min(shared, count - k)), method)
+                for k in range(0, count, shared)
+            ])  # fmt: skip
+            if method.kinematics == KNOWN:
+                rows = [row for row in range(models.shape[1]) if row not in score.UNKNOWN]
                 models[:, rows] = self.true.coefficients[rows]
-            moved = not (whole and level in still)
-            table = pd.DataFrame(
-                self._errors(models) | (self._motion_scores(models) if moved else {})
-            )
-            parts.append(table.assign(kind=kind, level=level, points=points, draw=range(number)))
+            columns = self._errors(models)
+            if not (whole and level in still):
+                columns |= self._motion_scores(models)
+            cell = {"kind": kind, "level": level, "points": points, "draw": range(count)}
+            parts.append(pd.DataFrame(columns | cell))
         return pd.concat(parts, ignore_index=True)
 
     @cached_property
@@ -87,11 +77,11 @@ class QuickStudy:
 
     def _errors(self, models: np.ndarray) -> dict[str, list[float]]:
         """Scores of the coefficients of models (draws, n_states, n_terms)."""
-        errors = [mean_error_by_order(self.true, model, UNKNOWN) for model in models]
-        found = [support_scores(self.true, model) for model in models]
+        errors = [score.mean_error_by_order(self.true, model, score.UNKNOWN) for model in models]
+        found = [score.support_scores(self.true, model) for model in models]
         columns = {
             f"mean_error_{order}_percent": [100 * each.get(order, np.nan) for each in errors]
-            for order in ("linear", "quadratic", "cubic")
+            for order in score.ORDERS
         }
         return columns | {name: [each[name] for each in found] for name in ("missing", "spurious")}
 
@@ -99,7 +89,7 @@ class QuickStudy:
         quality, amplitudes = self._motions(models)
         off = np.abs(amplitudes - self._own) / self._own
         columns = {}
-        for k, name in enumerate(DISPLACEMENT_COLUMNS):
+        for k, name in enumerate(score.DISPLACEMENT_COLUMNS):
             columns[f"r2_{name}"] = quality[:, k]
             columns[f"amplitude_error_{name}_percent"] = 100 * off[:, k]
         return columns
@@ -115,7 +105,8 @@ class QuickStudy:
         last = np.array([max(np.flatnonzero(term), default=-1) for term in exponents])
         lower = [self.terms.index(tuple(t - (np.arange(len(t)) == k))) if k >= 0 else 0
                  for t, k in zip(exponents, last, strict=True)]  # fmt: skip
-        true = np.ascontiguousarray(self.motion.states[::STEP, list(DISPLACEMENT_COLUMNS.values())])
+        displacements = list(score.DISPLACEMENT_COLUMNS.values())
+        true = np.ascontiguousarray(self.motion.states[::STEP, displacements])
         step = STEP / self.amounts.sampling_rate
         first = round(self.amounts.steady_window[0] / step)
         found = np.empty((len(models), 4))
@@ -134,38 +125,36 @@ class QuickStudy:
         return quality, found[:, 2:]
 
 
-def coefficients(drawn: Products, setting: MethodReading) -> np.ndarray:
+def coefficients(drawn: Products, method: MethodReading) -> np.ndarray:
     """The paper's method on all recordings at once: (k, m, p) coefficients of the library.
 
     The same fixed points as those of `stlsq.raw` and `stlsq.normalised`.
     """
     grams, moments, across = drawn.grams, drawn.moments, drawn.across
     lengths, scale = np.ones(grams.shape[::2]), np.ones(across.shape)
-    explained = solve(grams, moments, np.ones((*moments.shape[:2], 1, moments.shape[2]), bool))
-    explained = explained[:, :, 0]
-    if setting.columns == "normalised":
+    every = np.ones((*moments.shape[:2], 1, moments.shape[2]), bool)
+    explained = supports.solve(grams, moments, every)[:, :, 0]
+    if method.columns == "normalised":
         lengths = np.sqrt(np.diagonal(grams, axis1=1, axis2=2))
         scale = np.sqrt(np.sum(explained * moments, axis=2) + across**2)
         grams = grams / lengths[:, np.newaxis] / lengths[:, :, np.newaxis]
         moments = moments / lengths[:, np.newaxis] / scale[:, :, np.newaxis]
-        explained, across = (
-            explained * lengths[:, np.newaxis] / scale[:, :, np.newaxis],
-            across / scale,
-        )
+        explained = explained * lengths[:, np.newaxis] / scale[:, :, np.newaxis]
+        across = across / scale
         weights = np.ones(grams.shape[1])
     else:
         weights = 1 / drawn.lengths
-    thresholds = np.array([[setting.threshold]] * moments.shape[1], float)
-    if setting.threshold is None:
+    thresholds = np.array([[method.threshold]] * moments.shape[1], float)
+    if method.threshold is None:
         largest = np.abs(explained * weights).max(axis=2, keepdims=True)
-        largest = largest if setting.columns == "raw" else np.ones_like(largest)
-        thresholds = largest * threshold_path(PATH_LENGTH)
-    supports = thresholded_supports(grams, moments, thresholds, weights)
-    found = solve(grams, moments, supports)
-    if setting.threshold is None:
+        largest = largest if method.columns == "raw" else np.ones_like(largest)
+        thresholds = largest * supports.threshold_path(PATH_LENGTH)
+    kept = supports.thresholded_supports(grams, moments, thresholds, weights)
+    found = supports.solve(grams, moments, kept)
+    if method.threshold is None:
         left = np.sum((explained[:, :, np.newaxis] - found) * moments[:, :, np.newaxis], axis=3)
         rss = across[..., np.newaxis] ** 2 + np.maximum(left, 0)
-        judged = ebic(rss, supports.sum(axis=3), drawn.samples, grams.shape[1])
+        judged = supports.ebic(rss, kept.sum(axis=3), drawn.samples, grams.shape[1])
         best = judged.argmin(axis=2)[..., np.newaxis, np.newaxis]
         found = np.take_along_axis(found, best, axis=2)
     return found[:, :, 0] * scale[..., np.newaxis] / lengths[:, np.newaxis] / drawn.lengths

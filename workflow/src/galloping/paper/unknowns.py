@@ -60,7 +60,13 @@ LOW, HIGH = (np.log([getattr(u, end) for u in UNKNOWNS]) for end in ("low", "hig
 
 @dataclass(frozen=True)
 class MethodReading:
-    """What the paper does not say of its method. Fields as the keywords of `draws.paper_draws`."""
+    """The paper's method, with what the paper does not say of it.
+
+    threshold: one number for all terms, or None to choose each equation's by EBIC. columns: `raw`
+    or `normalised`, what thresholds act on. kinematics: KNOWN, or IDENTIFIED as any equation.
+    protocol: of `draws.PROTOCOLS`. relative: whether noise levels are in standard deviations of
+    each noisy channel.
+    """
 
     threshold: float | None = 1.0
     columns: str = "raw"
@@ -99,6 +105,7 @@ class Variant:
         return case
 
     def method(self, values: Mapping[str, float]) -> MethodReading:
+        """The paper's method at values of the unknowns."""
         return replace(self.setting, threshold=None if self.chosen else values["threshold"])
 
 
@@ -161,6 +168,7 @@ Cell = tuple[str, float, int | None]
 
 
 def cell_of(claim: Claim) -> Cell:
+    """Kind, noise level and points (None for the whole record) of what a claim is about."""
     return claim.cell_kind, claim.level, claim.points
 
 

@@ -104,8 +104,7 @@ def _cell(claim: Claim) -> dict:
 def _joint(claims: Sequence[Claim], case: str, draws: pd.DataFrame) -> list[dict]:
     """The shares of the draws that keep the bounds of R2, or all bounds, at once."""
     bounds = [claim for claim in claims if not claim.is_number and claim.column in draws]
-    r2 = [c for c in bounds if c.column.startswith("r2_") and not c.minus]
-    printed = [claim for claim in r2 if claim.source != "first abstract"]
+    printed = [claim for claim in bounds if claim.is_r2 and claim.source != "first abstract"]
     rows = []
     for name, group in (("R2 bounds", printed), ("bounds", bounds)):
         if len(group) > 1 and (found := together(group, draws)):
