@@ -7,9 +7,9 @@ import pytest
 from lines import RESONANT, edited, recorded
 
 from galloping.evaluation import score as scores
-from galloping.evaluation.motion import gallops, r_squared, steady_amplitude, steady_frequency
-from galloping.evaluation.motion import summarise as summarise_motions
-from galloping.evaluation.score import Truth, evaluate, reconstruct, score
+from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
+from galloping.evaluation.score import Truth, evaluate, gallops, reconstruct, score
+from galloping.evaluation.score import summarise as summarise_motions
 from galloping.identification.model import IdentifiedModel, Unusable
 from galloping.identification.sparse.evidence import reduce
 from galloping.measurement import Motion

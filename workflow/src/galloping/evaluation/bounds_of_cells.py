@@ -6,15 +6,8 @@ from itertools import product
 
 import numpy as np
 
-from galloping.bounds import (
-    Bound,
-    Experiment,
-    bound_of,
-    bounds_of,
-    free_terms,
-    information,
-    on_library,
-)
+from galloping import bounds as cramer_rao
+from galloping.bounds import Bound, Experiment
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import IDENTIFIABLE, normal
 from galloping.measurement import Motion, measure, noises_of
@@ -38,7 +31,7 @@ def at_the_bound(
     coefficients, free = model.coefficients.copy(), tuple(found.free.T)
     coefficients[free] = normal(coefficients[free], found.covariance, 1, rng)[0]
     drawn = replace(model, coefficients=coefficients)
-    return IdentifiedModel(drawn, "unjudged", standard_errors=on_library(model, found))
+    return IdentifiedModel(drawn, "unjudged", standard_errors=cramer_rao.on_library(model, found))
 
 
 def cell_bounds(
@@ -60,7 +53,7 @@ def cell_bounds(
         [np.searchsorted(motions[0].time, recording.time) for recording in recordings]
         for recordings in measure(motions, name=name, **{**measurement, "replicates": replicates})
     ]
-    return bounds_of(model, tuple(EQUATIONS), motions, noises, samplings)
+    return cramer_rao.bounds_of(model, tuple(EQUATIONS), motions, noises, samplings)
 
 
 def models_at(
@@ -73,15 +66,11 @@ def models_at(
     """What an efficient method would find from each replicate; without noise, the line itself."""
     if not bounds:
         return [IdentifiedModel(model, "unjudged")]
-    return [
-        at_the_bound(
-            model,
-            bounds[k % len(bounds)],
-            generator(measurement["seed"], "bound", *name, k),
-            lacking,
-        )
-        for k in range(measurement["replicates"])
-    ]
+    models = []
+    for k in range(measurement["replicates"]):
+        rng = generator(measurement["seed"], "bound", *name, k)
+        models.append(at_the_bound(model, bounds[k % len(bounds)], rng, lacking))
+    return models
 
 
 def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int) -> np.ndarray:
@@ -92,7 +81,7 @@ def deviations(model: PolynomialModel, bounds: Sequence[Bound], candidates: int)
     """
     if not bounds:
         return np.full((1, *model.coefficients.shape), np.nan)
-    std = np.stack([on_library(model, each) for each in bounds])
+    std = np.stack([cramer_rao.on_library(model, each) for each in bounds])
     std[:, :, candidates:] = np.nan
     return std
 
@@ -108,8 +97,9 @@ def ranked_releases(
     """
     if first.status != "ok" or level == 0:
         return []
-    simulator, free = Simulator(line.states, line.terms), free_terms(line, tuple(EQUATIONS))
-    before, rows = information(line, free, _noisy(first.time, first.states, level)), []
+    simulator = Simulator(line.states, line.terms)
+    free = cramer_rao.free_terms(line, tuple(EQUATIONS))
+    before, rows = cramer_rao.information(line, free, _noisy(first.time, first.states, level)), []
     for state, height in product(("q_v", "q_w"), heights):
         start = first.states[0].copy()
         start[line.states.index(state)] = height
@@ -117,10 +107,10 @@ def ranked_releases(
         if motion.status != "ok":
             continue
         try:
-            added = information(line, free, _noisy(first.time, motion.states, level))
+            added = cramer_rao.information(line, free, _noisy(first.time, motion.states, level))
         except ValueError:  # the line diverges
             continue
-        bound = bound_of(line, free, before + added)
+        bound = cramer_rao.bound_of(line, free, before + added)
         weakest = int(np.argmin(bound.t))
         equation, term = bound.free[weakest]
         rows.append({

@@ -1,22 +1,6 @@
-"""Motions: steady amplitude and frequency, how well one follows another, those of a cell."""
-
-from collections.abc import Sequence
+"""Motions: steady amplitude and frequency, and how well one follows another."""
 
 import numpy as np
-
-from galloping.intervals import QUANTILES_90
-from galloping.polynomial import PolynomialModel
-from galloping.results import Reconstruction
-
-
-def gallops(model: PolynomialModel) -> bool:
-    """Whether the line at rest is unstable in its wind, so that its motion has an amplitude.
-
-    Some eigenvalue of the linearised equations has a positive real part (Den Hartog 1932, with
-    damping). Where none has, motion decays, and what is left of it depends on when one looks.
-    """
-    values, _ = model.small_motions(np.zeros(len(model.states)))
-    return bool(values.real.max() > 0)
 
 
 def steady_amplitude(states: np.ndarray) -> np.ndarray:
@@ -51,21 +35,3 @@ def r_squared(true: np.ndarray, model: np.ndarray) -> np.ndarray:
     residual = np.sum((true - model) ** 2, axis=0)
     total = np.sum((true - true.mean(axis=0)) ** 2, axis=0)
     return np.where(np.isfinite(residual), 1 - residual / total, -np.inf)
-
-
-PLOT_RATE = 20.0  # Hz, an order of magnitude above the fastest harmonic that matters
-
-
-def summarise(
-    time: np.ndarray, states: Sequence[np.ndarray], quality: np.ndarray
-) -> Reconstruction:
-    """The motions of all replicates.
-
-    time: (n,) s. states: (n, n_states) of each replicate. quality: (n_replicates,), the higher
-    the better.
-    """
-    stride = max(1, round(1 / (PLOT_RATE * (time[1] - time[0]))))
-    middle = np.argsort(quality, kind="stable")[len(quality) // 2]
-    thinned = np.stack([each[::stride] for each in states])
-    low, high = np.quantile(thinned, QUANTILES_90, axis=0)
-    return Reconstruction(time[::stride], thinned[middle], low, high)

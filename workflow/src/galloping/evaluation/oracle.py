@@ -6,6 +6,7 @@ Of pysindy's STLSQ and FROLS on smoothed states, and of STLSQ on the weak form; 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -19,19 +20,6 @@ from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 
 CHOICES = ("least error", "right terms")
-
-
-def _by_thresholds(length: int) -> Path:
-    return partial(stlsq.models_along, threshold_path(length))
-
-
-# By method what `alternatives` needs of it, by the length of a path of thresholds. LASSO is left
-# out: it finds no better supports than FROLS, at twenty times the cost.
-PATHS: dict[str, Callable[[int], Path]] = {
-    "stlsq": _by_thresholds,
-    "frols": lambda length: frols.models_along,
-}
-EVIDENCE = ((evidence.reduce, PATHS), (evidence.reduce_weakly, {"weak": _by_thresholds}))
 
 
 def oracles(true: PolynomialModel, models: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -74,12 +62,15 @@ def oracle_rows(
     recordings of each. path_length: of the thresholds tried.
     """
     named, models = [], []
-    for replicate, recordings in enumerate(replicates):
-        for make, paths in EVIDENCE:
-            for method, chosen in _chosen(truth.model, recordings, make, paths, path_length):
-                for choice, model in zip(CHOICES, chosen, strict=True):
-                    named.append({"choice": choice, "method": method, "replicate": replicate})
-                    models.append(model)
+    thresholds = partial(stlsq.models_along, threshold_path(path_length))
+    # LASSO is left out: it finds no better supports than FROLS, at twenty times the cost
+    regressed = {"stlsq": thresholds, "frols": frols.models_along}
+    ways = ((evidence.reduce, regressed), (evidence.reduce_weakly, {"weak": thresholds}))
+    for (replicate, recordings), (make, paths) in product(enumerate(replicates), ways):
+        for method, chosen in _chosen(truth.model, recordings, make, paths):
+            for choice, model in zip(CHOICES, chosen, strict=True):
+                named.append({"choice": choice, "method": method, "replicate": replicate})
+                models.append(model)
     unknown = np.full(truth.model.coefficients.shape, np.nan)
     motions = reconstruct(truth, models)  # all at once: an integrator takes longest to be made
     return [
@@ -92,13 +83,12 @@ def _chosen(
     true: PolynomialModel,
     recordings: Sequence[Recording],
     make: Callable[..., Regressions],
-    paths: Mapping[str, Callable[[int], Path]],
-    path_length: int,
+    paths: Mapping[str, Path],
 ) -> Iterator[tuple[str, list[IdentifiedModel]]]:
     """The models of both CHOICES by each method that works on the same evidence."""
     try:
         evidence = make(recordings, true.terms)
-        models = {m: alternatives(evidence, path(path_length)) for m, path in paths.items()}
+        models = {method: alternatives(evidence, path) for method, path in paths.items()}
     except (ValueError, np.linalg.LinAlgError) as error:
         nothing = IdentifiedModel.refused(true.states, true.terms, f"oracle: {error}")
         yield from ((method, [nothing] * len(CHOICES)) for method in paths)

@@ -6,23 +6,28 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.evaluation.motion import (
-    Reconstruction,
-    gallops,
-    r_squared,
-    steady_amplitude,
-    steady_frequency,
-    summarise,
-)
+from galloping.evaluation.motion import r_squared, steady_amplitude, steady_frequency
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import NORMAL_95
+from galloping.intervals import NORMAL_95, QUANTILES_90
 from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import PolynomialModel
+from galloping.results import Reconstruction
 from galloping.simulation import Simulator, Trajectory
 
 DISPLACEMENT_COLUMNS = {"q_v": 0, "q_w": 1}
 ORDERS = {"linear": 1, "quadratic": 2, "cubic": 3}
 UNKNOWN = tuple(EQUATIONS)  # the kinematic rows carry no parameter of the line
+PLOT_RATE = 20.0  # Hz, an order of magnitude above the fastest harmonic that matters
+
+
+def gallops(model: PolynomialModel) -> bool:
+    """Whether the line at rest is unstable in its wind, so that its motion has an amplitude.
+
+    Some eigenvalue of the linearised equations has a positive real part (Den Hartog 1932, with
+    damping). Where none has, motion decays, and what is left of it depends on when one looks.
+    """
+    values, _ = model.small_motions(np.zeros(len(model.states)))
+    return bool(values.real.max() > 0)
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,7 @@ class Truth:
 
     @property
     def steady_rows(self) -> slice:
+        """Samples within the steady window, its ends included."""
         first, last = np.searchsorted(self.time, np.add(self.steady, (-1e-9, 1e-9)))
         return slice(int(first), int(last))
 
@@ -142,6 +148,21 @@ def evaluate(
         states = [motion.states for motion in motions]
         reconstructions[method] = summarise(truth.time, states, quality)
     return rows, reconstructions
+
+
+def summarise(
+    time: np.ndarray, states: Sequence[np.ndarray], quality: np.ndarray
+) -> Reconstruction:
+    """The motions of all replicates.
+
+    time: (n,) s. states: (n, n_states) of each replicate. quality: (n_replicates,), the higher
+    the better.
+    """
+    stride = max(1, round(1 / (PLOT_RATE * (time[1] - time[0]))))
+    middle = np.argsort(quality, kind="stable")[len(quality) // 2]
+    thinned = np.stack([each[::stride] for each in states])
+    low, high = np.quantile(thinned, QUANTILES_90, axis=0)
+    return Reconstruction(time[::stride], thinned[middle], low, high)
 
 
 def reconstruct(truth: Truth, replicates: Sequence[IdentifiedModel]) -> list[Trajectory]:
