@@ -87,7 +87,7 @@ def test_code_changes_the_digest_however_deep_and_words_do_not(package, name, ol
     assert (package(name, text.replace(old, new)) != before) == counts
 
 
-@pytest.mark.parametrize("name", ["part/page.jinja", "part/data.csv"])
+@pytest.mark.parametrize("name", ["part/page.jinja", "part/data.csv", "part/look.mplstyle"])
 def test_a_template_and_data_beside_a_module_count(package, name):
     package(name, "one")
     before = package()

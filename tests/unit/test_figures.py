@@ -9,7 +9,6 @@ import pytest
 from lines import RESONANT, edited
 from pictures import drawn
 
-from galloping.evaluation.motion import Reconstruction
 from galloping.figures.against_paper import draw_claims
 from galloping.figures.each_term import draw_coefficients, draw_identifiability
 from galloping.figures.errors import (
@@ -31,6 +30,7 @@ from galloping.measurement import Motion
 from galloping.paper.claims import CLAIMS
 from galloping.physics.galerkin import derive
 from galloping.polynomial import library
+from galloping.results import Reconstruction
 
 LINE = derive(RESONANT)
 NAMES = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "new_method"]}

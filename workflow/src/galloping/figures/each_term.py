@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from galloping.figures import parts
-from galloping.figures.style import DOUBLE, PAPER, QUIET, SERIES, TRUE, protocol_style, spoken
+from galloping.figures.style import PAPER, PROTOCOLS, QUIET, SERIES, TRUE, spoken
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import IDENTIFIABLE
 from galloping.physics.galerkin import EQUATIONS, STATES, TERMS, Derived
@@ -53,10 +53,9 @@ def draw_coefficients(
     )
     true = tables[0][tables[0]["true"] != 0]
     counts = true["equation"].value_counts(sort=False)
-    figure = Figure(figsize=(DOUBLE, 4.4), layout="constrained")
-    grid = figure.subplots(
-        2, len(counts), squeeze=False, sharey="row", sharex="col",
-        height_ratios=(2.4, 1), width_ratios=list(counts),
+    figure, grid = parts.panels(
+        4.4, 2, len(counts), sharey="row", sharex="col", height_ratios=(2.4, 1),
+        width_ratios=list(counts),
     )  # fmt: skip
     reach = 1.1 * max(0.02, *(np.nanmax(np.abs(_ratio(table) - 1)) for table in tables))
     limits = max(WIDEST[0], 1 - reach), min(WIDEST[1], 1 + reach)
@@ -133,7 +132,7 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
     cases = settings["cases"]
     rows = -(-len(cases) // ACROSS)
     height, across = parts.height(1.2, 0.24 * max(len(terms), 6), rows), -(-len(cases) // rows)
-    figure, grid = parts.wrapped_grid(len(cases), across, height, sharex=True, sharey=True)
+    figure, grid = parts.wrapped_grid(len(cases), across, height)
     reach = (max(whole["t"].min(), IDENTIFIABLE / LEAST), whole["t"].max())
     monomials = [term.replace("dq_", r"\dot{q}_").replace(" ", r"\,") for _, term in terms]
     names = [
@@ -159,7 +158,7 @@ def draw_identifiability(table: pd.DataFrame, settings: Mapping) -> Figure:
     levels = np.unique(shown["level"])
     nearest = levels[np.argmin(np.abs(levels - settings["level"]))]
     keys = [
-        parts.key(f"{protocol}, noise {nearest:g}", **protocol_style(protocol))
+        parts.key(f"{protocol}, noise {nearest:g}", **PROTOCOLS[protocol])
         for protocol in settings["protocols"]
     ]
     if (shown["recordings"] > 1).any():
@@ -178,7 +177,7 @@ def _told(
     axes: Axes, table: pd.DataFrame, terms: list[tuple[str, str]], level: float,
     protocol: str, dodge: float,
 ) -> None:  # fmt: skip
-    look, left = protocol_style(protocol), axes.get_xlim()[0]
+    look, left = PROTOCOLS[protocol], axes.get_xlim()[0]
     color, marker = look["color"], look["marker"]
     for (equation, term, recordings), cells in table.groupby(["equation", "term", "recordings"]):
         y = terms.index((equation, term)) + dodge

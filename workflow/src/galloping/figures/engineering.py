@@ -45,10 +45,10 @@ def draw_orbits(orbits: Mapping[str, Mapping[float, np.ndarray]], settings: Mapp
     names = list(settings["cases"])
     columns = min(len(names), COLUMNS)
     height = parts.height(0.6, 3.6, -(-len(names) // columns))
-    figure, grid = parts.wrapped_grid(len(names), columns, height, sharex=True, sharey=True)
+    figure, grid = parts.wrapped_grid(len(names), columns, height)
     drawn = [places for of_case in orbits.values() for places in of_case.values()]
-    for name in names:
-        drawn += [each.outline() for each in design_ellipses(settings["cases"][name]).values()]
+    for case in settings["cases"].values():
+        drawn += [each.outline() for each in design_ellipses(case).values()]
     reach = 1.35 * max(np.max(np.abs(each[:, 0])) for each in drawn)
     for k, (axes, name) in enumerate(zip(grid, names, strict=True)):
         parts.letter(axes, k, spoken(name))

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from galloping.figures import parts
-from galloping.figures.style import DOUBLE, MODEL, PAPER, QUIET, SHADE, SINGLE, method_style, spoken
+from galloping.figures.style import MODEL, PAPER, QUIET, SHADE, SINGLE, method_style, spoken
 from galloping.paper.claims import CLAIMS, Claim
 from galloping.results import BOUND, NOISE, OURS, PAPER_METHOD
 from galloping.tables.scores import ORACLE, ORDERS, mean_error, of_kind, spread
@@ -107,10 +107,10 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
     `points`, and its labels by protocol; quantities, names of QUANTITIES.
     """
     x, case = settings["x"], settings["case"]
-    own = [table[k] == settings[k] for k in ("case", "protocol", "method", "kind")]
-    chosen = table[np.logical_and.reduce(own) & (table[x] > 0)]
+    own = {name: settings[name] for name in ("case", "protocol", "method", "kind")}
+    chosen = parts.where(table[table[x] > 0], **own)
     if draws is not None:
-        more = draws[(draws["kind"] == settings["kind"]) & (draws[x] > 0)]
+        more = parts.where(draws[draws[x] > 0], kind=settings["kind"])
         cells = [pd.MultiIndex.from_frame(t[["kind", "level", "points"]]) for t in (chosen, more)]
         kept = chosen[~cells[0].isin(cells[1])]
         chosen = pd.concat([more.rename(columns={"draw": "replicate"}), kept], ignore_index=True)
@@ -118,8 +118,8 @@ def draw_draws(table: pd.DataFrame, settings: Mapping, draws: pd.DataFrame | Non
         return parts.nothing_at_all("the paper's method has no noisy recordings in this study")
     quantities = [QUANTITIES[name] for name in settings["quantities"]]
     across = max(len(quantity.columns) for quantity in quantities)
-    figure = Figure(figsize=(DOUBLE, 0.8 + 2.3 * len(quantities)), layout="constrained")
-    grid = figure.subplots(len(quantities), across, squeeze=False, sharex=True, sharey="row")
+    height = 0.8 + 2.3 * len(quantities)
+    figure, grid = parts.panels(height, len(quantities), across, sharex=True, sharey="row")
     places, levels = parts.LogAxis.of(chosen[x]), set(chosen["level"])
     for j, (quantity, line) in enumerate(zip(quantities, grid, strict=True)):
         panels = {
@@ -285,8 +285,7 @@ def draw_overview(table: pd.DataFrame, settings: Mapping, peers: pd.DataFrame) -
     noise.
     """
     case, protocol = settings["case"], settings["protocol"]
-    figure = Figure(figsize=(SINGLE, 3.7), layout="constrained")
-    axes = figure.subplots()
+    figure, ((axes,),) = parts.panels(3.7, width=SINGLE)
     errors = _errors(table, peers, case, protocol)
     if errors.empty:
         parts.nothing(axes, "this study has no noisy recordings to show")
@@ -348,7 +347,7 @@ def _errors(scores: pd.DataFrame, peers: pd.DataFrame, case: str, protocol: str)
     the lowest of STLSQ, FROLS and the weak form.
     """
     cells, others = (
-        rows[(rows["case"] == case) & (rows["protocol"] == protocol) & (rows["level"] > 0)]
+        parts.where(rows[rows["level"] > 0], case=case, protocol=protocol)
         for rows in (of_kind(scores, NOISE), peers)
     )
     groups = cells.assign(error=mean_error(cells)).groupby(["method", "level"], as_index=False)

@@ -34,9 +34,8 @@ def draw_recovery(
     of the cell at the lowest level. settings: cases, protocol, method and level.
     """
     cases = settings["cases"]
-    size = style.DOUBLE, parts.height(0.6, 2.9, len(cases))
-    figure = Figure(figsize=size, layout="constrained")
-    grid = figure.subplots(2 * len(cases), 3, squeeze=False, width_ratios=(2, 2, 1.25))
+    height = parts.height(0.6, 2.9, len(cases))
+    figure, grid = parts.panels(height, 2 * len(cases), 3, width_ratios=(2, 2, 1.25))
     for k, row in enumerate(grid):
         case, (j, state) = cases[k // 2], (k % 2, list(style.STATE_LABELS)[k % 2])
         true, motion = trajectories[case][0], reconstructions[case][settings["method"]]
@@ -94,8 +93,8 @@ def draw_histories(
         return parts.nothing_at_all(f"nothing to show: the line itself {true.status}")
     if not cells:
         return parts.nothing_at_all("nothing to show: this study has no such recordings")
-    figure = Figure(figsize=(style.DOUBLE, 0.8 + 1.9 * len(cells)), layout="constrained")
-    grid = figure.subplots(2 * len(cells), 1, sharex=True)
+    figure, grid = parts.panels(0.8 + 1.9 * len(cells), 2 * len(cells), sharex=True)
+    grid = grid[:, 0]
     for k, (cell, label) in enumerate(cells.items()):
         motion = reconstructions[cell][settings["method"]]
         parts.letter(grid[2 * k], k, label)
@@ -159,10 +158,8 @@ def draw_limit_cycles(
         return parts.nothing_at_all("this study varies no single parameter")
     figure, grids = parts.case_grids(list(settings["cases"]), 1, len(STATES), 0.9, 2.2)
     for row, (case, grid) in enumerate(grids.items()):
-        of_case = [
-            table[(table["case"] == case) & (table["parameter"] == settings["parameter"])]
-            for table in (cycles, bifurcations)
-        ]
+        own = {"case": case, "parameter": settings["parameter"]}
+        of_case = [parts.where(table, **own) for table in (cycles, bifurcations)]
         for column, (axes, direction) in enumerate(zip(grid[0], STATES, strict=True)):
             _title(axes, row * len(STATES) + column, STATES[direction])
             _branches(axes, *of_case, direction)
@@ -218,15 +215,15 @@ def draw_resonance_map(table: pd.DataFrame, settings: Mapping) -> Figure:
     x_label, y_label, y_scale (units of the axis in one of the table, such as 1000 for kN).
     """
     if len(table):  # without a map it has no such columns
-        over = (table["x_parameter"] == "wind_speed") & (table["y_parameter"] == "tension")
-        table = table[over & (table["case"] == settings["case"])].drop_duplicates(["x", "y"])
+        over = {"x_parameter": "wind_speed", "y_parameter": "tension"}
+        table = parts.where(table, case=settings["case"], **over).drop_duplicates(["x", "y"])
     if table.empty:
         return parts.nothing_at_all("this study does not vary wind and tension together")
     table = table.assign(y=table["y"] / settings["y_scale"])
-    figure = Figure(figsize=(style.DOUBLE, 3.1), layout="constrained")
+    figure, (panels,) = parts.panels(3.1, 1, 2)
     ratio = table.pivot(index="y", columns="x", values="frequency_ratio")
     dark = [withStroke(linewidth=3.0, foreground="black")]  # seen upon any colour, and upon none
-    for k, (axes, direction) in enumerate(zip(figure.subplots(1, 2), STATES, strict=True)):
+    for k, (axes, direction) in enumerate(zip(panels, STATES, strict=True)):
         _title(axes, k, STATES[direction])
         grid = table.pivot(index="y", columns="x", values=f"{direction}_m")
         shown = axes.pcolormesh(
@@ -262,11 +259,10 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
     if table.empty:
         return parts.nothing_at_all("no model of this study states how sure it is")
     protocols, method = settings["protocols"], settings["method"]
-    of_case = (table["case"] == settings["case"]) & (table["replicate"] == settings["replicate"])
-    chosen = table[of_case].sort_values("wind_m_s")
-    figure = Figure(figsize=(style.DOUBLE, 0.8 + 2.7 * len(protocols)), layout="constrained")
-    grid = figure.subplots(
-        2 * len(protocols), len(STATES), squeeze=False, sharex=True,
+    own = {name: settings[name] for name in ("case", "replicate")}
+    chosen = parts.where(table, **own).sort_values("wind_m_s")
+    figure, grid = parts.panels(
+        0.8 + 2.7 * len(protocols), 2 * len(protocols), len(STATES), sharex=True,
         height_ratios=[2, 1] * len(protocols),
     )  # fmt: skip
     methods = [method, *([settings["peer"]] if settings.get("peer") else [])]
@@ -274,8 +270,8 @@ def draw_prediction(table: pd.DataFrame, settings: Mapping) -> Figure:
         for column, (direction, state) in enumerate(STATES.items()):
             axes, below = grid[2 * row : 2 * row + 2, column]
             _title(axes, row * len(STATES) + column, state, f", from {protocol}")
-            at = (chosen["protocol"] == protocol) & (chosen["direction"] == direction)
-            lines = {name: chosen[at & (chosen["method"] == name)] for name in methods}
+            own = {"protocol": protocol, "direction": direction}
+            lines = {name: parts.where(chosen, method=name, **own) for name in methods}
             _predicted(axes, below, lines)
             for pane in (axes, below):
                 label = "wind of the recording"
@@ -325,8 +321,7 @@ def draw_limit_cycle_ahead(table: pd.DataFrame, settings: Mapping) -> Figure:
         return parts.nothing_at_all("no model of this study states how sure it is")
     states, protocols = table["state"].unique(), table["protocol"].unique()
     axis, (begin, end) = parts.LogAxis.of(table["level"]), settings["window"]
-    figure = Figure(figsize=(style.DOUBLE, 2.9), layout="constrained")
-    grid = figure.subplots(1, len(states), squeeze=False)[0]
+    figure, (grid,) = parts.panels(2.9, 1, len(states))
     for k, (state, axes) in enumerate(zip(states, grid, strict=True)):
         of_state = table[table["state"] == state]
         _title(axes, k, state)
@@ -339,7 +334,7 @@ def draw_limit_cycle_ahead(table: pd.DataFrame, settings: Mapping) -> Figure:
             rows = of_state[of_state["protocol"] == protocol].sort_values("level")
             shift = APART * (j - (len(protocols) - 1) / 2)
             places = np.array([axis.position(level, shift) for level in rows["level"]])
-            look = style.protocol_style(protocol)
+            look = style.PROTOCOLS[protocol]
             axes.vlines(places, rows["low_m"], rows["high_m"], color=look["color"], lw=1.2)
             label = f"predicted from {protocol}"
             axes.plot(places, rows["predicted_m"], ls="", label=label, **look)

@@ -29,10 +29,18 @@ def nothing(axes: Axes, reason: str) -> None:
     axes.text(0.5, 0.5, reason, transform=axes.transAxes, ha="center", va="center", color=QUIET)
 
 
+def panels(
+    height: float, rows: int = 1, columns: int = 1, width: float = DOUBLE, **options: object
+) -> tuple[Figure, np.ndarray]:
+    """A figure, its size in inches, and its panels (rows, columns)."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
 def nothing_at_all(reason: str) -> Figure:
     """A figure that says why there is nothing to show."""
-    figure = Figure(figsize=(DOUBLE, 1.2), layout="constrained")
-    nothing(figure.subplots(), reason)
+    figure, ((axes,),) = panels(1.2)
+    nothing(axes, reason)
     return figure
 
 
@@ -85,16 +93,14 @@ def method_grid(
     return figure, grid
 
 
-def wrapped_grid(
-    count: int, columns: int, height: float, **options: object
-) -> tuple[Figure, list[Axes]]:
+def wrapped_grid(count: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
     """So many panels with the same axes, at most `columns` beside each other.
 
     height: of the figure, in inches. Panels with none below have the labels of the x axis.
     """
     columns = min(columns, count)
-    figure = Figure(figsize=(DOUBLE, height), layout="constrained")
-    grid = figure.subplots(-(-count // columns), columns, squeeze=False, **options).ravel()
+    figure, grid = panels(height, -(-count // columns), columns, sharex=True, sharey=True)
+    grid = grid.ravel()
     for axes in grid[count:]:
         axes.remove()
     for axes in grid[max(0, count - columns) : count]:
@@ -114,6 +120,7 @@ class LogAxis:
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "LogAxis":
+        """With these values as ticks; zero stands at half of the least above it."""
         values = tuple(sorted({float(v) for v in values}))
         least = next((v for v in values if v > 0), 2.0)
         return cls(values, least / 2)
@@ -123,6 +130,7 @@ class LogAxis:
         return (value if value > 0 else self.zero) * 10**shift
 
     def prepare(self, axes: Axes, label: str) -> None:
+        """Makes it the x axis of a panel."""
         places = [self.position(v) for v in self.values]
         axes.set_xscale("log")
         axes.set_xlim(min(places) / 1.3, max(places) * 1.3)
@@ -271,6 +279,13 @@ def shifts(methods: Sequence[str], width: float) -> dict[str, float]:
     middle = (len(marked) - 1) / 2
     places = {method: step * (k - middle) for k, method in enumerate(marked)}
     return dict.fromkeys(methods, 0.0) | places
+
+
+def where(table: pd.DataFrame, **values: object) -> pd.DataFrame:
+    """The rows with these values in the columns of these names."""
+    for name, value in values.items():
+        table = table[table[name] == value]
+    return table
 
 
 def in_order(table: pd.DataFrame, column: str, order: Sequence[str]) -> list[str]:

@@ -36,6 +36,7 @@ WRITTEN = {
     "png": {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 3}},
 }
 
+LOOK = Path(__file__).with_name("figure.mplstyle")
 PATHS = re.compile(r' d="[^"]*"')  # of an SVG
 DIGITS = re.compile(r"(\d\.\d)\d+")  # of coordinates: all beyond a tenth of a point is cut
 BLANKS = re.compile(r"(?<=\d)\s+([LCQz])|(?<=[MLCQ]) ")  # around the commands of a path
@@ -67,11 +68,12 @@ METHODS = {
     "maximum_likelihood": MethodStyle("maximum likelihood", "#e6007e", "p", "-", 1.5),
     BOUND: MethodStyle("Cramér-Rao bound", "#000000", "", (0, (3, 1.5)), 1.1),
 }
+# Colour and marker of a protocol, where methods are not told apart.
 PROTOCOLS = {
-    "derivative": ("#11115a", "o"),
-    "state": ("#e69f00", "D"),
-    "displacement": ("#2fa86a", "s"),
-    "acceleration": ("#b0457f", "^"),
+    "derivative": {"color": "#11115a", "marker": "o"},
+    "state": {"color": "#e69f00", "marker": "D"},
+    "displacement": {"color": "#2fa86a", "marker": "s"},
+    "acceleration": {"color": "#b0457f", "marker": "^"},
 }
 # For those without a place of their own above: picked by the name alone. No triangles and no star,
 # which stand for values beyond the axis and for the paper.
@@ -93,13 +95,6 @@ def method_style(name: str) -> MethodStyle:
     )
 
 
-def protocol_style(name: str) -> dict[str, str]:
-    """Colour and marker of a protocol, for matplotlib, where methods are not told apart."""
-    style = method_style(name)
-    color, marker = PROTOCOLS.get(name, (style.color, style.marker))
-    return {"color": color, "marker": marker}
-
-
 def spoken(name: str) -> str:
     """A name of the configuration as words."""
     return name.replace("_", " ").replace("non ", "non-")
@@ -115,38 +110,9 @@ def scientific(value: float) -> str:
 @contextmanager
 def styled(font_size: float) -> Iterator[None]:
     """matplotlib's defaults and this style, whatever the user's own settings are."""
-    small = 0.85 * font_size
-    with matplotlib.style.context(
-        [
-            "default",
-            {
-                "font.family": "DejaVu Sans",  # comes with matplotlib
-                "font.size": font_size,
-                "axes.titlesize": font_size,
-                "axes.labelsize": font_size,
-                "legend.fontsize": small,
-                "xtick.labelsize": small,
-                "ytick.labelsize": small,
-                "axes.linewidth": 0.6,
-                "lines.linewidth": 1.0,
-                "lines.markersize": 3.5,
-                "xtick.direction": "in",
-                "ytick.direction": "in",
-                "xtick.major.width": 0.6,
-                "ytick.major.width": 0.6,
-                "axes.titley": 1.0,  # else placed anew in each pass; no offset is there to avoid
-                "axes.formatter.limits": (-9, 9),
-                "axes.formatter.useoffset": False,
-                "axes.spines.top": False,
-                "axes.spines.right": False,
-                "legend.frameon": False,
-                "hatch.linewidth": 0.5,
-                "path.simplify_threshold": 0.35,  # points: unseen, and files are smaller
-                "svg.fonttype": "path",
-                "svg.hashsalt": "galloping",
-            },
-        ]
-    ):
+    labels = ("legend.fontsize", "xtick.labelsize", "ytick.labelsize")
+    sizes = {"font.size": font_size, **dict.fromkeys(labels, 0.85 * font_size)}
+    with matplotlib.style.context(["default", LOOK, sizes]):
         yield
 
 

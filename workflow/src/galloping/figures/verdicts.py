@@ -9,16 +9,16 @@ from matplotlib.patches import Patch
 
 from galloping.configuration.kinds import GAMMAS
 from galloping.figures import parts
-from galloping.figures.style import DOUBLE, MODEL, PAPER, QUIET, SERIES, SHADE, method_style, spoken
+from galloping.figures.style import MODEL, PAPER, QUIET, SERIES, SHADE, method_style, spoken
 from galloping.results import OURS
 from galloping.tables.trial_summaries import METHODS
 
 STATUSES = ("ok", "not identifiable", "approximate", "refused")
 WHOLE = {"facecolor": "white", "edgecolor": QUIET, "linewidth": 0.7, "hatch": "////"}
-OTHERS = {  # colour, line and marker of published methods
-    "odr_bindy": ("#000000", "--", "s"),
-    "jsindy": ("#1f78b4", ":", "D"),
-    "ensemble_weak_sindy": ("#e69f00", "-.", "P"),
+OTHERS = {  # published methods
+    "odr_bindy": {"color": "#000000", "ls": "--", "marker": "s", "ms": 2.5},
+    "jsindy": {"color": "#1f78b4", "ls": ":", "marker": "D", "ms": 2.5},
+    "ensemble_weak_sindy": {"color": "#e69f00", "ls": "-.", "marker": "P", "ms": 2.5},
 }
 NOMINAL = {"color": "#8a8a8a", "lw": 0.8, "ls": ":"}
 ERRORS = {
@@ -43,11 +43,9 @@ def draw_trust(table: pd.DataFrame) -> Figure:
     table: fits.csv.
     """
     table = table.assign(right=_right(table))
-    groups = list(dict.fromkeys(table["group"]))
-    height = 0.5 + 1.5 * -(-len(groups) // 2)
-    figure, grid = parts.wrapped_grid(len(groups), 2, height, sharex=True, sharey=True)
-    for k, (axes, group) in enumerate(zip(grid, groups, strict=True)):
-        fits = table[table["group"] == group]
+    groups = list(table.groupby("group", sort=False))
+    figure, grid = parts.wrapped_grid(len(groups), 2, 0.5 + 1.5 * -(-len(groups) // 2))
+    for k, (axes, (group, fits)) in enumerate(zip(grid, groups, strict=True)):
         parts.letter(axes, k, f"{group}, {len(fits):,} fits")
         of_status = fits.groupby("status")["right"].agg(["size", "sum"])
         of_status = of_status.reindex(STATUSES, fill_value=0).set_axis(["all", "right"], axis=1)
@@ -87,23 +85,20 @@ def draw_published_terms(table: pd.DataFrame) -> Figure:
     shares = ["level", "exact", "exact_low", "exact_high", *OTHERS]
     table = table.assign(**100.0 * table[shares])
     cells = list(table.groupby(["system", "duration"], sort=True))
-    height = 0.7 + 1.6 * -(-len(cells) // 4)
-    figure, grid = parts.wrapped_grid(len(cells), 4, height, sharex=True, sharey=True)
+    figure, grid = parts.wrapped_grid(len(cells), 4, 0.7 + 1.6 * -(-len(cells) // 4))
     for k, (axes, ((system, duration), group)) in enumerate(zip(grid, cells, strict=True)):
         parts.letter(axes, k, f"{spoken(system)}, {duration:g} s")
-        for name, (color, line, marker) in OTHERS.items():
+        for name, look in OTHERS.items():
             if group[name].notna().any():
-                axes.plot(group["level"], group[name], color=color, ls=line, marker=marker, ms=2.5)
+                axes.plot(group["level"], group[name], **look, label=METHODS[name])
         parts.band(axes, group["level"], group["exact_low"], group["exact_high"], None,
                    color=style.color, alpha=0.2)  # fmt: skip
         axes.plot(group["level"], group["exact"], color=style.color, marker=style.marker, ms=4)
         axes.set(ylim=(-3, 103), ylabel="" if k % 4 else "exact terms, %")
     for axes in grid[-4:]:
         axes.set_xlabel("noise, %")
-    keys = [parts.key(style.label, color=style.color, marker=style.marker, ms=4, ls="-")]
-    for name, (color, line, marker) in OTHERS.items():
-        keys.append(parts.key(METHODS[name], color=color, ls=line, marker=marker, ms=2.5))
-    parts.legend(figure, *keys)
+    ours = parts.key(style.label, color=style.color, marker=style.marker, ms=4, ls="-")
+    parts.legend(figure, ours)
     return figure
 
 
@@ -115,8 +110,7 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
     table = table[table["method"] == OURS]
     shares = ["found", "found_low", "found_high", "found_published", "holds"]
     table = table.assign(gamma=table["case"].map(GAMMAS), **100.0 * table[shares])
-    figure = Figure(figsize=(DOUBLE, 2.6), layout="constrained")
-    left, right = figure.subplots(1, 2, sharex=True)
+    figure, ((left, right),) = parts.panels(2.6, 1, 2, sharex=True)
     parts.letter(left, 0, "term found")
     parts.letter(right, 1, "95 % interval holds the coefficient")
     by_samples = table.sort_values("gamma").groupby("samples", sort=True)
@@ -130,10 +124,8 @@ def draw_published_intervals(table: pd.DataFrame) -> Figure:
         right.plot(gamma, group["holds"], label=f"{samples:,} samples", **look)
     left.axhline(5.0, **NOMINAL)
     right.axhline(95.0, **NOMINAL, label="nominal")
-    left.set(ylim=(-3, 103), ylabel="share of the fits, %")
-    right.set_ylim(min(78.0, table["holds"].min() - 2.0), 101)
-    for axes in (left, right):
-        axes.set_xlabel("quadratic coefficient")
+    left.set(ylim=(-3, 103), xlabel="quadratic coefficient", ylabel="share of the fits, %")
+    right.set(ylim=(min(78.0, table["holds"].min() - 2.0), 101), xlabel="quadratic coefficient")
     right.plot([], [], "o", ms=9, mfc="none", mec="k", label="published power")
     parts.legend(figure, columns=6)
     return figure
@@ -147,8 +139,8 @@ def draw_model_error(table: pd.DataFrame) -> Figure:
     """
     truths = sorted(table["truth"].unique(), key=lambda truth: (truth.startswith("two"), truth))
     methods = sorted(table["method"].unique(), key=lambda method: method != OURS)
-    figure = Figure(figsize=(DOUBLE, 1.3 + 0.8 * len(truths)), layout="constrained")
-    *panels, answers = figure.subplots(2, 3, sharey=True).ravel()
+    figure, grid = parts.panels(1.3 + 0.8 * len(truths), 2, 3, sharey=True)
+    *panels, answers = grid.ravel()
     step = HEIGHT / max(len(methods) - 1, 1)
     rows = table.assign(place=[
         truths.index(row.truth) - HEIGHT / 2 + step * methods.index(row.method)
@@ -187,8 +179,7 @@ def draw_reduction(table: pd.DataFrame) -> Figure:
     that of its displacement in three stretches of the record.
     """
     lines = [name for name in table["line"].unique() if name != TWO_MODES]
-    figure = Figure(figsize=(DOUBLE, 6.0), layout="constrained")
-    grid = figure.subplots(len(WORTH), 2, sharex=True)
+    figure, grid = parts.panels(6.0, len(WORTH), 2, sharex=True)
     places = np.arange(len(lines))
     for column, (direction, look) in enumerate(LOOKS.items()):
         values = table[table["direction"] == direction].set_index("line")

@@ -42,7 +42,7 @@ def code(*roots: str | Path) -> dict:
         name = path.relative_to(SOURCE).as_posix() if path.is_relative_to(SOURCE) else "script"
         texts.append(f"{name}\n{_parse(path).content}\n")
         if path.is_relative_to(SOURCE):
-            beside = (path.parent.glob(f"*.{suffix}") for suffix in ("jinja", "csv"))
+            beside = (path.parent.glob(f"*.{suffix}") for suffix in ("jinja", "csv", "mplstyle"))
             texts += [data.read_text("utf-8") for found in beside for data in found]
     libraries = frozenset().union(*(_parse(path).libraries for path in files))
     return {
