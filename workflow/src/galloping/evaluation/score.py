@@ -89,19 +89,18 @@ def score(
     where the line itself diverges, those of coefficients where there are no true ones, the
     amplitude's error where it does not gallop.
     """
-    row: dict[str, float | str] = {"motion": motion.status, "verdict": result.verdict}
     coefficients = _on_terms_of(truth, result.model.coefficients, absent=0.0)
     standard_errors = _on_terms_of(truth, result.standard_errors, absent=np.nan)
     if result.status == "refused":
         coefficients = np.full_like(coefficients, np.nan)
-    for order, error in mean_error_by_order(truth.model, coefficients, UNKNOWN).items():
-        row[f"mean_error_{order}_percent"] = 100 * error
-    row["e2"] = relative_norm_error(truth.model, coefficients)
-    row |= support_scores(truth.model, coefficients)
-    row["efficiency"] = efficiency(truth.model, coefficients, bound, UNKNOWN)
-    row |= coverage(truth.model, coefficients, standard_errors, UNKNOWN)
+    errors = mean_error_by_order(truth.model, coefficients, UNKNOWN)
+    numbers = {f"mean_error_{order}_percent": 100 * error for order, error in errors.items()}
+    numbers["e2"] = relative_norm_error(truth.model, coefficients)
+    numbers |= support_scores(truth.model, coefficients)
+    numbers["efficiency"] = efficiency(truth.model, coefficients, bound, UNKNOWN)
+    numbers |= coverage(truth.model, coefficients, standard_errors, UNKNOWN)
     if not truth.is_own_model:
-        row |= {name: np.nan for name in row if name not in ("motion", "verdict")}
+        numbers = dict.fromkeys(numbers, np.nan)
     columns = list(DISPLACEMENT_COLUMNS.values())
     true, moved, steady_moved = (
         states[:, columns]
@@ -114,13 +113,13 @@ def score(
         lambda states: steady_frequency(states, truth.step), truth.frequency, steady_moved
     )
     for k, name in enumerate(DISPLACEMENT_COLUMNS):
-        row[f"r2_{name}"] = whole[k]
-        row[f"r2_steady_{name}"] = steady[k]
-        row[f"amplitude_error_{name}_percent"] = 100 * amplitude[k]
-        row[f"frequency_error_{name}_percent"] = 100 * frequency[k]
+        numbers[f"r2_{name}"] = whole[k]
+        numbers[f"r2_steady_{name}"] = steady[k]
+        numbers[f"amplitude_error_{name}_percent"] = 100 * amplitude[k]
+        numbers[f"frequency_error_{name}_percent"] = 100 * frequency[k]
     if truth.status != "ok":
-        row |= {name: np.nan for name in row if name not in ("motion", "verdict")}
-    return row
+        numbers = dict.fromkeys(numbers, np.nan)
+    return {"motion": motion.status, "verdict": result.verdict, **numbers}
 
 
 def _relative(measure, expected: np.ndarray, model: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ what least squares sees of them. Where states are exact, the noise of the deriva
 through its projections on the library's columns: 35 normal numbers for each equation.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -203,22 +203,19 @@ def paper_draws(
     noisy = noise(motion, terms, channel_scale(motion, relative=False)[scale])
     unbounded = np.full((1, *true.coefficients.shape), np.nan)
 
-    def identified(kind: str, level: float, points: int, draw: int) -> IdentifiedModel:
-        rng = generator(seed, "paper", *name, kind, f"{level:.12g}", points, draw)
-        (reduced,) = noisy.draw(level, points, rng).regressions(line.states, terms)
-        return identify(reduced, threshold=threshold, kinematics=kinematics)
-
-    def rows() -> Iterator[dict]:
-        for kind, level, points in amounts.cells:
-            numbers = range(draws if level > 0 or kind == SUBSET else 1)
-            for start in range(0, len(numbers), AT_ONCE):
-                part = numbers[start : start + AT_ONCE]
-                models = [identified(kind, level, points, draw) for draw in part]
-                scored, _ = evaluate(truth, {"paper": models}, unbounded)
-                for draw, row in zip(part, scored, strict=True):
-                    yield {"kind": kind, "level": level, "points": points, "draw": draw, **row}
-
-    return pd.DataFrame(rows()).drop(columns=["method", "replicate"], errors="ignore")
+    rows = []
+    for kind, level, points in amounts.cells:
+        numbers = range(draws if level > 0 or kind == SUBSET else 1)
+        for start in range(0, len(numbers), AT_ONCE):
+            part, models = numbers[start : start + AT_ONCE], []
+            for draw in part:
+                rng = generator(seed, "paper", *name, kind, f"{level:.12g}", points, draw)
+                (reduced,) = noisy.draw(level, points, rng).regressions(line.states, terms)
+                models.append(identify(reduced, threshold=threshold, kinematics=kinematics))
+            scored, _ = evaluate(truth, {"paper": models}, unbounded)
+            cell = {"kind": kind, "level": level, "points": points}
+            rows += [{**cell, "draw": d, **row} for d, row in zip(part, scored, strict=True)]
+    return pd.DataFrame(rows).drop(columns=["method", "replicate"], errors="ignore")
 
 
 def identify(reduced: ReducedRegression, **options: object) -> IdentifiedModel:
