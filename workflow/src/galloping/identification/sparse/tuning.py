@@ -40,22 +40,21 @@ Block = tuple[np.ndarray, np.ndarray]  # rows of a library (r, p) and of targets
 class TriedFilter:
     """A filter tried on recordings: by what filters are compared, and what the chosen one reduces.
 
-    states, terms, products, held_out: as of `ReducedRegression`. blocks: makes the library and the
-    targets of each stretch.
+    states, terms, products, held_out: as of `ReducedRegression`. blocks: library and targets of
+    each stretch.
     """
 
     states: tuple[str, ...]
     terms: tuple[Exponents, ...]
     products: np.ndarray
     held_out: np.ndarray
-    blocks: Callable[[], list[Block]]
+    blocks: list[Block]
 
     @cached_property
     def reduced(self) -> ReducedRegression:
         """Least squares with this filter."""
-        blocks = self.blocks()
-        observations = np.full(len(self.states), sum(len(library) for library, _ in blocks))
-        return regression(blocks, observations, self.states, self.terms, self.held_out)
+        observations = np.full(len(self.states), sum(len(library) for library, _ in self.blocks))
+        return regression(self.blocks, observations, self.states, self.terms, self.held_out)
 
 
 def best_filter(tried: Sequence[TriedFilter]) -> TriedFilter:
@@ -160,17 +159,13 @@ class _Frame:
         stretches = zip(self.centres, self._raw, strict=True)
         return _products((_integrals(library, self.weights, c), raw) for c, raw in stretches)
 
-    def tried(self, rows: Callable[[], Block], held_out: np.ndarray | None = None) -> TriedFilter:
-        """The filter of `rows`, which makes library and targets. held_out: where it is known."""
-        library, targets = rows()
+    def tried(
+        self, library: np.ndarray, targets: np.ndarray, held_out: np.ndarray | None = None
+    ) -> TriedFilter:
+        """The filter that makes these of the rows. held_out: where it is known."""
         held_out = self.held_out(library) if held_out is None else held_out
-        blocks = self._stretches(library, targets)
-        return TriedFilter(
-            self.states, self.terms, _products(blocks), held_out, lambda: self._stretches(*rows())
-        )
-
-    def _stretches(self, library: np.ndarray, targets: np.ndarray) -> list[Block]:
-        return [(library[each], targets[each]) for each in self.stretches]
+        blocks = [(library[each], targets[each]) for each in self.stretches]
+        return TriedFilter(self.states, self.terms, _products(blocks), held_out, blocks)
 
 
 def tried_filters(
@@ -196,14 +191,10 @@ def smoothings(frame: _Frame) -> Iterator[TriedFilter]:
     """A filter for each window and order of Savitzky and Golay, of states and slopes."""
     windows = 2 * (np.geomspace(SMALLEST, frame.samples, WINDOWS) / 2).astype(int) + 1
     filtered = Convolution(frame.values, windows[-1])
-
-    def rows(window: int, order: int) -> Block:
+    for window, order in product(windows.tolist(), ORDERS):
         kernels = savitzky_golay(window, order, frame.step)
         states, slopes = (filtered(kernel, frame.rows) for kernel in kernels)
-        return design_matrix(states, frame.terms), slopes
-
-    for window, order in product(windows.tolist(), ORDERS):
-        yield frame.tried(partial(rows, window, order))
+        yield frame.tried(design_matrix(states, frame.terms), slopes)
 
 
 def test_functions(frame: _Frame) -> Iterator[TriedFilter]:
@@ -213,13 +204,9 @@ def test_functions(frame: _Frame) -> Iterator[TriedFilter]:
     longest = 2 * halves[-1] + 1
     library, states = Convolution(raw, longest), Convolution(frame.values, longest)
     held_out = frame.held_out(raw[frame.rows])
-
-    def rows(half: int, order: int) -> Block:
-        weights, slopes = weak_form(half, order, frame.step)
-        return library(weights, frame.rows), states(slopes, frame.rows)
-
     for half, order in product(halves, ENDS):
-        yield frame.tried(partial(rows, half, order), held_out)
+        weights, slopes = weak_form(half, order, frame.step)
+        yield frame.tried(library(weights, frame.rows), states(slopes, frame.rows), held_out)
 
 
 def _joined(parts: Sequence[TriedFilter]) -> TriedFilter:
@@ -228,7 +215,7 @@ def _joined(parts: Sequence[TriedFilter]) -> TriedFilter:
         parts[0],
         products=np.concatenate([part.products for part in parts]),
         held_out=np.concatenate([part.held_out for part in parts]),
-        blocks=lambda: [block for part in parts for block in part.blocks()],
+        blocks=[block for part in parts for block in part.blocks],
     )
 
 
