@@ -36,8 +36,8 @@ def locked(results: str, repair: str, *, repairing: bool = False) -> Iterator[in
     killed, only a repair may lock the study.
     """
     check_disk(results)
-    for process in snakemakes(Path.cwd()):
-        raise Obstacle(_busy(process.pid))
+    if others := snakemakes(Path.cwd()):
+        raise Obstacle(_busy(others[0].pid))
     Path(results).mkdir(parents=True, exist_ok=True)
     with Path(results, MARK).open("a+", encoding="ascii") as mark:
         mark.seek(0)
