@@ -1,17 +1,19 @@
 """pysindy tuned from the data: its own filters, held-out errors, and the oracle beside it."""
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pysindy as ps
 import pytest
 from lines import moved, recorded
 
-from galloping.evaluation.oracle import PATHS, alternatives, oracles
+from galloping.evaluation.oracle import alternatives, oracles
 from galloping.figures.errors import beaten_at
 from galloping.identification.sparse import stlsq
 from galloping.identification.sparse.evidence import Regressions, reduce
 from galloping.identification.sparse.regression import FOLDS, Judged, ReducedRegression, judge
-from galloping.identification.sparse.supports import forward_models
+from galloping.identification.sparse.supports import forward_models, threshold_path
 from galloping.identification.sparse.tuning import Convolution, savitzky_golay, weak_form
 from galloping.physics.galerkin import EQUATIONS
 from galloping.polynomial import PolynomialModel, library
@@ -137,7 +139,7 @@ def test_tuned_smoothing_is_better_than_a_spline_and_worse_than_the_oracle(reson
         for each in (evidence, Regressions(evidence.plain, evidence.plain))
     )
     assert error(true, tuned) < 0.6 * error(true, plain)
-    models = alternatives(evidence, PATHS["stlsq"](30))
+    models = alternatives(evidence, partial(stlsq.models_along, threshold_path(30)))
     assert error(true, oracles(true, models)[0]) < error(true, tuned)
 
 
