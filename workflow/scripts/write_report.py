@@ -3,7 +3,7 @@
 from os.path import relpath
 from pathlib import Path
 
-from galloping.report.data_dictionary import caption
+from galloping.report.data_dictionary import captions as captions_of_tables
 from galloping.report.page import Item, made_by, render, versions
 from galloping.report.printed_numbers import headline as found
 from galloping.report.printed_numbers import inferred, section, verdicts
@@ -45,7 +45,8 @@ def write_report(
     figures, animation, tables, recordings, report, labels, introduction, captions, headline, study
 ):
     drawn = _items([*figures, *animation], captions, labels)
-    shown = _items(tables, {name: caption(name) for name in (Path(t).stem for t in tables)}, {})
+    told_of = captions_of_tables()
+    shown = _items(tables, {name: told_of[name] for name in (Path(t).stem for t in tables)}, {})
 
     def told(sentences, *names: str, **options) -> list[str]:
         """Sentences about tables, where the study has these."""

@@ -20,7 +20,7 @@ from galloping.publication.archive import (
     pack,
     write_manifest,
 )
-from galloping.report.data_dictionary import caption
+from galloping.report.data_dictionary import captions
 from galloping.reproducibility.digest import Commit, commit, environment
 from galloping.reproducibility.plan import Plan
 from galloping.reproducibility.receipts import digest, receipts
@@ -122,10 +122,10 @@ def _properties(folder: Path, path: str) -> dict[str, str]:
     """Name, description (the caption in the report, if it has one), format, size and digest."""
     file = folder / path
     text = DESCRIPTIONS.get(path) or DESCRIPTIONS.get(file.name) or file.stem
-    words = folder / "workflow" / "report" / file.parent.name / f"{file.stem}.rst"  # of a figure
+    words = folder / "workflow" / "report" / "figures" / f"{file.stem}.rst"
     if file.parent.name == "tables" and file.suffix == ".csv":
-        text = caption(file.stem)
-    elif words.exists():
+        text = captions().get(file.stem, text)
+    elif file.parent.name == "figures" and words.exists():
         text = words.read_text(encoding="utf-8")
     return {
         "name": file.name,

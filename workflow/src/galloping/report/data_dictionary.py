@@ -29,13 +29,10 @@ def columns(settings: Mapping) -> pd.DataFrame:
     return rows[shown].reset_index(drop=True)
 
 
-def caption(table: str) -> str:
-    """What a table shows, in reStructuredText. Raises ValueError where the dictionary lacks it."""
+def captions() -> dict[str, str]:
+    """What each table shows, in reStructuredText, by its name."""
     rows = _dictionary()
-    rows = rows[(rows["table"] == table) & (rows["column"] == WHOLE)]
-    if rows.empty:
-        raise ValueError(f"{table}: report/tables.csv has no row that says what this table shows")
-    return rows["meaning"].iloc[0]
+    return rows[rows["column"] == WHOLE].set_index("table")["meaning"].to_dict()
 
 
 def meaning(table: str, column: str) -> str:
