@@ -1,5 +1,7 @@
 """Choosing the terms on a quadratic model of the misfit, by least chi^2 plus a price a term."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -36,26 +38,59 @@ def solve_support(
     return c, covariance
 
 
+@dataclass(frozen=True)
+class Price:
+    """What terms have to bring, in units of chi^2, to be chosen.
+
+    least: (n,) of each. width: (n,) coefficients c: where a term's standard error s is smaller, its
+    price is higher by 2 ln(c / s), which is the evidence of a prior so much wider (see `Prior`).
+    """
+
+    least: np.ndarray
+    width: np.ndarray
+
+    def times(self, dear: float) -> Price:
+        return Price(dear * self.least, self.width)
+
+    def of(self, terms: np.ndarray) -> Price:
+        """Of some terms, by their indices."""
+        return Price(self.least[terms], self.width[terms])
+
+    def beyond(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
+        """(m,) by how much terms with such standard errors (m,) cost more than their least."""
+        return 2.0 * np.log(np.maximum(self.width[terms] / errors, 1.0))
+
+
 def select(
     information: np.ndarray,
     right: np.ndarray,
     starts: list[np.ndarray],
-    cost: np.ndarray | float,
+    cost: Price | np.ndarray | float,
     about: np.ndarray | None = None,
 ) -> np.ndarray:
     """The best support found: least chi^2 plus what its terms cost.
 
     From each of `starts`, (n,) boolean: removes the term that is least worth its cost while there
     is one that is not; then, while it pays, adds a term or two, or exchanges one for one, one for
-    two or two for one, while work is left. cost: of each term (n,), in units of chi^2, or one of
-    all. Shapes as in `solve_support`; about: as in `whiten`. Returns the (n,) boolean support.
+    two or two for one, while work is left. Of the best, terms leave that are not worth a `Price`
+    with their errors: a term that imitates another one has errors, and so a price, that do not
+    compare. cost: of each term (n,), in units of chi^2, or one of all. Shapes as in
+    `solve_support`; about: as in `whiten`. Returns the (n,) boolean support.
     """
-    whitened, cost = whiten(information, right, about), np.broadcast_to(cost, len(right))
+    whitened, priced = whiten(information, right, about), isinstance(cost, Price)
+    least = np.broadcast_to(cost.least if priced else cost, len(right))
     ends: dict[bytes, tuple[float, np.ndarray]] = {}
     for start in starts:
-        value, support = _descend(whitened, start & whitened.usable, cost, ends)
+        value, support = _descend(whitened, start & whitened.usable, least, ends)
         ends[support.tobytes()] = (value, support)
-    return min(ends.values(), key=lambda end: end[0])[1]
+    support = min(ends.values(), key=lambda end: end[0])[1]
+    if not priced:
+        return support
+    here = tableau(whitened, support)
+    errors = whitened.unit[here.kept] * np.sqrt(np.diag(here.covariance))
+    price = least.copy()
+    price[here.kept] += cost.beyond(errors, here.kept)
+    return _remove(whitened, support, price)
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,8 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         np.hstack([one.values, at_times(list(one.inputs.values()), one.time)]) for one in recordings
     ]
     thetas = [design_matrix(one, problem.terms) for one in values]
+    rates = np.concatenate([recording.rates for recording in recordings])
+    size = largest(problem, np.concatenate(values), rates)
     squares, count, parts = 0.0, 0, []
     for i in problem.unknown:
         block = np.flatnonzero(problem.candidates[:, 0] == i)
@@ -62,12 +64,11 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             return refused(problem, f"too few complete samples for d({problem.states[i]})/dt")
         penalty, whole = 2.0 * np.log(samples), np.ones(len(block), bool)
         own = information[np.ix_(block, block)]
-        costs = problem.costs(penalty)[block]
-        support[block] = select(own, right[block], [whole], costs, about[block])
+        price = problem.price(penalty, size).of(block)
+        support[block] = select(own, right[block], [whole], price, about[block])
         count += samples
     free, covariance = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
-    rates = np.concatenate([recording.rates for recording in recordings])
     fitted = {
         "initial_states": np.array([recording.values[0] for recording in recordings]),
         "sigma": sigma,
@@ -80,7 +81,6 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
         if is_noisy
     ]
     if max(goes_on, default=0.0) < -ndtri(RESIDUAL_RATE / max(len(goes_on), 1)):
-        size = largest(problem, np.concatenate(values), rates)
         return judged(problem, Regression(information, right, support, penalty, size), **fitted)
     pulls = []
     for one, (block, rows, *_) in zip(left, parts, strict=True):

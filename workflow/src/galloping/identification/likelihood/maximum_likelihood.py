@@ -297,7 +297,7 @@ def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | Non
         if free is None:
             continue
         unseen = trajectory_fit.unseen_mixtures(free.information, largest) > 0
-        joined = trajectory_fit.join(free, begun.costs, dear, unseen)
+        joined = trajectory_fit.join(free, begun.price, dear, unseen)
         joined = replace(joined, path=(name, *free.path(begun.period), *joined.path))
         if dear > 1.0 and joined.settled and unseen:
             # a limit cycle looks like one of fewer terms
@@ -321,7 +321,7 @@ def _with_coloured_noise(
     noise = np.sqrt(np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2))
     record = replace(fit.record, floor=noise)
     fit = replace(fit, record=record, sigma=noise, reference=noise, chi2=np.inf)
-    again = trajectory_fit.join(replace(joined.step, before=fit, fit=fit), begun.costs, 1.0, False)
+    again = trajectory_fit.join(replace(joined.step, before=fit, fit=fit), begun.price, 1.0, False)
     path = (*joined.path, "coloured noise", *again.path)
     return replace(again, free=joined.free, path=path)
 

@@ -33,10 +33,10 @@ def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
 
     yield "weak form" if rough is begun.fit else "weak form of a telling stretch", rough, 1.0
     dear = 16.0  # times as much as terms cost
-    yield "few terms", best(rough.support, dear * begun.costs), dear
+    yield "few terms", best(rough.support, dear * begun.price.least), dear
     low = problem.degrees <= 2
     if not low.all():
-        yield "second degree", best(low, np.where(low, begun.costs, np.inf)), 1.0
+        yield "second degree", best(low, np.where(low, begun.price.least, np.inf)), 1.0
 
 
 def rests_at_zero(begun: Start) -> bool:

@@ -24,7 +24,7 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.preparation.rate_channels import channel_noise, channels
 from galloping.identification.preparation.smoothing import Smooth
 from galloping.identification.preparation.weak_form import Start, WeakFit
-from galloping.identification.selection import NOTHING_STANDS_OUT, select, solve_support
+from galloping.identification.selection import NOTHING_STANDS_OUT, Price, select, solve_support
 from galloping.identification.work import ENDED, is_spent
 from galloping.passes import passing
 from galloping.recording import Recording
@@ -190,34 +190,34 @@ def _window_states(
     return np.concatenate(states), np.concatenate(valid)
 
 
-def join(free: Step, costs: np.ndarray, dear: float, unseen: bool) -> JoinedFit:
+def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
     """Gauss-Newton with segments joined in chains; terms chosen at every pass but the last ones.
 
     Chains grow fourfold until the terms stay the same: about a rough fit, that of too many terms
     above all, the solution over a long chain is far from linear in the coefficients, and the terms
     that seem best then lead astray. Where those of the start are the best already, the chains are
     whole from the first.
-    costs: (n_candidates,) of the terms, in units of chi^2. dear: how many times as much they cost
-    in the first two passes; half as much, but no less than `costs`, in the next two, and so on.
+    price: of the terms. dear: how many times as much they cost in the first two passes; half as
+    much, but no less than their price, in the next two, and so on.
     unseen: whether mixtures of terms go unseen; then what does not settle while terms are chosen
     never will, and the last of the models that follow the data alike is one of them.
     """
     step, count = free, len(free.fit.starts)
-    best = _chosen(step.fit, step.information, step.right, dear * costs)
+    best = _chosen(step.fit, step.information, step.right, price.times(dear))
     chain = count if np.array_equal(best, step.fit.support) else 4
     choosing = 14  # passes of MOST_PASSES
     whole, settled = False, False
     try:
         for passed in range(choosing if unseen else MOST_PASSES):
-            price = max(dear / 2 ** (passed // 2), 1.0)
+            times = max(dear / 2 ** (passed // 2), 1.0)
             longest = None if whole else chain  # chains that come and go would never settle
-            cost = price * costs if passed < choosing else None
+            cost = price.times(times) if passed < choosing else None
             step = guarded_step(step.before, step.fit, longest, cost)
             unchanged = np.array_equal(step.fit.support, step.before.support)
-            if price == 1.0 and not step.fit.support.any():
+            if times == 1.0 and not step.fit.support.any():
                 raise FloatingPointError(NOTHING_STANDS_OUT)
             was_whole = whole or chain >= count
-            converged = step.decrement < CONVERGED and step.gap < 1e-3 and price == 1.0
+            converged = step.decrement < CONVERGED and step.gap < 1e-3 and times == 1.0
             settled = unchanged and was_whole and converged
             if settled:
                 break
@@ -242,7 +242,7 @@ def unseen_mixtures(information: np.ndarray, largest: np.ndarray) -> int:
 
 
 def guarded_step(
-    previous: ShootingFit, fit: ShootingFit, longest: float | None, cost: np.ndarray | None
+    previous: ShootingFit, fit: ShootingFit, longest: float | None, cost: Price | None
 ) -> Step:
     """A step from `fit`, or, where that diverges or raises the misfit, from nearer to `previous`.
 
@@ -265,7 +265,7 @@ def guarded_step(
     raise FloatingPointError(DIVERGES)
 
 
-def _gauss_newton(fit: ShootingFit, longest: float | None, cost: np.ndarray | None) -> Step:
+def _gauss_newton(fit: ShootingFit, longest: float | None, cost: Price | None) -> Step:
     """Linearise, choose the terms (unless `cost`, of each, is None), move, re-estimate the noise.
 
     The noise is that of the projections: where it is not white it differs from that between
@@ -299,7 +299,7 @@ def _gauss_newton(fit: ShootingFit, longest: float | None, cost: np.ndarray | No
 
 
 def _chosen(
-    fit: ShootingFit, information: np.ndarray, right: np.ndarray, cost: np.ndarray
+    fit: ShootingFit, information: np.ndarray, right: np.ndarray, cost: Price
 ) -> np.ndarray:
     """The best support found, from all candidates and from the terms of the fit."""
     tried, about = [np.ones(len(fit.support), bool), fit.support], fit.record.problem.chosen_about

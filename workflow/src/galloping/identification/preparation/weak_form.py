@@ -7,6 +7,7 @@ that they share with others makes them informative.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Self
 
@@ -19,7 +20,7 @@ from galloping.identification.preparation.rate_channels import without_offsets
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.smoothing import GRID_PER_PERIOD, Smooth
 from galloping.identification.problem import Problem, largest
-from galloping.identification.selection import select, solve_support
+from galloping.identification.selection import Price, select, solve_support
 from galloping.identification.work import spend
 from galloping.passes import passing
 from galloping.polynomial import design_matrix
@@ -210,10 +211,10 @@ class Start:
         pairs = zip(self.recordings, given, self.smoothed, strict=True)
         return replace(self, recordings=[without_offsets(*each, self.period) for each in pairs])
 
-    @property
-    def costs(self) -> np.ndarray:
-        """(n_candidates,) of the terms, in units of chi^2."""
-        return self.problem.costs(self.penalty)
+    @cached_property
+    def price(self) -> Price:
+        """Of the terms."""
+        return self.problem.price(self.penalty, self.largest)
 
     @property
     def largest(self) -> np.ndarray:
