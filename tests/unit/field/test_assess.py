@@ -9,6 +9,7 @@ import pytest
 from field_files import run as command
 
 from galloping import IdentifiedModel, PolynomialModel, assess, derive
+from galloping.field.assess import beyond
 from galloping.field.driving import held_at
 from galloping.terms import parse
 
@@ -93,6 +94,15 @@ def test_systems_that_are_no_oscillators():
     assert not condition.cycles
 
 
+def test_a_force_may_be_below_zero_and_a_little_outside_of_what_was_recorded():
+    for low, high, value, count in ((-3.0, 3.0, -9.0, 1), (0.5, 3.0, -1.0, 1), (-3.0, 3.0, 1.0, 0)):
+        found = replace(oscillator(), diagnostics={"U_low": low, "U_high": high})
+        assert len(beyond(found, {"U": value})) == count
+    below = replace(oscillator(), diagnostics={"U_low": -3.0, "U_high": -1.0})
+    with pytest.raises(ValueError, match=r"U = 4: .* between -3 and -1; must be 0 or less"):
+        assess(below, {"U": 4.0})
+
+
 def test_a_range_ends_where_it_is_said_to():
     for text, values in (("U=8:16:3", [8.0, 11.0, 14.0]), ("U=0:0.3:0.1", [0.0, 0.1, 0.2, 0.3])):
         assert held_at([text], ["U"])["U"] == pytest.approx(values)
@@ -106,8 +116,8 @@ def test_the_command_says_the_same_in_words_and_rows(tmp_path):
     text = run("--at", "U=4:10:3")
     assert "Small motions about rest begin to grow above U = 5.0" in text
     assert "At U = 10 m/s:" in text and "limit cycle 1, stable: q ± 1.6" in text
-    assert "Nine tenths of the recorded U lie between 5 and 9: beyond, motions may grow" in text
-    assert "Nine tenths" not in run("--at", "U=6")
+    assert "U = 4 to 10 is up to 1 below and 1 above what was recorded: nine tenths of what" in text
+    assert "was recorded" not in run("--at", "U=6")
     rows = json.loads(run("--at", "U=10", "--json"))
     half = next(row for row in rows if row["quantity"] == "half range of q")
     assert half["U"] == 10.0 and half["value"] == pytest.approx(amplitude(10.0), rel=1e-2)
@@ -115,6 +125,7 @@ def test_the_command_says_the_same_in_words_and_rows(tmp_path):
     for options, said in (
         ((), "has the input U; say at which, --at U=VALUE"),
         (("--at", "V=3"), "the model has the inputs U"),
+        (("--at", "U=-5"), "recorded lie between 5 and 9; must be 0 or more"),
         (("--at", "U=9:8"), "must be one value, U=12, or a range"),
         (("--at", "U=x"), "must be one value, U=12, or a range"),
         (("--at", "U=1:2:1e-9"), "must be 2 to 200 values"),

@@ -1,7 +1,9 @@
 """Inputs of files: what is read, what is left out and named, what is refused in one line."""
 
 import json
+import re
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -195,7 +197,8 @@ def driven(tmp_path_factory):
     frame[2400:][["t [s]", "u [N]"]].to_csv(folder / "ahead.csv", index=False)
     more = {"library": "poly(y, dy; 2) + u", "known": ["dy: y = -6 +- 0.01"]}
     (folder / "map.yaml").write_text(json.dumps(content("u", **more)), encoding="utf-8")
-    run("identify", folder / "a.csv", "--map", folder / "map.yaml", "--output", folder / "out")
+    files = folder / "a.csv", "--map", folder / "map.yaml", "--output", folder / "out"
+    (folder / "said.json").write_text(run("identify", *files, "--json"), encoding="utf-8")
     return folder, frame, states
 
 
@@ -208,11 +211,17 @@ def test_a_driven_system_is_identified_by_one_command(driven):
     assert row["u"] == pytest.approx(1.5, rel=0.01) and row["dy"] == pytest.approx(-0.2, rel=0.05)
     rows = json.loads(run("show", folder / "out" / "model.json", "--json"))
     assert [r["unit"] for r in rows if r["term"] == "u" and r["equation"] == "dy"] == ["s^-1 N^-1"]
+    said = json.loads((folder / "said.json").read_text(encoding="utf-8"))
+    assert (said["status"], said["inputs"], said["coefficients"]) == ("ok", {"u": "N"}, rows)
+    assert all(Path(path).exists() for path in said["files"].values()) and said["files"]
     assert r"u" in run("show", folder / "out" / "model.json", "--latex")
     summary = (folder / "out" / "summary.md").read_text(encoding="utf-8")
     assert "u is an input" in summary
     assert "u is taken for exact" in summary and "after the recording depends on u" in summary
-    assert "recordings with u below -" in summary
+    assert re.search(r"recordings with u below -\S+ or above \S+ N, if .* there$", summary, re.M)
+    assert re.search(r"\| u, at the mean of which is what follows \| \S+ N \|", summary)
+    assert "follow the recording" in summary and "for values of u and motions" in summary
+    assert "wind" not in summary and "[u]" not in summary
 
 
 def test_a_forecast_needs_the_inputs_ahead(driven):

@@ -18,7 +18,7 @@ from galloping.field.file_table import FileError
 from galloping.field.forecast import check_followed, forecast, held_out, with_factors
 from galloping.field.mapping import validated
 from galloping.field.recordings import parted
-from galloping.field.summary import Summary, longest_period
+from galloping.field.summary import Summary, hold_out, longest_period
 from galloping.identification.likelihood.verdict import only_repeats
 from galloping.identification.preparation.screening import smooth_without_outliers
 from galloping.identification.random_forces.start import wavers
@@ -110,6 +110,22 @@ def test_a_clock_that_jumps_parts_a_recording(tmp_path, jump):
     assert longest_period(field.recordings) < 10.0
     assert not any("less than" in problem["what"] for problem in report["problems"][:1])
     assert "part it into recordings" in report["notes"][-1]
+
+
+def test_the_end_that_is_held_out_is_long_enough_to_tell():
+    time, states = files.motion(duration=120.0)
+    values = np.where(np.arange(4) < 2, states, np.nan)
+    long, short = (Recording(time[:n], files.STATES, values[:n]) for n in (3001, 251))
+    sound = sure(files.line().on_library(TERMS))
+
+    def identify(given):
+        starts = np.array([one.values[0] for one in given])
+        starts[:, 2:] = 0.0
+        return replace(sound, initial_states=starts, sigma=np.repeat(sound.sigma, len(given), 0))
+
+    for parts, index in (((long, short), -2), ((short, long), -1)):
+        trial = hold_out(parts, 2.4, identify, np.random.default_rng(0))
+        assert trial.index == index and trial.forecast.time[-1] == pytest.approx(120.0)
 
 
 def test_a_sensor_that_dies_leaves_the_recording_up_to_then(tmp_path):

@@ -176,10 +176,12 @@ def identify(
     by d and the state, its rate: an accelerometer measures ddq_v, the rate of dq_v. Not every state
     needs a channel.
 
-    Everything is written to the folder of --output, or nothing; begin with its summary.md.
+    Everything is written to the folder of --output, or nothing; begin with its summary.md. --json
+    prints status, reason, the paths of all files, the units of inputs, and the coefficients, each
+    with its unit and error, as "galloping show --json" does.
     """
     from galloping.field import OUTPUTS
-    from galloping.field.analysis import Question, analyse, read_field
+    from galloping.field.analysis import Question, analyse, model_rows, read_field
     from galloping.field.wording import TECHNICAL
     from galloping.storage import replacing_folder
 
@@ -202,8 +204,11 @@ def identify(
         if one.unused:
             click.echo(f"{one.path.name}: {one.unused}", err=True)
     if as_json:
-        result = {"status": identified.status, "reason": identified.reason, "output": output}
-        click.echo(json_text(result))
+        units = dict(field.series[0].units)
+        about = {"status": identified.status, "reason": identified.reason, "output": output}
+        files = {name: str(Path(output) / name) for name in OUTPUTS}
+        rows = model_rows(identified, units)
+        click.echo(json_text({**about, "files": files, "inputs": units, "coefficients": rows}))
     else:
         told, _, _ = (Path(output) / "summary.md").read_text(encoding="utf-8").partition(TECHNICAL)
         click.echo(f"{told}Written to {output}: summary.md also holds the technical part")
@@ -278,6 +283,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     import numpy as np
 
     from galloping.field.analysis import forecast_rows, read_field
+    from galloping.field.assess import beyond
     from galloping.field.driving import inputs_after
     from galloping.field.summary import forecast as forecast_from
 
@@ -290,6 +296,8 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     if field.mapping.states != states:
         raise ValueError(f"{model}: has the states {', '.join(states)}; --states must be the same")
     inputs = inputs_after(field, loaded.model.inputs, at, inputs_file)
+    for told in beyond(loaded, {name: getattr(one, "values", one) for name, one in inputs.items()}):
+        click.echo(told, err=True)
     recording = field.recordings[-1]
     step = float(np.median(np.diff(recording.time)))
     steps = np.arange(1, max(round(duration / step), 1) + 1)

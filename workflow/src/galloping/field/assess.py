@@ -119,7 +119,7 @@ def assess(
 
     at: a value of each of its inputs; of one of them several, along which limit cycles are followed
     and the onset is looked for. seed: of the draws behind the intervals. Raises ValueError where
-    there is no model, and where an input has no value.
+    there is no model, where an input has no value, and as of `beyond`.
     """
     if found.status == "refused":
         raise ValueError(f"there is no model to assess: {found.reason}")
@@ -133,25 +133,46 @@ def assess(
         raise ValueError(f"a range of {several[0]} and of {several[1]}; must be of one input")
     (along,) = several or [""]
     values = np.unique(np.asarray(at.pop(along), float)) if along else np.empty(0)
+    notes = beyond(found, {**at, along: values} if along else at)
     if len(values) == 1:
         at[along] = float(values[0])
     of = _slowed(found, {**at, **({along: values[0]} if along else {})}, seed)
     if len(values) < 2:
-        return Assessment((_condition(of, at),), notes=tuple(_beyond(found, at)))
-    conditions, onsets, notes = _along(of, at, along, values)
-    notes += _beyond(found, {**at, along: values})
-    return Assessment(conditions, along, (values[0], values[-1]), onsets, tuple(notes))
+        return Assessment((_condition(of, at),), notes=tuple(notes))
+    conditions, onsets, more = _along(of, at, along, values)
+    return Assessment(conditions, along, (values[0], values[-1]), onsets, (*more, *notes))
 
 
-def _beyond(found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]) -> Iterator[str]:
-    """A line for each input that is asked for where it hardly was."""
+def beyond(found: IdentifiedModel, at: Mapping[str, float | Sequence[float]]) -> list[str]:
+    """A line for each input that is asked for where it hardly was recorded, and by how much.
+
+    at: one value or several of each. Raises ValueError for a value of the other sign than nearly
+    all that was recorded, and further from it than that is wide: no wind blows at -5 m/s.
+    """
+    said = []
     for name, values in at.items():
-        ends = found.recorded(name)
-        if ends and not ends[0] <= np.min(values) <= np.max(values) <= ends[1]:
-            yield (
-                f"Nine tenths of the recorded {name} lie between {ends[0]:.3g} and {ends[1]:.3g}: "
-                "beyond, motions may grow that the recording does not show, such as further modes"
+        if not (ends := found.recorded(name)):
+            continue
+        low, high = ends
+        least, most = float(np.nanmin(values)), float(np.nanmax(values))
+        recorded = f"nine tenths of what was recorded lie between {low:.3g} and {high:.3g}"
+        for value, bound, sign in ((least, low, 1.0), (most, high, -1.0)):
+            if sign * bound >= 0.0 > sign * value and sign * (bound - value) > high - low:
+                wanted = "0 or more" if sign > 0 else "0 or less"
+                raise ValueError(f"{name} = {value:g}: {recorded}; must be {wanted}")
+        away = [
+            f"{by:.3g} {where}"
+            for by, where in ((low - least, "below"), (most - high, "above"))
+            if by > 0.0
+        ]
+        if away:
+            asked = f"{least:g}" if least == most else f"{least:g} to {most:g}"
+            said.append(
+                f"{name} = {asked} is up to {' and '.join(away)} what was recorded: {recorded}, "
+                "and beyond, motions may grow that the recording does not show, such as further "
+                "modes"
             )
+    return said
 
 
 @dataclass(frozen=True)

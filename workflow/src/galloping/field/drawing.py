@@ -142,22 +142,23 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
 
 
 def draw_forecast(
-    recording: Recording, forecasts: Sequence[Forecast], held_out: float, length: float
+    recordings: Sequence[Recording], forecasts: Sequence[Forecast], length: float
 ) -> Figure:
-    """The end of the recording, the forecast of what was held out, and the one after it.
+    """The end of a recording, the forecast of what was held out, and the one after the recording.
 
-    held_out: s, where the held-out part begins. length: s, of what is shown of each part.
+    recordings: of each forecast the one that it goes on from. length: s, of what is shown of each.
     """
     if not forecasts:
         return parts.nothing_at_all("the recording gives no model to forecast with")
-    figure, panels, samples = _channels(recording, len(forecasts))
+    figure, panels, _ = _channels(recordings[-1], len(forecasts))
+    samples = [Sensed.by(one).samples(one) for one in recordings]
     for (row, column, k), axes in panels.items():
-        ahead = forecasts[column]
+        ahead, time = forecasts[column], recordings[column].time
         begin = ahead.time[0]
         if row == 0:
-            what = "held out" if begin <= held_out else "after the recording"
+            what = "held out" if begin <= time[-1] else "after the recording"
             parts.letter(axes, column, what)
-        _samples(axes, recording.time, samples[:, k], (begin - length / 2, begin + length))
+        _samples(axes, time, samples[column][:, k], (begin - length / 2, begin + length))
         own = ahead.time < begin + length
         axes.plot(ahead.time[own], ahead.median[own, k], color=MODEL, lw=0.6, zorder=3,
                   label="forecast, median")  # fmt: skip

@@ -296,13 +296,14 @@ class HeldOut(Immutable):
     (n_sensed,) share of the samples inside the band. factors: (n_sensed,) how many times as wide
     the band must be to hold 90 % of them: 1 where no fewer are inside than chance allows, infinite
     where the forecast is worse than the mean of the samples and of no use. NaN of channels that
-    nothing measures, their factors 1.
+    nothing measures, their factors 1. index: of the recording whose end it is, -1 of the last.
     """
 
     forecast: Forecast
     skill: NDArray[np.float64]
     held: NDArray[np.float64]
     factors: NDArray[np.float64]
+    index: int = -1
 
     @property
     def useful(self) -> bool:

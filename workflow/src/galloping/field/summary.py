@@ -54,11 +54,12 @@ class Summary(Immutable):
     Printed, it is the text of `summary.md`. recordings: what was asked about. found: the model that
     was asked about, refused or doubted where the recordings object to it, and as sure of its
     forecasts as that of the held-out end was right. dynamics: position of rest, natural
-    frequencies, damping and limit cycle. held_out: the end of the last recording, forecast by a
-    model that has not seen it; untried: why there is none. forecast: where the last recording goes
-    on. motions: of the model through the begin, the middle and the end of the last recording, each
-    as times (n,), s, and channels (n, n_sensed). advice: which further recording would help most.
-    None, or no motions, is what the model and the recordings do not tell.
+    frequencies, damping and limit cycle. held_out: the end of the last recording, or of the longest
+    where that of the last is too short, forecast by a model that has not seen it; untried: why
+    there is none. forecast: where the last recording goes on. motions: of the model through the
+    begin, the middle and the end of the last recording, each as times (n,), s, and channels
+    (n, n_sensed). advice: which further recording would help most. None, or no motions, is what the
+    model and the recordings do not tell.
     """
 
     found: IdentifiedModel
@@ -99,9 +100,10 @@ class Summary(Immutable):
         """Both forecasts with their bands, beside the samples."""
         from galloping.field.drawing import draw_forecast
 
-        last = self.recordings[-1]
+        ahead, after = self.forecasts, [self.recordings[-1]] * (self.forecast is not None)
+        tried = [self.recordings[self.held_out.index]] if len(ahead) > len(after) else []
         length = np.ptp(self.motions[0][0]) if self.motions else 0.0
-        return draw_forecast(last, self.forecasts, last.time[-1], length)
+        return draw_forecast([*tried, *after], ahead, length)
 
 
 @one_thread
@@ -282,10 +284,14 @@ def hold_out(
 ) -> HeldOut:
     """Identify without the last part of the last recording, and forecast it.
 
-    period: s, the longest of the motion. Raises ValueError where the shorter recordings give no
+    Of the longest one, where that part of the last would be shorter than `period`, s, the longest
+    of the motion, and tell nothing. Raises ValueError where the shorter recordings give no
     model, or that one no forecast.
     """
-    *others, last = recordings
+    index = len(recordings) - 1
+    if HELD_OUT * np.ptp(recordings[index].time) < period:
+        index = int(np.argmax([np.ptp(one.time) for one in recordings]))
+    last, others = recordings[index], [*recordings[:index], *recordings[index + 1 :]]
     length = min(HELD_OUT * np.ptp(last.time), MOST_HELD_OUT * period)
     cut = int(np.searchsorted(last.time, last.time[-1] - length))
     samples = Sensed.by(last).samples(last)
@@ -294,7 +300,8 @@ def hold_out(
     shown = slice(cut, None, 1 + (len(last.time) - cut) // MOST_SAMPLES)
     identified = identify([*others, last[:cut]])
     predicted = ahead.forecast(identified, last[:cut], last.time[shown], PERIODS * period, rng)
-    return ahead.held_out(predicted, samples[shown], deviations(samples))
+    trial = ahead.held_out(predicted, samples[shown], deviations(samples))
+    return replace(trial, index=index - len(recordings))
 
 
 def stretches(

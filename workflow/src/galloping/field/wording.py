@@ -79,7 +79,7 @@ def summary_text(
         for p in report["problems"]
     ]
     described = [*map(report_text, reports)] or [*map(repr, of.recordings)]
-    of_span = _of_span(found)
+    of_span, units = _of_span(found), _units_in(reports)
     line = "the line" if of_span else "the system"
     values = {
         "of": of, "found": found, "known": known, "trial": trial, "ends": ENDS,
@@ -87,6 +87,8 @@ def summary_text(
         "refused": found.status == "refused",
         "sure": bool(np.any(found.standard_errors > 0.0)),
         "of_span": of_span,
+        "units": _shown(units),
+        "conditions": _conditions(found, units),
         "line": line,
         "gallop": "gallop" if of_span else "oscillate by itself",
         "gallops": "gallops" if of_span else "oscillates by itself",
@@ -98,7 +100,7 @@ def summary_text(
         **_of_forces(found, known, sum(np.ptp(one.time) for one in of.recordings)),
         "meanings": [
             re.sub("(?<=[Tt])he line", line[1:], why)
-            for why, _ in plain_reasons(found.reason)
+            for why, _ in plain_reasons(found.reason, of_span)
             if why
         ],
         "problems": problems,
@@ -108,7 +110,7 @@ def summary_text(
         **(_of_small(known) if known else {}),
         **(_of_trial(trial) if trial else {}),
         **_of_stretches(of.recordings, found),
-        **_untold(found),
+        **_untold(found, units),
     }  # fmt: skip
     text = _template("summary.md").render(values)
     text = re.sub(r"(?<=\S)( *\n {4,})+|(?<=[.:]) {2,}", " ", text)
@@ -123,7 +125,29 @@ def report_text(report: dict) -> str:
 
 def assessment_text(of: "Assessment", units: Mapping[str, str]) -> str:
     """A line for each thing that there is. units: of inputs, by name."""
-    return _template("assessment.txt").render(of=of, units=units, ends=ENDS).rstrip()
+    return _template("assessment.txt").render(of=of, units=_shown(units), ends=ENDS).rstrip()
+
+
+def _units_in(reports: Sequence[dict]) -> dict[str, str]:
+    """Units of inputs, by name."""
+    return {one["name"]: one["unit"] for report in reports for one in report["inputs"].values()}
+
+
+def _shown(units: Mapping[str, str]) -> dict[str, str]:
+    """Units to be written behind numbers, those of pure ones left out."""
+    return {name: unit for name, unit in units.items() if unit != "1"}
+
+
+def _of_wind(found: IdentifiedModel, units: Mapping[str, str]) -> bool:
+    """Whether what drives a span may be the wind, as far as units tell."""
+    return _of_span(found) and all(units.get(n, "m/s") == "m/s" for n in found.model.inputs)
+
+
+def _conditions(found: IdentifiedModel, units: Mapping[str, str]) -> str:
+    """What beside motions a model holds for: such winds, or values of inputs, as were recorded."""
+    if _of_wind(found, units):
+        return "winds and "
+    return f"values of {_and(found.model.inputs)} and " if found.model.inputs else ""
 
 
 @cache
@@ -293,22 +317,24 @@ def _recorded(
 
 
 def _of_trial(of: HeldOut) -> dict:
-    """How a forecast of the end of the recording went, which was hidden from the method."""
+    """How a forecast of the end of a recording went, which was hidden from the method."""
     ahead = of.forecast
     factors = dict(zip(ahead.names, of.factors, strict=True))
     length = ahead.time[-1] - ahead.time[0]
     told = [
-        (name, meaning(name).replace("displacement", "motion") or name, skill, 100 * held, least)
+        (name, skill, held, least)
         for name, skill, held, least in zip(
-            ahead.names, of.skill, of.held, ahead.chance, strict=True
+            ahead.names, of.skill, 100 * of.held, ahead.chance, strict=True
         )
         if np.isfinite(skill)
     ]
+    where = f"of the longest stretch, up to {ahead.time[-1]:.0f} s, " if of.index < -1 else ""
     return {
         "held_seconds": f"{length:.0f}" if length >= 1.0 else f"{length:.1g}",
+        "of_longest": where,
         "missed": [
-            f"{100 * np.sqrt(1.0 - min(skill, 1.0)):.0f} % of the {what}"
-            for _, what, skill, *_ in told
+            f"{100 * np.sqrt(1.0 - min(skill, 1.0)):.0f} % of {_motion_of(name)}"
+            for name, skill, *_ in told
         ],
         "inside": [f"{held:.0f}" for *_, held, _ in told],
         "worse": [_name(name) for name, factor in factors.items() if np.isinf(factor)],
@@ -316,15 +342,21 @@ def _of_trial(of: HeldOut) -> dict:
         "skills": [
             f"{name}: R2 {skill:.3f}, {held:.0f} % of the samples inside the 90 % band (chance "
             f"allows {100 * least:.0f} % or more)"
-            for name, _, skill, held, least in told
+            for name, skill, held, least in told
         ],
     }
+
+
+def _motion_of(name: str) -> str:
+    """`the vertical motion`, of q_v; of other systems the state."""
+    said = meaning(name).replace("displacement", "motion")
+    return f"the {said}" if said else name
 
 
 def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
     """What would help, that which helps most first."""
     said = [problem["what"] for report in reports for problem in report["problems"]]
-    span = _of_span(of.found)
+    span, units = _of_span(of.found), _units_in(reports)
     helps = [help_ for part, help_ in PROBLEMS if any(part in what for what in said)]
     if of.found.status == "refused" and (alone := _alone(reports)):
         helps.insert(0, f"a model without {alone}, which has no motion of its own (`--states`)")
@@ -332,7 +364,7 @@ def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
         helps.append(
             "a sensor of the other direction: vertical and horizontal motion drive each other"
         )
-    for _, more in plain_reasons(of.found.reason):
+    for _, more in plain_reasons(of.found.reason, span):
         helps += [more] if more and more not in " ".join(helps) else []
     advice = of.advice
     if advice and advice.options and advice.error > KNOWN * abs(advice.coefficient):
@@ -358,8 +390,10 @@ def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
         ]
     for name in of.found.model.inputs:
         if ends := of.found.recorded(name):
-            helps.append(f"recordings with {name} below {ends[0]:.3g} or above {ends[1]:.3g}, if "
-                         "the model is to hold there; or a known damping (`--known`)")  # fmt: skip
+            unit = _shown(units).get(name, "")
+            beyond = f"below {ends[0]:.3g} or above {ends[1]:.3g} {unit}".rstrip()
+            known = "; or a known damping (`--known`)" if _of_wind(of.found, units) else ""
+            helps.append(f"recordings with {name} {beyond}, if the model is to hold there{known}")
     return list(dict.fromkeys(helps))
 
 
@@ -384,16 +418,19 @@ def _of_stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> di
     return {"stretches": len(own), "share": 100 * used / whole}
 
 
-def _untold(identified: IdentifiedModel) -> dict:
-    """What the model does not say: other conditions, and the absent terms with most room."""
+def _untold(identified: IdentifiedModel, units: Mapping[str, str]) -> dict:
+    """What the model does not say: other conditions, and the absent terms with most room.
+
+    units: of inputs, by name.
+    """
     model = identified.model
     limits = np.where(np.isfinite(identified.detection_limits), identified.detection_limits, -1.0)
     flat = np.argsort(-limits, axis=None)[:3]
-    unknown = dict.fromkeys(model.inputs, "")
+    inputs = dict.fromkeys(model.inputs, "") | units
     room = [
         f"{term_name(model.terms[j], model.names)} in d({model.states[i]})/dt: absent, or as large "
         f"as {limits[i, j]:.3g} "
-        f"{coefficient_unit(model.states[i], model.terms[j], model.names, unknown)}"
+        f"{coefficient_unit(model.states[i], model.terms[j], model.names, inputs)}"
         for i, j in zip(*np.unravel_index(flat, limits.shape), strict=True)
         if limits[i, j] > 0
     ]
@@ -420,19 +457,22 @@ def _said(of: Value, unit: str, factor: float = 1.0) -> str:
     return in_words(of, unit, factor)
 
 
-def plain_reasons(reason: str) -> list[tuple[str, str]]:
+def plain_reasons(reason: str, of_span: bool = True) -> list[tuple[str, str]]:
     """What the parts of a verdict's reason mean, and what would help; none where it has none.
 
     Those that weigh more come first, as in `reasons.csv`. That the model is inadequate, the last of
-    all, is said where nothing tells more.
+    all, is said where nothing tells more. of_span: whether what is in <> in that file is said.
     """
     text = files(__package__).joinpath("reasons.csv").read_text(encoding="utf-8")
     known, fitting = list(csv.DictReader(text.splitlines())), {}
     for clause in reason.split("; "):
         for k, row in enumerate(known):
             if match := re.search(row["pattern"], clause):
-                told = (match.expand(row["meaning"]), match.expand(row["help"]).format(**HELPS))
-                fitting.setdefault(k, told)
+                meant, help_ = (
+                    match.expand(re.sub("<(.*?)>", r"\1" if of_span else "", row[key]))
+                    for key in ("meaning", "help")
+                )
+                fitting.setdefault(k, (meant, help_.format(**HELPS)))
                 break
     found = [fitting[k] for k in sorted(fitting)]
     return found[:-1] if len(found) > 1 and len(known) - 1 in fitting else found
