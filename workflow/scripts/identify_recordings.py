@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from galloping.field.analysis import Question, analyse, read_field
+from galloping.field.analysis import FieldQuestion, analyse, read_field
 from galloping.field.mapping import read_mapping
 from galloping.reproducibility.job import run
 from galloping.study.files import read_model
 
 
 def identify_recordings(files, mapping, beside, made, question, case):
-    asked = Question(**{**question, "known": tuple(question["known"])})
+    asked = FieldQuestion(**{**question, "known": tuple(question["known"])})
     line = (case, read_model(beside).model) if beside else None
     field = read_field(files, read_mapping(mapping))
     analyse(field, asked, Path(made[0]).parent, beside=line)

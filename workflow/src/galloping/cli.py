@@ -181,12 +181,12 @@ def identify(
     with its unit and error, as "galloping show --json" does.
     """
     from galloping.field import OUTPUTS
-    from galloping.field.analysis import Question, analyse, model_rows, read_field
+    from galloping.field.analysis import FieldQuestion, analyse, model_rows, read_field
     from galloping.field.wording import TECHNICAL
     from galloping.storage import replacing_folder
 
     forced = () if random_force is None else tuple(map(str.strip, random_force.split(",")))
-    question = Question(degree or 3, method, known, seed, library, forced)
+    question = FieldQuestion(degree or 3, method, known, seed, library, forced)
     columns = _mapping(files[0], mapping)
     if degree and (library or columns.library):
         raise ValueError("--degree: leave it out where a library says the terms")

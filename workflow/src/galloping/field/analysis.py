@@ -138,7 +138,7 @@ def read_field(paths: Sequence[str | Path], mapping: ColumnMapping) -> Field:
 
 
 @dataclass(frozen=True)
-class Question:
+class FieldQuestion:
     """What is asked of recordings.
 
     degree: of the polynomial library of states and inputs, where neither `library` nor the mapping
@@ -173,7 +173,7 @@ class Question:
 
 def analyse(
     field: Field,
-    question: Question,
+    question: FieldQuestion,
     folder: Path,
     beside: tuple[str, PolynomialModel] | None = None,
 ) -> IdentifiedModel:

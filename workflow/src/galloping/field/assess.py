@@ -37,7 +37,7 @@ FAR = np.finfo(float).max  # in place of what is beyond a range
 
 
 @dataclass(frozen=True, eq=False)
-class Mode(Immutable):
+class SmallMotion(Immutable):
     """A small motion about an equilibrium: an oscillation, or where `frequency` is 0 a drift.
 
     state: that mostly moves. frequency: Hz. damping: ratio to critical, below zero where it grows;
@@ -50,11 +50,11 @@ class Mode(Immutable):
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium(Immutable):
+class RestPosition(Immutable):
     """place: by state. modes: those of small motions about it, the slowest first."""
 
     place: Mapping[str, Value]
-    modes: tuple[Mode, ...]
+    modes: tuple[SmallMotion, ...]
 
     @property
     def stable(self) -> bool:
@@ -76,7 +76,7 @@ class Condition(Immutable):
     """What there is at constant inputs. ends: the kinds of motions that settle on no cycle."""
 
     at: Mapping[str, float]
-    equilibria: tuple[Equilibrium, ...]
+    equilibria: tuple[RestPosition, ...]
     cycles: tuple[Cycle, ...]
     ends: tuple[str, ...]
 
@@ -361,7 +361,7 @@ def equilibria(model: PolynomialModel, middle: np.ndarray, size: np.ndarray) -> 
     return sorted(found, key=lambda place: float(np.linalg.norm((place - middle)[own])))
 
 
-def _equilibrium(of: _Slowed, rest: np.ndarray) -> Equilibrium:
+def _equilibrium(of: _Slowed, rest: np.ndarray) -> RestPosition:
     best = of.model
     values, vectors = best.small_motions(rest)
     places, matched = [], []
@@ -383,9 +383,9 @@ def _equilibrium(of: _Slowed, rest: np.ndarray) -> Equilibrium:
             damping = _value(-rate.real / abs(rate), -own.real / np.abs(own))
         else:
             frequency, damping = Value(0.0, 0.0, 0.0), _value(-rate.real, -own.real)
-        modes.append(Mode(state, frequency, damping))
+        modes.append(SmallMotion(state, frequency, damping))
     place = {best.states[i]: _value(rest[i], np.array([x[i] for x in places])) for i in shown}
-    return Equilibrium(place, tuple(modes))
+    return RestPosition(place, tuple(modes))
 
 
 def _cycle(of: _Slowed, point: Point) -> Cycle:
