@@ -20,12 +20,12 @@ from galloping import (
     Simulator,
     maximum_likelihood,
 )
-from galloping.field.advice import objected
 from galloping.field.analysis import read_field
+from galloping.field.helps import plain_reasons
 from galloping.field.mapping import input_of, validated
+from galloping.field.objections import objected
 from galloping.field.read import read_series
 from galloping.field.units import USUAL, coefficient_unit
-from galloping.field.wording import plain_reasons
 from galloping.recording import extrapolated
 from galloping.terms import parse
 

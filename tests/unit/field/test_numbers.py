@@ -11,12 +11,12 @@ from click.testing import CliRunner
 
 from galloping import IdentifiedModel, Recording
 from galloping.cli import main
-from galloping.field.advice import difference, kept_up, objected, unmoved
 from galloping.field.analysis import read_field
 from galloping.field.dynamics import Surroundings, dynamics
 from galloping.field.file_table import FileError
 from galloping.field.forecast import check_followed, forecast, held_out, with_factors
 from galloping.field.mapping import validated
+from galloping.field.objections import difference, kept_up, objected, unmoved
 from galloping.field.recordings import parted
 from galloping.field.summary import Summary, hold_out, longest_period
 from galloping.identification.likelihood.verdict import only_repeats

@@ -8,7 +8,7 @@ from scipy.signal import butter, sosfilt
 
 import galloping
 from galloping import Recording, maximum_likelihood, polynomial_library
-from galloping.field.advice import objected
+from galloping.field.objections import objected
 from galloping.field.recordings import by_excerpts
 from galloping.identification.model import IdentifiedModel, Resonance
 from galloping.identification.random_forces.decision import random_forces

@@ -9,7 +9,8 @@ import pandas as pd
 
 from galloping import __version__
 from galloping.field.dynamics import Dynamics, Surroundings, expected
-from galloping.field.forecast import Forecast, Sensed
+from galloping.field.following import Sensed
+from galloping.field.forecast import Forecast
 from galloping.field.mapping import ColumnMapping
 from galloping.field.quality import JUMPS, MOVES, QUIET, SHOWN, quality
 from galloping.field.read import Series, check_apart, read_series

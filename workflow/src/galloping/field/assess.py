@@ -18,7 +18,7 @@ from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import Settled, at_value, settle, settled
 from galloping.cycles.prediction import near
 from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value, zero_of
-from galloping.field.forecast import simulator_of
+from galloping.field.following import simulator_of
 from galloping.field.units import plain_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import drawn_with_rivals, of_draws

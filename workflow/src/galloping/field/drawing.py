@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
 from galloping.field.assess import Assessment, Cycle
-from galloping.field.forecast import Forecast, Sensed
+from galloping.field.following import Sensed
+from galloping.field.forecast import Forecast
 from galloping.field.quality import GAP, spectrum
 from galloping.field.units import meaning, plain_unit, state_unit
 from galloping.figures import parts

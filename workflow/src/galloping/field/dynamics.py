@@ -11,7 +11,7 @@ from galloping.arrays import Immutable
 from galloping.cycles.family import constant
 from galloping.cycles.limit_cycles import Orbit, cycle_of, settle
 from galloping.cycles.prediction import near
-from galloping.field.forecast import simulator_of
+from galloping.field.following import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95, decay_interval, drawn_with_rivals, of_draws
 from galloping.polynomial import PolynomialModel, velocity_pairs

@@ -10,17 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from galloping.arrays import Immutable, increasing, one_thread
 from galloping.field import dynamics as of_line
 from galloping.field import forecast as ahead
-from galloping.field.advice import Advice, Identify, advice, objected
+from galloping.field.advice import Advice, advice
 from galloping.field.dynamics import Dynamics, Surroundings
-from galloping.field.forecast import (
-    Following,
-    Forecast,
-    HeldOut,
-    Sensed,
-    check_followed,
-    deviations,
-    with_factors,
-)
+from galloping.field.following import Following, Sensed
+from galloping.field.forecast import Forecast, HeldOut, check_followed, deviations, with_factors
+from galloping.field.objections import Identify, objected
 from galloping.field.quality import PERIODS as PERIODS_HELD
 from galloping.field.quality import peaks_of, sampled, spectrum
 from galloping.field.recordings import by_excerpts

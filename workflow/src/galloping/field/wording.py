@@ -3,9 +3,8 @@
 The templates beside have the sentences, and here are the values and lists in them.
 """
 
-import csv
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from math import floor, log, log10
@@ -15,8 +14,18 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
 
 from galloping.field.dynamics import ROUNDING, Dynamics, Value
-from galloping.field.forecast import HeldOut, Sensed
-from galloping.field.quality import MOVES, QUIET, SHOWN, peaks_of, spectrum
+from galloping.field.following import Sensed
+from galloping.field.forecast import HeldOut
+from galloping.field.helps import (
+    is_span,
+    listed,
+    may_be_wind,
+    plain_reasons,
+    shown_units,
+    units_in,
+    what_helps,
+)
+from galloping.field.quality import peaks_of, spectrum
 from galloping.field.recordings import excerpts
 from galloping.field.units import coefficient_unit, meaning, plain_unit
 from galloping.identification.likelihood.verdict import REPEATS
@@ -37,29 +46,7 @@ ENDS = {
 }
 TECHNICAL = "## Technical part"
 PARTS = r"parts of the recording .* do not share one model"  # of a reason
-PROBLEMS = (  # part of what is wrong with samples, and what would help
-    ("is the unit", "the right units: the recorded motion is none that a span has"),
-    ("less than 10 periods", "a longer recording, of ten periods of the motion or more"),
-    ("less than 10 samples", "a higher sampling rate, of ten samples in a period or more"),
-    (QUIET, "a larger motion, or better sensors"),
-    ("no samples for", "sensors that record without gaps, at the same times"),
-    ("jumps by", "a sensor whose zero holds still"),
-    (MOVES, "what was recorded before the mean moved, and after it, each by itself"),
-    ("the mean drifts", "a sensor whose zero holds still"),
-    ("clipped", "a sensor with a larger range"),
-    ("different values", "a sensor of finer resolution"),
-)
-HELPS = {
-    "wind": "the wind speed, recorded beside the motion (`--input`)",
-    "places": "sensors at more places along the span, which tell its modes apart (`position` in a "
-    "mapping)",
-    "directions": "sensors in both directions",
-    "fewer": "fewer candidate terms (`--library`, `--degree`)",
-    "clocks": "one clock for all sensors, and samples at regular times",
-}
-WIND, PLACES = HELPS["wind"], HELPS["places"]
 LEAST = 1e-6  # width of an interval that is said, in its value
-KNOWN = 0.01  # standard error of a coefficient that no further recording needs to tell better
 STEADY = 12.0  # such factors, that the interval of a damping holds
 MOST_PROBLEMS = 5  # of samples, that are told before the technical part
 
@@ -79,7 +66,7 @@ def summary_text(
         for p in report["problems"]
     ]
     described = [*map(report_text, reports)] or [*map(repr, of.recordings)]
-    of_span, units = _of_span(found), _units_in(reports)
+    of_span, units = is_span(found), units_in(reports)
     line = "the line" if of_span else "the system"
     values = {
         "of": of, "found": found, "known": known, "trial": trial, "ends": ENDS,
@@ -87,7 +74,7 @@ def summary_text(
         "refused": found.status == "refused",
         "sure": bool(np.any(found.standard_errors > 0.0)),
         "of_span": of_span,
-        "units": _shown(units),
+        "units": shown_units(units),
         "conditions": _conditions(found, units),
         "line": line,
         "gallop": "gallop" if of_span else "oscillate by itself",
@@ -104,7 +91,7 @@ def summary_text(
             if why
         ],
         "problems": problems,
-        "helps": _helps(of, reports),
+        "helps": what_helps(of, reports),
         "beside": beside if beside and beside[1] else None,
         "described": [re.sub(r"\n\s*", "\n  - ", text) for text in described],
         **(_of_small(known) if known else {}),
@@ -125,29 +112,14 @@ def report_text(report: dict) -> str:
 
 def assessment_text(of: "Assessment", units: Mapping[str, str]) -> str:
     """A line for each thing that there is. units: of inputs, by name."""
-    return _template("assessment.txt").render(of=of, units=_shown(units), ends=ENDS).rstrip()
-
-
-def _units_in(reports: Sequence[dict]) -> dict[str, str]:
-    """Units of inputs, by name."""
-    return {one["name"]: one["unit"] for report in reports for one in report["inputs"].values()}
-
-
-def _shown(units: Mapping[str, str]) -> dict[str, str]:
-    """Units to be written behind numbers, those of pure ones left out."""
-    return {name: unit for name, unit in units.items() if unit != "1"}
-
-
-def _of_wind(found: IdentifiedModel, units: Mapping[str, str]) -> bool:
-    """Whether what drives a span may be the wind, as far as units tell."""
-    return _of_span(found) and all(units.get(n, "m/s") == "m/s" for n in found.model.inputs)
+    return _template("assessment.txt").render(of=of, units=shown_units(units), ends=ENDS).rstrip()
 
 
 def _conditions(found: IdentifiedModel, units: Mapping[str, str]) -> str:
     """What beside motions a model holds for: such winds, or values of inputs, as were recorded."""
-    if _of_wind(found, units):
+    if may_be_wind(found, units):
         return "winds and "
-    return f"values of {_and(found.model.inputs)} and " if found.model.inputs else ""
+    return f"values of {listed(found.model.inputs)} and " if found.model.inputs else ""
 
 
 @cache
@@ -159,7 +131,7 @@ def _template(name: str) -> Template:
         "digits": lambda number, state="": f"{number:.3g} {plain_unit(state)}".strip(),
         # whether a motion of any size goes on as it is
         "keeps": lambda known: all(abs(v.value) < ROUNDING for v in known.damping.values()),
-        "listed": _and,
+        "listed": listed,
         "meaning": meaning,
         "name": _name,
         "said": _said,
@@ -193,15 +165,6 @@ def _cells(of: Value, unit: str, factor: float = 1.0) -> tuple[str, str]:
 def _name(state: str) -> str:
     """`vertical`, of q_v; of other systems the state."""
     return meaning(state).partition(" ")[0] or state
-
-
-def _of_span(found: IdentifiedModel) -> bool:
-    return any(map(meaning, found.model.states))
-
-
-def _and(parts: Iterable[str]) -> str:
-    *most, last = parts
-    return f"{', '.join(most)} and {last}" if most else last
 
 
 def _of_small(known: Dynamics) -> dict:
@@ -240,7 +203,7 @@ def _of_forces(found: IdentifiedModel, known: Dynamics | None, length: float) ->
     if not found.is_forced:
         return {"forces": ""}
     margins, states = known.damping.items() if known else (), found.model.states
-    of_mass = ", for each kg of modal mass" if _of_span(found) else ""
+    of_mass = ", for each kg of modal mass" if is_span(found) else ""
     return {
         "forces": f"| random forces{of_mass} | {_strengths(found, known)} |  |",
         "margins": [
@@ -353,62 +316,6 @@ def _motion_of(name: str) -> str:
     return f"the {said}" if said else name
 
 
-def _helps(of: "Summary", reports: Sequence[dict]) -> list[str]:
-    """What would help, that which helps most first."""
-    said = [problem["what"] for report in reports for problem in report["problems"]]
-    span, units = _of_span(of.found), _units_in(reports)
-    helps = [help_ for part, help_ in PROBLEMS if any(part in what for what in said)]
-    if of.found.status == "refused" and (alone := _alone(reports)):
-        helps.insert(0, f"a model without {alone}, which has no motion of its own (`--states`)")
-    if len({"q_v", "q_w"}.intersection(of.found.model.states)) == 1:
-        helps.append(
-            "a sensor of the other direction: vertical and horizontal motion drive each other"
-        )
-    for _, more in plain_reasons(of.found.reason, span):
-        helps += [more] if more and more not in " ".join(helps) else []
-    advice = of.advice
-    if advice and advice.options and advice.error > KNOWN * abs(advice.coefficient):
-        name, error = advice.options[0]
-        helps.append(
-            f"one more recording{' at the same wind' * span}, best of {name}: the coefficient that "
-            f"is known worst would then be known to {advice.percent(error)} instead of "
-            f"{advice.percent(advice.error)}"
-        )
-    if of.found.status == "approximate" and PLACES not in helps:
-        helps.append(f"{PLACES}; more of the same kind would not, for what the model misses is no "
-                     "noise that averages out")  # fmt: skip
-    if not of.found.model.inputs and WIND not in " ".join(helps):
-        helps.append(f"{WIND}, in several winds: one wind alone does not tell at which wind "
-                     "galloping begins")  # fmt: skip
-    if of.found.model.inputs or not span:  # which were recorded; no wind drives other systems
-        helps = [each for each in helps if WIND not in each]
-    if not span:
-        helps = [
-            each.replace(HELPS["directions"], HELPS["fewer"])
-            for each in helps
-            if PLACES not in each
-        ]
-    for name in of.found.model.inputs:
-        if ends := of.found.recorded(name):
-            unit = _shown(units).get(name, "")
-            beyond = f"below {ends[0]:.3g} or above {ends[1]:.3g} {unit}".rstrip()
-            known = "; or a known damping (`--known`)" if _of_wind(of.found, units) else ""
-            helps.append(f"recordings with {name} {beyond}, if the model is to hold there{known}")
-    return list(dict.fromkeys(helps))
-
-
-def _alone(reports: Sequence[dict]) -> str:
-    """The columns without a motion of their own, where there are others; '' where not."""
-    idle = {
-        problem["column"]
-        for report in reports
-        for problem in report["problems"]
-        if problem["what"].startswith((QUIET, SHOWN))
-    }
-    others = {column for report in reports for column in report["channels"]} - idle
-    return _and(sorted(idle)) if idle and others else ""
-
-
 def _of_stretches(recordings: Sequence[Recording], found: IdentifiedModel) -> dict:
     """How many parts of the recordings were used, and their share of the time; 0 for the whole."""
     own = recordings if found.is_forced else excerpts(list(recordings))
@@ -455,24 +362,3 @@ def _said(of: Value, unit: str, factor: float = 1.0) -> str:
                 for end in (of.low, of.high)]  # fmt: skip
         return f"{value} ({ends[0]} to {ends[1]})"
     return in_words(of, unit, factor)
-
-
-def plain_reasons(reason: str, of_span: bool = True) -> list[tuple[str, str]]:
-    """What the parts of a verdict's reason mean, and what would help; none where it has none.
-
-    Those that weigh more come first, as in `reasons.csv`. That the model is inadequate, the last of
-    all, is said where nothing tells more. of_span: whether what is in <> in that file is said.
-    """
-    text = files(__package__).joinpath("reasons.csv").read_text(encoding="utf-8")
-    known, fitting = list(csv.DictReader(text.splitlines())), {}
-    for clause in reason.split("; "):
-        for k, row in enumerate(known):
-            if match := re.search(row["pattern"], clause):
-                meant, help_ = (
-                    match.expand(re.sub("<(.*?)>", r"\1" if of_span else "", row[key]))
-                    for key in ("meaning", "help")
-                )
-                fitting.setdefault(k, (meant, help_.format(**HELPS)))
-                break
-    found = [fitting[k] for k in sorted(fitting)]
-    return found[:-1] if len(found) > 1 and len(known) - 1 in fitting else found
