@@ -1,7 +1,8 @@
 """The public names: type checkers see them here, and `__init__.py` imports each at first use."""
 
 from galloping.configuration.load import ConfigurationError
-from galloping.field.assess import Assessment, assess
+from galloping.field.assess import assess
+from galloping.field.assessment import Assessment
 from galloping.field.dynamics import Dynamics, Value
 from galloping.field.forecast import Forecast
 from galloping.field.summary import Summary, dynamics, forecast, summarise

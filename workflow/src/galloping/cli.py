@@ -409,7 +409,7 @@ def assess(model, at, seed, figure, as_csv, as_json):
     about rest begin to grow. Intervals are of 95 %.
     """
     from galloping.field.assess import assess as assessed
-    from galloping.field.assess import assessment_rows
+    from galloping.field.assessment import assessment_rows
     from galloping.field.driving import held_at
     from galloping.field.wording import assessment_text
     from galloping.storage import read_json

@@ -6,3 +6,7 @@ OUTPUTS = (
     "summary.md", "model.json", "model.csv", "forecast.csv", "datapackage.json", "quality.json",
     *(f"{figure}.{form}" for figure in ("quality", "fit", "forecast") for form in ("svg", "png")),
 )  # fmt: skip
+
+
+class FileError(ValueError):
+    """A file that cannot be used as it is; one line."""

@@ -11,15 +11,22 @@ from itertools import product
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from galloping.arrays import Immutable, one_thread
+from galloping.arrays import one_thread
 from galloping.cycles.continuation import Point, Range
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
 from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import Settled, at_value, settle, settled
 from galloping.cycles.prediction import near
+from galloping.field.assessment import (
+    Assessment,
+    Condition,
+    Cycle,
+    Onset,
+    RestPosition,
+    SmallMotion,
+)
 from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value, zero_of
 from galloping.field.following import simulator_of
-from galloping.field.units import plain_unit
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import drawn_with_rivals, of_draws
 from galloping.passes import passing
@@ -34,78 +41,6 @@ ALIKE = 0.05, 20.0  # and times that of those that are as good as these
 CEILING = 10.0  # sizes of the motion, beyond which limit cycles are not followed
 ENOUGH = 0.5  # of the draws that have a cycle: the interval is of those
 FAR = np.finfo(float).max  # in place of what is beyond a range
-
-
-@dataclass(frozen=True, eq=False)
-class SmallMotion(Immutable):
-    """A small motion about an equilibrium: an oscillation, or where `frequency` is 0 a drift.
-
-    state: that mostly moves. frequency: Hz. damping: ratio to critical, below zero where it grows;
-    of a drift its rate of decay, 1/s.
-    """
-
-    state: str
-    frequency: Value
-    damping: Value
-
-
-@dataclass(frozen=True, eq=False)
-class RestPosition(Immutable):
-    """place: by state. modes: those of small motions about it, the slowest first."""
-
-    place: Mapping[str, Value]
-    modes: tuple[SmallMotion, ...]
-
-    @property
-    def stable(self) -> bool:
-        return all(mode.damping.value > 0 for mode in self.modes)
-
-
-@dataclass(frozen=True, eq=False)
-class Cycle(Immutable):
-    """A limit cycle. half_range: by state. period: s. found: share of the draws that have it."""
-
-    half_range: Mapping[str, Value]
-    period: Value
-    stable: bool
-    found: float
-
-
-@dataclass(frozen=True, eq=False)
-class Condition(Immutable):
-    """What there is at constant inputs. ends: the kinds of motions that settle on no cycle."""
-
-    at: Mapping[str, float]
-    equilibria: tuple[RestPosition, ...]
-    cycles: tuple[Cycle, ...]
-    ends: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Onset(Immutable):
-    """Where along an input small motions about rest begin to grow, or cease to.
-
-    begins: whether they grow above it. frequency: Hz.
-    """
-
-    value: Value
-    frequency: float
-    begins: bool
-
-
-@dataclass(frozen=True, eq=False)
-class Assessment(Immutable):
-    """What a model says at each value of its inputs.
-
-    conditions: one for each value. along: name of the input that has a range, or ''. span: the ends
-    of that range. onsets: in its order. notes: what could not be computed.
-    """
-
-    conditions: tuple[Condition, ...]
-    along: str = ""
-    span: tuple[float, float] = (np.nan, np.nan)
-    onsets: tuple[Onset, ...] = ()
-    notes: tuple[str, ...] = ()
 
 
 @one_thread
@@ -412,35 +347,3 @@ def _value(value: float, samples: np.ndarray) -> Value:
     ends = of_draws(np.clip(samples, -FAR, FAR))
     low, high = (float(end) if abs(end) < FAR / 2 else np.copysign(np.inf, end) for end in ends)
     return Value(float(value), low, high)
-
-
-def assessment_rows(of: Assessment, units: Mapping[str, str]) -> list[dict]:
-    """A row for each value: inputs, then what, number, stable, quantity, value, low, high, unit."""
-    found: list[tuple] = []
-    for condition in of.conditions:
-        for number, rest in enumerate(condition.equilibria, start=1):
-            own = condition.at, "rest", number, rest.stable
-            found += [(*own, f"place of {k}", v, plain_unit(k)) for k, v in rest.place.items()]
-            for k, mode in enumerate(rest.modes, start=1):
-                name = f"of mode {k} ({mode.state})"
-                if mode.frequency.value:
-                    found.append((*own, f"frequency {name}", mode.frequency, "Hz"))
-                    found.append((*own, f"damping {name}", mode.damping, ""))
-                else:
-                    found.append((*own, f"decay {name}", mode.damping, "1/s"))
-        for number, cycle in enumerate(condition.cycles, start=1):
-            own = condition.at, "limit cycle", number, cycle.stable
-            halves = cycle.half_range.items()
-            found += [(*own, f"half range of {k}", v, plain_unit(k)) for k, v in halves]
-            found.append((*own, "period", cycle.period, "s"))
-    anywhere = dict.fromkeys(of.conditions[0].at, np.nan)
-    for number, onset in enumerate(of.onsets, start=1):
-        own = anywhere, "onset", number, not onset.begins
-        found.append((*own, of.along, onset.value, units.get(of.along, "")))
-    return [
-        {
-            **at, "what": what, "number": number, "stable": stable, "quantity": quantity,
-            "value": value.value, "low": value.low, "high": value.high, "unit": unit,
-        }
-        for at, what, number, stable, quantity, value, unit in found
-    ]  # fmt: skip

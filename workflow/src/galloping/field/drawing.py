@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
-from galloping.field.assess import Assessment, Cycle
+from galloping.field.assessment import Assessment, Cycle
 from galloping.field.following import Sensed
 from galloping.field.forecast import Forecast
 from galloping.field.quality import GAP, spectrum

@@ -1,7 +1,4 @@
-"""The times of a recording, where they are written as dates or as times of a day.
-
-Apart from `file_table`, which is long without.
-"""
+"""The times of a recording, where they are written as dates or as times of a day."""
 
 import numpy as np
 import pandas as pd

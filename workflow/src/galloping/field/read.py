@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from galloping.field.file_table import FileError, FileTable, read_table
+from galloping.field import FileError
+from galloping.field.file_table import FileTable, read_table
 from galloping.field.instants import instants
 from galloping.field.mapping import Channel, ColumnMapping, InputColumn, TimeColumn
 from galloping.field.units import UnitError, amount, factor, input_si, named, state_si, state_unit

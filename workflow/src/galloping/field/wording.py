@@ -35,7 +35,7 @@ from galloping.polynomial import term_name, velocity_pairs
 from galloping.recording import Recording
 
 if TYPE_CHECKING:
-    from galloping.field.assess import Assessment
+    from galloping.field.assessment import Assessment
     from galloping.field.summary import Summary
 
 ENDS = {
