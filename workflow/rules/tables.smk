@@ -13,6 +13,7 @@ SCORES = "<results>/tables/scores.csv"
 SAMPLES = "<results>/tables/paper_samples.csv"
 READINGS = "<results>/tables/paper_readings.csv"
 MODEL, TRAJECTORY = f"<results>/models/{FIRST}.json", f"<results>/trajectories/{FIRST}.npz"
+PARTS = "docs/identification_parts.csv"
 REGION = "results/reference/paper/paper_region.csv"  # what `make paper` found, kept
 
 
@@ -203,6 +204,8 @@ if has_trials(TRUST):
         "fits": joined(fits_of(TRUST)),
         "trust": made(tables.trial_summaries.trust, fits="<results>/tables/fits.csv"),
     }
+    if Path(PARTS).exists():  # not where the study is a module of another one
+        TABLES["ablations"] = made(tables.trial_summaries.ablations, measured=PARTS)
 for kind in (SYSTEMS, MODEL_ERROR, EXACT_TERMS, INTERVALS):  # by the name of their table
     if has_trials(kind):
         TABLES[kind] = made(getattr(tables.trial_summaries, kind), parts=fits_of(kind))
