@@ -32,6 +32,7 @@ class RestPosition(Immutable):
 
     @property
     def stable(self) -> bool:
+        """Whether all small motions about it die out."""
         return all(mode.damping.value > 0 for mode in self.modes)
 
 

@@ -98,6 +98,7 @@ class Proposal:
 
     @property
     def states(self) -> list[str]:
+        """Of a span, those that the channels tell of."""
         return states_of(channel["measures"] for channel in self.channels)
 
     def sure(self, file: str) -> list[dict]:

@@ -46,6 +46,7 @@ class Surroundings(Immutable):
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "Surroundings":
+        """The motion of all recordings together."""
         values = np.concatenate([recording.values for recording in recordings])
         known = np.isfinite(values)
         counts = known.sum(axis=0)

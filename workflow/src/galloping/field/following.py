@@ -36,6 +36,7 @@ class Sensed:
 
     @classmethod
     def by(cls, recording: Recording) -> "Sensed":
+        """What the sensors of a recording tell."""
         alone = {k for pair in undisplaced(recording).items() for k in pair}
         measured = [] if recording.rates is None else np.isfinite(recording.rates).any(axis=0)
         return cls(recording.states, tuple(k for k in np.flatnonzero(measured) if k in alone))

@@ -134,6 +134,7 @@ class HeldOut(Immutable):
 
     @property
     def useful(self) -> bool:
+        """Whether the forecast is worse than the mean of the samples in no channel."""
         return bool(np.isfinite(self.factors).all())
 
 

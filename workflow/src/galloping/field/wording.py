@@ -291,7 +291,7 @@ def _of_trial(of: HeldOut) -> dict:
         )
         if np.isfinite(skill)
     ]
-    where = f"of the longest stretch, up to {ahead.time[-1]:.0f} s, " if of.index < -1 else ""
+    where = f" of the longest stretch, up to {ahead.time[-1]:.0f} s," if of.index < -1 else ""
     return {
         "held_seconds": f"{length:.0f}" if length >= 1.0 else f"{length:.1g}",
         "of_longest": where,
