@@ -37,14 +37,10 @@ NAMES = {"cases": ["line"], "protocols": ["state"], "methods": ["weak", "new_met
 CELL = {"case": "line", "protocol": "state", "method": "weak"}
 
 
-NOISE = {"kind": "noise", "x": "level", "labels": dict.fromkeys(PROTOCOLS, "noise"),
+NOISE = {**NAMES, "kind": "noise", "x": "level", "labels": dict.fromkeys(PROTOCOLS, "noise"),
          "quantities": ["coefficients"]}  # fmt: skip
-AMOUNT = {**NOISE, "kind": "points", "x": "points", "quantities": ["r2", "amplitude"]}
+AMOUNT = {**NOISE, "kind": "points", "x": "points"}
 COLUMNS = [column for quantity in QUANTITIES.values() for column in quantity.columns]
-
-
-def histories(cells):
-    return {**CELL, "cells": cells, "window": (50, 100)}
 
 
 def written(tmp_path, draw):
@@ -80,9 +76,8 @@ SWING = Motion(("q_v", "q_w", "dq_v", "dq_w"), T, STATES, np.gradient(STATES, T,
 
 
 def test_same_data_same_bytes_without_a_date(tmp_path):
-    settings = {**NAMES, **NOISE}
-    first = written(tmp_path, lambda: draw_methods(scores(), settings))
-    assert written(tmp_path, lambda: draw_methods(scores(), settings)) == first
+    first = written(tmp_path, lambda: draw_methods(scores(), NOISE))
+    assert written(tmp_path, lambda: draw_methods(scores(), NOISE)) == first
     assert b"<dc:date>" not in first[0]
     assert b"Software" not in first[1]
 
@@ -92,24 +87,7 @@ def test_a_method_looks_the_same_everywhere_and_unlike_the_others():
     looks = [method_style(name) for name in names]
     assert looks == [method_style(name) for name in names]
     for one, other in combinations(looks, 2):
-        assert one.color != other.color
-        assert one.marker != other.marker
-
-
-@pytest.mark.parametrize(
-    ("quantity", "levels", "points", "error"),
-    [
-        ("coefficients", (0,), (), 5.0), ("coefficients", (0.05,), (), 0.0),
-        ("coefficients", (0, 0.01), (), np.inf), ("r2", (0, 0.01), (1000,), np.inf),
-        ("amplitude", (0, 0.01, 0.05), (1000, 5000), 5.0),
-    ],
-)  # fmt: skip
-def test_levels_and_amounts_of_any_number_and_errors_of_any_size(quantity, levels, points, error):
-    table = scores(levels, points, error)
-    for extent in (NOISE, AMOUNT):
-        settings = {**NAMES, **extent, "quantities": [quantity]}
-        drawn(lambda settings=settings: draw_methods(table, settings))
-        drawn(lambda settings=settings: draw_draws(table, settings | CELL))
+        assert one.color != other.color and one.marker != other.marker
 
 
 def test_the_first_draw_stands_beside_the_spread_of_all_and_what_the_paper_prints():
@@ -143,8 +121,7 @@ def test_efficiency_with_failures_and_joint_recordings():
     assert written == ["1 of 20"] * 2  # beside the triangles of the methods that lost a draw
     ticks = [label.get_text() for label in figure.axes[0].get_xticklabels()]
     assert ticks == ["0.01", "0.05", "0.05\n2 rec."]
-    some = ("recordings == 1", "method == 'bound'", "method == 'none'", "recordings == 2")
-    for these in some:
+    for these in ("recordings == 1", "method == 'bound'", "method == 'none'", "recordings == 2"):
         drawn(lambda these=these: draw_efficiency(whole.query(these), settings))
 
 
@@ -158,29 +135,6 @@ def identifiable(t, recordings=(1, 2)):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("table", [identifiable(0.0), identifiable(1e5, [1]), identifiable(1)[:0]])
-def test_identifiability_of_any_size(table):
-    settings = {"cases": ["line", "other"], "protocols": ["state", "derivative"], "level": 0.05}
-    drawn(lambda: draw_identifiability(table, settings))
-
-
-@pytest.mark.parametrize(
-    ("methods", "error", "levels"),
-    [
-        (["paper", "weak", "maximum_likelihood", "bound"], 5.0, (0, 0.01, 0.05)),
-        (["paper", "weak", "maximum_likelihood", "bound"], np.inf, (0, 0.01)),
-        (["weak", "paper"], 5.0, (0,)),
-        (["bound"], np.inf, (0, 0.01)),
-        (["new_method"], 5.0, (0, 0.01)),
-    ],
-)
-def test_overview_with_the_methods_there_are(methods, error, levels):
-    settings = {"case": "line", "protocol": "state", "label": "noise"}
-    table = scores(levels, error=error, methods=methods).fillna(0.0)
-    columns = ["case", "protocol", "level", "method", "setting", "mean_error_percent"]
-    drawn(lambda: draw_overview(table, settings, pd.DataFrame(columns=columns)))
-
-
 def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
     medians = {"weak": [1.0, 4.0, np.inf], "stlsq": [3.0, 5.0, 6.0], "maximum_likelihood": [0.1]}
     table = pd.DataFrame(
@@ -191,40 +145,18 @@ def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
     assert best_of_pysindy(table[table["method"] == "maximum_likelihood"]) is None
 
 
-@pytest.mark.parametrize("bad", [0.0, np.nan])
-def test_motions_that_ended_early(bad):
-    shown = Reconstruction(T, STATES + bad, STATES + bad - 1, STATES + bad + 1)
-    of_cell = dict.fromkeys(("weak", "maximum_likelihood"), shown)
-    settings = histories({"line/state/noise_0.1": "noise level 0.1"})
-    drawn(lambda: draw_histories([SWING], {"line/state/noise_0.1": of_cell}, settings))
-    settings = {"cases": ["line"], "protocol": "state", "method": "weak", "level": 0}
-    drawn(lambda: draw_recovery({"line": [SWING]}, {"line": of_cell}, settings))
-
-
-def test_figures_without_cells_say_so(tmp_path):
-    for draw in (
-        lambda: draw_histories([SWING], {}, histories({})),
-        lambda: draw_coefficients(LINE, {}, {**CELL, "levels": {}, "unit": "m", "degree": 3}),
-        lambda: draw_claims(
-            pd.DataFrame(columns=["claim", "case", "protocol", "method"]), {"combinations": []}
-        ),
-    ):
-        assert b"<svg" in written(tmp_path, draw)[0]
-
-
-def test_coefficients_with_missing_and_spurious_terms():
+def line_models():
+    """The line, and a model of it with a spurious and a missing term."""
     line = LINE.model.on_library(library(4, 3))
     off = line.coefficients.copy()
     off[2, 0], off[3, 4] = 9.0, 0.0
-    models = (line, replace(line, coefficients=off))
-    replicates = [IdentifiedModel(model, "unjudged") for model in models]
-    settings = {**CELL, "levels": {"cell": 0.05}, "unit": "m", "degree": 3}
-    drawn(lambda: draw_coefficients(LINE, {"cell": {"weak": replicates}}, settings))
+    return [IdentifiedModel(each, "unjudged") for each in (line, replace(line, coefficients=off))]
 
 
-def test_claims_with_failures_and_cells_not_run():
+def claims():
+    """Of every claim of the paper one row, with failures and cells that were not run."""
     verdicts = {"better": 0.1, "seldom met": 1.0, "not run": np.nan, "not met": np.inf}
-    table = pd.DataFrame(
+    return pd.DataFrame(
         {"claim": claim.name, "case": "line", "quantity": claim.quantity,
          "paper_value": claim.paper_value, "study_value": value, "low": value, "high": value,
          "met_by": 0.5 if replicates else np.nan, "replicates": replicates, "protocol": "state",
@@ -232,16 +164,58 @@ def test_claims_with_failures_and_cells_not_run():
         for claim, (verdict, value) in zip(CLAIMS, cycle(verdicts.items()))
         for replicates in [0 if verdict == "not run" else 2]
     )  # fmt: skip
-    drawn(lambda: draw_claims(table, {"combinations": [["state", "weak"]]}))
 
 
-def test_drawings_of_the_configured_line():
-    case = edited(bundle__subconductors=2)
-    settings = {"degree": 3, "protocols": ["state"], "methods": ["weak"], "levels": [0],
-                "points": [1000], "replicates": 1}  # fmt: skip
-    drawn(lambda: draw_line(derive(case), {"case": "pair", "line": case}))
-    drawn(lambda: draw_aerodynamic_load([SWING], {"line": case}))
-    drawn(lambda: draw_flow(settings))
+def shown(bad):
+    """A motion identified by two methods, which may have ended early."""
+    motion = Reconstruction(T, STATES + bad, STATES + bad - 1, STATES + bad + 1)
+    return dict.fromkeys(("weak", "maximum_likelihood"), motion)
+
+
+PAIR = edited(bundle__subconductors=2)
+NO_PEERS = pd.DataFrame(
+    columns=["case", "protocol", "level", "method", "setting", "mean_error_percent"]
+)
+HISTORIES = {**CELL, "window": (50, 100)}
+COEFFICIENTS = {**CELL, "unit": "m", "degree": 3}
+FLOW = {"degree": 3, "protocols": ["state"], "methods": ["weak"], "levels": [0], "points": [1000],
+        "replicates": 1}  # fmt: skip
+FOUR = ["paper", "weak", "maximum_likelihood", "bound"]
+DRAWN = [  # of any number, size and kind, with what each is drawn of
+    *((draw, scores(levels, points, error), {**extent, **CELL, "quantities": [quantity]})
+      for quantity, levels, points, error in (
+          ("coefficients", (0,), (), 5.0), ("coefficients", (0.05,), (), 0.0),
+          ("coefficients", (0, 0.01), (), np.inf), ("r2", (0, 0.01), (1000,), np.inf),
+          ("amplitude", (0, 0.01, 0.05), (1000, 5000), 5.0))
+      for extent in (NOISE, AMOUNT) for draw in (draw_methods, draw_draws)),
+    *((draw_identifiability, table,
+       {"cases": ["line", "other"], "protocols": ["state", "derivative"], "level": 0.05})
+      for table in (identifiable(0.0), identifiable(1e5, [1]), identifiable(1)[:0])),
+    *((draw_overview, scores(levels, error=error, methods=methods).fillna(0.0),
+       {"case": "line", "protocol": "state", "label": "noise"}, NO_PEERS)
+      for methods, error, levels in (
+          (FOUR, 5.0, (0, 0.01, 0.05)), (FOUR, np.inf, (0, 0.01)), (["weak", "paper"], 5.0, (0,)),
+          (["bound"], np.inf, (0, 0.01)), (["new_method"], 5.0, (0, 0.01)))),
+    *((draw_histories, [SWING], {"a": shown(bad)}, HISTORIES | {"cells": {"a": "noise level 0.1"}})
+      for bad in (0.0, np.nan)),
+    *((draw_recovery, {"line": [SWING]}, {"line": shown(bad)}, {**NAMES, **CELL, "level": 0})
+      for bad in (0.0, np.nan)),
+    (draw_coefficients, LINE, {"a": {"weak": line_models()}}, COEFFICIENTS | {"levels": {"a": 0}}),
+    (draw_claims, claims(), {"combinations": [["state", "weak"]]}),
+    # nothing to show
+    (draw_histories, [SWING], {}, HISTORIES | {"cells": {}}),
+    (draw_coefficients, LINE, {}, COEFFICIENTS | {"levels": {}}),
+    (draw_claims, claims()[:0], {"combinations": []}),
+    # the configured line
+    (draw_line, derive(PAIR), {"case": "pair", "line": PAIR}),
+    (draw_aerodynamic_load, [SWING], {"line": PAIR}),
+    (draw_flow, FLOW),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("draw", "of"), [(draw, of) for draw, *of in DRAWN])
+def test_nothing_stops_a_figure(draw, of):
+    assert drawn(lambda: draw(*of))
 
 
 def test_a_status_is_right_where_its_claim_holds_or_its_doubt_is_due():

@@ -19,24 +19,19 @@ SETTINGS = {"speed": {"wind.speed": 12.0}, "code": {"digest": "abc"}}
 OTHER = {"speed": {"wind.speed": 13.0}, "code": {"digest": "abc"}}
 
 
-def script(path, inputs=(), settings=SETTINGS):
-    """The `snakemake` object of a job that writes one file."""
-    return SimpleNamespace(
+def make(path, content="1\n", inputs=(), settings=SETTINGS, work=None):
+    """Run a job that writes `content`, or works otherwise; the path from the working folder."""
+    target = Path(RESULTS, path)
+    described = SimpleNamespace(
         input=InputFiles([f"{RESULTS}/{name}" for name in inputs]),
-        output=OutputFiles(fromdict={"made": f"{RESULTS}/{path}"}),
+        output=OutputFiles(fromdict={"made": str(target)}),
         log=[f"{RESULTS}/logs/{path}.log"],
         params=Params(fromdict=settings),
         wildcards={"case": "a", "cell": "b"},
         rule="make",
     )
-
-
-def make(path, content="1\n", inputs=(), settings=SETTINGS):
-    """Run a job that writes `content`; the path from the working folder."""
-    described = script(path, inputs, settings)
-    target = Path(described.output[0])
     target.parent.mkdir(parents=True, exist_ok=True)
-    job.run(lambda made, case, **_: Path(made).write_text(content), described)
+    job.run(work or (lambda made, case, **_: Path(made).write_text(content)), described)
     return str(target)
 
 
@@ -86,42 +81,37 @@ def test_a_job_says_what_it_made_from_what():
     assert receipts("results") == {}  # of results inside results
 
 
+def raising(error):
+    def work(made, speed):
+        raise error
+
+    return work
+
+
 def test_failures_are_told_in_a_line_with_the_log(folder):
     (folder / "clock").touch()
     since = (folder / "clock").stat().st_mtime_ns
-
-    def work(made, speed):
-        raise ValueError("too much wind")
-
-    described = script("models/a.json")
+    logs = Path(f"{RESULTS}/logs/models")
     with pytest.raises(SystemExit) as end:
-        job.run(work, described)
-    log = Path(described.log[0])
-    assert str(end.value) == f"ValueError: too much wind (details: {log})"
-    assert "Traceback" in log.read_text()
-    assert read_receipt(described.output[0]) is None
-    make("models/b.json")
-    killed = Path(f"{RESULTS}/logs/models/c.json.log")
+        make("models/a.json", work=raising(ValueError("too much wind")))
+    assert str(end.value) == f"ValueError: too much wind (details: {logs}/a.json.log)"
+    assert "Traceback" in (logs / "a.json.log").read_text()
+    model = Path(make("models/b.json"))
+    killed = logs / "c.json.log"
     killed.write_text("a warning\n")
     assert job.failures(RESULTS, since) == [
-        f"ValueError: too much wind ({log})",
+        f"ValueError: too much wind ({logs}/a.json.log)",
         f"a job was killed ({killed})",
     ]
     os.utime(killed, (0, 0))  # of an earlier run
     assert len(job.failures(RESULTS, since)) == 1
-
-    def full(made, speed):
-        raise OSError(28, "No space left on device", "x.npz")
-
+    full = OSError(28, "No space left on device", "x.npz")
     with pytest.raises(SystemExit, match=r"The disk is full: x\.npz; free some space"):
-        job.run(full, script("models/d.json"))
-
-
-def test_a_job_refuses_an_input_that_is_not_what_its_job_wrote():
-    Path(make("models/a.json")).write_text("2\n")
-    with pytest.raises(SystemExit, match=r"models/a\.json is not what its job wrote"):
-        make("tables/t.csv", inputs=["models/a.json"])
-    assert not Path(f"{RESULTS}/tables/t.csv").exists()
+        make("models/d.json", work=raising(full))
+    model.write_text("2\n")
+    with pytest.raises(SystemExit, match=r"models/b\.json is not what its job wrote"):
+        make("tables/t.csv", inputs=["models/b.json"])
+    assert list(receipts(RESULTS)) == [str(model)] and not Path(RESULTS, "tables/t.csv").exists()
 
 
 # the start of a run
@@ -198,25 +188,23 @@ def test_each_file_has_one_state_and_what_is_made_as_planned_is_adopted(adopted)
 
 
 def test_nothing_made_from_another_input_is_as_planned(folder):
-    make("models/a.json")
-    make("tables/t.csv", inputs=["models/a.json"])
-    study = plan("models/a.json", "tables/t.csv", t=["models/a.json"])
-    assert len(as_planned(study)) == 2
-    model = make("models/a.json", "2\n")
-    assert as_planned(study) == [model]
-    make("models/a.json", settings=OTHER)
-    make("scores/s.csv", inputs=["models/a.json"])
-    make("tables/t.csv", inputs=["scores/s.csv"])
-    alone = make("tables/u.csv")
-    names = ("tables/t.csv", "scores/s.csv", "models/a.json", "tables/u.csv")
-    assert as_planned(plan(*names, t=["scores/s.csv"], s=["models/a.json"])) == [alone]
     source = folder / RESULTS / "published.csv"
+    source.parent.mkdir(parents=True)
     source.write_text("1\n")
-    table = make("tables/v.csv", inputs=["published.csv"])
-    study = plan("tables/v.csv", v=["published.csv"])
-    assert as_planned(study) == [table]
-    source.write_text("2\n")
-    assert as_planned(study) == [] and audit(study).outdated == (table,)
+    model = make("models/a.json", inputs=["published.csv"])
+    score = make("scores/s.csv", inputs=["models/a.json"])
+    table, alone = make("tables/t.csv", inputs=["scores/s.csv"]), make("tables/u.csv")
+    names = ("tables/t.csv", "scores/s.csv", "models/a.json", "tables/u.csv")
+    given = {"t": ["scores/s.csv"], "s": ["models/a.json"], "a": ["published.csv"]}
+    study = plan(*names, **given)
+    assert as_planned(study) == [model, score, table, alone]
+    make("models/a.json", "2\n", ["published.csv"])  # its content is another
+    assert as_planned(study) == [model, alone]
+    make("models/a.json", "1\n", ["published.csv"], OTHER)  # its settings are
+    assert as_planned(study) == [alone]
+    make("models/a.json", inputs=["published.csv"])
+    source.write_text("2\n")  # what it was made from is, which no job makes
+    assert as_planned(study) == [alone] and audit(study).outdated == (model,)
 
 
 @pytest.mark.parametrize("settings", [SETTINGS, OTHER], ids=["same", "other"])
@@ -253,8 +241,9 @@ def timed():
 
 def told(model=SETTINGS, study=STUDY, cores=2):
     """What is said where the model is planned with these settings."""
-    planned = (plan(NAMES[0], settings=model), plan(NAMES[1], t=NAMES[:1]))
-    jobs = (*planned[0].jobs, *planned[1].jobs, *plan("report.html", settings=REPORT).jobs)
+    plans = (plan(NAMES[0], settings=model), plan(NAMES[1], t=NAMES[:1]),
+             plan("report.html", settings=REPORT))  # fmt: skip
+    jobs = tuple(job for each in plans for job in each.jobs)
     return list(outlook(Plan(study, jobs), receipts(RESULTS), cores))
 
 

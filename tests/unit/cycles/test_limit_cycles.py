@@ -41,20 +41,15 @@ VAN_DER_POL = family(VAN_DER_POL_TERMS, lambda mu: [[0, 1, 0], [-1, mu, -mu]])
 # Wanner, Solving Ordinary Differential Equations I, sec. II.4
 @pytest.mark.parametrize(
     ("mu", "period", "amplitude"),
-    [
-        (1, 6.66328685932313, 2.00861986),
-        (5, 11.61223066771957, 2.021508),
-        (10, 19.07836957, 2.014285),
-    ],
-)
+    [(1, 6.66328685932313, 2.00861986), (5, 11.61223066771957, 2.021508),
+     (10, 19.07836957, 2.014285)],
+)  # fmt: skip
 def test_period_and_multiplier_of_van_der_pol(mu, period, amplitude):
-    model = VAN_DER_POL.model(0.5)
-    grid = np.linspace(0, 100, 5001)
+    model, late = VAN_DER_POL.model(0.5), np.linspace(60, 100, 2001)
     motion = solve_ivp(
-        lambda _, x: model(x[np.newaxis])[0], (0, 100), [2, 0], t_eval=grid, rtol=1e-9, atol=1e-9
+        lambda _, x: model(x[np.newaxis])[0], (0, 100), [2, 0], t_eval=late, rtol=1e-9, atol=1e-9
     )
-    late = grid > 60
-    _, up = from_motion(VAN_DER_POL, 0.5, grid[late], motion.y.T[late], Range(0.1, mu, longest=0.5))
+    _, up = from_motion(VAN_DER_POL, 0.5, late, motion.y.T, Range(0.1, mu, longest=0.5))
     assert up.complete and up.reason == f"reached {mu:g}"
     point = up.points[-1]
     assert point.solution.period == pytest.approx(period, rel=2e-9)
@@ -106,14 +101,9 @@ def test_neimark_sacker_of_langford():
     """Langford's system: Hopf at 1/2, torus at 2/3, multipliers of a rotation by sqrt(2)/3
     of a turn (Hassard, Kazarinoff and Wan, Theory and Applications of Hopf Bifurcation, 1981)."""
     terms = ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1), (2, 0, 0), (0, 2, 0), (0, 0, 2))
-    langford = family(
-        terms,
-        lambda v: [
-            [v - 1, -1, 0, 1, 0, 0, 0, 0],
-            [1, v - 1, 0, 0, 1, 0, 0, 0],
-            [0, 0, v, 0, 0, -1, -1, -1],
-        ],
-    )
+    langford = family(terms, lambda v: [
+        [v - 1, -1, 0, 1, 0, 0, 0, 0], [1, v - 1, 0, 0, 1, 0, 0, 0], [0, 0, v, 0, 0, -1, -1, -1],
+    ])  # fmt: skip
     equilibria, cycles = cycles_of(langford, Range(0.3, 0.9), [0, 0, 0.3])
     assert hopf_points(equilibria)[0].point.solution.value == pytest.approx(0.5, abs=1e-9)
     (torus,) = cycles.bifurcations
@@ -144,14 +134,9 @@ def test_a_system_of_period_doubling_and_its_branch():
 def test_a_branch_point_and_both_branches():
     """x' = p x - x^3 beside a circle of radius one: the circle is a pitchfork at p = 0."""
     terms = ((1, 0, 0), (0, 1, 0), (3, 0, 0), (1, 2, 0), (2, 1, 0), (0, 3, 0), (0, 0, 1), (0, 0, 3))
-    models = family(
-        terms,
-        lambda p: [
-            [1, -1, -1, -1, 0, 0, 0, 0],
-            [1, 1, 0, 0, -1, -1, 0, 0],
-            [0, 0, 0, 0, 0, 0, p, -1],
-        ],
-    )
+    models = family(terms, lambda p: [
+        [1, -1, -1, -1, 0, 0, 0, 0], [1, 1, 0, 0, -1, -1, 0, 0], [0, 0, 0, 0, 0, 0, p, -1],
+    ])  # fmt: skip
     grid = np.linspace(0, 20, 2001)
     circle = np.column_stack([np.cos(grid), np.sin(grid), 0 * grid])
     _, cycles = from_motion(models, -0.5, grid, circle, Range(-0.6, 0.5))

@@ -40,37 +40,38 @@ def stable_cycles(name, wind):
     ]
 
 
+def settled(name, wind, **options):
+    """What the line does in the end, released as it is configured."""
+    model = line_family(CASES[name], "wind_speed").model(wind)
+    return settle(simulator(), model, initial_state(CASES[name]), **options)
+
+
 @pytest.mark.parametrize(("name", "wind"), [(n, w) for n, of in CHECKS.items() for w in of])
 def test_stable_cycle_and_simulation_agree(name, wind):
     expected = CHECKS[name][wind]
     (cycle,) = [c for c in stable_cycles(name, wind) if c[0] < 4]
-    model = line_family(CASES[name], "wind_speed").model(wind)
     if (name, wind) == ("internal_resonance", 8):  # 4,000 s are not enough to settle to the digits
-        late = settle(simulator(), model, initial_state(CASES[name]), duration=16000)
-        assert cycle == pytest.approx(late.half_range[:2], abs=1e-4)
+        assert cycle == pytest.approx(settled(name, wind, duration=16000).half_range[:2], abs=1e-4)
     else:
         assert cycle == pytest.approx(expected, abs=5.1e-4)
-    settled = settle(simulator(), model, initial_state(CASES[name]))
-    assert settled.kind == "cycle"
-    assert settled.half_range[:2] == pytest.approx(expected, abs=5.1e-4)
+    found = settled(name, wind)
+    assert found.kind == "cycle"
+    assert found.half_range[:2] == pytest.approx(expected, abs=5.1e-4)
 
 
 def test_no_steady_cycle_of_the_resonant_line_at_20():
     assert stable_cycles("internal_resonance", 20) == []
-    model = line_family(RESONANT, "wind_speed").model(20)
-    settled = settle(simulator(), model, initial_state(RESONANT))
-    assert settled.kind == "irregular"
-    assert settled.half_range[0] == pytest.approx(4.3, rel=0.1)  # as far as rounding lets it
-    assert settled.highest[0] - settled.lowest[0] > 0.2
+    found = settled("internal_resonance", 20)
+    assert found.kind == "irregular"
+    assert found.half_range[0] == pytest.approx(4.3, rel=0.1)  # as far as rounding lets it
+    assert found.highest[0] - found.lowest[0] > 0.2
 
 
 @pytest.mark.parametrize("name", CHECKS)
 def test_critical_wind_is_that_of_the_closed_form(name):
     (hopf,) = wind_diagram(name).equilibria.bifurcations
     assert hopf.point.solution.value == pytest.approx(critical_wind(CASES[name]), rel=1e-9)
-    model = line_family(CASES[name], "wind_speed").model(hopf.point.solution.value - 0.3)
-    settled = settle(simulator(), model, initial_state(CASES[name]))
-    assert settled.highest[0] < 0.05
+    assert settled(name, hopf.point.solution.value - 0.3).highest[0] < 0.05
 
 
 def test_bifurcations_of_the_default_lines():

@@ -50,16 +50,10 @@ def judge(kind, values):
 
 @pytest.mark.parametrize(
     ("values", "verdict"),
-    [
-        (np.linspace(5, 15, 21), "reproduced"),
-        (np.full(20, 10.0), "reproduced"),
-        (np.full(20, 9.99), "better"),
-        (np.full(20, 10.01), "worse"),
-        (np.full(20, INF), "undecided"),
-        ([*np.full(11, 12.0), *np.full(9, INF)], "worse"),
-        (np.full(20, np.nan), "undecided"),
-    ],
-)
+    [(np.linspace(5, 15, 21), "reproduced"), ([10.0] * 20, "reproduced"), ([9.99] * 20, "better"),
+     ([10.01] * 20, "worse"), ([12.0] * 11 + [INF] * 9, "worse"), ([INF] * 20, "undecided"),
+     ([np.nan] * 20, "undecided")],
+)  # fmt: skip
 def test_a_printed_number_is_judged_on_both_sides(values, verdict):
     found = judge("value", values)
     assert found["verdict"] == verdict and found["reason"]
@@ -80,12 +74,9 @@ def test_a_bound_is_judged_by_the_share_of_draws_that_keep_it(kind, sign, met, v
     assert judge(kind, np.full(20, np.nan))["verdict"] == "undecided"
 
 
-def test_a_wide_interval_is_said_to_say_little():
+def test_a_wide_interval_is_said_to_say_little_and_why_a_bound_is_missed():
     assert "nearly any" in judge("value", np.geomspace(0.1, 1000, 20))["reason"]
     assert "nearly any" not in judge("value", np.linspace(8, 12, 20))["reason"]
-
-
-def test_why_a_bound_is_missed():
     drawn_ = scores(r2_q_v=0.5)
     drawn_.loc[drawn_["draw"] < 5, "missing"] = 1
     found = tables(drawn_).set_index("claim").loc["R2 of q_v at noise 0.05"]
@@ -95,11 +86,11 @@ def test_why_a_bound_is_missed():
 
 def test_the_list_holds_the_papers_numbers():
     printed = {claim.name: claim.paper_value for claim in CLAIMS}
-    assert len(printed) == len(CLAIMS)
-    assert sum(claim.is_number for claim in CLAIMS) == 10
-    assert printed["mean error of cubic terms at noise 0.05"] == 21.05
-    assert printed["amplitude error of q_w from 1000 points"] == 15.97
-    assert printed["R2 of q_v with 10000 points"] == 0.95
+    assert len(printed) == len(CLAIMS) and sum(claim.is_number for claim in CLAIMS) == 10
+    assert printed.items() >= {
+        "mean error of cubic terms at noise 0.05": 21.05, "R2 of q_v with 10000 points": 0.95,
+        "amplitude error of q_w from 1000 points": 15.97,
+    }.items()  # fmt: skip
 
 
 def settings(cases=(CASE,), pairs=(PAIR,)):
@@ -118,9 +109,14 @@ def test_paper_csv_has_a_row_for_each_claim_and_the_joint_shares():
     joint = table.iloc[len(about) :]
     assert joint["claim"].str.contains("in the same draw").all() and len(joint) == 2
     assert set(joint["share_of_draws"]) <= {0.0, 1.0}
-    row = table.set_index("claim").loc["mean error of linear terms at noise 0.05"]
+    table = table.set_index("claim")
+    row = table.loc["mean error of linear terms at noise 0.05"]
     assert (row["printed"], row["noise_level"]) == (9.56, 0.05)
     assert row["median"] == pytest.approx(10.095) and row["verdict"] == "worse"
+    grown = table.loc["linear error grows with noise"]  # within a draw
+    assert grown["median"] == pytest.approx(8.0) and grown["verdict"] == "met"
+    assert pd.isna(grown["noise_level"])
+    assert table.loc["false terms appear as noise grows", "median"] == 14
 
 
 def test_bounds_hold_together_in_the_draws_that_keep_each():
@@ -131,14 +127,6 @@ def test_bounds_hold_together_in_the_draws_that_keep_each():
     bounds = [c for c in bounds if c.name != "exact parameters without noise"]
     assert together(bounds, drawn_) == (pytest.approx(18 / 20), 20)
     assert together(bounds, drawn_[drawn_["level"] != 0.1]) is None
-
-
-def test_differences_are_taken_within_a_draw():
-    table = tables(scores()).set_index("claim")
-    grown = table.loc["linear error grows with noise"]
-    assert grown["median"] == pytest.approx(8.0) and grown["verdict"] == "met"
-    assert pd.isna(grown["noise_level"])
-    assert table.loc["false terms appear as noise grows", "median"] == 14
 
 
 def test_failures_keep_no_bound():
@@ -153,6 +141,9 @@ def test_what_the_study_lacks_is_not_run_and_what_differs_is_not_judged():
     table = tables(few[few["level"] != 0.1]).set_index("claim")
     assert set(table.loc[table.index.str.contains("noise 0.1$"), "verdict"]) == {"not run"}
     reason = "line.span is 320, where the paper has 300"
+    replicates = few[few["draw"] < 4].assign(case=CASE, protocol="state", method="stlsq")
+    told = claims_table(replicates, settings(pairs=[("state", "stlsq"), ("state", "weak")]))
+    assert set(told["method"]) == {"stlsq"} and set(told["replicates"]) == {1, 4}
     other = paper_table(claims_table(few, settings(cases=[])), {}, {"departures": {CASE: reason}})
     assert set(other["verdict"]) == {"not judged"} and set(other["reason"]) == {reason}
     assert other["printed"].notna().all() and reason in report.count(other)
@@ -167,12 +158,6 @@ def test_a_growing_motion_is_not_steady():
     table = claims_table(scores(), settings(pairs=[]), {}, {CASE: [motion]})
     found = table.set_index("claim")["verdict"].to_dict()
     assert found == {"steady state of q_v": "not met", "steady state of q_w": "met"}
-
-
-def test_other_methods_have_their_replicates():
-    drawn_ = scores(draws=4).assign(case=CASE, protocol="state", method="stlsq")
-    table = claims_table(drawn_, settings(pairs=[("state", "stlsq"), ("state", "weak")]))
-    assert set(table["method"]) == {"stlsq"} and set(table["replicates"]) == {1, 4}
 
 
 def test_the_first_screen_counts_and_lists_them():

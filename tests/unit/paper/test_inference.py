@@ -49,14 +49,13 @@ def test_quick_motions_are_those_of_the_simulator(moved):
         kinematics="known", amounts=amounts,
     )  # fmt: skip
     for column in ("r2_q_w", "amplitude_error_q_v_percent", "mean_error_cubic_percent"):
-        ours, theirs = (np.sort(table[column]) for table in (quick, exact))
-        assert np.all(np.isfinite(ours))
-        np.testing.assert_allclose(np.median(ours), np.median(theirs), rtol=0.6, atol=0.02)
-    still = QuickStudy(*moved, amounts)
-    without_noise = still.draws(
-        replace(MethodReading(0.003)), 1, np.random.default_rng(1), still=(0.03,)
+        assert np.all(np.isfinite(quick[column]))
+        medians = [np.median(table[column]) for table in (quick, exact)]
+        np.testing.assert_allclose(*medians, rtol=0.6, atol=0.02)
+    still = QuickStudy(*moved, amounts).draws(
+        MethodReading(0.003), 1, np.random.default_rng(1), still=(0.03,)
     )
-    assert np.isnan(without_noise.loc[without_noise["points"] > 10000, "r2_q_v"]).all()
+    assert np.isnan(still.loc[still["points"] > 10000, "r2_q_v"]).all()
 
 
 def test_a_study_is_more_probable_at_its_own_setting(moved):
@@ -79,19 +78,15 @@ def test_a_study_is_more_probable_at_its_own_setting(moved):
 
 def test_bounds_and_numbers_of_a_cell_hold_in_the_same_draw():
     """Two draws, one with the printed errors, one that keeps the bounds: neither does both."""
-    rows = []
-    for cell in unknowns.CELLS:
-        for draw in range(2):
-            row = dict(zip(("kind", "level", "points"), cell, strict=True)) | {"draw": draw}
-            row["points"] = row["points"] or 30001
-            row |= {"missing": 0, "r2_q_v": 0.9999, "r2_q_w": 0.99999}
-            for claim in unknowns.NUMBERS:
-                if unknowns.cell_of(claim) == cell:
-                    row[claim.column] = claim.paper_value
-            rows.append(row)
-    both = pd.DataFrame(rows)
-    at_once = unknowns.log_probabilities(both)
-    apart = both.copy()
+    both = pd.DataFrame(
+        {"kind": kind, "level": level, "points": points or 30001, "draw": draw, "missing": 0,
+         "r2_q_v": 0.9999, "r2_q_w": 0.99999,
+         **{claim.column: claim.paper_value for claim in unknowns.NUMBERS
+            if unknowns.cell_of(claim) == (kind, level, points)}}
+        for kind, level, points in unknowns.CELLS
+        for draw in range(2)
+    )  # fmt: skip
+    at_once, apart = unknowns.log_probabilities(both), both.copy()
     whole = (apart["kind"] == "noise") & (apart["level"] == 0.05)
     apart.loc[whole & (apart["draw"] == 0), "r2_q_v"] = 0.5
     apart.loc[whole & (apart["draw"] == 1), "mean_error_linear_percent"] = 300.0

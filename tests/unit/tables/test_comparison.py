@@ -54,17 +54,11 @@ def test_numbers_agree_to_a_thousandth_or_a_millionth(reference, found, agrees):
 @pytest.mark.parametrize(
     ("old", "new", "column"),
     [
-        ("inf", "-inf", "r2"),
-        ("inf", "1e300", "r2"),
-        ("0.9", "inf", "r2"),
-        ("0.9", "", "r2"),
-        ("b,stlsq,0.05,,", "b,stlsq,0.05,0.1,", "r2"),
-        ("0.9", "many", "r2"),
-        ("refused", "ok", "verdict"),
-        ("0,ok", "0,", "verdict"),
-        ("2,refused", "3,refused", "value"),
+        ("inf", "-inf", "r2"), ("inf", "1e300", "r2"), ("0.9", "inf", "r2"), ("0.9", "", "r2"),
+        ("b,stlsq,0.05,,", "b,stlsq,0.05,0.1,", "r2"), ("0.9", "many", "r2"),
+        ("refused", "ok", "verdict"), ("0,ok", "0,", "verdict"), ("2,ref", "3,ref", "value"),
     ],
-)
+)  # fmt: skip
 def test_what_is_not_the_same_is_named(old, new, column):
     assert [one[1] for one in changes(TABLE.replace(old, new, 1))] == [column]
 
@@ -84,9 +78,8 @@ def test_rows_and_columns_that_one_table_lacks_are_named():
 
 
 def test_a_difference_in_words_and_rows_about_the_same_by_their_order():
-    found = comparison.compare_tables(
-        table(), table(TABLE.replace("0.9,", "1,").replace("refused", "ok"))
-    )
+    other = table(TABLE.replace("0.9,", "1,").replace("refused", "ok"))
+    found = comparison.compare_tables(table(), other)
     assert [comparison.describe(row) for _, row in found.iterrows()] == [
         "case=a, method=stlsq, level=0.05, r2: reference 0.9, found 1.0 (allowed 0.0009)",
         "case=b, method=stlsq, level=0.05, verdict: reference refused, found ok",
@@ -121,9 +114,8 @@ def noise(*values):
 def compare(found, settings=SETTINGS, processor="one"):
     """(summary by table, differences) of tables beside a reference with the table `noise`."""
     made, present = Origin(SETTINGS, "one"), Origin(settings, processor)
-    summary, differences = comparison.compare_study(
-        {"noise": noise(0.5, 0.9)}, made, found, present
-    )
+    reference = {"noise": noise(0.5, 0.9)}
+    summary, differences = comparison.compare_study(reference, made, found, present)
     assert tuple(summary) == comparison.SUMMARY_COLUMNS
     assert tuple(differences) == comparison.DIFFERENCE_COLUMNS
     assert list(summary["table"]) == ["settings", "processor", *found]
@@ -137,11 +129,11 @@ def test_numbers_within_tolerance_agree_and_the_largest_difference_is_told(found
     verdicts = {name: row["verdict"] for name, row in summary.items()}
     assert differences == [] and verdicts.pop("new") == NO_REFERENCE
     assert set(verdicts.values()) == {AGREES}
-    counted = summary["noise"]
-    assert (counted["rows_compared"], counted["values_compared"]) == (2, 2)
-    assert counted["values_beyond_tolerance"] == 0
-    assert counted["largest_difference_in_tolerances"] == pytest.approx(away)
-    assert not away or counted["largest_difference_at"] == at
+    noisy = summary["noise"]
+    counts = ("rows_compared", "values_compared", "values_beyond_tolerance")
+    assert [noisy[each] for each in counts] == [2, 2, 0]
+    assert noisy["largest_difference_in_tolerances"] == pytest.approx(away)
+    assert not away or noisy["largest_difference_at"] == at
 
 
 def test_what_is_beyond_tolerance_new_or_gone_is_listed():
@@ -151,10 +143,8 @@ def test_what_is_beyond_tolerance_new_or_gone_is_listed():
         ("case=a", "r2", "beyond tolerance"),
     ]
     assert differences[1]["difference"] == pytest.approx(0.1)
-    row = summary["noise"]
-    assert row["verdict"] == DIFFERS
-    assert (row["rows_compared"], row["rows_only_in_reference"]) == (1, 1)
-    assert row["values_beyond_tolerance"] == 1
+    counts = ("rows_compared", "rows_only_in_reference", "values_beyond_tolerance")
+    assert [summary["noise"][each] for each in ("verdict", *counts)] == [DIFFERS, 1, 1, 1]
     summary, differences = compare({"noise": noise(0.5, 0.9, 0.1)})
     assert [d["verdict"] for d in differences] == ["only in this run"]
     assert summary["noise"]["rows_only_in_this_run"] == 1
@@ -173,9 +163,8 @@ def test_other_settings_are_named_and_excuse_other_numbers(settings, key, values
     edited = SETTINGS | settings
     edited["measurement"] = SETTINGS["measurement"] | edited["measurement"]
     summary, differences = compare({"noise": noise(0.5, 0.1)}, edited)
-    found = {d["row"]: d for d in differences if d["table"] == "settings"}
-    assert (found[key]["reference"], found[key]["found"]) == values
-    assert found[key]["verdict"] == verdict
+    (told,) = (d for d in differences if (d["table"], d["row"]) == ("settings", key))
+    assert (told["reference"], told["found"], told["verdict"]) == (*values, verdict)
     assert summary["settings"]["verdict"] == DIFFERS
     assert summary["noise"]["verdict"] == REASONS["settings"]
     summary, _ = compare({"noise": noise(0.5, 0.9)}, edited)
@@ -192,14 +181,12 @@ def test_another_processor_is_named_and_may_be_the_reason():
 
 
 def test_what_cannot_be_compared_does_not_stop_the_study():
-    summary, differences = comparison.compare_study(
-        {}, None, {"noise": noise(1)}, Origin(SETTINGS, "one")
-    )
+    run = {"noise": noise(1)}, Origin(SETTINGS, "one")
+    summary, differences = comparison.compare_study({}, None, *run)
     assert differences.empty and set(summary["verdict"]) == {NO_REFERENCE}
     summary, _ = compare({"noise": pd.DataFrame({"r2": [0.5, 0.6]})})
-    assert summary["noise"]["verdict"] == (
-        "cannot be compared: no column says what a row is about: case, r2"
-    )
+    said = "cannot be compared: no column says what a row is about: case, r2"
+    assert summary["noise"]["verdict"] == said
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"settings": {}}', "[1]"])
