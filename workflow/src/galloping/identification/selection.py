@@ -43,22 +43,26 @@ class Price:
     """What terms have to bring, in units of chi^2, to be chosen.
 
     least: (n,) of each. width: (n,) coefficients c: where a term's standard error s is smaller, its
-    price is higher by 2 ln(c / s), which is the evidence of a prior so much wider (see `Prior`).
+    price is higher by 2 ln(c / s), the evidence of a prior so much wider, up to `most` (see
+    `Prior`).
     """
 
     least: np.ndarray
     width: np.ndarray
+    most: float
 
     def times(self, dear: float) -> Price:
-        return Price(dear * self.least, self.width)
+        return Price(dear * self.least, self.width, dear * self.most)
 
     def of(self, terms: np.ndarray) -> Price:
         """Of some terms, by their indices."""
-        return Price(self.least[terms], self.width[terms])
+        return Price(self.least[terms], self.width[terms], self.most)
 
-    def beyond(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
-        """(m,) by how much terms with such standard errors (m,) cost more than their least."""
-        return 2.0 * np.log(np.maximum(self.width[terms] / errors, 1.0))
+    def told(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
+        """(m,) of terms with such standard errors (m,)."""
+        least = self.least[terms]
+        wider = least + 2.0 * np.log(np.maximum(self.width[terms] / errors, 1.0))
+        return np.minimum(wider, np.maximum(least, self.most))
 
 
 def select(
@@ -89,7 +93,7 @@ def select(
     here = tableau(whitened, support)
     errors = whitened.unit[here.kept] * np.sqrt(np.diag(here.covariance))
     price = least.copy()
-    price[here.kept] += cost.beyond(errors, here.kept)
+    price[here.kept] = cost.told(errors, here.kept)
     return _remove(whitened, support, price)
 
 

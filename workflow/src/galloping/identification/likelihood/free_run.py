@@ -4,7 +4,6 @@ that of the inputs, and what the model misses does not add up (simulation error,
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -25,7 +24,7 @@ from galloping.identification.likelihood.shooting import (
     residuals,
 )
 from galloping.identification.likelihood.trajectory_fit import CONVERGED, MOST_PASSES, guarded_step
-from galloping.identification.model import IdentifiedModel, NoModel, attempt
+from galloping.identification.model import IdentifiedModel, NoModel
 from galloping.identification.selection import solve_support
 
 
@@ -69,21 +68,13 @@ def pulled(pulls: Iterable[np.ndarray], covariance: np.ndarray) -> np.ndarray:
 
 def free_runs(
     record: Record, near: IdentifiedModel, penalty: float, objection: str
-) -> IdentifiedModel | None:
+) -> IdentifiedModel | NoModel:
     """The same terms as those of `near`, an approximate model, with the least error of free runs,
     and its detection limits, for it chose the terms.
 
-    None where the motion remembers how it began, or no such model is found.
+    None where the motion remembers how it began. Raises FloatingPointError where no such model is
+    found.
     """
-    run = attempt(partial(_of_least_error, record, near, penalty, objection))
-    if run is None or isinstance(run, NoModel):
-        return None
-    return replace(run, detection_limits=near.detection_limits)
-
-
-def _of_least_error(
-    record: Record, near: IdentifiedModel, penalty: float, objection: str
-) -> IdentifiedModel | None:
     condensed, each = record.condensed, np.arange(len(record.condensed.first) - 1)
     record = replace(record, segments=Segments(condensed.first, each, each))
     free, starts = record.problem.of_candidates(near.model.coefficients), near.initial_states
@@ -91,14 +82,15 @@ def _of_least_error(
     sigma = np.maximum(np.sqrt(squares / np.maximum(condensed.rows, 1)), record.floor)
     previous = fit = ShootingFit(record, free, free != 0.0, starts, sigma, sigma)
     if not forgets_start(fit):
-        return None
+        return NoModel("the motion remembers how it began")
     for _ in range(MOST_PASSES):
         step = guarded_step(previous, fit, None, None)
         previous, fit = step.before, step.fit
         if step.decrement < CONVERGED:
             break
     remaining, _ = residuals(record, fit.free, fit.starts)
-    return whole_approximation(fit, linearise(fit).information, remaining, penalty, objection)
+    run = whole_approximation(fit, linearise(fit).information, remaining, penalty, objection)
+    return replace(run, detection_limits=near.detection_limits)
 
 
 def forgets_start(fit: ShootingFit) -> bool:

@@ -211,12 +211,12 @@ def _near(begun: Start, objection: str) -> IdentifiedModel | NoModel:
     near = approximation(start, begun.penalty, objection)
     if isinstance(near, NoModel):
         return near
-    path = ["approximation"]
     if begun.problem.inputs and near.status == "approximate":
-        run = free_run.free_runs(start.record, near, begun.penalty, objection)
-        if run is not None:
-            path, near = [*path, near.diagnostics["path"]], run
-    return by(path, near)
+        runs = partial(free_run.free_runs, start.record, near, begun.penalty, objection)
+        run = attempt(runs)
+        if isinstance(run, IdentifiedModel):
+            return by(["approximation", near.diagnostics["path"]], run)
+    return by(["approximation"], near)
 
 
 def _followed(begun: Start) -> IdentifiedModel | NoModel:

@@ -36,6 +36,10 @@ from galloping.taylor import solution
 # Weight that the plausible supports without one of the terms found may have together: at most one
 # in fifty of all models that are `ok` holds a false term (docs/identification_parts.csv).
 MOST_RIVAL_WEIGHT = 0.2
+# Share of its equation that an absent term may make up unseen under an `ok`: a simple term, and any
+# other (docs/identification_parts.csv). A term that may be several times as large as its equation
+# is one that others balance, as they do where all that was recorded lies near a surface.
+MOST_HIDDEN, MOST_BALANCED = 0.25, 5.0
 MOST_SURPRISE = 4.0  # deviations; by chance once in 16,000
 RIVALS = 40  # drawn, to be told with a model
 REPEATS = "the motion only repeats, and other equations have the same limit cycle"
@@ -106,12 +110,12 @@ def judged(
         plausible = plausible_supports(whitened, support)
         believed = with_prior(problem, plausible)
         limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
-        simple = is_simple(problem, support)
-        hidden = partial(hidden_term, problem, limits=limits, largest=regression.largest)
-        missing = hidden(~support & simple, "may be missing: the data would not show")
+        hidden = partial(hidden_term, problem, support, limits, regression.largest)
+        most = np.where(is_simple(problem, support), MOST_HIDDEN, MOST_BALANCED)
+        missing = hidden(most, "may be missing: the data would not show")
         questions = open_questions(problem, whitened, believed)
         reason = "; ".join(filter(None, [doubt, questions, missing]))
-        told = hidden(~support & ~simple, "would not show, were it")
+        told = hidden(MOST_HIDDEN, "would not show, were it")
         share, rival = _rival(problem, plausible)
         if problem.prior and share > MOST_RIVAL_WEIGHT:
             prior = f"the data alone cannot tell {rival}; the prior prefers the simpler terms"
@@ -336,20 +340,27 @@ def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
 
 
 def hidden_term(
-    problem: Problem, asked: np.ndarray, words: str, limits: np.ndarray, largest: np.ndarray
+    problem: Problem,
+    support: np.ndarray,
+    limits: np.ndarray,
+    largest: np.ndarray,
+    most: np.ndarray | float,
+    words: str,
 ) -> str:
-    """One line on the one of the terms asked, (n,) boolean, that may be there unseen though it
-    matters, '' where there is none.
+    """One line on the absent term that may be there unseen though it matters, '' where there is
+    none.
 
-    words: between the term and how much of its equation it may be. limits: (n,) of
-    `detection_limits`, the prior counted. largest: (n,) as in `problem.largest`.
+    limits: (n,) of `detection_limits`, the prior counted. largest: (n,) as in `problem.largest`.
+    most: (n,) share of its equation from which each may not go unseen. words: between the term and
+    how much of its equation it may be.
     """
-    share = np.where(asked, limits / np.maximum(largest, np.finfo(float).tiny), 0.0)
-    k = int(np.argmax(share))
-    if share[k] < 0.25:  # docs/identification_parts.csv has what 0.4 did
+    share = np.where(support, 0.0, limits / np.maximum(largest, np.finfo(float).tiny))
+    k = int(np.argmax(share / most))
+    if share[k] < np.broadcast_to(most, len(share))[k]:
         return ""
-    much = "all" if share[k] >= 1.0 else f"{100.0 * share[k]:.0f} %"
-    return f"{problem.named([k])} {words} {much} of its equation"
+    percent = f"{100.0 * share[k]:.0f} % of"
+    much = percent if share[k] < 1.0 else "all of" if share[k] < 2.0 else "many times"
+    return f"{problem.named([k])} {words} {much} its equation"
 
 
 def _rival(problem: Problem, plausible: Plausible) -> tuple[float, str]:

@@ -213,15 +213,23 @@ class Start:
 
     @cached_property
     def price(self) -> Price:
-        """Of the terms."""
-        return self.problem.price(self.penalty, self.largest)
+        """Of the terms, by the rates that the equations of the weak form have: those of the curves
+        hold noise, the more the faster it is.
+        """
+        rates = design_matrix(self._values, self.problem.terms)
+        rates = rates @ self.problem.coefficients(self.fit.free).T
+        return self.problem.price(self.penalty, largest(self.problem, self._values, rates))
 
     @property
     def largest(self) -> np.ndarray:
         """(n_candidates,) as in `problem.largest`, of the smooth curves."""
         rates = [np.gradient(one.states, one.time, axis=0)[one.valid] for one in self.smoothed]
-        values = [one.values[one.valid] for one in self.smoothed]
-        return largest(self.problem, np.concatenate(values), np.concatenate(rates))
+        return largest(self.problem, self._values, np.concatenate(rates))
+
+    @property
+    def _values(self) -> np.ndarray:
+        """(n, n_states + n_inputs) of the smooth curves."""
+        return np.concatenate([one.values[one.valid] for one in self.smoothed])
 
 
 def begin(problem: Problem, recordings: list[Recording], share: float = 1.0) -> Start:
