@@ -1,10 +1,10 @@
-"""Motion of modes in white forces, made without the code under test."""
+"""Motion of modes in forces, made without the code under test."""
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.signal import lfilter
 
-from galloping.recording import Recording
+from galloping import Recording
 
 STATES = ("q_v", "q_w", "dq_v", "dq_w")
 FREQUENCIES, DAMPING = np.array([0.5, 0.8]), np.array([0.012, 0.008])
@@ -33,6 +33,19 @@ def two_modes(
         states[k] = transition @ states[k - 1] + root @ rng.standard_normal(4)
     values = states + noise * states.std(axis=0) * rng.standard_normal(states.shape)
     return displacements(np.arange(count) / rate, *values[:, :2].T), states, system
+
+
+def stepped(acceleration, forces, step, position=0.0):
+    """Positions and velocities, each (n, ...), from rest at a position, at the first of each row of
+    `forces` (n, steps, ...): in steps that are short beside what the samples show.
+    """
+    x, v, seen = position, 0.0 * position, []
+    for row in forces:
+        seen.append((x, v))
+        for now in row:
+            v = v + step * acceleration(x, v, now)
+            x = x + step * v
+    return np.moveaxis(seen, 1, 0)
 
 
 def displacements(time: np.ndarray, *channels: np.ndarray, noise=0.0, seed=0) -> Recording:

@@ -17,6 +17,8 @@ from scipy.signal import StateSpace, lsim
 
 from galloping import derive, simulate
 from galloping.cli import main
+from galloping.field.analysis import Field, read_field
+from galloping.field.mapping import validated
 from galloping.polynomial import PolynomialModel
 
 STATES = ("q_v", "q_w", "dq_v", "dq_w")
@@ -33,6 +35,13 @@ def run(*arguments: object, code: int = 0) -> str:
     result = CliRunner().invoke(main, [str(each) for each in arguments])
     assert result.exit_code == code, result.output
     return result.stdout if code == 0 else result.output
+
+
+def read(*paths: Path, **mapping: object) -> Field:
+    """What is read of files by the mapping of two cameras, with other keys."""
+    channels = [{"column": state, "measures": state} for state in STATES[:2]]
+    known = {"time": {"column": "t"}, "states": STATES, "channels": channels}
+    return read_field(paths, validated(known | mapping))
 
 
 @cache

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from lines import simulate
 
+from galloping import IdentifiedModel, PolynomialModel, Recording
+from galloping import polynomial_library as library
 from galloping.bounds import sensitivities
 from galloping.identification.problem import posed
-from galloping.polynomial import PolynomialModel, library
-from galloping.recording import Recording
 
 TIME = np.linspace(0.0, 300.0, 30_001)
 RELEASE = np.array([0.1, 0.1, 0.0, 0.0])
@@ -41,6 +41,31 @@ def noisy(
 
 def unknown_support(true: PolynomialModel) -> np.ndarray:
     """The terms to be found: those of the equations that are not known by their states' names."""
-    support = true.support.copy()
-    support[list(set(range(len(true.states))) - set(posed(true.states, true.terms).unknown))] = 0
-    return support
+    unknown = posed(true.states, true.terms, inputs=true.inputs).unknown
+    return true.support & np.isin(np.arange(len(true.states)), unknown)[:, np.newaxis]
+
+
+LINE = line()
+SUPPORT, X = unknown_support(LINE), solution(LINE, RELEASE, TIME)
+
+
+def deviations(
+    found: IdentifiedModel, true: PolynomialModel, std: np.ndarray | None = None
+) -> np.ndarray:
+    """Errors of the coefficients to be found, in their standard errors or in others, `std`."""
+    true = true.on_library(found.model.terms)
+    support = unknown_support(true)
+    own = found.standard_errors[support] if std is None else std
+    return (found.model.coefficients - true.coefficients)[support] / own
+
+
+def assert_found(
+    found: IdentifiedModel, true: PolynomialModel, within: float = 4.0, spread: float = np.inf
+) -> None:
+    """All terms to be found, no other, and errors as large as the standard errors say: each, and
+    their root mean square.
+    """
+    assert found.status == "ok", found.reason
+    assert np.array_equal(found.support, unknown_support(true.on_library(found.model.terms)))
+    errors = deviations(found, true)
+    assert np.max(np.abs(errors)) < within and np.sqrt(np.mean(errors**2)) < spread

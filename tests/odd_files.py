@@ -18,24 +18,39 @@ import numpy as np
 import pandas as pd
 from scipy.io import netcdf_file, savemat
 
+from galloping.field.file_table import LARGEST
+
 TIME = np.arange(1000) / 25.0
 V, W = np.sin(2.6 * TIME), 0.5 * np.cos(2.6 * TIME)
 FALLEN = 0.05 * V + 0.4 * (TIME > 20.0) * (1.0 - np.exp(20.0 - TIME) * np.cos(2.6 * TIME - 52.0))
-BY_NAME = ("--states", "q_v,q_w,dq_v,dq_w", "--measure", "q_v=v", "--measure", "q_w=w")
-UNITS = ("--unit", "m", "--unit", "t=s")
-PLAIN = (*BY_NAME, *UNITS)
+
+
+def measures(v: str, w: str) -> tuple[str, ...]:
+    return "--states", "q_v,q_w,dq_v,dq_w", "--measure", f"q_v={v}", "--measure", f"q_w={w}"
+
+
+BY_NAME, UNITS = measures("v", "w"), ("--unit", "m", "--unit", "t=s")
+PLAIN, METRES = (*BY_NAME, *UNITS), (*BY_NAME, "--unit", "m")
 STAMPS = pd.Timestamp("2026-01-31T12:00:00") + pd.to_timedelta(TIME, "s")
 
 
-def lines(
-    header: str = "t,v,w", mark: str = ",", decimal: str = ".", columns: object = (TIME, V, W)
-) -> str:
-    """A text table. columns: of numbers, or of text that stays as it is."""
+def table(header: str, *columns: object, mark: str = ",", decimal: str = ".") -> str:
+    """A text table of columns: of numbers, or of text that stays as it is."""
     rows = [header]
     for cells in zip(*columns, strict=True):
         texts = (cell if isinstance(cell, str) else f"{cell:.6f}" for cell in cells)
         rows.append(mark.join(text.replace(".", decimal) for text in texts))
     return "\n".join(rows) + "\n"
+
+
+def lines(header="t,v,w", mark=",", decimal=".", t=TIME, v=V, w=W) -> str:
+    """A text table of t, v and w."""
+    return table(header, t, v, w, mark=mark, decimal=decimal)
+
+
+def commas(values: np.ndarray, digits: int = 6) -> list[str]:
+    """Numbers with decimal commas."""
+    return [f"{value:.{digits}f}".replace(".", ",") for value in values]
 
 
 def coded(code: float) -> np.ndarray:
@@ -45,10 +60,10 @@ def coded(code: float) -> np.ndarray:
     return values
 
 
-def edited(row: int, text: str) -> str:
-    """A text table in which one line is another."""
+def edited(text: str) -> str:
+    """A text table whose row 57 is another."""
     rows = lines().splitlines()
-    rows[row - 1] = text
+    rows[56] = text
     return "\n".join(rows) + "\n"
 
 
@@ -60,7 +75,7 @@ def excel() -> bytes:
     return buffer.getvalue()
 
 
-def sheet(path: Path, columns: dict) -> None:
+def sheet(path: Path, **columns: object) -> None:
     """The second sheet of an Excel file, below a title."""
     with pd.ExcelWriter(path) as writer:
         pd.DataFrame([["Logger"], ["A17"]]).to_excel(writer, sheet_name="about", header=False)
@@ -103,177 +118,152 @@ def packed_netcdf(path: Path) -> None:
         packed.scale_factor, packed.add_offset, packed.missing_value = 1e-6, 2.5e-4, -99999
 
 
-def cut(path: Path, make: Callable) -> None:
-    """The first half of a file that `make` writes."""
-    make(path, t=TIME, v=V, w=W)
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+def mat(path: Path, **columns: object) -> None:
+    savemat(path, columns)
 
 
-GERMAN = [stamp.strftime("%d.%m.%Y %H:%M:%S.%f") for stamp in STAMPS]
+def of(write: Callable, **columns: object) -> Callable:
+    """A file that holds t, v and w, with other columns in their place or beside them."""
+    return lambda path: write(path, **{"t": TIME, "v": V, "w": W} | columns)
+
+
+def only(write: Callable, columns: dict[str, object]) -> Callable:
+    """A file that holds these columns alone."""
+    return lambda path: write(path, **columns)
+
+
+def half(write: Callable) -> Callable:
+    """The first half of a file that holds t, v and w."""
+
+    def cut(path: Path) -> None:
+        of(write)(path)
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+    return cut
+
+
+def too_large(path: Path) -> None:
+    with path.open("wb") as file:
+        file.truncate(LARGEST + 1)
+
+
+def dated(style: str, moments: object = STAMPS) -> list[str]:
+    return [format(moment, style) for moment in moments]
+
+
+ROWS = [str(row) for row in range(1000)]
 Content = str | bytes | Callable[[Path], None]
+NAMED = "time,vertical [m],horizontal [m]"
 PREAMBLE = "Logger DL-2000\nSerial no. 12345\nStart; 31.01.2026\n\n"
 
 # name of the file: content, options
 READ: dict[str, tuple[Content, tuple[str, ...]]] = {
     "plain.csv": (lines(), PLAIN),
-    "preamble.csv": (PREAMBLE + lines(), PLAIN),
     "preamble_of_pairs.csv": ("Logger,DL-2000\nSerial,12345\n" + lines(), PLAIN),
     "preamble_of_as_many_cells.csv": ("Station,A17,left\nRate:,25,Hz\n,,\n" + lines(), PLAIN),
     "campbell.dat": (
-        lines(
-            '"TOA5","CR1000","1","2"\n"TIMESTAMP","RECORD","v","w"\n"TS","RN","m","m"\n'
-            '"","","Avg","Avg"',
-            columns=([f'"{stamp}"' for stamp in STAMPS], map(str, range(1000)), V, W),
-        ),
-        (*BY_NAME, "--time", "TIMESTAMP"),
-    ),
-    "units_in_brackets.csv": (lines("t [s],v [m],w [m]"), BY_NAME),
-    "units_in_round_brackets.csv": (lines("t (s),v (m),w (m)"), BY_NAME),
+        table('"TOA5","CR1000","1","2"\n"TIMESTAMP","RECORD","v","w"\n"TS","RN","m","m"\n'
+              '"","","Avg","Avg"', [f'"{stamp}"' for stamp in STAMPS], ROWS, V, W),
+        (*BY_NAME, "--time", "TIMESTAMP")),
     "row_of_units.csv": (lines("t,v,w\ns,m,m"), BY_NAME),
     "row_of_units_in_brackets.csv": (lines("t;v;w\n[s];[m];[m]", ";"), BY_NAME),
-    "pasted_header.csv": (
-        lines("t [s],v [m],w [m]"),
-        (*BY_NAME[:2], "--measure", "q_v=v [m]", "--measure", "q_w=w [m]", "--time", "t [s]"),
-    ),
-    "pasted_round_header.csv": (
-        lines("t (s),v (m),w (m)"),
-        (*BY_NAME[:2], "--measure", "q_v=v (m)", "--measure", "q_w=w (m)"),
-    ),
-    "millimetres.csv": (lines("t [ms],v [mm],w [cm]", columns=(1e3 * TIME, 1e3 * V, 1e2 * W)),
-                        BY_NAME),
-    "minus_9999.csv": (lines(columns=(TIME, coded(-9999), W)), PLAIN),
-    "minus_999_25.csv": (lines(columns=(TIME, coded(-999.25), W)), PLAIN),
-    "sixteen_bits.csv": (lines(columns=(TIME, coded(32767), W)), PLAIN),
-    "two_codes.csv": (lines(columns=(TIME, np.where(TIME == 4.0, 9999, coded(-9999)), W)), PLAIN),
-    "semicolons.csv": (lines("t;v;w", ";"), PLAIN),
+    "pasted_header.csv": (lines("t [s],v [m],w [m]"),
+        (*measures("v [m]", "w [m]"), "--time", "t [s]")),
+    "pasted_round_header.csv": (lines("t (s),v (m),w (m)"), measures("v (m)", "w (m)")),
+    "millimetres.csv": (lines("t [ms],v [mm],w [cm]", t=1e3 * TIME, v=1e3 * V, w=1e2 * W), BY_NAME),
+    "minus_9999.csv": (lines(v=coded(-9999)), PLAIN),
+    "minus_999_25.csv": (lines(v=coded(-999.25)), PLAIN),
+    "sixteen_bits.csv": (lines(v=coded(32767)), PLAIN),
+    "two_codes.csv": (lines(v=np.where(TIME == 4.0, 9999, coded(-9999))), PLAIN),
     "decimal_commas.csv": (lines("t;v;w", ";", ","), (*PLAIN, "--decimal", ",")),
     "decimal_commas_and_blanks.txt": (lines("t v w", "  ", ","), (*PLAIN, "--decimal", ",")),
     "tabs.tsv": (lines("t\tv\tw", "\t"), PLAIN),
-    "savetxt.txt": (lines("# t v w", " "), PLAIN),
     "savetxt_below_a_comment.txt": ("# a span, on a windy day\n" + lines("# t v w", " "), PLAIN),
     "windows.csv": (lines().replace("\n", "\r\n").encode("utf-8-sig"), PLAIN),
-    "empty_last_column.csv": (lines("t,v,w,", columns=(TIME, V, W, [""] * 1000)), PLAIN),
-    "quoted.csv": (lines('"t","v","w"'), PLAIN),
-    "unnamed_index.csv": (lines(",t,v,w", columns=(map(str, range(1000)), TIME, V, W)), PLAIN),
-    "dates.csv": (lines(columns=(STAMPS.astype(str), V, W)), (*BY_NAME, "--unit", "m")),
+    "empty_last_column.csv": (table("t,v,w,", TIME, V, W, [""] * 1000), PLAIN),
+    "unnamed_index.csv": (table(",t,v,w", ROWS, TIME, V, W), PLAIN),
+    "dates.csv": (lines(t=STAMPS.astype(str)), METRES),
     "old_macintosh.csv": (lines().replace("\n", "\r"), PLAIN),
-    "scientific.csv": (
-        lines(columns=([f"{t:.6E}" for t in TIME], [f"{v:+.6e}" for v in V], W)), PLAIN
-    ),
+    "scientific.csv": (lines(t=[f"{t:.6E}" for t in TIME], v=[f"{v:+.6e}" for v in V]), PLAIN),
     "fixed_width.dat": (lines("      t     v    w", "      "), PLAIN),
-    "unix_milliseconds.csv": (lines("t [ms],v [m],w [m]", columns=(1.7e12 + 1e3 * TIME, V, W)),
-                              BY_NAME),
-    "newest_first.csv": (lines(columns=(TIME[::-1], V[::-1], W[::-1])), PLAIN),
-    "micrometres.csv": (lines("t [s],v [µm],w [m]", columns=(TIME, 1e6 * V, W)), BY_NAME),
-    "comma_in_a_name.csv": (
-        lines('t,"v, upper",w'),
-        (*BY_NAME[:2], "--measure", "q_v=v, upper", "--measure", "q_w=w", *UNITS),
-    ),
-    "notes.csv": (lines("t,v,w,note", columns=(TIME, V, W, ['"well, fine"'] * 1000)), PLAIN),
-    "units.parquet": (lambda path: parquet(path, **{"t [s]": TIME, "v [m]": V, "w (m)": W}),
-                      BY_NAME),
-    "dates.parquet": (lambda path: parquet(path, t=STAMPS, v=V, w=W), (*BY_NAME, "--unit", "m")),
-    "durations.parquet": (
-        lambda path: parquet(path, t=pd.to_timedelta(TIME, "s"), v=V, w=W),
-        (*BY_NAME, "--unit", "m"),
-    ),
-    "texts.parquet": (lambda path: parquet(path, t=TIME.astype(str), v=V, w=W), PLAIN),
-    "dates.h5": (lambda path: hdf5(path, t=STAMPS.astype("S").to_numpy(), v=V, w=W),
-                 (*BY_NAME, "--unit", "m")),
-    "rows_and_columns.h5": (lambda path: hdf5(path, t=TIME[None], v=V[:, None], w=W), PLAIN),
-    "german_dates.csv": (lines(columns=(GERMAN, V, W)), (*BY_NAME, "--unit", "m")),
-    "american_dates.csv": (
-        lines('"#","Date Time, GMT+01:00","vertical, m","horizontal, m"', columns=(
-            map(str, range(1000)), [f"{s:%m/%d/%y %I:%M:%S.%f %p}" for s in STAMPS], V, W)), ()),
-    "over_midnight.csv": (
-        lines("Date,Time,vertical [m],horizontal [m]", columns=(
-            ["31.01.2026"] * 1000,
-            [f"{s:%H:%M:%S.%f}" for s in STAMPS + pd.Timedelta("11:59:50")], V, W)), ()),
+    "unix_milliseconds.csv": (lines("t [ms],v [m],w [m]", t=1.7e12 + 1e3 * TIME), BY_NAME),
+    "newest_first.csv": (lines(t=TIME[::-1], v=V[::-1], w=W[::-1]), PLAIN),
+    "micrometres.csv": (lines("t [s],v [µm],w [m]", v=1e6 * V), BY_NAME),
+    "comma_in_a_name.csv": (lines('t,"v, upper",w'), (*measures("v, upper", "w"), *UNITS)),
+    "notes.csv": (table("t,v,w,note", TIME, V, W, ['"well, fine"'] * 1000), PLAIN),
+    "units.parquet": (only(parquet, {"t [s]": TIME, "v [m]": V, "w (m)": W}), BY_NAME),
+    "dates.parquet": (of(parquet, t=STAMPS), METRES),
+    "durations.parquet": (of(parquet, t=pd.to_timedelta(TIME, "s")), METRES),
+    "texts.parquet": (of(parquet, t=TIME.astype(str)), PLAIN),
+    "dates.h5": (of(hdf5, t=STAMPS.astype("S").to_numpy()), METRES),
+    "rows_and_columns.h5": (of(hdf5, t=TIME[None], v=V[:, None]), PLAIN),
+    "german_dates.csv": (lines(t=dated("%d.%m.%Y %H:%M:%S.%f")), METRES),
+    "american_dates.csv": (table('"#","Date Time, GMT+01:00","vertical, m","horizontal, m"', ROWS,
+        dated("%m/%d/%y %I:%M:%S.%f %p"), V, W), ()),
+    "over_midnight.csv": (table("Date,Time,vertical [m],horizontal [m]", ["31.01.2026"] * 1000,
+        dated("%H:%M:%S.%f", STAMPS + pd.Timedelta("11:59:50")), V, W), ()),
     "decimal_commas_told.csv": (lines("t;v;w", ";", ","), PLAIN),
     "decimal_commas_and_blanks_told.txt": (lines("t v w", " ", ","), PLAIN),
     "sixteen.csv": (lines().encode("utf-16"), PLAIN),
     "windows_1252.csv": (lines("Zeit [s];Vertikalweg [µm];Querweg w [m]", ";", ",",
-                               (TIME, 1e6 * V, W)).encode("cp1252"), ()),
-    "chinese.csv": (lines("时间（s）,垂直位移（mm）,水平位移（m）", columns=(TIME, 1e3 * V, W)),
-                    ()),
+        v=1e6 * V).encode("cp1252"), ()),
+    "chinese.csv": (lines("时间（s）,垂直位移（mm）,水平位移（m）", v=1e3 * V), ()),
     "gb18030.csv": (lines("时间(s),垂直位移(m),水平位移(m)").encode("gb18030"), ()),
-    "whole_seconds.csv": (
-        lines("time,vertical [m],horizontal [m]",
-              columns=([s.time().isoformat() for s in STAMPS], V, W)), ()),
-    "plain_words.csv": (lines("time,vertical [m],horizontal [m]",
-                              columns=([s.isoformat() for s in STAMPS], V, W)), ()),
+    "whole_seconds.csv": (lines(NAMED, t=[s.time().isoformat() for s in STAMPS]), ()),
+    "plain_words.csv": (lines(NAMED, t=[s.isoformat() for s in STAMPS]), ()),
+    "matlab_dates.csv": (lines(NAMED, t=dated("%d-%b-%Y %H:%M:%S.%f")), ()),
     "sentences.csv": (
-        lines('"Time, s";"Vertical displacement, mm";"Lateral displacement (cm)";Temp [°C]', ";",
-              columns=(TIME, 1e3 * V, 1e2 * W, TIME)), ()),
-    "with_slashes.csv": (lines("t / s,v / mm,w/cm", columns=(TIME, 1e3 * V, 1e2 * W)), ()),
-    "with_underscores.csv": (lines("time_ms,vertical_mm,horizontal_m",
-                                   columns=(1e3 * TIME, 1e3 * V, W)), ()),
-    "below_a_preamble.csv": (
-        PREAMBLE + "Channel 1;top;left\n" + lines("Zeit;vert;horiz\ns;m;m", ";", ","), ()),
+        table('"Time, s";"Vertical displacement, mm";"Lateral displacement (cm)";Temp [°C]',
+              TIME, 1e3 * V, 1e2 * W, TIME, mark=";"), ()),
+    "with_slashes.csv": (lines("t / s,v / mm,w/cm", v=1e3 * V, w=1e2 * W), ()),
+    "with_underscores.csv": (lines("time_ms,vertical_mm,horizontal_m", t=1e3 * TIME, v=1e3 * V),
+        ()),
+    "below_a_preamble.csv": (PREAMBLE + "Channel 1;top;left\n" + lines("Zeit;vert;horiz\ns;m;m",
+        ";", ","), ()),
     "separator_said.csv": ("sep=;\n" + lines("t [s];vertical [m];horizontal [m]", ";"), ()),
-    "column_twice.csv": (lines("t [s],vertical [m],vertical [m],horizontal [m]",
-                               columns=(TIME, V, V, W)), ()),
-    "sheet.xlsx": (lambda path: sheet(path, {"t [s]": TIME, "vertical [mm]": 1e3 * V,
-                                             "horizontal [m]": W}), ()),
-    "dates.xlsx": (lambda path: sheet(path, {"Time": STAMPS, "q_v (m)": V, "q_w (m)": W}), ()),
-    "commas.xlsx": (
-        lambda path: sheet(path, {"t [s]": TIME, "q_w [m]": W,
-                                  "q_v [m]": [f"{v:.6f}".replace(".", ",") for v in V]}),
+    "column_twice.csv": (table("t [s],vertical [m],vertical [m],horizontal [m]", TIME, V, V, W),
+        ()),
+    "sheet.xlsx": (only(sheet, {"t [s]": TIME, "vertical [mm]": 1e3 * V, "horizontal [m]": W}), ()),
+    "dates.xlsx": (only(sheet, {"Time": STAMPS, "q_v (m)": V, "q_w (m)": W}), ()),
+    "commas.xlsx": (only(sheet, {"t [s]": TIME, "q_w [m]": W, "q_v [m]": commas(V)}),
         (*BY_NAME[:2], "--decimal", ",")),
     "units_of_velocity.csv": (lines("t [s],v [m],w [m]"), ("--states", "q_v,q_w,dq_v,dq_w")),
-    "classic.nc": (lambda path: netcdf(path, t=TIME, v=V, w=W), PLAIN),
     "packed.nc": (packed_netcdf, PLAIN),
     "packed.h5": (packed_hdf5, PLAIN),
-    "plain.mat": (lambda path: savemat(path, {"t": TIME, "v": V, "w": W}), PLAIN),
-    "units.h5": (lambda path: hdf5(path, units=("s", "mm", "m"), t=TIME, v=1e3 * V, w=W), BY_NAME),
-    "matlab_dates.csv": (
-        lines("time,vertical [m],horizontal [m]",
-              columns=([f"{s:%d-%b-%Y %H:%M:%S.%f}" for s in STAMPS], V, W)), ()),
-    "times_of_a_day.parquet": (
-        lambda path: parquet(path, time=[s.time() for s in STAMPS], **{"q_v [m]": V, "q_w [m]": W}),
-        ()),
-    "no_unit_at_all.h5": (
-        lambda path: hdf5(path, units=(np.array([]),) * 3, t=TIME, v=V, w=W), PLAIN),
-    "zones.csv": (lines(columns=([f"{s}+01:00" for s in STAMPS], V, W)), (*BY_NAME, "--unit", "m")),
+    "units.h5": (of(hdf5, units=("s", "mm", "m"), v=1e3 * V), BY_NAME),
+    "times_of_a_day.parquet": (only(parquet,
+        {"time": [s.time() for s in STAMPS], "q_v [m]": V, "q_w [m]": W}), ()),
+    "no_unit_at_all.h5": (of(hdf5, units=(np.array([]),) * 3), PLAIN),
+    "zones.csv": (lines(t=[f"{s}+01:00" for s in STAMPS]), METRES),
     "metres.csv": (lines("t [s],v [m],w [m]"), (*BY_NAME, "--unit", "v=metre")),
-    "counts.csv": (lines("t [s],v [counts],w [m]", columns=(TIME, 1e3 * V, W)),
-                   (*BY_NAME, "--unit", "v=mm")),
-    "matrix_beside.mat": (
-        lambda path: savemat(path, {"t": TIME, "v": V, "w": W, "picture": np.zeros((9, 9))}),
-        PLAIN,
-    ),
+    "counts.csv": (lines("t [s],v [counts],w [m]", v=1e3 * V), (*BY_NAME, "--unit", "v=mm")),
+    "matrix_beside.mat": (of(mat, picture=np.zeros((9, 9))), PLAIN),
 }  # fmt: skip
 
 # name of the file: content, options, what the refusal says
 REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
-    "commas_of_thousands.csv": (
-        lines("t [s];v [m];w [m]", ";", columns=(TIME, [f"{1.5 + v:.3f}".replace(".", ",")
-                                                        for v in V], W)), BY_NAME,
+    "commas_of_thousands.csv": (lines("t [s];v [m];w [m]", ";", v=commas(1.5 + V, 3)), BY_NAME,
         ("row 2, column 'v': '1,500'", "say --decimal ,")),
-    "day_or_month.csv": (
-        lines("time,v,w", columns=([f"0{1 + k // 500}/05/2026 12:00:{k / 100 % 10:09.6f}"
-                                    for k in range(1000)], V, W)), (*BY_NAME, "--unit", "m"),
+    "day_or_month.csv": (lines("time,v,w",
+        t=[f"0{1 + k // 500}/05/2026 12:00:{k / 100 % 10:09.6f}" for k in range(1000)]), METRES,
         ("row 2, column 'time'", "may be day or month first")),
-    "dates_in_words.csv": (lines(columns=(["noon"] * 1000, V, W)), (*BY_NAME, "--unit", "m"),
+    "dates_in_words.csv": (lines(t=["noon"] * 1000), METRES,
         ("row 2, column 't': 'noon' is neither a number nor a time",)),
     "states_only.csv": (lines("t,q_v,q_w"), ("--states", "q_v,q_w,x", *UNITS),
         ("no column 'x'", "--measure STATE=COLUMN")),
-    "two_clocks.csv": (lines("cam time [s],v [m],acc time [s],a_w [m/s^2]",
-                             columns=(TIME, V, 1.25 * TIME, W)), (),
-        ("the times 'cam time' and 'acc time' run apart, over 39.96 and 49.95",)),
-    "no_dates.parquet": (
-        lambda path: parquet(path, **{"time": pd.to_datetime([None] * 1000), "q_v [m]": V}), (),
+    "two_clocks.csv": (table("cam time [s],v [m],acc time [s],a_w [m/s^2]", TIME, V, 1.25 * TIME,
+        W), (), ("the times 'cam time' and 'acc time' run apart, over 39.96 and 49.95",)),
+    "no_dates.parquet": (only(parquet, {"time": pd.to_datetime([None] * 1000), "q_v [m]": V}), (),
         ("column 'time' is empty",)),
-    "other_time.csv": (lines("when,v,w"), (*BY_NAME, "--unit", "m"), ("say --time 'when'",)),
-    "no_time.csv": (lines("v [m],w [m]", columns=(V, W)), (), ("no column of times", "--time")),
+    "other_time.csv": (lines("when,v,w"), METRES, ("say --time 'when'",)),
+    "no_time.csv": (table("v [m],w [m]", V, W), (), ("no column of times", "--time")),
     "channels.csv": (lines("t [s],ch1 [m],ch2 [m]"), (),
         ("what column 'ch1' measures is not plain", "--write-map", "--measure 'q_v=ch1'")),
-    "two_places.csv": (lines("t [s],left vertical [m],right vertical [m]", columns=(TIME, V, W)),
-        (), ("'left vertical' and 'right vertical' are each the vertical displacement",)),
+    "two_places.csv": (lines("t [s],left vertical [m],right vertical [m]"), (),
+        ("'left vertical' and 'right vertical' are each the vertical displacement",)),
     "winds.csv": (lines("t [s],vertical wind [m/s],horizontal wind [m/s]"), (),
         ("no column is plainly a vertical or horizontal",)),
-    "units_in_cells.csv": (
-        lines("t [s],vertical [m],horizontal [m]", columns=(TIME, [f"{v:.4f} m" for v in V], W)),
+    "units_in_cells.csv": (lines("t [s],vertical [m],horizontal [m]", v=[f"{v:.4f} m" for v in V]),
         (), ("row 2, column 'vertical': '0.0000 m' is not a number",)),
     "damaged.xlsx": (excel(), PLAIN, ("cannot be read: damaged, cut off, or no xlsx file",)),
     "sheet.csv": (excel(), PLAIN, ("an Excel sheet", "name the sheet .xlsx")),
@@ -287,15 +277,17 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("'q_v [m]' is not a name", "--measure")),
     "position.csv": (lines(), ("--states", "q_v", "--measure", "q_v=v@abc", *UNITS),
         ("position 'abc' is not a number",)),
+    "large.csv": (too_large, PLAIN, ("large.csv: ", "more than")),
+    "folder.csv": (Path.mkdir, PLAIN, ("folder.csv: ", "not a file")),
+    "absent.csv": (lambda path: None, PLAIN, ("absent.csv: ", "no such file")),
     "empty.csv": ("", PLAIN, ("the file is empty",)),
     "blank.csv": ("\n\n", PLAIN, ("no header",)),
     "no_rows.csv": ("t,v,w\n", PLAIN, ("no rows",)),
-    "huge.csv": (edited(57, "2.2,1e308,2"), PLAIN, ("1e+308 is no measurement",)),
+    "huge.csv": (edited("2.2,1e308,2"), PLAIN, ("1e+308 is no measurement",)),
     "clock.csv": (lines() + "0.0,77,1\n", PLAIN, ("a time that was there before",)),
-    "deep.csv": (lines("t,v,w,note", columns=(TIME, V, W, ["fine" * 20] * 1000)).encode()
+    "deep.csv": (table("t,v,w,note", TIME, V, W, ["fine" * 20] * 1000).encode()
                  + b"0,1,2,\x8d\x81\n", PLAIN, ("byte 0x8d is no text in UTF-8",)),
-    "short.mat": (lambda path: savemat(path, {"t": TIME, "v": V[:9], "w": W}), PLAIN,
-        ("column 'v' has 9 rows, the times 't' have 1000",)),
+    "short.mat": (of(mat, v=V[:9]), PLAIN, ("column 'v' has 9 rows, the times 't' have 1000",)),
     "pickle.csv": (pickle.dumps({"t": TIME}), PLAIN, ("pickle, which is never loaded",)),
     "unit_of_time.csv": (lines("t [s],v [s],w [m]"), BY_NAME, ("column 'v': unit 's' does not",)),
     "units_differ.csv": (lines("t [s],v [m],w [m]"), (*BY_NAME, "--unit", "v=mm"),
@@ -304,76 +296,70 @@ REFUSED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
         ("'t' is in s by the file and in ms by the mapping",)),
     "unit_unknown.csv": (lines("t [s],v [furlong/],w [m]"), BY_NAME, ("column 'v': unit",)),
     "no_unit.csv": (lines("t [s],v,w [m]"), BY_NAME, ("column 'v' has no unit", "--unit v=m")),
-    "no_units.csv": (lines("time,vertical,horizontal,wind speed", columns=(TIME, V, W, W)),
+    "no_units.csv": (table("time,vertical,horizontal,wind speed", TIME, V, W, W),
         ("--input", "U=wind speed"),
         ("columns 'time', 'vertical', 'horizontal', 'wind speed' have no unit",
          "add --unit time=s --unit vertical=m --unit horizontal=m --unit 'wind speed=m/s', or")),
     "capitals.csv": (lines("TIME [S],VERTICAL [M],HORIZONTAL [M]"), (),
         ("it has 'TIME' [S], 'VERTICAL' [M], 'HORIZONTAL' [M]",)),
-    "more_cells.csv": (edited(57, "2.2,1,2,3,4"), PLAIN, ("row 57 has 5 cells, the header 3",)),
-    "unclosed.csv": (edited(57, '2.2,"1,2'), PLAIN, ("row 57: a quotation mark is not closed",)),
+    "more_cells.csv": (edited("2.2,1,2,3,4"), PLAIN, ("row 57 has 5 cells, the header 3",)),
+    "unclosed.csv": (edited('2.2,"1,2'), PLAIN, ("row 57: a quotation mark is not closed",)),
     "footer.csv": (lines() + "END OF FILE\n", PLAIN, ("row 1002, column 't': 'END OF FILE'",)),
-    "thousands.csv": (edited(57, '2.2,"1,234.5",2'), PLAIN, ("row 57", "'1,234.5' is not")),
+    "thousands.csv": (edited('2.2,"1,234.5",2'), PLAIN, ("row 57", "'1,234.5' is not")),
     "headless.csv": (lines().partition("\n")[2], PLAIN, ("first row must name the columns",)),
     "one_column.csv": ("v\n" + "\n".join(f"{v:.6f}" for v in V), PLAIN, ("one column",)),
     "packed.csv.gz": (gzip.compress(lines().encode()), PLAIN, ("files .gz are not read",)),
     "packed.csv": (gzip.compress(lines().encode()), PLAIN, ("gzip archive; unpack it",)),
-    "named_wrongly.csv": (lambda path: parquet(path, t=TIME, v=V, w=W), PLAIN,
-        ("a Parquet file; name it .parquet",)),
+    "named_wrongly.csv": (of(parquet), PLAIN, ("a Parquet file; name it .parquet",)),
     "page.csv": ("<!DOCTYPE html><html>Please log in</html>", PLAIN, ("a web page",)),
-    "matrix.mat": (lambda path: savemat(path, {"data": np.column_stack([TIME, V, W])}), PLAIN,
+    "matrix.mat": (only(mat, {"data": np.column_stack([TIME, V, W])}), PLAIN,
         ("each must be a vector of its own", "data (1000 x 3)")),
-    "structure.mat": (lambda path: savemat(path, {"data": {"t": TIME, "v": V}}), PLAIN,
+    "structure.mat": (only(mat, {"data": {"t": TIME, "v": V}}), PLAIN,
         ("each must be a vector of its own",)),
     "two_names.csv": (lines("t,v,v"), PLAIN, ("two columns are named 'v'",)),
-    "infinite.csv": (edited(57, "2.2,inf,2"), PLAIN, ("row 57, column 'v': inf is no measure",)),
-    "matrix.h5": (lambda path: hdf5(path, data=np.column_stack([TIME, V, W])), PLAIN,
+    "infinite.csv": (edited("2.2,inf,2"), PLAIN, ("row 57, column 'v': inf is no measure",)),
+    "matrix.h5": (only(hdf5, {"data": np.column_stack([TIME, V, W])}), PLAIN,
         ("each must be a vector of its own", "data (1000 x 3)")),
     "text.parquet": (lines(), PLAIN, ("cannot be read", "no parquet file")),
-    "cut.h5": (lambda path: cut(path, hdf5), PLAIN, ("cannot be read",)),
-    "cut.parquet": (lambda path: cut(path, parquet), PLAIN, ("cannot be read",)),
-    "constant.csv": (lines(columns=(TIME, 0 * V, W)), PLAIN, ("'v' is 0 throughout",)),
-    "short.csv": (lines(columns=(TIME[:50], V[:50], W[:50])), PLAIN, ("50 rows are fewer than",)),
-    "equal.csv": (lines(columns=(TIME, V, V)), PLAIN,
-        ("columns 'v' and 'w' hold the same samples",)),
-    "coarse_clock.csv": (lines(columns=(np.floor(TIME), V, W)), PLAIN, ("a clock with a coarse",)),
+    "cut.h5": (half(hdf5), PLAIN, ("cannot be read",)),
+    "cut.parquet": (half(parquet), PLAIN, ("cannot be read",)),
+    "constant.csv": (lines(v=0 * V), PLAIN, ("'v' is 0 throughout",)),
+    "short.csv": (lines(t=TIME[:50], v=V[:50], w=W[:50]), PLAIN, ("50 rows are fewer than",)),
+    "equal.csv": (lines(w=V), PLAIN, ("columns 'v' and 'w' hold the same samples",)),
+    "coarse_clock.csv": (lines(t=np.floor(TIME)), PLAIN, ("a clock with a coarse",)),
 }  # fmt: skip
 
 # name of the file: content, options, what `inspect` says of it
 QUESTIONED: dict[str, tuple[Content, tuple[str, ...], tuple[str, ...]]] = {
-    "huge.csv": (lines(columns=(TIME, 3e11 * V, W)), PLAIN,
+    "huge.csv": (lines(v=3e11 * V), PLAIN,
         ("v, row 2: a range of 6e+11 m is no galloping", "is the unit right?")),
     "thousandths.csv": (lines("t [s],v [mm],w [mm]"), BY_NAME,
         ("v, row 2: a range of 0.002 m is no galloping",)),
-    "milliseconds.csv": (lines(columns=(1e3 * TIME, V, W)), PLAIN,
+    "milliseconds.csv": (lines(t=1e3 * TIME), PLAIN,
         ("0.0004", "is no frequency of a span", "is the unit of the time right?")),
-    "minutes.csv": (lines(columns=(TIME / 60, V, W)), PLAIN,
-        ("Hz is no frequency of a span",)),
-    "codes.csv": (lines(columns=(TIME, coded(-9999), W)), PLAIN,
+    "minutes.csv": (lines(t=TIME / 60), PLAIN, ("Hz is no frequency of a span",)),
+    "codes.csv": (lines(v=coded(-9999)), PLAIN,
         ("column 'v': 5 samples of -9999, a code for missing ones, were left out",)),
-    "fill.csv": (lines(columns=(TIME, coded(1e20), W)), PLAIN,
+    "fill.csv": (lines(v=coded(1e20)), PLAIN,
         ("column 'v': 5 samples of 1e+20, a code for missing ones, were left out",)),
     "preamble.csv": (PREAMBLE + lines(), PLAIN,
         ("rows before the data were left out: 3, from row 1 on",)),
-    "word.csv": (edited(57, "2.2,OVERFLOW,0"), PLAIN,
+    "word.csv": (edited("2.2,OVERFLOW,0"), PLAIN,
         ("column 'v': 1 cells of 'OVERFLOW' were left out, as missing samples",)),
-    "twice.csv": (lines("t [s],v [m],v [m],w [m]", columns=(TIME, V, V, W)), (),
+    "twice.csv": (table("t [s],v [m],v [m],w [m]", TIME, V, V, W), (),
         ("column 'v' is there twice, with the same samples",)),
     "gravity.csv": (lines("t [s],acc_v [g],w [m]"), (),
         ("'acc_v' is read as the vertical acceleration ddq_v", "-9.81 m/s^2 to 9.81 m/s^2")),
-    "not_used.csv": (lines("t [s],vertical [m],w [m],Temp [°C]", columns=(TIME, V, W, W)), (),
+    "not_used.csv": (table("t [s],vertical [m],w [m],Temp [°C]", TIME, V, W, W), (),
         ("columns that are not used: Temp",)),
-    "complex.mat": (lambda path: savemat(path, {"t": TIME, "v": V, "w": W, "z": 1j * V}), PLAIN,
+    "complex.mat": (of(mat, z=1j * V), PLAIN,
         ("no columns of numbers or text, left out: z (1 x 1000)",)),
-    "clipped.csv": (lines(columns=(TIME, np.clip(V, -0.3, 2), W)), PLAIN, ("clipped at -0.3",)),
-    "stuck.csv": (lines(columns=(TIME, np.where(TIME > 20.0, V[500], V), W)), PLAIN,
+    "clipped.csv": (lines(v=np.clip(V, -0.3, 2)), PLAIN, ("clipped at -0.3",)),
+    "stuck.csv": (lines(v=np.where(TIME > 20.0, V[500], V)), PLAIN,
         ("column 'v': 499 samples of a sensor that was stuck, from row 503 on, were left out",)),
-    "moved.csv": (lines(columns=(TIME, V + 0.5 * (TIME > 20.0), W)), PLAIN,
-        ("v, row 503: jumps by 0.4",)),
-    "ice_falls.csv": (lines(columns=(TIME, FALLEN, W)), PLAIN,
-        ("shifts its mean by 0.399 m",)),
-    "coarse.csv": (lines(columns=(TIME, np.round(V, 1), W)), PLAIN,
-        ("v, row 2: only 21 different values",)),
+    "moved.csv": (lines(v=V + 0.5 * (TIME > 20.0)), PLAIN, ("v, row 503: jumps by 0.4",)),
+    "ice_falls.csv": (lines(v=FALLEN), PLAIN, ("shifts its mean by 0.399 m",)),
+    "coarse.csv": (lines(v=np.round(V, 1)), PLAIN, ("v, row 2: only 21 different values",)),
 }  # fmt: skip
 
 

@@ -33,9 +33,6 @@ def short_truth(line, on=None):
     return Truth(line.on_library(on or line.terms), time, states, (10, 20))
 
 
-# --- motion ---
-
-
 @pytest.mark.parametrize("frequency", [0.2137, 0.4204, 1.0, 7.77])
 def test_frequency_of_a_sinusoid(frequency):
     time = np.arange(10001) / 100
@@ -61,40 +58,38 @@ def test_r_squared_is_the_coefficient_of_determination():
     ]  # fmt: skip
 
 
-# --- coefficients ---
-
 TRUE = PolynomialModel(
     ("a", "b"), library(2, 3), np.array([[0, 0, 1.0] + [0] * 7, [0, 2, 0, 0, 4, 0, 0, 0, 0, -5]])
 )
 
 
-def found(**changes):
+def found(changes):
+    """The coefficients of TRUE with others at places (row, column)."""
     values = TRUE.coefficients.copy()
     for place, value in changes.items():
-        row, column = map(int, place.removeprefix("at_").split("_"))
-        values[row, column] = value
+        values[place] = value
     return values
 
 
 def test_errors_by_order_and_in_the_norm():
-    values = found(at_1_1=2.2, at_1_4=3.0, at_1_9=0.0)
+    values = found({(1, 1): 2.2, (1, 4): 3.0, (1, 9): 0.0})
     assert scores.mean_error_by_order(TRUE, values, (1,)) == pytest.approx(
         {"linear": 0.1, "quadratic": 0.25, "cubic": 1.0}
     )
     assert scores.mean_error_by_order(TRUE, values, (0, 1))["linear"] == pytest.approx(0.05)
     assert scores.mean_error_by_order(TRUE, values, (0,)) == {"linear": 0.0}
-    assert scores.relative_norm_error(TRUE, found(at_0_0=3.0)) == pytest.approx(3 / np.sqrt(46))
+    assert scores.relative_norm_error(TRUE, found({(0, 0): 3.0})) == pytest.approx(3 / np.sqrt(46))
 
 
 def test_support_scores():
-    assert scores.support_scores(TRUE, found(at_1_9=0.0, at_0_0=1e-9, at_0_5=7.0)) == {
+    assert scores.support_scores(TRUE, found({(1, 9): 0.0, (0, 0): 1e-9, (0, 5): 7.0})) == {
         "missing": 1, "spurious": 2, "true_positive_ratio": 3 / 6,
     }  # fmt: skip
 
 
 def test_efficiency_is_the_error_over_the_bound_where_there_is_one():
     bound = np.full((2, 10), 0.5)
-    values = found(at_1_1=2.5, at_1_4=3.0, at_1_9=-5.0)
+    values = found({(1, 1): 2.5, (1, 4): 3.0, (1, 9): -5.0})
     assert scores.efficiency(TRUE, values, bound, (1,)) == pytest.approx(np.sqrt((1 + 4 + 0) / 3))
     assert scores.efficiency(TRUE, np.full((2, 10), np.nan), bound, (1,)) == INF
     for undefined in (INF, np.nan):
@@ -106,13 +101,11 @@ def test_efficiency_is_the_error_over_the_bound_where_there_is_one():
 def test_coverage_counts_the_intervals_that_hold():
     errors = np.full((2, 10), np.nan)
     errors[1, [1, 4]] = 0.1
-    values = found(at_1_1=2.19, at_1_4=4.2, at_1_9=0.0)
+    values = found({(1, 1): 2.19, (1, 4): 4.2, (1, 9): 0.0})
     # held; off by two standard deviations; missed
     held = scores.coverage(TRUE, values, errors, (1,))
     assert held == {"intervals": 3.0, "intervals_holding": 1.0}
 
-
-# --- scores of a replicate ---
 
 NO_BOUND = np.full((4, 35), np.nan)
 

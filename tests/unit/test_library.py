@@ -217,6 +217,32 @@ fits(recording(), TERMS, None, ("dq",)) | known_states: dq; needs `known`, their
 fits(recording(), TERMS, LINE, LINE.states) | the equations of q, dq are all known; {NONE_LEFT}
 fits(recording(), TERMS, {}) | known: a dict; must be a PolynomialModel or None
 likely(recording(), TERMS, prior=0.1) | prior: a float; must be a Prior or None
+likely(recording(), TERMS, forced=("x",)) | random force: 'x'; must be among q, dq
+likely(recording(), TERMS, forced=("dx",)) | random force: 'dx'; must be among q, dq
+likely(recording(), TERMS, coefficients=[known("q")]) | coefficients: 'q'; {UNKNOWN}
+likely(recording(), TERMS, coefficients=[known("dq", (0, 2))]) | coefficients: dq^2: {ABSENT}
+likely([DRIVEN, recording()], GUSTY.terms) | recordings: item 1 lacks the input U of the first
+known("dq", (1, 0), -1) | coefficient: deviation: -1; must be a finite number >= 0
+galloping.Prior(term=0.0) | prior: term: 0.0; {ODDS}
+galloping.Prior(constant=-1.0) | prior: constant: -1.0; {ODDS}
+galloping.Prior(nonlinear=1.5) | prior: nonlinear: 1.5; {ODDS}
+galloping.Prior(nonlinear="small") | prior: nonlinear: 'small'; {ODDS}
+galloping.Input([0, 1], [1, math.nan]) | input: values: fewer than two are there
+galloping.Input([0, 0], [1, 2]) | input: {BAD_TIME}
+galloping.Input([0, 1], [1, math.inf]) | input: values: inf; must be finite
+galloping.Input([0, 1], [1, 2], "smooth") | input: between: 'smooth'; must be zero, linear, cubic
+galloping.Input([0, 1], [1, 2], "zero", 1.0) | input: error: 1.0; must be a number in [0, 1)
+Recording.from_frame({"t": [0, 1]}, inputs=["V"]) | recording: inputs: no column 'V'; there is ['t']
+recording(inputs={"q": U}) | recording: inputs: 'q'; must be a name of no state
+GUSTY.at({"V": 1.0}) | V: no input; the model has the inputs U
+GUSTY.at({"U": 0.0}) | U: 0; dq^3/U is not finite there
+galloping.simulate(GUSTY, [0.1, 0.0], TIME) | inputs: U: not there; the model is driven by it
+galloping.simulate(GUSTY, [0.1, 0.0], TIME + 1.0, {"U": U}) | inputs: U: not there at 10 s
+galloping.PolynomialModel(("a",), ((1,), (2,)), [[0]]) | coefficients: shape (1, 1), expected (1, 2)
+LINE.on_library(((1, 0),)) | term dq is not in the library
+galloping.IdentifiedModel(LINE, "sure") | status: 'sure' must be one of ok, {STATUSES}
+NONE.simulate([0.0, 0.0], [0.0, 1.0]) | there is no model to simulate: no luck
+galloping.forecast(NONE, recording()) | there is no model to forecast with: no luck
 galloping.polynomial_library(2, -1) | degree: -1; must be a whole number >= 0
 galloping.simulate(LINE, [0, 0, 0], TIME) | initial_state: 3 numbers for the 2 states q, dq
 galloping.simulate(LINE, [0], TIME) | initial_state: {ONE}
@@ -236,6 +262,8 @@ galloping.forecast(FOUND, recording(), [9.95, 10]) | time: begins at 9.95 s; {EN
 galloping.simulate("line", [0, 1], TIME) | model: a str; {MODEL}
 galloping.measure("line", MOTION) | model: a str; {MODEL}
 galloping.cramer_rao_bound("line", [0, 1], TIME, [1, 1]) | model: a str; {MODEL}
+galloping.cramer_rao_bound(power(2), [1], [0, 2], [1]) | the solution of the model diverges, {OR}
+galloping.cramer_rao_bound(power(1), [0], [0, 200, 400], [1]) | the motion depends {ON_ITS_START}
 galloping.cramer_rao_bound(LINE, [0, 1], TIME, [1, 0]) | sigma: [1.0, 0.0]; each must be > 0
 galloping.measure(LINE, VALUES) | motion: a ndarray; must be what `simulate` returns
 galloping.measure(LINE, ENDED) | motion: diverged: far away; there is nothing to measure
@@ -248,6 +276,10 @@ ENDINGS = {
     "BAD_TIME": "time: must be finite, strictly increasing, two samples or more",
     "INFINITE": "inf in row 3 of q; must be finite, or NaN where missing",
     "TRUTHS": "must be a truth value a state",
+    "UNKNOWN": "must be an unknown equation: dq",
+    "ABSENT": "not in the library",
+    "ODDS": "must be a number in (0, 1]",
+    "STATUSES": "not identifiable, approximate, refused, unjudged",
     "NONE_LEFT": "none is left to find",
     "SHAPE": "must have shape (200, 2)",
     "WANTED": "must be a Recording, or a list of recordings of one system",
@@ -258,6 +290,8 @@ ENDINGS = {
     "IDENTIFIED": "must be an IdentifiedModel, such as `maximum_likelihood` returns",
     "METHODS": "must be one of maximum_likelihood, weak_gls",
     "ENDS": "the recording ends at 9.95 s",
+    "OR": "or its time scale is too short",
+    "ON_ITS_START": "on where it starts by more than numbers hold",
     "MODEL": "must be a PolynomialModel, such as `derive` returns",
     "PROTOCOLS": "must be one of derivative, state, displacement, acceleration",
     "ABSOLUTE": "5 % is 0.05, and an absolute level goes with relative=False",
@@ -265,12 +299,26 @@ ENDINGS = {
 NOT_A_TIME = np.datetime64("NaT")
 SHORT = Recording(TIME[:10], ("q", "dq"), VALUES[:10])
 OTHER = recording(states=("a", "b"))
+NONE = galloping.IdentifiedModel.refused(LINE.states, TERMS, "no luck")
+U = galloping.Input(TIME, np.cos(TIME))
+DRIVEN = recording(inputs={"U": U})
+GUSTY = galloping.PolynomialModel(
+    LINE.states, ((1, 0, 0), (0, 1, 0), (0, 3, -1)), [[0, 1, 0], [-4, 0.1, -0.9]], ("U",)
+)
 ROWS = [row.split(" | ") for row in REFUSED.strip().splitlines()]
 ROWS += [[c.replace("fits", "likely"), answer] for c, answer in ROWS if c.startswith("fits")]
 
 
 def framed(**columns):
     return Recording.from_frame(columns)
+
+
+def power(degree):
+    return galloping.PolynomialModel(("x",), ((degree,),), [[1.0]])
+
+
+def known(equation, term=(0, 1), deviation=0.0):
+    return galloping.Coefficient(equation, term, 1.0, deviation)
 
 
 @pytest.mark.parametrize(("call", "answer"), ROWS)

@@ -28,9 +28,6 @@ NOISY = np.column_stack([np.sin(3 * TIME), np.cos(2 * TIME)])
 NOISY += np.random.default_rng(11).normal(0, 0.1, NOISY.shape)
 
 
-# --- the filters are pysindy's ---
-
-
 @pytest.mark.parametrize(("window", "order"), [(31, 3), (51, 5)])
 def test_smoothing_is_that_of_pysindy(window, order):
     half, rows = window // 2, np.arange(60, 340)
@@ -66,9 +63,6 @@ def test_test_functions_are_those_of_pysindy(half, order):
     weak.fit([NOISY])
     assert states == pytest.approx(np.asarray(weak.transform([NOISY])[0])[same], abs=1e-12)
     assert slopes == pytest.approx(weak.convert_u_dot_integral(NOISY)[same], abs=1e-12)
-
-
-# --- held-out errors ---
 
 
 def problem(blocks=10, noise=0.3):
@@ -122,9 +116,6 @@ def test_the_sparsest_within_one_standard_error_is_chosen(spread, chosen):
     assert Judged(supports, errors).chosen().tolist() == [chosen]
 
 
-# --- a noisy line ---
-
-
 def error(true, coefficients):
     present = true.support & np.isin(np.arange(len(true.states)), list(EQUATIONS))[:, None]
     right = true.coefficients[present]
@@ -141,9 +132,6 @@ def test_tuned_smoothing_is_better_than_a_spline_and_worse_than_the_oracle(reson
     assert error(true, tuned) < 0.6 * error(true, plain)
     models = alternatives(evidence, partial(stlsq.models_along, threshold_path(30)))
     assert error(true, oracles(true, models)[0]) < error(true, tuned)
-
-
-# --- the oracle, its table and its warning ---
 
 
 def test_an_oracle_knows_the_truth():

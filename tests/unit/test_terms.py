@@ -131,9 +131,6 @@ def test_a_coefficient_is_known_or_has_a_prior():
             parse_known(wrong, ("y", "dy"), ("u",))
 
 
-# --- models on candidate libraries ---
-
-
 @pytest.mark.parametrize("n_states", [1, 2, 4])
 @pytest.mark.parametrize("degree", [1, 2, 3, 5])
 def test_library_is_that_of_pysindy(n_states, degree):
@@ -153,8 +150,3 @@ def test_model_on_another_library():
     assert model.support.sum() == 3
     with pytest.raises(ValueError, match=r"term b\^3 is not in the library"):
         model.on_library(library(2, 2))
-
-
-def test_shape_of_coefficients_is_checked():
-    with pytest.raises(ValueError, match=r"coefficients: shape \(1, 1\), expected \(1, 2\)"):
-        PolynomialModel(("a",), ((1,), (2,)), np.zeros((1, 1)))

@@ -12,26 +12,21 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from field_files import COMMAND, MAP, SPAN, run
-from odd_files import QUESTIONED, READ, REFUSED, TIME, UNITS, V, W, lines, written
+from odd_files import QUESTIONED, READ, REFUSED, TIME, UNITS, V, W, lines, table, written
 
 from galloping import IdentifiedModel, PolynomialModel
 from galloping.cli import main
 from galloping.field import OUTPUTS, analysis
-from galloping.polynomial import library
 
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     """The model of the motion of the odd files."""
     path = tmp_path_factory.mktemp("model") / "model.json"
-    states, terms = ("q_v", "dq_v"), library(2, 3)
-    coefficients = np.zeros((2, len(terms)))
-    coefficients[0, terms.index((0, 1))] = 1.0
-    coefficients[1, terms.index((1, 0))] = -6.76
+    line = PolynomialModel(("q_v", "dq_v"), ((0, 1), (1, 0)), [[1.0, 0.0], [0.0, -6.76]])
     IdentifiedModel(
-        PolynomialModel(states, terms, coefficients), "unjudged", known=(0,),
-        standard_errors=np.where(coefficients == 0, np.nan, 0.001) * [[np.nan], [1]],
-        initial_states=np.array([[0.0, 2.6]]), sigma=np.array([[0.01, np.nan]]),
+        line, "unjudged", known=(0,), standard_errors=[[np.nan] * 2, [np.nan, 0.001]],
+        initial_states=[[0.0, 2.6]], sigma=[[0.01, np.nan]],
     ).save(path)  # fmt: skip
     return path
 
@@ -39,16 +34,20 @@ def model(tmp_path_factory):
 def recorded(path):
     """A file of the vertical motion with a little noise, and the options that read it."""
     noisy = V + 0.01 * np.random.default_rng(1).standard_normal(len(V))
-    path.write_text(lines(columns=(TIME, noisy, W)))
+    path.write_text(lines(v=noisy))
     return path, "--states", "q_v,dq_v", "--measure", "q_v=v", *UNITS
+
+
+def inspected(tmp_path, name, content, options):
+    """The arguments that inspect an odd file."""
+    if name.endswith(".xlsx"):
+        pytest.importorskip("openpyxl")
+    return "inspect", written(tmp_path / name, content), *options
 
 
 @pytest.mark.parametrize("name", READ)
 def test_what_can_be_read_is_read_right(tmp_path, name):
-    content, options = READ[name]
-    if name.endswith(".xlsx"):
-        pytest.importorskip("openpyxl")
-    report = json.loads(run("inspect", written(tmp_path / name, content), *options, "--json"))
+    report = json.loads(run(*inspected(tmp_path, name, *READ[name]), "--json"))
     assert report["sampling"]["samples"] == 1000
     assert report["sampling"]["rate_hz"] == pytest.approx(25)
     for values, channel in zip((V, W), report["channels"].values(), strict=True):
@@ -59,24 +58,21 @@ def test_what_can_be_read_is_read_right(tmp_path, name):
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_cannot_be_read_is_refused_with_its_cause(tmp_path, name):
-    content, options, said = REFUSED[name]
-    if name.endswith(".xlsx"):
-        pytest.importorskip("openpyxl")
-    printed = run("inspect", written(tmp_path / name, content), *options, code=1)
+    *odd, said = REFUSED[name]
+    printed = run(*inspected(tmp_path, name, *odd), code=1)
     assert len([line for line in printed.splitlines() if " is read as " not in line]) == 1
     assert [part for part in said if part not in printed] == [], printed
 
 
 @pytest.mark.parametrize("name", QUESTIONED)
 def test_what_is_unlikely_is_questioned(tmp_path, name):
-    content, options, said = QUESTIONED[name]
-    arguments = ["inspect", str(written(tmp_path / name, content)), *options]
-    printed = CliRunner().invoke(main, arguments).output
+    *odd, said = QUESTIONED[name]
+    printed = CliRunner().invoke(main, list(map(str, inspected(tmp_path, name, *odd)))).output
     assert [part for part in said if part not in printed] == [], printed
 
 
 def test_a_mapping_is_proposed_to_be_checked_and_then_used(tmp_path):
-    path = written(tmp_path / "a.csv", lines("t [s],z,y,x [m]", columns=(TIME, V, W, W)))
+    path = written(tmp_path / "a.csv", table("t [s],z,y,x [m]", TIME, V, W, W))
     map_file = tmp_path / "map.yaml"
     said = CliRunner().invoke(main, ["inspect", str(path), "--write-map", str(map_file)])
     assert said.exit_code == 0
@@ -163,17 +159,6 @@ def test_ctrl_c_ends_an_identification_in_one_line(tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.slow
-def test_a_gap_of_half_a_minute_costs_nothing_but_its_rows(tmp_path):
-    header, *rows = SPAN.read_text(encoding="utf-8").splitlines()
-    kept = [row for row in rows if not 100 <= float(row.partition(",")[0]) < 135]
-    gap = written(tmp_path / "gap.csv", "\n".join([header, *kept]) + "\n")
-    run("identify", gap, *MAP, "--output", tmp_path / "out")
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(OUTPUTS)
-    summary = (tmp_path / "out" / "summary.md").read_text(encoding="utf-8")
-    assert "a limit cycle: ±1.1" in summary
-
-
 def test_a_forecast_from_too_few_samples_is_refused(tmp_path, model):
     command = ("forecast", model, *recorded(tmp_path / "a.csv"), "--duration", 1)
     assert len(run(*command).splitlines()) == 26
@@ -199,39 +184,33 @@ def test_json_is_json(model, tmp_path):
     rows = json.loads(run("show", model, "--json"), parse_constant=refuse)
     assert rows[0]["standard_error"] is None and rows[1]["standard_error"] == 0.001
     found = IdentifiedModel.load(model)
-    growing = found.model.coefficients.copy()
-    growing[1, found.model.terms.index((0, 1))] = 1.0
-    replace(found, model=replace(found.model, coefficients=growing)).save(tmp_path / "model.json")
-    ends = CliRunner().invoke(
-        main, ["simulate", str(tmp_path / "model.json"), "--initial", "1,9", "--json"]
-    )
+    growing = replace(found.model, coefficients=[[1.0, 0.0], [1.0, -6.76]])
+    path = str(tmp_path / "model.json")
+    replace(found, model=growing).save(path)
+    ends = CliRunner().invoke(main, ["simulate", path, "--initial", "1,9", "--json"])
     assert ends.exit_code == 1 and "diverged" in ends.stderr
     assert len(json.loads(ends.stdout, parse_constant=refuse)) < 7501
     assert "exclude each other" in run("show", model, "--json", "--latex", code=2)
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (None, "No such file"),
-        (b"", "not an identified model"),
-        (b"[]", "must be a mapping of keys"),
-        (b'{"states": ["x"]}', "no key 'terms'"),
-        (b"\xff", "not an identified model"),
-    ],
-)
-def test_a_file_that_is_no_model_is_named(tmp_path, content, said):
+NO_MODEL = [  # what is in the file, and what the one line says
+    (lambda _: b"", "not an identified model"),
+    (lambda _: b"[]", "must be a mapping of keys"),
+    (lambda _: b'{"states": ["x"]}', "no key 'terms'"),
+    (lambda _: b"\xff", "not an identified model"),
+    (lambda model: model.replace(b"-6.76", b"NaN"), "not all are finite"),
+    (lambda model: model.replace(b"-6.76", b'"nan"'), "not all are finite"),
+    (lambda model: model.replace(b"-6.76", b'"inf"'), "not all are finite"),
+]
+
+
+@pytest.mark.parametrize(("content", "said"), NO_MODEL)
+def test_a_file_that_is_no_model_is_named(tmp_path, model, content, said):
     path = tmp_path / "model.json"
-    if content is not None:
-        path.write_bytes(content)
+    assert f"{path}: No such file" in run("show", path, code=1)
+    path.write_bytes(content(model.read_bytes()))
     printed = run("show", path, code=1)
     assert f"{path}: " in printed and said in printed and printed.count("\n") == 1
-
-
-@pytest.mark.parametrize("number", ["NaN", '"nan"', '"inf"'])
-def test_a_model_with_a_number_that_is_none_is_refused(tmp_path, model, number):
-    path = written(tmp_path / "model.json", model.read_text().replace("-6.76", number))
-    assert "not all are finite" in run("show", path, code=1)
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy.signal import StateSpace, lfilter, lsim
 
-from galloping.field.file_table import LARGEST, FileError
+from galloping.field.file_table import FileError
 from galloping.field.mapping import MappingError, channel_of, validated
 from galloping.field.quality import QUIET, quality
 from galloping.field.read import read_series
@@ -83,17 +83,6 @@ def test_what_is_safe_is_mended_and_said(tmp_path):
     assert np.isnan(series.values[100:105, 0]).all()
     assert series.notes[0].endswith("sorted")
     assert "repeated rows were dropped" in series.notes[1]
-
-
-def test_what_holds_too_much_or_nothing_is_refused_in_one_line(tmp_path):
-    with (tmp_path / "large.csv").open("wb") as file:
-        file.truncate(LARGEST + 1)
-    (tmp_path / "folder.csv").mkdir()
-    for name, message in {
-        "large": "more than", "folder": "not a file", "absent": "no such file",
-    }.items():  # fmt: skip
-        with pytest.raises(FileError, match=rf"{name}\.csv.*{message}[^\n]*$"):
-            read_series(tmp_path / f"{name}.csv", validated(MAPPING))
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pint
 import pytest
+from ambient import stepped
 from field_files import run
 from scipy.ndimage import gaussian_filter1d
 
@@ -71,14 +72,6 @@ def test_units_and_names_of_inputs_are_read(tmp_path):
     }  # fmt: skip
 
 
-def test_a_column_that_is_not_used_is_named(tmp_path):
-    path = written(tmp_path / "a.csv", wind=WIND, note=["fine"] * len(TIME))
-    inspect = ("inspect", path, "--states", "y,dy", "--measure", "y=y")
-    assert "columns that are not used: wind, note" in run(*inspect)
-    printed = run(*inspect, "--input", "wind", "--unit", "wind=m/s")
-    assert "columns that are not used: note" in printed and "wind is an input" in printed
-
-
 @pytest.mark.parametrize("between", ["zero", "linear", "cubic"])
 def test_where_an_input_is_not_known_the_motion_is_left_out(tmp_path, between):
     wind = WIND.copy()
@@ -87,6 +80,13 @@ def test_where_an_input_is_not_known_the_motion_is_left_out(tmp_path, between):
     field = read_field([path], mapping({"column": "U", "between": between}))
     assert [len(each.time) for each in field.recordings] == [300, 600]
     assert "input U is not known for 4.0 s, 10 % of the samples: left out" in str(field.reports)
+
+
+def test_where_an_input_is_known_nowhere_there_is_nothing_to_read(tmp_path):
+    path = written(tmp_path / "a.csv", **{"U [m/s]": np.where(TIME < 3.0, WIND, np.nan)})
+    (tmp_path / "map.yaml").write_text(json.dumps(content("U")), encoding="utf-8")
+    printed = run("inspect", path, "--map", tmp_path / "map.yaml", code=1)
+    assert "inputs: U: nowhere are all known for 3 periods" in printed and printed.count("\n") == 1
 
 
 def test_how_often_a_slower_instrument_samples_is_told_beside_a_gap(tmp_path):
@@ -111,12 +111,13 @@ def test_rows_between_the_samples_of_a_slower_instrument_are_no_gaps(tmp_path, r
 
 
 def test_an_anemometer_that_lags_is_put_right(tmp_path):
-    path = written(tmp_path / "a.csv", **{"U [m/s]": WIND})
+    path = written(tmp_path / "a.csv", **{"U [m/s]": WIND}, note=["fine"] * len(TIME))
     (recording,) = read_field([path], mapping({"column": "U", "delay": 2.0})).recordings
     assert recording.inputs["U"](3.0) == pytest.approx(WIND[125])
     assert recording.time[-1] == pytest.approx(TIME[-1] - 2.0)
     told = run("inspect", path, "--states", "y", "--input", "U", "--delay", "U=2")
-    assert "input U is not known for 2.0 s" in told
+    assert "input U is not known for 2.0 s" in told and "U is an input" in told
+    assert "columns that are not used: note" in told
     ((meaning, help_),) = plain_reasons("U is delayed against the motion by 1.3 s")
     assert meaning.startswith("U lags behind the motion by 1.3 s") and "--delay COLUMN=1.3" in help_
 
@@ -150,16 +151,6 @@ def test_inputs_that_cannot_be_used_get_one_line(tmp_path, options, samples, sai
     printed = run(*command, tmp_path / "out", *options, code=1)
     assert said in printed and printed.count("\n") == 1
     assert not (tmp_path / "out").exists()
-
-
-def test_an_input_that_ends_before_the_motion_is_said(tmp_path):
-    path = written(tmp_path / "a.csv", **{"U [m/s]": np.where(TIME < 30.0, WIND, np.nan)})
-    (tmp_path / "map.yaml").write_text(json.dumps(content("U")), encoding="utf-8")
-    printed = run("inspect", path, "--map", tmp_path / "map.yaml")
-    assert "input U is not known for 10.0 s" in printed
-    nowhere = written(tmp_path / "b.csv", **{"U [m/s]": np.where(TIME < 3.0, WIND, np.nan)})
-    printed = run("inspect", nowhere, "--map", tmp_path / "map.yaml", code=1)
-    assert "inputs: U: nowhere are all known for 3 periods" in printed and printed.count("\n") == 1
 
 
 def test_units_of_coefficients_have_those_of_inputs():
@@ -281,34 +272,13 @@ def test_beyond_its_end_an_input_is_what_it_was_last():
     np.testing.assert_allclose(extrapolated(one, np.array([-0.3, 10.01, 40.0])), [10, 20, 20])
 
 
-def test_parts_of_one_recording_qualify_their_model_and_two_recordings_refuse_it():
-    coefficients = np.array([[0.0, 1.0], [-6.8, 0.0]])
-    line = PolynomialModel(("y", "dy"), ((1, 0), (0, 1)), coefficients)
-
-    def missing(share: float) -> IdentifiedModel:
-        shares = {"error_share_all_y": share, "forecast_r2": 0.95}
-        return IdentifiedModel(line, "approximate", "gusts", diagnostics=shares)
-
-    values = np.column_stack([np.sin(2.6 * TIME), np.full(len(TIME), np.nan)])
-    whole = Recording(TIME, line.states, values)
-    parts, names = [whole[:480], whole[520:]], ["a from 0 s", "a from 21 s"]
-    for are_one, status in ((True, "approximate"), (False, "refused")):
-        said = objected(missing(0.2), parts, names, 2.4, lambda own: missing(0.01), are_one=are_one)
-        assert said.status == status
-        assert "do not share one model" in said.reason
-        assert "its forecasts miss 20.0% of y" in said.reason
-
-
 def test_what_an_input_drives_is_not_said_to_be_moved_by_random_forces():
     """The force is the square of the input, which the library lacks: its model comes to rest."""
-    rng, steps, x, v, motion = np.random.default_rng(1), 20, 0.0, 0.0, []
-    time, u = np.arange(3000) / 10.0, gaussian_filter1d(rng.standard_normal(3000), 5.0)
+    rng, time = np.random.default_rng(1), np.arange(3000) / 10.0
+    u = gaussian_filter1d(rng.standard_normal(3000), 5.0)
     u /= u.std()
-    for force in u**2 - 1.0:
-        motion.append(x)
-        for _ in range(steps):
-            v += 0.1 / steps * (-4.0 * x - 0.1 * v + force)
-            x += 0.1 / steps * v
+    forces = np.repeat(u[:, np.newaxis] ** 2 - 1.0, 20, axis=1)
+    motion, _ = stepped(lambda x, v, force: -4.0 * x - 0.1 * v + force, forces, 0.1 / 20)
     read = motion + 0.02 * np.std(motion) * rng.standard_normal(3000)
     values = np.column_stack([read, np.full(3000, np.nan)])
     recording = Recording(time, ("q", "dq"), values, inputs={"u": Input(time, u, "zero")})

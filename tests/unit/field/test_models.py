@@ -5,46 +5,28 @@ import subprocess
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
-from field_files import COMMAND, STATES
-from lines import RESONANT, simulate
+from field_files import COMMAND, STATES, read, write
+from lines import simulate
 
+from galloping import Recording, Simulator, maximum_likelihood
+from galloping import polynomial_library as library
 from galloping.field.advice import advice
-from galloping.field.analysis import read_field
-from galloping.field.mapping import validated
 from galloping.field.recordings import PERIODS, STRETCHES, excerpts
 from galloping.field.summary import hold_out, longest_period
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.preparation.smoothing import shortest_period
 from galloping.physics.galerkin import coefficients, model
-from galloping.polynomial import library
-from galloping.recording import Recording
-from galloping.simulation import Simulator
 from galloping.streams import generator
-from galloping.trials.real_lines import LAYOUTS, TRUTHS, combined, line_of, motion
 from galloping.trials.recorded_lines import draw
 
 TERMS = library(4, 3)
 
 
-def mapped(channels, **more):
-    time = {"column": "t", "unit": "s"}
-    return validated({"time": time, "states": STATES, "channels": channels} | more)
-
-
-def mapping(**noise):
-    return mapped(
-        [{"column": q, "measures": q, "unit": "m", "noise": noise.get(q)} for q in STATES[:2]]
-    )
-
-
 def recorded(path, time, states):
     """A file of noisy displacements."""
     q = states[:, :2]
-    q = q + 0.05 * q.std(axis=0) * np.random.default_rng(4).standard_normal(q.shape)
-    pd.DataFrame({"t": time, "q_v": q[:, 0], "q_w": q[:, 1]}).to_csv(path, index=False)
-    return path
+    noise = np.random.default_rng(4).standard_normal(q.shape)
+    return write(path, time, q + 0.05 * q.std(axis=0) * noise)
 
 
 def tried(field):
@@ -57,30 +39,7 @@ def tried(field):
 def field(tmp_path_factory):
     _, motion = simulate("internal_resonance")
     path = tmp_path_factory.mktemp("field") / "a.csv"
-    return read_field([recorded(path, motion.time[::20], motion.states[::20])], mapping())
-
-
-def test_a_span_gives_the_same_numbers_through_a_file_as_its_projected_sensors(tmp_path):
-    truth = TRUTHS["9 modes, displacement only"]
-    line, time = line_of(RESONANT, truth), np.arange(0.0, 120.0, 0.02)
-    clean = motion(RESONANT, line, truth, time)
-    noisy = clean + 0.05 * clean.std(axis=0) * np.random.default_rng(7).standard_normal(clean.shape)
-    states = combined(line, truth, noisy)
-    states[:, 2:] = np.nan
-    frame, channels = {"t": time}, []
-    for k, share in enumerate(LAYOUTS[truth.sensors]):
-        for j, q in enumerate(STATES[:2]):
-            frame[f"{q}_{k}"] = noisy[:, k, j]
-            about = {"measures": q, "unit": "m", "position": line.line.span * share}
-            channels.append({"column": f"{q}_{k}", **about})
-    pd.DataFrame(frame).to_csv(tmp_path / "a.csv", index=False)
-    field = read_field([tmp_path / "a.csv"], mapped(channels, span=line.line.span))
-    read, direct = (
-        maximum_likelihood(one, TERMS)
-        for one in (list(field.recordings), Recording(time, STATES, states))
-    )
-    assert read.verdict == direct.verdict
-    np.testing.assert_allclose(read.model.coefficients, direct.model.coefficients, rtol=1e-9)
+    return read(recorded(path, motion.time[::20], motion.states[::20]))
 
 
 def test_a_known_noise_replaces_the_estimate_and_a_wrong_one_is_named(tmp_path):
@@ -88,10 +47,13 @@ def test_a_known_noise_replaces_the_estimate_and_a_wrong_one_is_named(tmp_path):
     time, states = motion.time[::20], motion.states[::20]  # two samples in a window
     path = recorded(tmp_path / "a.csv", time, states)
     v, w = 0.05 * states[:, :2].std(axis=0)
-    free, known, wrong = (
-        maximum_likelihood(list(read_field([path], mapping(**noise)).recordings), TERMS)
-        for noise in ({}, {"q_v": f"{1e3 * v} mm", "q_w": w}, {"q_v": v / 5, "q_w": w / 5})
-    )
+
+    def told(*noises):
+        channels = [{"column": q, "measures": q, "noise": noise}
+                    for q, noise in zip(STATES[:2], noises, strict=True)]  # fmt: skip
+        return maximum_likelihood(list(read(path, channels=channels).recordings), TERMS)
+
+    free, known, wrong = told(None, None), told(f"{1e3 * v} mm", w), told(v / 5, w / 5)
     assert np.isnan(free.chi2) and known.chi2 == pytest.approx(1.0, abs=0.1)
     assert known.sigma[0, :2] == pytest.approx([v, w])
     assert wrong.status == "approximate" and "noise larger than it was said" in wrong.reason
@@ -136,7 +98,7 @@ def test_the_band_of_a_forecast_holds_what_is_held_out(tmp_path):
         time = np.arange(7501) / 25.0
         states = Simulator(STATES, TERMS)(line, start, time).states
         path = recorded(tmp_path / "a.csv", time, states)
-        held.append(tried(read_field([path], mapping())).held[:2])
+        held.append(tried(read(path)).held[:2])
     assert np.min(held) > 0.8 and 0.85 < np.mean(held) < 0.95
 
 
@@ -145,10 +107,9 @@ def test_accelerations_alone_are_forecast_with_the_displacements(tmp_path):
     time, states = motion.time[:30001:4], motion.states[:30001:4]
     rates = line(states)[:, 2:]
     noise = 0.05 * rates.std(axis=0) * np.random.default_rng(9).standard_normal(rates.shape)
-    measured = pd.DataFrame((rates + noise) / 9.80665 + 0.02, columns=["ddq_v", "ddq_w"])
-    measured.assign(t=time).to_csv(tmp_path / "a.csv", index=False)
-    channels = [{"column": ddq, "measures": ddq, "unit": "g_n"} for ddq in measured]
-    trial = tried(read_field([tmp_path / "a.csv"], mapped(channels)))
+    header, measured = "t [s],ddq_v,ddq_w", (rates + noise) / 9.80665 + 0.02
+    channels = [{"column": q, "measures": q, "unit": "g_n"} for q in ("ddq_v", "ddq_w")]
+    trial = tried(read(write(tmp_path / "a.csv", time, measured, header), channels=channels))
     ahead = trial.forecast
     assert ahead.names == (*STATES, "ddq_v", "ddq_w")
     assert np.isnan(trial.skill[:4]).all() and np.min(trial.skill[4:]) > 0.9

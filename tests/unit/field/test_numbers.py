@@ -11,29 +11,17 @@ from click.testing import CliRunner
 
 from galloping import IdentifiedModel, Recording
 from galloping.cli import main
-from galloping.field.analysis import read_field
 from galloping.field.dynamics import Surroundings, dynamics
 from galloping.field.file_table import FileError
 from galloping.field.forecast import check_followed, forecast, held_out, with_factors
-from galloping.field.mapping import validated
 from galloping.field.objections import difference, kept_up, objected, unmoved
 from galloping.field.recordings import parted
 from galloping.field.summary import Summary, hold_out, longest_period
 from galloping.identification.likelihood.verdict import only_repeats
-from galloping.identification.preparation.screening import smooth_without_outliers
 from galloping.identification.random_forces.start import wavers
 from galloping.polynomial import PolynomialModel, design_matrix, library
 
 TERMS = library(4, 3)
-MAPPING = {
-    "time": {"column": "t"},
-    "states": files.STATES,
-    "channels": [{"column": q, "measures": q} for q in files.STATES[:2]],
-}
-
-
-def read(*paths, **more):
-    return read_field(paths, validated({**MAPPING, **more}))
 
 
 def moved(model, by):
@@ -102,7 +90,7 @@ def test_a_model_without_rest_inside_the_motion_has_no_natural_frequencies():
 
 @pytest.mark.parametrize("jump", [20.0, 150.0, 3600.0, 1e8])
 def test_a_clock_that_jumps_parts_a_recording(tmp_path, jump):
-    field = read(files.two_events(tmp_path / "a.csv", jump, each=60.0))
+    field = files.read(files.two_events(tmp_path / "a.csv", jump, each=60.0))
     assert len(field.recordings) == 2
     assert [np.ptp(one.time) for one in field.recordings] == pytest.approx([60.0, 60.0])
     (report,) = field.reports
@@ -132,7 +120,7 @@ def test_a_sensor_that_dies_leaves_the_recording_up_to_then(tmp_path):
     time, states = files.motion(duration=120.0)
     values = files.seen(states, 1)
     values[time > 70.0, 1] = np.nan
-    field = read(files.write(tmp_path / "a.csv", time, values))
+    field = files.read(files.write(tmp_path / "a.csv", time, values))
     assert [np.ptp(one.time) for one in field.recordings] == pytest.approx([70.0])
     assert "of one sensor alone longer than 6" in field.reports[0]["notes"][-1]
     rates = np.full(states.shape, np.nan)
@@ -143,13 +131,13 @@ def test_a_sensor_that_dies_leaves_the_recording_up_to_then(tmp_path):
 
 
 def test_a_clock_that_starts_again_parts_a_recording_and_rows_out_of_order_do_not(tmp_path):
-    field = read(files.two_events(tmp_path / "a.csv", -150.0))
+    field = files.read(files.two_events(tmp_path / "a.csv", -150.0))
     assert [np.ptp(one.time) for one in field.recordings] == pytest.approx([150.0, 150.0])
     assert "the clock starts again in row 3753" in field.reports[0]["notes"][0]
     head, *rows = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()[:3752]
     swapped = [head, *rows[2000:], *rows[:2000]]
     (tmp_path / "b.csv").write_text("\n".join(swapped), encoding="utf-8")
-    (whole,) = read(tmp_path / "b.csv").recordings
+    (whole,) = files.read(tmp_path / "b.csv").recordings
     np.testing.assert_array_equal(whole.values, field.recordings[0].values)
 
 
@@ -159,16 +147,8 @@ def test_samples_count_once(tmp_path):
     (tmp_path / "end.csv").write_text("\n".join([head, *rows[3000:]]), encoding="utf-8")
     for second in (path, tmp_path / "end.csv"):
         with pytest.raises(FileError, match=r"are also in .*a\.csv: a recording counts once"):
-            read(path, second)
-    assert len(read(path, files.cameras(tmp_path / "b.csv", seed=9)).recordings) == 2
-
-
-def test_a_cut_off_last_cell_is_an_outlier(tmp_path):
-    path = files.cameras(tmp_path / "a.csv", duration=120.0, noise=0.002, harm=files.cut_off)
-    (recording,) = read(path).recordings
-    kept, _ = smooth_without_outliers(recording, 2.3)
-    assert np.isnan(kept.values[-1, 1])
-    assert np.isfinite(kept.values[:-10, :2]).all()
+            files.read(path, second)
+    assert len(files.read(path, files.cameras(tmp_path / "b.csv", seed=9)).recordings) == 2
 
 
 @pytest.mark.parametrize("status", ["ok", "approximate"])
@@ -215,6 +195,14 @@ def test_a_band_that_did_not_hold_is_widened_to_what_was_seen_or_gives_no_foreca
         ahead_of(recording, with_factors(identified, lost), later)
 
 
+def missing(status, share):
+    """The model of one recording or of several, and the share of q_v that its forecasts miss."""
+    told = {"error_share_all_q_v": share, "forecast_r2": 0.95} if status == "approximate" else {}
+    if status == "refused":
+        return IdentifiedModel.refused(files.STATES, TERMS, "nothing follows")
+    return IdentifiedModel(files.line().on_library(TERMS), status, diagnostics=told)
+
+
 @pytest.mark.parametrize(
     ("together", "alone", "differs"),
     [
@@ -228,20 +216,24 @@ def test_a_band_that_did_not_hold_is_widened_to_what_was_seen_or_gives_no_foreca
     ],
 )
 def test_recordings_differ_where_models_of_each_miss_much_less(together, alone, differs):
-    def found(status, share):
-        told = {"error_share_all_q_v": share} if status == "approximate" else {}
-        if status == "refused":
-            return IdentifiedModel.refused(files.STATES, TERMS, "nothing follows")
-        return IdentifiedModel(files.line().on_library(TERMS), status, diagnostics=told)
-
-    models = iter([found(*each) for each in alone])
+    models = iter([missing(*each) for each in alone])
     parts = [recorded(seed=1), recorded(seed=2)]
-    result, _ = difference(found(*together), parts, lambda _: next(models))
+    result, _ = difference(missing(*together), parts, lambda _: next(models))
     assert ("by itself miss" in result) == bool(result) == differs
 
 
+def test_parts_of_one_recording_qualify_their_model_and_two_recordings_refuse_it():
+    parts, alone = [recorded()[:3000], recorded()[4000:]], missing("approximate", 0.01)
+    for are_one, status in ((True, "approximate"), (False, "refused")):
+        said = objected(missing("approximate", 0.2), parts, ["a from 0 s", "a from 160 s"], 2.4,
+                        lambda _: alone, are_one=are_one)  # fmt: skip
+        assert said.status == status
+        assert "do not share one model" in said.reason
+        assert "its forecasts miss 20.0% of q_v" in said.reason
+
+
 def test_a_motion_that_lasts_on_a_stable_line_is_forced(tmp_path):
-    (recording,) = read(files.ambient(tmp_path / "a.csv")).recordings
+    (recording,) = files.read(files.ambient(tmp_path / "a.csv")).recordings
     omega, ratio = 2 * np.pi * np.array([0.38, 0.21]), np.array([0.01, 0.02])
     stable, start = linear(omega**2, 2 * ratio * omega), np.array([[0.3, 0.3, 0.0, 0.0]])
     found = IdentifiedModel(stable, "approximate", initial_states=start)
@@ -261,12 +253,15 @@ def test_a_motion_that_only_repeats_is_told_from_one_that_settles_or_beats():
     _, states = files.motion(12.0, 1500.0)
     assert only_repeats(exact, states[-1:], [recording], 2.4)
     assert not only_repeats(exact, np.array([files.RELEASE]), [recording], 2.4)
+    whole = replace(recording, time=np.linspace(0.0, 33 * 2.0 * np.pi, len(recording.time)))
+    circle = np.array([[1.0, 0.0, 0.0, 0.0]])  # which comes back to itself exactly
+    assert only_repeats(linear([1.0, 1.0]), circle, [whole], 2.0 * np.pi)
     beats = linear([6.0, 2.1])
     assert not only_repeats(beats, np.array([[0.3, 0.3, 0.0, 0.0]]), [recording], 2.4)
 
 
 def test_a_known_fault_is_the_first_reason_where_there_is_no_model(tmp_path):
-    field = read(files.cameras(tmp_path / "a.csv", harm=files.clipped))
+    field = files.read(files.cameras(tmp_path / "a.csv", harm=files.clipped))
     refused = IdentifiedModel.refused(files.STATES, TERMS, "the iteration diverges")
     period = longest_period(field.recordings)
     given = (field.recordings, field.names, period, lambda parts: refused, field.faults)

@@ -5,14 +5,12 @@ import pandas as pd
 import pytest
 from lines import RESONANT
 
+from galloping import IdentifiedModel, Recording, maximum_likelihood
+from galloping import polynomial_library as library
 from galloping.configuration.load import load
 from galloping.figures.verdicts import draw_model_error
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.model import IdentifiedModel
 from galloping.physics.continuous import wind
 from galloping.physics.galerkin import STATES, coefficients, model
-from galloping.polynomial import library
-from galloping.recording import Recording
 from galloping.study.cells import Study
 from galloping.tables.trial_summaries import model_error
 from galloping.trials import real_lines

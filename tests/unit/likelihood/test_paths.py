@@ -11,12 +11,10 @@ import pytest
 from identification_cases import model, noisy
 from scipy.signal import lfilter
 
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.model import IdentifiedModel
+from galloping import PolynomialModel, Recording, Simulator, maximum_likelihood
+from galloping import polynomial_library as library
 from galloping.physics.galerkin import STATES
-from galloping.polynomial import PolynomialModel, library
-from galloping.recording import Recording
-from galloping.simulation import Simulator, time_grid
+from galloping.simulation import time_grid
 from galloping.streams import generator
 from galloping.trials.attempts import claims, measured
 from galloping.trials.published import PERIODS, SYSTEMS
@@ -123,13 +121,3 @@ def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(level, reco
     record_property("path", found.diagnostics["path"])
     assert found.status == "approximate", found.reason
     assert found.diagnostics["forecast_r2"] > 0.95
-
-
-def test_the_path_is_kept_with_the_model(tmp_path) -> None:
-    _, recording = published("linear", 0.01)
-    found = maximum_likelihood(recording, library(2, 3))
-    assert found.diagnostics["path"]
-    found.save(tmp_path / "model.json")
-    again = IdentifiedModel.load(tmp_path / "model.json")
-    assert again.diagnostics["path"] == found.diagnostics["path"]
-    assert again.diagnostics["residual_band"] == found.diagnostics["residual_band"]

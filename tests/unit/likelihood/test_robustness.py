@@ -1,24 +1,16 @@
-"""Where it hurts: a good answer, or a refusal with its reason; faults of sensors are named, and
-sound, exact, chaotic and long recordings not accused.
-"""
+"""Where it hurts: a good answer, or a refusal with its reason; faults of sensors are named."""
 
 import re
 
 import numpy as np
 import pytest
-from identification_cases import RELEASE, TIME, line, model, noisy, solution, unknown_support
+from identification_cases import LINE, SUPPORT, TIME, X, assert_found, noisy, solution
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
-from galloping.identification.likelihood.weak_gls import weak_gls
-from galloping.identification.model import IdentifiedModel
-from galloping.polynomial import PolynomialModel, library
-from galloping.recording import Recording
+from galloping import IdentifiedModel, PolynomialModel, Recording, maximum_likelihood, weak_gls
+from galloping import polynomial_library as library
 
-LINE = line()
-X = solution(LINE, RELEASE, TIME)
-SUPPORT = unknown_support(LINE)
 LEVEL = 0.05
 
 
@@ -31,10 +23,7 @@ def measured(seed: int = 0) -> np.ndarray:
 
 
 def assert_good(found: IdentifiedModel) -> None:
-    assert found.status == "ok", found.reason
-    assert np.array_equal(found.support, SUPPORT)
-    z = (found.model.coefficients - LINE.coefficients)[SUPPORT] / found.standard_errors[SUPPORT]
-    assert np.sqrt(np.mean(z**2)) < 1.8
+    assert_found(found, LINE, spread=1.8)
 
 
 def coloured(correlation: float) -> np.ndarray:
@@ -89,8 +78,7 @@ def test_a_stuck_velocity_is_done_without_and_a_stuck_displacement_refused() -> 
 @pytest.mark.parametrize("method", [maximum_likelihood, weak_gls])
 def test_constant_channels_are_refused(method) -> None:
     found = method([Recording(TIME, LINE.states, np.ones_like(X))], LINE.terms)
-    assert found.status == "refused"
-    assert "no channel varies" in found.reason
+    assert found.verdict.startswith("refused: ") and "no channel varies" in found.reason
 
 
 def test_a_mistake_in_the_code_is_not_taken_for_a_recording_without_a_model(monkeypatch) -> None:
@@ -155,51 +143,35 @@ def test_a_term_outside_the_library_leaves_an_approximate_model() -> None:
     def rate(_: float, x: np.ndarray) -> np.ndarray:
         return LINE(x[None])[0] - 0.01 * np.array([0.0, 0.0, x[0] ** 5, np.tanh(3.0 * x[3])])
 
-    x = solve_ivp(rate, (0.0, 300.0), RELEASE, "DOP853", TIME, rtol=1e-6, atol=1e-7).y.T
+    x = solve_ivp(rate, (0.0, 300.0), X[0], "DOP853", TIME, rtol=1e-6, atol=1e-7).y.T
     found = identify(noisy(LINE, x, TIME, LEVEL, 0).values)
     assert found.status == "approximate"
     assert found.diagnostics["forecast_r2"] > 0.95
     assert "model inadequate" in found.reason
 
 
-def late(values: np.ndarray) -> np.ndarray:
+def late() -> np.ndarray:
+    values = measured()
     values[10:, [1, 3]] += X[:-10, [1, 3]] - X[10:, [1, 3]]
     return values
 
 
-def scaled(values: np.ndarray) -> np.ndarray:
-    return values * [1.0, 1.0, 1.005, 1.0]
+def multiplied() -> np.ndarray:
+    return X * (1.0 + 0.01 * np.random.default_rng(0).standard_normal(X.shape))
 
 
-def multiplied(values: np.ndarray) -> np.ndarray:
-    return X * (1.0 + 0.01 * np.random.default_rng(0).standard_normal(values.shape))
+FAULTS = {
+    "delayed": late,
+    "dq_v is not the rate of q_v": lambda: measured() * [1.0, 1.0, 1.005, 1.0],
+    "clock": measured,
+    "noise grows with the signal": multiplied,
+}
 
 
-@pytest.mark.parametrize(
-    ("fault", "clock", "named"),
-    [
-        (late, 1.0, "delayed"),
-        (scaled, 1.0, "dq_v is not the rate of q_v"),
-        (np.asarray, 1.003, "clock"),
-        (multiplied, 1.0, "noise grows with the signal"),
-    ],
-)
-def test_a_fault_is_named(fault, clock: float, named: str) -> None:
-    result = identify(fault(measured()), clock * TIME)
-    assert result.status != "ok"
-    assert named in result.reason
-
-
-def test_a_chaotic_recording_is_matched_in_chains() -> None:
-    rows = {"x": -10.0, "y": 10.0}, {"x": 28.0, "y": -1.0, "x z": -1.0}, {"x y": 1.0, "z": -8 / 3}
-    true = model(("x", "y", "z"), 2, *rows)
-    time = np.linspace(0.0, 50.0, 5001)
-    recording = noisy(true, solution(true, np.array([-8.0, 7.0, 27.0]), time), time, 0.02, 0)
-    result = maximum_likelihood([recording], true.terms)
-    assert result.status == "ok", result.reason
-    assert np.array_equal(result.support, true.support)
-    z = (result.model.coefficients - true.coefficients) / result.standard_errors
-    assert np.nanmax(np.abs(z)) < 4.0
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named(fault: str) -> None:
+    found = identify(FAULTS[fault](), TIME * (1.003 if fault == "clock" else 1.0))
+    assert found.status != "ok" and fault in found.reason
 
 
 def test_a_slight_drift_is_looked_at_where_every_term_of_the_library_is_there() -> None:
@@ -207,6 +179,6 @@ def test_a_slight_drift_is_looked_at_where_every_term_of_the_library_is_there() 
     true = PolynomialModel(("x", "dx"), terms, np.array([[0.0, 1.0, 0.0], [-1.0, 0.3, -0.3]]))
     values = noisy(true, solution(true, np.array([0.5, 0.0]), time), time, 0.05, 0).values.copy()
     values[:, 0] += 0.035 * (time / time[-1] - 0.5)
-    result = maximum_likelihood(Recording(time, true.states, values), terms)
-    assert result.status == "ok", result.reason
-    assert np.array_equal(result.support[1], [True, True, True])
+    found = maximum_likelihood(Recording(time, true.states, values), terms)
+    assert found.status == "ok", found.reason
+    assert found.support[1].all()

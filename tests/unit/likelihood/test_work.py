@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from identification_cases import line, model, noisy, solution
 
-from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
+from galloping import Input, Recording, maximum_likelihood
+from galloping import polynomial_library as library
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.preparation.weak_form import weak_fit
 from galloping.identification.problem import posed
 from galloping.identification.selection import select
 from galloping.identification.work import ENDED, MOST, limited
-from galloping.polynomial import library
-from galloping.recording import Input, Recording
 from galloping.trials.published import SYSTEMS
 
 # its first swings are far quicker than most of the record: the first time scale gives no model

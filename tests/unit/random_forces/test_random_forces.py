@@ -9,7 +9,6 @@ from scipy.signal import lfilter
 
 from galloping import maximum_likelihood, summarise
 from galloping.field.summary import dynamics, forecast
-from galloping.identification.model import IdentifiedModel
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.intervals import decay_interval
 from galloping.polynomial import PolynomialModel, library
@@ -70,19 +69,14 @@ def test_errors_are_those_of_the_spectra(ambient):
         np.testing.assert_allclose(found.standard_errors[2 + i, places], bound, rtol=0.03)
 
 
-def test_coupled_modes_keep_what_couples_them():
-    recording, _, _ = two_modes(2, shapes=((1, 0.4), (0.5, 1)))
+@pytest.mark.parametrize(
+    ("seed", "shapes"), [(2, ((1, 0.4), (0.5, 1))), (12, ((0, 1), (0.1, 0.3)))]
+)
+def test_coupled_modes_keep_what_couples_them_and_forces_may_share_nearly_all(seed, shapes):
+    recording, _, _ = two_modes(seed, shapes=shapes)
     found = maximum_likelihood(recording, LINEAR)
-    assert found.support[2:, 1:].all()
-    assert all(held(found, recording))
-    assert found.forces[2, 3] != 0.0
-
-
-def test_forces_may_share_nearly_all():
-    recording, _, _ = two_modes(12, shapes=((0, 1), (0.1, 0.3)))
-    found = maximum_likelihood(recording, LINEAR)
-    assert found.is_forced
-    assert not found.slow_forces.any()
+    assert found.is_forced and not found.slow_forces.any()
+    assert found.support[2:, 1:].all() and found.forces[2, 3] != 0.0
     assert all(held(found, recording))
 
 
@@ -186,12 +180,6 @@ def test_forecast_of_another_line_is_refused(ambient):
         forecast(found, replace(two_modes(7)[0], values=20 * two_modes(7)[0].values))
 
 
-def test_model_keeps_its_forces(ambient, tmp_path):
-    _, found, _ = ambient
-    found.save(tmp_path / "model.json")
-    assert IdentifiedModel.load(tmp_path / "model.json") == found
-
-
 def test_summary_says_first_what_an_engineer_asks(ambient):
     recording, found, _ = ambient
     text = str(summarise(found, recording))
@@ -199,12 +187,6 @@ def test_summary_says_first_what_an_engineer_asks(ambient):
     assert first < text.index("## Equations")
     assert "of critical damping is left" in text
     assert "m/s² per √Hz" in text
-
-
-@pytest.mark.parametrize("name", ["q_x", "dq_x"])
-def test_unknown_force_is_an_error_in_one_line(ambient, name):
-    with pytest.raises(ValueError, match=f"random force: '{name}'; must be among q_v"):
-        maximum_likelihood(ambient[0], LINEAR, forced=(name,))
 
 
 def test_noise_alone_is_refused_in_words():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from ambient import displacements, swing
+from ambient import displacements, stepped, swing
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, sosfilt
 
@@ -113,14 +113,10 @@ def test_friction_is_no_random_force(force: float, status: str) -> None:
     step, rng = TIME[1], np.random.default_rng(4)
     u = gaussian_filter1d(rng.standard_normal(len(TIME)), 4.0)
     u /= u.std()
-    x, v, motion = 0.0, 0.0, []
-    kicks = 0.15 * np.sqrt(step / 20) * rng.standard_normal((len(TIME), 20))
-    for now, kick in zip(u, kicks, strict=True):
-        motion.append(x)
-        for dw in kick:
-            v += step / 20 * (now - 6.0 * x - 0.2 * v - force * np.sign(v)) + dw
-            x += step / 20 * v
-    motion = np.array(motion)[:4000] + 0.002 * rng.standard_normal(4000)
+    forces = u[:, np.newaxis] + 0.15 / np.sqrt(step / 20) * rng.standard_normal((len(TIME), 20))
+    motion, _ = stepped(lambda x, v, now: now - 6.0 * x - 0.2 * v - force * np.sign(v),
+                        forces, step / 20)  # fmt: skip
+    motion = motion[:4000] + 0.002 * rng.standard_normal(4000)
     values = np.column_stack([motion, np.full(4000, np.nan)])
     drive = {"u": galloping.Input(TIME, u, "zero")}
     recording = Recording(TIME[:4000], ("x", "dx"), values, inputs=drive)
@@ -132,15 +128,11 @@ def test_friction_is_no_random_force(force: float, status: str) -> None:
 
 def test_friction_that_ends_a_swing_is_no_random_force() -> None:
     """Of many samples in a period each hardly shows it."""
-    rate, steps, x, v, motion = 500, 20, 0.066, 0.0, []
-    for _ in range(5 * rate):
-        motion.append(x)
-        for _ in range(steps):
-            v -= (65.6 * x + 0.05 * v + 0.17 * np.sign(v)) / rate / steps
-            x += v / rate / steps
-    read = 1.6e-4 * np.round(np.array(motion) / 1.6e-4)  # an encoder
-    values = np.column_stack([read, np.full(len(read), np.nan)])
-    recording = Recording(np.arange(len(read)) / rate, ("x", "dx"), values)
+    rate, steps = 500, 20
+    motion, _ = stepped(lambda x, v, none: none - 65.6 * x - 0.05 * v - 0.17 * np.sign(v),
+                        np.zeros((5 * rate, steps)), 1 / rate / steps, 0.066)  # fmt: skip
+    read = 1.6e-4 * np.round(motion / 1.6e-4)  # an encoder
+    recording = displacements(np.arange(len(read)) / rate, read)
     assert not maximum_likelihood(recording, polynomial_library(2, 3)).is_forced
 
 

@@ -1,19 +1,18 @@
-"""Random forces beside a wind that was measured, in motion made without the code under test."""
+"""Random forces beside a wind that was measured, and on a span that is not linear, in motion made
+without the code under test.
+"""
 
 import numpy as np
 import pytest
+from ambient import displacements, stepped
 
-from galloping import Input, maximum_likelihood, summarise
-from galloping.field.assess import assess
-from galloping.field.summary import forecast
-from galloping.identification.model import IdentifiedModel
-from galloping.identification.problem import Coefficient
+import galloping
+from galloping import IdentifiedModel, Input, Recording, forecast, maximum_likelihood
+from galloping.intervals import decay_interval
 from galloping.physics.gusts import wind_speed
-from galloping.recording import Recording
-from galloping.terms import parse
 
 STATES, RATE, EVERY = ("y", "dy"), 5.0, 20
-TERMS, ALLOWED = parse(("wind(U)",), STATES, ("U",))
+TERMS, ALLOWED = galloping.library(("wind(U)",), STATES, ("U",))
 STIFFNESS, DAMPING, GROWTH, PUSH, STRENGTH = 6.0, 0.12, 0.008, 0.004, 0.03
 TRUE = {(1, 0, 0): -STIFFNESS, (0, 1, 0): -DAMPING, (0, 1, 1): GROWTH, (0, 0, 2): PUSH}
 
@@ -29,13 +28,11 @@ def gusty():
     step = 1.0 / RATE / EVERY
     now = wind(np.minimum(np.arange(len(time) * EVERY) * step, time[-1]))
     pushed = PUSH * now**2 + STRENGTH * rng.standard_normal(len(now)) / np.sqrt(step)
-    y, velocity, moved = PUSH * 64 / STIFFNESS, 0.0, np.empty(len(now))
-    for k, damping in enumerate(DAMPING - GROWTH * now):
-        moved[k] = y
-        velocity += step * (pushed[k] - STIFFNESS * y - damping * velocity)
-        y += step * velocity
+    forces = np.stack([pushed, DAMPING - GROWTH * now], axis=1).reshape(len(time), EVERY, 2)
+    y, _ = stepped(lambda y, velocity, now: now[0] - STIFFNESS * y - now[1] * velocity,
+                   forces, step, PUSH * 64 / STIFFNESS)  # fmt: skip
     values = np.full((len(time), 2), np.nan)
-    values[:, 0] = moved[::EVERY] + 0.05 * moved.std() * rng.standard_normal(len(time))
+    values[:, 0] = y + 0.05 * y.std() * rng.standard_normal(len(time))
     return Recording(time, STATES, values, inputs={"U": wind})
 
 
@@ -60,7 +57,10 @@ def test_forces_are_told_from_the_wind(found):
 
 
 def test_what_is_known_of_coefficients_is_kept(gusty, found):
-    known = [Coefficient("dy", (0, 1, 0), -DAMPING), Coefficient("dy", (0, 0, 2), PUSH, 1e-5)]
+    known = [
+        galloping.Coefficient("dy", (0, 1, 0), -DAMPING),
+        galloping.Coefficient("dy", (0, 0, 2), PUSH, 1e-5),
+    ]
     told = maximum_likelihood(gusty, TERMS, allowed=ALLOWED, forced=("y",), coefficients=known)
     assert coefficient(told, (0, 1, 0)) == (-DAMPING, 0.0)
     value, error = coefficient(told, (0, 0, 2))
@@ -75,8 +75,9 @@ def test_what_is_known_of_coefficients_is_kept(gusty, found):
 def test_a_saved_model_holds_in_other_winds(gusty, found, tmp_path):
     found.save(tmp_path / "model.json")
     loaded = IdentifiedModel.load(tmp_path / "model.json")
+    assert loaded == found
     for speed in (6.0, 8.0, 10.0):
-        (condition,) = assess(loaded, {"U": speed}).conditions
+        (condition,) = galloping.assess(loaded, {"U": speed}).conditions
         (mode,) = condition.equilibria[0].modes
         true = (DAMPING - GROWTH * speed) / 2.0 / np.sqrt(STIFFNESS)
         assert mode.damping.low < true < mode.damping.high
@@ -89,6 +90,48 @@ def test_a_saved_model_holds_in_other_winds(gusty, found, tmp_path):
 
 
 def test_the_summary_says_at_which_wind(gusty, found):
-    said = str(summarise(found, gusty, allowed=ALLOWED))
+    said = str(galloping.summarise(found, gusty, allowed=ALLOWED))
     assert "Random forces keep the motion up" in said
     assert "U, at the mean of which is what follows | 8" in said
+
+
+STIFF, DAMPED = np.array([7.0, 1.8]), np.array([0.02, 0.03])
+CUBIC = galloping.polynomial_library(4, 3)
+
+
+@pytest.fixture(scope="module")
+def coupled():
+    """A span whose coordinates pull at each other, moved so far that it shows; steps of 0.01 s."""
+    rng, step, every, count = np.random.default_rng(3), 0.01, 12, 2500
+
+    def acceleration(q, velocity, push):
+        pull = np.array([2.0 * q[0] ** 2 + 0.6 * q[1] ** 2, 1.2 * q[0] * q[1]])
+        return -STIFF * q - DAMPED * velocity + pull + push
+
+    pushes = np.array([0.12, 0.1]) * rng.standard_normal((count, every, 2)) / np.sqrt(step)
+    states = np.hstack(stepped(acceleration, pushes, step, np.zeros(2)))
+    noisy = states + 0.03 * states.std(axis=0) * rng.standard_normal(states.shape)
+    recording = displacements(np.arange(count) * every * step, *noisy[:, :2].T)
+    return recording, maximum_likelihood(recording, CUBIC)
+
+
+def test_finds_what_couples_the_coordinates(coupled):
+    _, found = coupled
+    assert found.is_forced and found.status == "ok"
+    nonlinear = np.array(CUBIC).sum(axis=1) > 1
+    chosen = {(i, CUBIC[j]) for i, j in np.argwhere(found.support & nonlinear)}
+    cubes = {(2, (0, 0, 3, 0)), (3, (0, 0, 0, 3)), (2, (3, 0, 0, 0)), (3, (0, 3, 0, 0))}
+    pulls = {(2, (2, 0, 0, 0)): 2.0, (2, (0, 2, 0, 0)): 0.6, (3, (1, 1, 0, 0)): 1.2}
+    assert chosen - cubes == pulls.keys()
+    for (i, term), true in pulls.items():
+        place = i, CUBIC.index(term)
+        assert abs(found.model.coefficients[place] - true) < 3.0 * found.standard_errors[place]
+
+
+def test_net_damping_at_rest_is_held(coupled):
+    moved, found = coupled
+    for i, own in ((2, (0, 0, 1, 0)), (3, (0, 0, 0, 1))):
+        j = CUBIC.index(own)
+        decay, error = -found.model.coefficients[i, j] / 2, found.standard_errors[i, j] / 2
+        low, high = decay_interval(decay, error, float(np.ptp(moved.time)))
+        assert low <= DAMPED[i - 2] / 2 <= high
