@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import fcntl
 import json
 import os
@@ -71,10 +70,8 @@ class Study:
         command = ("-m", "snakemake", "--configfile", "config/smoke.yaml", *config, "--cores", "2")
         return run(self.folder, *command, *options, **{"PYTHONPATH": "", **variables})
 
-    def table(self, name: str) -> list[dict[str, str]]:
-        """The rows of a table, as text."""
-        with (self.results / "tables" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
-            return list(csv.DictReader(file))
+    def table(self, name: str) -> pd.DataFrame:
+        return pd.read_csv(self.results / "tables" / f"{name}.csv")
 
     def files(self) -> dict[str, tuple[int, int]]:
         """Size and time of every file, but Snakemake's records and compiled Python."""

@@ -6,6 +6,7 @@ Of their lines one diverges and one never gallops.
 import json
 import os
 import subprocess
+from textwrap import indent
 
 import pandas as pd
 import pytest
@@ -18,39 +19,28 @@ configfile: "config.yaml"
 
 
 rule all:
-    input:
-        "scores.txt",
-        "study/report.html",
-
+    input: "scores.txt", "study/report.html"
 
 module galloping:
-    snakefile:
-        {snakefile}
-    config:
-        {config}
-
+    snakefile: {snakefile}
+    config: {config}
 
 use rule * from galloping as galloping_*
 
-
 rule count_scores:
-    input:
-        "study/tables/scores.csv",
-    output:
-        "scores.txt",
-    script:
-        "count.py"
+    input: "study/tables/scores.csv"
+    output: "scores.txt"
+    script: "count.py"
 """
 SCRIPT = """
 from mine import count
 
-with open(snakemake.output[0], "w") as file:
-    file.write(str(count(snakemake.input[0])))
+with open(snakemake.input[0]) as table, open(snakemake.output[0], "w") as file:
+    file.write(str(count(table)))
 """
 LIBRARY = """
-def count(path):
-    with open(path) as file:
-        return len(file.readlines()) - 1
+def count(lines):
+    return len(list(lines)) - 1
 """
 SETTINGS = """
 results: study
@@ -69,39 +59,33 @@ figures: {dpi: 50}
 
 
 class User:
-    """Somebody's folder with a workflow of their own."""
+    """Somebody's folder with a workflow of their own, which takes this one from a clone."""
 
-    def __init__(self, folder):
-        self.folder = folder
+    def __init__(self, root, folder):
+        self.clone, self.folder = repr(str(root / "workflow" / "Snakefile")), folder
         (folder / "lib").mkdir()
         (folder / "lib" / "mine.py").write_text(LIBRARY)
         (folder / "count.py").write_text(SCRIPT)
 
-    def write(self, snakefile, config="config", settings=SETTINGS):
-        """Their Snakefile, with what its `module` says, and their settings."""
-        (self.folder / "Snakefile").write_text(SNAKEFILE.format(snakefile=snakefile, config=config))
+    def snakemake(
+        self, *options, snakefile="", config="config", settings=SETTINGS, libraries=(), **variables
+    ):
+        """A run, with what their `module` says and their settings."""
+        text = SNAKEFILE.format(snakefile=snakefile or self.clone, config=config)
+        (self.folder / "Snakefile").write_text(text)
         (self.folder / "config.yaml").write_text(settings)
-
-    def snakemake(self, *options, libraries=(), **environment):
         paths = os.pathsep.join(map(str, (self.folder / "lib", *libraries)))
         command = ("-m", "snakemake", "--cores", "2", *options)
-        return run(self.folder, *command, PYTHONPATH=paths, **environment)
+        return run(self.folder, *command, PYTHONPATH=paths, **variables)
 
     def table(self, name):
         return pd.read_csv(self.folder / "study" / "tables" / f"{name}.csv")
 
 
 @pytest.fixture(scope="module")
-def clone(root):
-    """What the user's `module` says of a clone of this repository."""
-    return repr(str(root / "workflow" / "Snakefile"))
-
-
-@pytest.fixture(scope="module")
-def user(clone, tmp_path_factory):
+def user(root, tmp_path_factory):
     """A user who has run their workflow once."""
-    user = User(tmp_path_factory.mktemp("user"))
-    user.write(clone)
+    user = User(root, tmp_path_factory.mktemp("user"))
     run = user.snakemake()
     assert run.returncode == 0, run.stdout
     return user
@@ -114,18 +98,15 @@ def test_it_runs_to_the_end_in_the_users_folder(user):
     assert made == {"Snakefile", "config.yaml", "count.py", "lib", "scores.txt", "study"}
     assert set(user.table("reference_summary")["verdict"]) == {"no reference"}
     assert user.table("claims").empty  # of the paper, which are not about these lines
+    receipts = (user.folder / "study").rglob(".*.receipt")
+    rules = {json.loads(path.read_text(encoding="utf-8"))["rule"] for path in receipts}
+    assert len(rules) >= 9 and all(rule.startswith("galloping_") for rule in rules)
     storm = scores.loc["storm"]
     assert storm["motion"].str.startswith("the line itself diverged").all()
     assert storm["r2_q_v"].isna().all()
     assert scores.loc["calm", "amplitude_error_q_v_percent"].isna().all()
     cycles = user.table("limit_cycles").query("case == 'calm' and branch == 'simulation'")
     assert set(cycles["kind"]) == {"rest", "cycle"} and len(cycles) == 2
-
-
-def test_rules_have_the_users_names(user):
-    receipts = (user.folder / "study").rglob(".*.receipt")
-    rules = {json.loads(path.read_text(encoding="utf-8"))["rule"] for path in receipts}
-    assert len(rules) >= 9 and all(rule.startswith("galloping_") for rule in rules)
 
 
 @pytest.fixture(scope="module")
@@ -150,21 +131,21 @@ def has_nothing_to_do(run):
     return run.returncode == 0 and "Nothing to be done" in run.stdout
 
 
-def test_settings_may_stand_in_a_section_beside_others(user, clone):
-    section = "".join(f"  {line}\n" for line in SETTINGS.strip().splitlines())
-    user.write(clone, 'config["galloping"]', f"mine: 1\ngalloping:\n{section}")
-    run = user.snakemake()
+def test_settings_may_stand_in_a_section_beside_others(user):
+    settings = f"mine: 1\ngalloping:\n{indent(SETTINGS, '  ')}"
+    run = user.snakemake(config='config["galloping"]', settings=settings)
     assert has_nothing_to_do(run), run.stdout
 
 
 def test_it_can_be_read_from_a_host_beside_the_installed_library(user, host, root):
     """And is the same study: what was made through a clone is up to date."""
-    user.write('github("someone/galloping", path="workflow/Snakefile", branch="main")')
+    host = host | {
+        "snakefile": 'github("someone/galloping", path="workflow/Snakefile", branch="main")'
+    }
     profile, library = root / "workflow" / "profiles" / "default", root / "workflow" / "src"
     run = user.snakemake("--profile", str(profile), libraries=[library], **host)
     assert has_nothing_to_do(run), run.stdout
     run = user.snakemake(**host)
     assert run.returncode != 0
-    assert run.stdout.splitlines()[-1] == (
-        "No module named 'galloping': install the library of this workflow with pip, or use a clone"
-    )
+    last = run.stdout.splitlines()[-1]
+    assert last.startswith("No module named 'galloping': install the library of this workflow")

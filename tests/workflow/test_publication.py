@@ -19,14 +19,13 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 RESULTS = "results/smoke"
 TABLE = f"{RESULTS}/tables/noise_r2.csv"
 COMMIT = ("-c", "user.name=Nobody", "-c", "user.email=nobody@example.org")
-# What the context of RO-Crate 1.1 says otherwise than that which the rocrate library comes with.
 CONTEXT = "https://w3id.org/ro/crate/1.1/context"
-BIOSCHEMAS = "https://bioschemas.org/ComputationalWorkflow"
+# What the context of RO-Crate 1.1 says otherwise than that which the rocrate library comes with.
 TERMS = {
-    "ComputationalWorkflow": BIOSCHEMAS,
+    "ComputationalWorkflow": "https://bioschemas.org/ComputationalWorkflow",
     "FormalParameter": "https://bioschemas.org/FormalParameter",
-    "input": f"{BIOSCHEMAS}#input",
-    "output": f"{BIOSCHEMAS}#output",
+    "input": "https://bioschemas.org/ComputationalWorkflow#input",
+    "output": "https://bioschemas.org/ComputationalWorkflow#output",
 }
 
 
@@ -126,30 +125,6 @@ def test_the_crate_passes_the_required_checks_of_its_profile(unpacked, tmp_path)
     assert len(result.executed_checks) >= 57
 
 
-def test_what_is_not_clean_and_complete_is_refused_unless_told_otherwise(clone, archive):
-    os.utime(clone / RESULTS / "models" / "non_resonant.json")
-    table, readme, aside = clone / TABLE, clone / "README.md", clone.parent / "aside.csv"
-    text = readme.read_text()
-    try:
-        table.rename(aside)
-        readme.write_text("edited\n")
-        status, said = smoke(clone, "publish")
-        assert status == 1
-        assert said[0] == "dirty: README.md: not as in the commit"
-        assert said[1] == f"incomplete: {TABLE}: not here"
-        again = clone / RESULTS / "publication" / archive.name
-        assert again.read_bytes() == archive.read_bytes()
-        status, said = smoke(clone, "publish", "--allow", "dirty,incomplete")
-        assert status == 0, said
-        crate = (again.parent / "ro-crate-metadata.json").read_text()
-        assert "Published although: README.md: not as in the commit" in crate
-    finally:
-        aside.rename(table)
-        readme.write_text(text)
-    status, said = smoke(clone, "publish")
-    assert again.read_bytes() == archive.read_bytes()  # same study, same bytes
-
-
 def test_an_archive_agrees_with_its_study_and_its_digest_is_asked_for(clone, archive):
     status, said = smoke(clone, "verify_archive", archive)
     assert status == 0
@@ -157,6 +132,23 @@ def test_an_archive_agrees_with_its_study_and_its_digest_is_asked_for(clone, arc
     assert said[2] == f"{RESULTS}: agrees with the archive"
     status, said = smoke(clone, "verify_archive", archive, "--sha256", "0" * 64)
     assert status == 1 and said[0].endswith(f"SHA-256 {digest(archive)}, not {'0' * 64}")
+
+
+def test_what_is_not_clean_and_complete_is_refused_unless_told_otherwise(clone, archive):
+    os.utime(clone / RESULTS / "models" / "non_resonant.json")
+    status, said = smoke(clone, "publish")
+    again = clone / RESULTS / "publication" / archive.name
+    assert again.read_bytes() == archive.read_bytes()  # same study, same bytes
+    (clone / TABLE).unlink()
+    (clone / "README.md").write_text("edited\n")
+    status, said = smoke(clone, "publish")
+    assert status == 1 and again.read_bytes() == archive.read_bytes()
+    assert said[0] == "dirty: README.md: not as in the commit"
+    assert said[1] == f"incomplete: {TABLE}: not here"
+    status, said = smoke(clone, "publish", "--allow", "dirty,incomplete")
+    assert status == 0, said
+    crate = (again.parent / "ro-crate-metadata.json").read_text()
+    assert "Published although: README.md: not as in the commit" in crate
 
 
 # restoring
@@ -177,11 +169,6 @@ def test_a_restored_study_has_nothing_to_do_and_edits_count_as_ever(restored, un
     assert {name: (restored.folder / name).read_bytes() for name in published} == published
     assert planned(restored) == {}
     edit = tmp_path / "edit.yaml"
-    edit.write_text("cases: {internal_resonance: {wind: {speed: 13}}}\n")
-    jobs = planned(restored, edit)
-    assert {"derive_model": 1, "simulate_line": 1}.items() <= jobs.items()
-    cells = jobs["evaluate_cell"]
     edit.write_text("measurement: {replicates: 3}\n")  # of files that are not in the archive
     jobs = planned(restored, edit)
-    assert jobs["identify_models"] > 1 and jobs["evaluate_cell"] > cells  # of both cases
-    assert not {"derive_model", "simulate_line"} & jobs.keys()
+    assert jobs["identify_models"] > 1 and not {"derive_model", "simulate_line"} & jobs.keys()
