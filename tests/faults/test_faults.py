@@ -11,10 +11,11 @@ import signal
 import subprocess
 import sys
 import time
-from hashlib import sha256
 
 import psutil
 import pytest
+
+from galloping.reproducibility.receipts import digest
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("copies")]
 
@@ -47,9 +48,21 @@ class Harmed:
             **popen,
         )
 
-    def run(self, *options):
-        """(exit code, what was said) of a run of the study."""
-        return end(self.start("run_study", *options, "--cores", "2"))
+    def finish(self, *options):
+        """What is said of a run that comes to its end."""
+        status, said = end(self.start("run_study", *options, "--cores", "2"))
+        assert status == 0, said
+        return said
+
+    def refused(self):
+        """What is said of a run that does not."""
+        status, said = end(self.start("run_study", "--cores", "2"))
+        assert status != 0, said
+        return said
+
+    def verify(self):
+        status, said = end(self.start("keep_results", "verify"))
+        assert status == 0, said
 
     def take(self, *names):
         for name in names:
@@ -71,8 +84,7 @@ class Harmed:
     def check(self):
         """Every byte is again what it was, and verification says so."""
         assert differing(self.sound, contents(self.results)) == []
-        status, said = end(self.start("keep_results", "verify"))
-        assert status == 0, said
+        self.verify()
 
 
 def end(process):
@@ -91,7 +103,7 @@ def contents(results):
     """Digests of what a study makes, without what tells of times."""
     apart = ("logs", "benchmarks", "set_aside")
     return {
-        str(path.relative_to(results)): sha256(path.read_bytes()).hexdigest()
+        str(path.relative_to(results)): digest(path)
         for path in results.rglob("[!.]*.*")
         if path.is_file() and path.relative_to(results).parts[0] not in apart
     }
@@ -116,13 +128,8 @@ def test_a_killed_run_is_told_and_repaired(harmed):
             process.kill()
     run.kill()  # the job is left running
     run.wait()
-    status, said = harmed.run()
-    assert status != 0
-    assert (
-        said.splitlines()[-1] == f"A run in this folder was killed: {REPAIR} takes it from there."
-    )
-    status, said = harmed.run("--repair")
-    assert status == 0, said
+    assert f"was killed: {REPAIR} takes it from there." in harmed.refused()
+    harmed.finish("--repair")
     assert not psutil.pid_exists(job.pid) or psutil.Process(job.pid).status() == "zombie"
     harmed.check()
 
@@ -131,30 +138,23 @@ def test_interruptions_second_runs_and_killed_jobs_are_told(harmed):
     harmed.take(*FIGURES)
     run = harmed.start("run_study", "--cores", "1")
     harmed.until_it_computes(run)
-    status, said = harmed.run()
-    assert status != 0 and re.match(r"Process \d+ is running a study in this folder: wait", said)
+    assert re.match(r"Process \d+ is running a study in this folder: wait", harmed.refused())
     os.killpg(run.pid, signal.SIGINT)
     status, said = end(run)
-    assert status != 0
-    assert said.splitlines()[-1].startswith("Interrupted. Finished jobs are kept")
+    assert status != 0 and "\nInterrupted. Finished jobs are kept" in said
     run = harmed.start("run_study", "--cores", "1")
     harmed.until_it_computes(run).kill()
     status, said = end(run)
     assert status != 0
-    last = said.splitlines()[-1]
-    assert last.startswith("The study stopped: a job was killed (results/smoke/logs/draw_"), said
-    status, said = harmed.run()
-    assert status == 0, said
+    assert "\nThe study stopped: a job was killed (results/smoke/logs/draw_" in said, said
+    harmed.finish()
     harmed.check()
 
 
 def test_damage_is_told_and_mended_and_edits_are_kept(harmed):
-    status, said = harmed.run()
-    assert status == 0 and "Nothing to do" in said
+    assert "Nothing to do" in harmed.finish()
     harmed.take("tables/.noise_r2.csv.receipt")
-    status, said = harmed.run()
-    assert status != 0
-    assert said.startswith("results/smoke/tables/noise_r2.csv: no receipt says how it was made; ")
+    assert "tables/noise_r2.csv: no receipt says how it was made; " in harmed.refused()
     table, image = (harmed.results / name for name in ("tables/claims.csv", "figures/figure06.png"))
     state, edited = image.stat(), table.read_text() + "a line of the reader's own\n"
     table.write_text(edited)
@@ -166,12 +166,9 @@ def test_damage_is_told_and_mended_and_edits_are_kept(harmed):
     receipt = harmed.results / "tables/.table2_spacers.csv.receipt"
     receipt.write_text(receipt.read_text()[:100])
     harmed.take("figures/figure05.svg")
-    status, said = harmed.run()
-    assert (
-        status != 0 and f" and 1 more: edited or damaged since its job wrote it; {REPAIR}" in said
-    )
-    status, said = harmed.run("--repair")
-    assert status == 0, said
+    told = f" and 1 more: edited or damaged since its job wrote it; {REPAIR}"
+    assert told in harmed.refused()
+    harmed.finish("--repair")
     assert (harmed.results / "set_aside/tables/claims.csv").read_text() == edited
     harmed.check()
 
@@ -180,16 +177,14 @@ def test_without_the_records_of_snakemake_receipts_tell_what_an_edit_made_stale(
     shutil.rmtree(harmed.folder / ".snakemake")
     smoke = harmed.folder / "config/smoke.yaml"
     smoke.write_text(smoke.read_text().replace("assessment:\n", "assessment:\n  clearance: 2\n"))
-    status, said = harmed.run()
-    assert status != 0 and said.startswith("results/smoke: Snakemake's records of ")
+    said = harmed.refused()
+    assert said.startswith("results/smoke: Snakemake's records of ")
     assert f"{REPAIR} compares the receipts instead" in said
-    status, said = harmed.run("--repair")
-    assert status == 0, said
+    harmed.finish("--repair")
     changed = differing(harmed.sound, contents(harmed.results))
     depend = ("clearance", "measures", "report.html", "tables/reference_")
     assert changed and all(any(name in path for name in depend) for path in changed), changed
-    status, said = end(harmed.start("keep_results", "verify"))
-    assert status == 0, said
+    harmed.verify()
 
 
 @pytest.fixture
@@ -219,12 +214,10 @@ def test_a_full_disk_is_told(harmed, mount):
     harmed.take(*FIGURES)
     used = shutil.disk_usage(harmed.results).used
     mount(harmed.results, "-o", f"remount,size={used + 500_000}")
-    status, said = harmed.run()
-    assert status != 0
-    assert said.endswith("results/smoke is full: free some space and run again.\n"), said
+    told = "results/smoke is full: free some space and run again.\n"
+    assert harmed.refused().endswith(told)
     mount(harmed.results, "-o", "remount,size=1g")
-    status, said = harmed.run()
-    assert status == 0, said
+    harmed.finish()
     harmed.check()
 
 
@@ -232,7 +225,5 @@ def test_a_full_disk_is_told(harmed, mount):
 def test_a_read_only_disk_is_told(harmed, mount):
     mount(harmed.results, "--bind", str(harmed.results))
     mount(harmed.results, "-o", "remount,ro,bind")
-    status, said = harmed.run()
-    assert status != 0 and said.endswith(
-        "results/smoke is read-only: make it writable and run again.\n"
-    )
+    told = "results/smoke is read-only: make it writable and run again.\n"
+    assert harmed.refused().endswith(told)

@@ -112,7 +112,7 @@ PHYSICS, REGISTRY = module("physics/galerkin.py"), module("identification/regist
 NEW_METHOD = """METHODS = (
     Method(
         name="ridge", family="sparse", function=sparse.ridge.ridge, options=Thresholded,
-        takes=(DERIVATIVES, ALL_STATES),
+        takes=(DERIVATIVES, ALL_STATES), needs_uniform=False,
     ),
 """
 SETTINGS = {
