@@ -143,21 +143,18 @@ def ask(environment, *command):
 def test_a_cell_on_a_cluster_has_the_bytes_of_a_local_run(root, study, cluster, tmp_path):
     assert study.first.returncode == 0, study.first.stdout
     copy_repository(root, tmp_path)
-    target = f"results/smoke/{CELL}"
-    command = [sys.executable, "-m", "snakemake", target, *OPTIONS]
+    command = [sys.executable, "-m", "snakemake", f"results/smoke/{CELL}", *OPTIONS]
     said = (tmp_path / "said.log").open("w")
     run = subprocess.Popen(command, cwd=tmp_path, env=cluster, stdout=said, stderr=said)
     running = ("squeue", "--noheader", "--format=%A", "--states=RUNNING")
     until(lambda: ask(cluster, *running), "a job", PATIENCE)
     ask(cluster, "scancel", ask(cluster, *running).split()[0])
     assert run.wait(PATIENCE) == 0, (tmp_path / "said.log").read_text()
-    made = [
-        p for p in (tmp_path / "results/smoke").rglob("[!.]*.*") if p.suffix in (".csv", ".npz")
-    ]
+    results = tmp_path / "results/smoke"
+    made = [path for path in results.rglob("[!.]*.*") if path.suffix in (".csv", ".npz")]
     assert len(made) > 5
     for path in made:
-        here = study.results / path.relative_to(tmp_path / "results/smoke")
-        assert path.read_bytes() == here.read_bytes(), path
+        assert path.read_bytes() == (study.results / path.relative_to(results)).read_bytes(), path
         assert path.with_name(f".{path.name}.receipt").exists()
     again = subprocess.run(
         [*command, "-n"], cwd=tmp_path, env=cluster, capture_output=True, text=True

@@ -69,10 +69,10 @@ def test_a_table_is_searched_sorted_and_saved_with_the_keyboard_alone(page, resu
     elements(page, "nav a[href='#table-claims']")[0].send_keys(Keys.ENTER)
     part = elements(page, "#table-claims ~ details")[0]
     assert part.get_attribute("open") and part.find_element(By.TAG_NAME, "table").is_displayed()
-    head = part.find_elements(By.CSS_SELECTOR, "th")[list(table).index("study_value")]
+    column = list(table).index("study_value")
+    head = part.find_elements(By.CSS_SELECTOR, "th")[column]
     for order, ascending in (("ascending", True), ("descending", False)):
         head.find_element(By.TAG_NAME, "button").send_keys(Keys.ENTER)
-        column = list(table).index("study_value")
         shown = page.execute_script(
             "return [...arguments[0].querySelectorAll('tbody tr')]"
             ".map(row => row.cells[arguments[1]].textContent)", part, column,

@@ -2,8 +2,6 @@
 
 import ast
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
@@ -14,21 +12,18 @@ from studies import run
 from galloping.storage import read_json
 
 ROOT = Path(__file__).parents[2]
-SOURCE = ROOT / "workflow" / "src" / "galloping"
+SOURCE, REFERENCE = ROOT / "workflow" / "src" / "galloping", ROOT / "results" / "reference"
 
 
 @pytest.mark.parametrize(
     "command",
     [
-        ("ruff", "check", "--no-cache"),
-        ("ruff", "format", "--check", "--no-cache"),
-        ("snakefmt", "--check", "Snakefile", "workflow/Snakefile", "workflow/rules"),
-        ("snakemake", "--lint"),
+        "ruff check --no-cache", "ruff format --check --no-cache", "snakemake --lint",
+        "snakefmt --check Snakefile workflow/Snakefile workflow/rules",
     ],
-    ids=["ruff-check", "ruff-format", "snakefmt", "snakemake-lint"],
-)
-def test_style(root, command):
-    done = run(root, "-m", *command)
+)  # fmt: skip
+def test_style(command):
+    done = run(ROOT, "-m", *command.split())
     assert done.returncode == 0, done.stdout
 
 
@@ -74,19 +69,14 @@ def room_of(path):
     return path.relative_to(SOURCE).parts[0].removesuffix(".py")
 
 
-def test_every_room_has_its_place():
-    there = {room_of(path) for path in SOURCE.rglob("*.py")} - {"__init__"}
-    assert sorted(rooms()) == sorted(there)
-
-
-def test_a_room_imports_none_below_it():
-    order = rooms()
+def test_every_room_has_its_place_and_imports_none_below_it():
+    order, modules = rooms(), {path: room_of(path) for path in SOURCE.rglob("*.py")}
+    assert sorted(order) == sorted({*modules.values()} - {"__init__"})
     wrong = {
         f"{path.relative_to(SOURCE)} imports {name}"
-        for path in SOURCE.rglob("*.py")
+        for path, room in modules.items()
         for name in imported(path)
-        if room_of(path) in order
-        and name not in {*order[: order.index(room_of(path)) + 1], "__version__"}
+        if room in order and name not in {*order[: order.index(room) + 1], "__version__"}
     }
     assert not wrong
 
@@ -113,9 +103,8 @@ HEAVY = {"numpy", "scipy", "heyoka", "numba", "pandas", "matplotlib", "pysindy",
     ],
 )  # fmt: skip
 def test_what_is_imported_often_imports_nothing_heavy(imports, heavy):
-    code = f"import sys, {imports}; print(*sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert set(run.stdout.split()) & heavy == set()
+    done = run(ROOT, "-c", f"import sys, {imports}; print(*sys.modules)")
+    assert done.returncode == 0 and set(done.stdout.split()) & heavy == set()
 
 
 # --- pages: their tables are those of the reference, their links lead somewhere ---
@@ -136,23 +125,17 @@ def rows(claims):
             yield f"| {claim.claim} | > {claim.printed:g} | {ours} | {claim.verdict} |"
 
 
-def test_the_readme_has_the_claims_of_the_reference():
-    claims = pd.read_csv(ROOT / "results" / "reference" / "paper.csv")
+def test_the_readme_has_the_claims_and_times_of_the_reference():
+    claims = pd.read_csv(REFERENCE / "paper.csv")
     shown = [*rows(claims[~claims["claim"].str.contains("abstract", na=False)])]
     lines = (ROOT / "README.md").read_text().splitlines()
     first = lines.index(shown[0])
     assert lines[first : first + len(shown)] == shown
-
-
-def test_the_readme_says_what_the_reference_measured():
-    claims = pd.read_csv(ROOT / "results" / "reference" / "paper.csv")
     single = claims[claims["printed"].notna()]
     held = single["verdict"].isin(("reproduced", "met")).sum()
-    whole, smoke = (
-        read_json(ROOT / "results" / "reference" / folder / "origin.json")["core_minutes"]
-        for folder in ("", "smoke")
-    )
-    text = " ".join((ROOT / "README.md").read_text().split())
+    origins = (read_json(REFERENCE / folder / "origin.json") for folder in ("", "smoke"))
+    whole, smoke = (origin["core_minutes"] for origin in origins)
+    text = " ".join(" ".join(lines).split())
     for said in (f"take {whole:.0f} minutes of one core", f"takes {smoke:g} minutes of one core",
                  f"Of {len(single)} printed numbers and bounds {held} come out"):  # fmt: skip
         assert said in text
@@ -160,7 +143,7 @@ def test_the_readme_says_what_the_reference_measured():
 
 def errors_of_models():
     """The lines of the table of limits, from `make reality`."""
-    found = pd.read_csv(ROOT / "results" / "reference" / "reality" / "model_error.csv")
+    found = pd.read_csv(REFERENCE / "reality" / "model_error.csv")
     for row in found[found["method"] == "maximum_likelihood"].to_dict("records"):
         cells = [
             "no cycle"
@@ -175,7 +158,7 @@ def errors_of_models():
 
 def exact_terms():
     """The lines of the table beside published methods, from `make published`."""
-    found = pd.read_csv(ROOT / "results" / "reference" / "published" / "published_terms.csv")
+    found = pd.read_csv(REFERENCE / "published" / "published_terms.csv")
     lorenz = found[found["system"] == "lorenz"]
     few = lorenz["level"].isin([0.1, 0.2, 0.3, 0.4]) & lorenz["duration"].isin([4, 7, 10])
     for name, cells in (
@@ -204,14 +187,9 @@ def test_links_lead_somewhere(page):
 
 @pytest.mark.slow
 def test_pages_are_whole(tmp_path):
-    build = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", tmp_path / "cache"]
-    run = subprocess.run(
-        [*build, ROOT / "docs", tmp_path / "pages"],
-        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(ROOT / "workflow/src")},
-        capture_output=True,
-        text=True,
-    )
-    assert run.returncode == 0, run.stderr
+    build = ("-m", "sphinx", "-q", "-W", "--keep-going", "-d", tmp_path / "cache")
+    done = run(ROOT, *build, ROOT / "docs", tmp_path / "pages", PATH="/usr/bin:/bin")
+    assert done.returncode == 0, done.stdout
     pages = sorted((tmp_path / "pages").glob("*.html"))
     assert len(pages) > 15
     for page in pages:
