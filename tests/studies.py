@@ -19,6 +19,8 @@ import plans
 import pytest
 import yaml
 
+CONFIGURATION = "config/smoke.yaml"
+
 
 def run(folder: Path, *command: object, **variables: str) -> subprocess.CompletedProcess:
     """What Python says of a script, or `-m` a module, in a folder."""
@@ -67,8 +69,18 @@ class Study:
         self, *options: str, config: tuple[str, ...] = (), **variables: str
     ) -> subprocess.CompletedProcess:
         """The smoke study with further configuration files, options and environment variables."""
-        command = ("-m", "snakemake", "--configfile", "config/smoke.yaml", *config, "--cores", "2")
+        command = ("-m", "snakemake", "--configfile", CONFIGURATION, *config, "--cores", "2")
         return run(self.folder, *command, *options, **{"PYTHONPATH": "", **variables})
+
+    def ran(self, *options: str, **how) -> str:
+        """What is said of a run that comes to its end."""
+        done = self.snakemake(*options, **how)
+        assert done.returncode == 0, done.stdout
+        return done.stdout
+
+    def keep(self, name: str, *options: object) -> tuple[int, list[str]]:
+        """(exit code, lines) of a command on the results."""
+        return script(self.folder, "keep_results", name, *options, "--configfile", CONFIGURATION)
 
     def table(self, name: str) -> pd.DataFrame:
         return pd.read_csv(self.results / "tables" / f"{name}.csv")

@@ -29,14 +29,14 @@ class Harmed:
     """A copy of a finished study, and the commands on it."""
 
     def __init__(self, study, folder):
-        shutil.copytree(study.folder, folder, symlinks=True)
-        self.folder, self.results = folder, folder / "results/smoke"
+        self.study = study.copied(folder)
+        self.folder, self.results = folder, self.study.results
         self.sound = contents(self.results)
 
-    def start(self, script, *options, **popen):
+    def start(self, *options):
         mine = {k: v for k, v in os.environ.items() if k != "GALLOPING_RESULTS"}
         return subprocess.Popen(
-            [sys.executable, f"workflow/scripts/{script}.py", *options, *SMOKE],
+            [sys.executable, "workflow/scripts/run_study.py", *options, *SMOKE],
             cwd=self.folder,
             env=mine | {"PYTHONPATH": str(self.folder / "workflow/src")},
             stdout=subprocess.PIPE,
@@ -45,23 +45,22 @@ class Harmed:
             start_new_session=True,
             # A shell that runs tests in the background lets them ignore Ctrl-C.
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-            **popen,
         )
 
     def finish(self, *options):
         """What is said of a run that comes to its end."""
-        status, said = end(self.start("run_study", *options, "--cores", "2"))
+        status, said = end(self.start(*options, "--cores", "2"))
         assert status == 0, said
         return said
 
     def refused(self):
         """What is said of a run that does not."""
-        status, said = end(self.start("run_study", "--cores", "2"))
+        status, said = end(self.start("--cores", "2"))
         assert status != 0, said
         return said
 
     def verify(self):
-        status, said = end(self.start("keep_results", "verify"))
+        status, said = self.study.keep("verify")
         assert status == 0, said
 
     def take(self, *names):
@@ -115,13 +114,12 @@ def differing(one, other):
 
 @pytest.fixture
 def harmed(study, tmp_path):
-    assert study.first.returncode == 0, study.first.stdout
     return Harmed(study, tmp_path / "study")
 
 
 def test_a_killed_run_is_told_and_repaired(harmed):
     harmed.take(*FIGURES[:2])
-    run = harmed.start("run_study", "--cores", "1")
+    run = harmed.start("--cores", "1")
     job = harmed.until_it_computes(run)
     for process in descendants(run):
         if process.pid != job.pid and process.pid not in {p.pid for p in job.children()}:
@@ -136,13 +134,13 @@ def test_a_killed_run_is_told_and_repaired(harmed):
 
 def test_interruptions_second_runs_and_killed_jobs_are_told(harmed):
     harmed.take(*FIGURES)
-    run = harmed.start("run_study", "--cores", "1")
+    run = harmed.start("--cores", "1")
     harmed.until_it_computes(run)
     assert re.match(r"Process \d+ is running a study in this folder: wait", harmed.refused())
     os.killpg(run.pid, signal.SIGINT)
     status, said = end(run)
     assert status != 0 and "\nInterrupted. Finished jobs are kept" in said
-    run = harmed.start("run_study", "--cores", "1")
+    run = harmed.start("--cores", "1")
     harmed.until_it_computes(run).kill()
     status, said = end(run)
     assert status != 0

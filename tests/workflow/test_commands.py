@@ -4,7 +4,7 @@ import shutil
 from dataclasses import asdict
 
 import pytest
-from studies import run, script
+from studies import Study, run, script
 
 from galloping.reproducibility.receipts import Receipt, receipt_path
 from galloping.storage import write_json, write_text
@@ -20,26 +20,20 @@ def test_a_number_of_cores_that_is_none_is_one_line(root, cores):
 
 @pytest.mark.slow
 def test_pruning_shows_what_it_would_remove(fresh, tmp_path):
-    folder = tmp_path / "study"
-    shutil.copytree(fresh.folder, folder, ignore=shutil.ignore_patterns(".snakemake"))
+    study = Study(tmp_path / "study")
+    shutil.copytree(fresh.folder, study.folder, ignore=shutil.ignore_patterns(".snakemake"))
     path, log = (f"results/smoke/{name}" for name in ("scores/old.csv", "logs/old.log"))
-    write_text(folder / path, "1\n")
-    write_text(folder / log, "")
+    write_text(study.folder / path, "1\n")
+    write_text(study.folder / log, "")
     made = Receipt(path, "evaluate_cell", {}, log, {}, {}, "0" * 64, size=2, seconds=1.0)
-    write_json(folder / receipt_path(path), asdict(made))
-
-    def pruned(*options):
-        command = ("prune", *options, "--configfile", "config/smoke.yaml")
-        status, said = script(folder, "keep_results", *command)
-        assert status == 0, said
-        return said, (folder / path).exists()
-
+    write_json(study.folder / receipt_path(path), asdict(made))
     told = "results/smoke: 1 left over files, 0.0 MB, to be removed by DELETE=yes"
-    assert pruned() == ([path, told], True)
-    (removed, *_), is_there = pruned("--delete")
-    assert removed.split() == [path, str(receipt_path(path)), log] and not is_there
-    (said,), _ = pruned()
-    assert "nothing is left over" in said
+    assert study.keep("prune") == (0, [path, told]) and (study.folder / path).exists()
+    status, (removed, *_) = study.keep("prune", "--delete")
+    assert status == 0 and not (study.folder / path).exists()
+    assert removed.split() == [path, str(receipt_path(path)), log]
+    status, (said,) = study.keep("prune")
+    assert status == 0 and "nothing is left over" in said
 
 
 @pytest.mark.parametrize(

@@ -40,8 +40,7 @@ def tables(study):
 
 def ran(study, targets, *config):
     """The study, which may have further settings, as far as the targets."""
-    run = study.snakemake(*(f"results/smoke/{name}" for name in targets), config=config)
-    assert run.returncode == 0, run.stdout
+    study.ran(*(f"results/smoke/{name}" for name in targets), config=config)
     return study
 
 
@@ -144,7 +143,6 @@ def test_cores_place_time_zone_locale_and_hashes_change_no_byte(study, tmp_path)
     for path in gone.values():
         path.unlink()
     elsewhere = {"TZ": "Pacific/Kiritimati", "LC_ALL": "de_DE.UTF-8", "PYTHONHASHSEED": "1"}
-    run = other.snakemake("--cores", "1", *(f"results/smoke/{name}" for name in gone), **elsewhere)
-    assert run.returncode == 0, run.stdout
+    other.ran("--cores", "1", *(f"results/smoke/{name}" for name in gone), **elsewhere)
     here = lost(study)
     assert [name for name in here if here[name].read_bytes() != gone[name].read_bytes()] == []

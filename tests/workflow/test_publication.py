@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import pytest
 import yaml
-from studies import script
 
 from galloping.publication.archive import MANIFEST, unpack
 from galloping.reproducibility.receipts import digest
@@ -29,18 +28,12 @@ TERMS = {
 }
 
 
-def smoke(folder, name, *options):
-    """(exit code, lines) of a command on the results of the smoke study in `folder`."""
-    return script(folder, "keep_results", name, *options, "--configfile", "config/smoke.yaml")
-
-
 def planned(study, *config):
     """How many jobs of each rule Snakemake would run."""
-    run = study.snakemake("-n", config=tuple(map(str, config)))
-    assert run.returncode == 0, run.stdout
-    if "Nothing to be done" in run.stdout:
+    said = study.ran("-n", config=tuple(map(str, config)))
+    if "Nothing to be done" in said:
         return {}
-    table = run.stdout.split("Job stats:")[1].split("total")[0]
+    table = said.split("Job stats:")[1].split("total")[0]
     return {rule: int(count) for rule, count in re.findall(r"^(\w+) +(\d+)$", table, re.M)}
 
 
@@ -52,20 +45,19 @@ def contents(folder):
 @pytest.fixture(scope="module")
 def clone(study, tmp_path_factory):
     """A copy of the finished study that is committed."""
-    folder = tmp_path_factory.mktemp("publication") / "clone"
-    study.copied(folder)
+    clone = study.copied(tmp_path_factory.mktemp("publication") / "clone")
     for command in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "-m", "All"]):
-        subprocess.run(["git", *COMMIT, *command], cwd=folder, check=True)
-    return folder
+        subprocess.run(["git", *COMMIT, *command], cwd=clone.folder, check=True)
+    return clone
 
 
 @pytest.fixture(scope="module")
 def archive(clone):
     """The publication of the smoke study."""
-    status, said = smoke(clone, "publish")
+    status, said = clone.keep("publish")
     assert status == 0, said
-    (found,) = (clone / RESULTS / "publication").glob("*.zip")
-    kept = clone.parent / found.name
+    (found,) = (clone.results / "publication").glob("*.zip")
+    kept = clone.folder.parent / found.name
     shutil.copy(found, kept)
     assert f"SHA-256 {digest(kept)}" in said[0]
     return kept
@@ -79,12 +71,12 @@ def unpacked(archive):
 
 
 def test_the_folder_is_the_archive_and_says_what_it_is(clone, unpacked):
-    folder = clone / RESULTS / "publication"
+    folder = clone.results / "publication"
     check = subprocess.run(["sha256sum", "--check", "--quiet", MANIFEST], cwd=folder)
     assert check.returncode == 0
     files = contents(unpacked)
     assert files == {k: v for k, v in contents(folder).items() if not k.endswith(".zip")}
-    shown = {f"{RESULTS}/{p.parent.name}/{p.name}" for p in (clone / RESULTS).glob("[tf]*s/[!.]*")}
+    shown = {f"{RESULTS}/{p.parent.name}/{p.name}" for p in clone.results.glob("[tf]*s/[!.]*")}
     assert len(shown) > 30 and shown <= files.keys()
     assert {"LICENSE", "requirements.lock", "workflow/Snakefile", "Makefile"} <= files.keys()
     assert not [name for name in files if "/recordings/" in name or "/reduced/" in name]
@@ -126,26 +118,26 @@ def test_the_crate_passes_the_required_checks_of_its_profile(unpacked, tmp_path)
 
 
 def test_an_archive_agrees_with_its_study_and_its_digest_is_asked_for(clone, archive):
-    status, said = smoke(clone, "verify_archive", archive)
+    status, said = clone.keep("verify_archive", archive)
     assert status == 0
     assert said[0].endswith(f"every file is as in its manifest; SHA-256 {digest(archive)}")
     assert said[2] == f"{RESULTS}: agrees with the archive"
-    status, said = smoke(clone, "verify_archive", archive, "--sha256", "0" * 64)
+    status, said = clone.keep("verify_archive", archive, "--sha256", "0" * 64)
     assert status == 1 and said[0].endswith(f"SHA-256 {digest(archive)}, not {'0' * 64}")
 
 
 def test_what_is_not_clean_and_complete_is_refused_unless_told_otherwise(clone, archive):
-    os.utime(clone / RESULTS / "models" / "non_resonant.json")
-    status, said = smoke(clone, "publish")
-    again = clone / RESULTS / "publication" / archive.name
+    os.utime(clone.results / "models" / "non_resonant.json")
+    status, said = clone.keep("publish")
+    again = clone.results / "publication" / archive.name
     assert again.read_bytes() == archive.read_bytes()  # same study, same bytes
-    (clone / TABLE).unlink()
-    (clone / "README.md").write_text("edited\n")
-    status, said = smoke(clone, "publish")
+    (clone.folder / TABLE).unlink()
+    (clone.folder / "README.md").write_text("edited\n")
+    status, said = clone.keep("publish")
     assert status == 1 and again.read_bytes() == archive.read_bytes()
     assert said[0] == "dirty: README.md: not as in the commit"
     assert said[1] == f"incomplete: {TABLE}: not here"
-    status, said = smoke(clone, "publish", "--allow", "dirty,incomplete")
+    status, said = clone.keep("publish", "--allow", "dirty,incomplete")
     assert status == 0, said
     crate = (again.parent / "ro-crate-metadata.json").read_text()
     assert "Published although: README.md: not as in the commit" in crate
@@ -157,11 +149,11 @@ def test_what_is_not_clean_and_complete_is_refused_unless_told_otherwise(clone, 
 @pytest.fixture(scope="module")
 def restored(fresh, archive):
     """A copy of the repository in which nothing was run, and the archive restored."""
-    folder = archive.parent / "restored"
-    shutil.copytree(fresh.folder, folder, ignore=shutil.ignore_patterns(".snakemake"))
-    status, said = smoke(folder, "restore", archive)
+    restored = replace(fresh, folder=archive.parent / "restored")
+    shutil.copytree(fresh.folder, restored.folder, ignore=shutil.ignore_patterns(".snakemake"))
+    status, said = restored.keep("restore", archive)
     assert status == 0, said
-    return replace(fresh, folder=folder)
+    return restored
 
 
 def test_a_restored_study_has_nothing_to_do_and_edits_count_as_ever(restored, unpacked, tmp_path):

@@ -28,15 +28,14 @@ def test_style(command):
 
 
 def test_the_profiles_agree_and_that_for_slurm_names_every_rule(fresh):
-    listed = fresh.snakemake("--list-rules", "--quiet", "all")
-    assert listed.returncode == 0, listed.stdout
+    listed = fresh.ran("--list-rules", "--quiet", "all")
     default, slurm = (
         yaml.safe_load((fresh.folder / f"workflow/profiles/{name}/config.yaml").read_text())
         for name in ("default", "slurm")
     )
     rules = set(slurm["groups"])
     assert rules == set(slurm["set-resources"])
-    assert rules | {"all"} == {line for line in listed.stdout.splitlines() if line.isidentifier()}
+    assert rules | {"all"} == {line for line in listed.splitlines() if line.isidentifier()}
     shared = default.keys() & slurm.keys() - {"cores"}
     assert len(shared) > 3 and [key for key in shared if default[key] != slurm[key]] == []
 

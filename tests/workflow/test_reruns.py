@@ -326,9 +326,8 @@ def dry_run(study, folder, *edits):
     copy = study.copied(folder / "study")
     for edit in edits:
         edit(copy.folder)
-    run = copy.snakemake("--summary")
-    assert run.returncode == 0, run.stdout
-    lines = [line.split("\t") for line in run.stdout.splitlines() if line.count("\t") == 5]
+    said = copy.ran("--summary").splitlines()
+    lines = [line.split("\t") for line in said if line.count("\t") == 5]
     assert lines[0] == ["output_file", "date", "rule", "log-file(s)", "status", "plan"]
     return {
         Output(rule, Path(name).relative_to("results/smoke"), plan == "update pending")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pandas as pd
 import pytest
-from studies import hold_to_reference, script
+from studies import hold_to_reference
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("study")]
 
@@ -27,9 +27,7 @@ def test_every_job_leaves_a_log_and_a_benchmark(study):
 
 def test_second_run_has_nothing_to_do(study):
     before = study.files()
-    run = study.snakemake()
-    assert run.returncode == 0, run.stdout
-    assert "Nothing to be done" in run.stdout
+    assert "Nothing to be done" in study.ran()
     assert study.files() == before
 
 
@@ -52,9 +50,8 @@ def edited(study, tmp_path_factory):
 
 
 def test_another_reference_runs_the_comparison_alone_and_shows(edited):
-    run = edited.first
-    assert run.returncode == 0, run.stdout
-    assert "3 of 3 steps (100%) done" in run.stdout  # the comparison, the report, the rule of all
+    said = edited.first.stdout
+    assert "3 of 3 steps (100%) done" in said, said  # the comparison, the report, the rule of all
     summary = edited.table("reference_summary").set_index("table").loc["efficiency"]
     found = edited.table("reference_differences")
     found = found[(found["table"] == "efficiency") & (found["column"] == "weakest_t")]
@@ -64,11 +61,6 @@ def test_another_reference_runs_the_comparison_alone_and_shows(edited):
     assert ratios.to_list() == pytest.approx([1 / 1.01] * len(found), rel=1e-6)
     with pytest.raises(AssertionError):
         hold_to_reference(edited.results / "tables", edited.folder / "results/reference/smoke")
-
-
-def take_reference(study):
-    options = ("take_reference", "--configfile", "config/smoke.yaml")
-    return script(study.folder, "keep_results", *options)
 
 
 def test_only_a_finished_study_becomes_the_reference(edited, study):
@@ -81,16 +73,16 @@ def test_only_a_finished_study_becomes_the_reference(edited, study):
     before = tables(reference)
     lost = edited.results / "bounds/non_resonant/state/noise_0.05.npz"
     kept = lost.rename(lost.with_suffix(".kept"))
-    status, (said,) = take_reference(edited)
+    status, (said,) = edited.keep("take_reference")
     assert status != 0 and tables(reference) == before
     assert re.match(r"results/smoke: \d+ files are not finished .*; the reference is left", said)
     kept.rename(lost)
     (reference / "gone.csv").write_text("case\n")
-    status, said = take_reference(edited)
+    status, said = edited.keep("take_reference")
     assert status == 0, said
     assert {path.name for path in reference.iterdir()} == names
     assert tables(reference) == tables(study.results / "tables")
     (reference / "origin.json").unlink()
-    status, said = take_reference(edited)
+    status, said = edited.keep("take_reference")
     assert status != 0 and "holds tables of something else" in said[-1]
     assert {path.name for path in reference.iterdir()} == names - {"origin.json"}
