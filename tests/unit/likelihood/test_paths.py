@@ -121,3 +121,25 @@ def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(level, reco
     record_property("path", found.diagnostics["path"])
     assert found.status == "approximate", found.reason
     assert found.diagnostics["forecast_r2"] > 0.95
+
+
+def test_terms_that_others_may_balance_are_no_ok():
+    """As where a motion stays near a surface: other terms have the same motion there."""
+    true, time = SYSTEMS["wake"].model, np.linspace(0.0, 30.0 * SYSTEMS["wake"].period, 500)
+    motion = moving(true, SYSTEMS["wake"].start, time)
+    noise = np.random.default_rng(3).standard_normal(motion.shape)
+    recording = Recording(time, true.states, motion + 0.03 * motion.std(axis=0) * noise)
+    found = maximum_likelihood(recording, true.terms)
+    assert found.status == "not identifiable"
+    assert "may be missing: the data would not show many times its equation" in found.reason
+
+
+def test_of_little_noise_a_constant_is_no_cheaper_than_other_terms():
+    """Noise makes one up here, which improves chi^2 by more than a constant costs elsewhere."""
+    true = SYSTEMS["lorenz"].model.on_library(library(3, 2))
+    motion = moving(true, (-8.0, 8.0, 27.0), 0.01 * np.arange(1000))
+    noise = generator(20261742, "lor", 4.0, 0.025, 1).standard_normal((400, 3))
+    values = motion[:400] + 0.025 * motion.std() * noise
+    recording = Recording(0.01 * np.arange(400), true.states, values)
+    found = maximum_likelihood(recording, true.terms)
+    assert np.array_equal(found.support, true.support) and found.status == "ok"
