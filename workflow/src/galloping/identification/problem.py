@@ -39,14 +39,14 @@ class Prior:
 
         chi^2 + sum over its terms of [ln N - 2 ln odds].
 
-    Simple terms are the cheaper ones only where noise hides what is there. Of little noise a prior
-    worth one sample is narrower than what the motion leaves open: a coefficient of which the term
-    alone would make up its equation (that of the weak form), w. Where the data tell it to s, with
-    w / s larger than the root of N, the integral over a prior as wide as w costs 2 ln(w / s) in
-    place of ln N, and a term that is not worth that leaves. No term costs more than a nonlinear one
-    for it: small nonlinear terms are there on lines. Without it constants and linear terms that
-    noise makes up came in alike at any noise: of 216 recordings of Lorenz with 2.5 to 10 % noise
-    (seed 20261742) 211 were exact, and 215 are; on lines nothing changes.
+    A constant is cheap only where noise hides what is there. Of little noise a prior worth one
+    sample is narrower than what the motion leaves open: a coefficient of which the term alone would
+    make up its equation (that of the weak form), w. Where the data tell a constant to s, with w / s
+    larger than the root of N, the integral over a prior as wide as w costs 2 ln(w / s) in place of
+    ln N; a constant that is not worth that, or the price of a nonlinear term where that is less,
+    leaves. Without it constants that noise makes up came in alike at any noise: of 216 recordings
+    of Lorenz with 2.5 to 10 % noise (seed 20261742) 211 were exact, and 214 are. Linear terms stay
+    cheap: the net damping of a line is a small one.
 
     The odds were calibrated on recordings of seeds that report nothing
     (docs/identification_parts.csv).
@@ -254,9 +254,10 @@ class Problem:
         """
         costs = self.costs(penalty)
         if self.prior is None:
-            return Price(costs, np.zeros(len(costs)), 0.0)
+            return Price(costs, costs, largest)
         nonlinear = penalty / 2.0 - 2.0 * np.log(self.prior.term * self.prior.nonlinear)
-        return Price(costs, largest / np.exp(penalty / 4.0), nonlinear)
+        most = np.where(self.complexity < 0, nonlinear, costs)
+        return Price(costs, most, largest / np.exp(penalty / 4.0))
 
     def costs(self, penalty: float) -> np.ndarray:
         """(n_candidates,) what terms have to bring, in units of chi^2, to be chosen.

@@ -42,27 +42,26 @@ def solve_support(
 class Price:
     """What terms have to bring, in units of chi^2, to be chosen.
 
-    least: (n,) of each. width: (n,) coefficients c: where a term's standard error s is smaller, its
-    price is higher by 2 ln(c / s), the evidence of a prior so much wider, up to `most` (see
-    `Prior`).
+    least, most: (n,) of each. width: (n,) coefficients c: where a term's standard error s is
+    smaller, its price is higher than the least by 2 ln(c / s), the evidence of a prior so much
+    wider, up to the most (see `Prior`).
     """
 
     least: np.ndarray
+    most: np.ndarray
     width: np.ndarray
-    most: float
 
     def times(self, dear: float) -> Price:
-        return Price(dear * self.least, self.width, dear * self.most)
+        return Price(dear * self.least, dear * self.most, self.width)
 
     def of(self, terms: np.ndarray) -> Price:
         """Of some terms, by their indices."""
-        return Price(self.least[terms], self.width[terms], self.most)
+        return Price(self.least[terms], self.most[terms], self.width[terms])
 
     def told(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
         """(m,) of terms with such standard errors (m,)."""
-        least = self.least[terms]
-        wider = least + 2.0 * np.log(np.maximum(self.width[terms] / errors, 1.0))
-        return np.minimum(wider, np.maximum(least, self.most))
+        wider = self.least[terms] + 2.0 * np.log(np.maximum(self.width[terms] / errors, 1.0))
+        return np.minimum(wider, self.most[terms])
 
 
 def select(
