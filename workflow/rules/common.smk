@@ -147,6 +147,11 @@ def code(script, *modules):
 
 
 @cache
+def tried_by(wildcards):
+    """The function of a trial's kind, as `evaluate.smk` names it."""
+    return TRIED_BY[STUDY.plain["trials"][wildcards.trial]["kind"]]
+
+
 def captions(folder, *names):
     """Texts of a folder of `workflow/report`, by name."""
     files = {name: workflow.source_path(f"../report/{folder}/{name}.rst") for name in names}

@@ -83,10 +83,6 @@ TRIED_BY = {
 }
 
 
-def tried_by(wildcards):
-    return TRIED_BY[STUDY.plain["trials"][wildcards.trial]["kind"]]
-
-
 rule run_trial:
     output:
         fits="<results>/trials/{trial}/{batch}.csv",
