@@ -146,12 +146,12 @@ def code(script, *modules):
     return digest.code(workflow.source_path(f"../scripts/{script}"), *modules)
 
 
-@cache
 def tried_by(wildcards):
     """The function of a trial's kind, as `evaluate.smk` names it."""
     return TRIED_BY[STUDY.plain["trials"][wildcards.trial]["kind"]]
 
 
+@cache
 def captions(folder, *names):
     """Texts of a folder of `workflow/report`, by name."""
     files = {name: workflow.source_path(f"../report/{folder}/{name}.rst") for name in names}
