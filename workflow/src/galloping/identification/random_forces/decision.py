@@ -28,7 +28,7 @@ from galloping.identification.random_forces.several_modes import (
     parted,
 )
 from galloping.identification.random_forces.start import wavers
-from galloping.identification.random_forces.verdict_in_forces import judged
+from galloping.identification.random_forces.verdict import judged
 from galloping.identification.work import ENDED, MOST, limited
 from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.recording import Recording

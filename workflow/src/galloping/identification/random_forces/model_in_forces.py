@@ -32,7 +32,7 @@ from galloping.identification.random_forces.start import (
     typical_step,
 )
 from galloping.identification.random_forces.tracking import sizes
-from galloping.identification.random_forces.verdict_in_forces import FinalFit
+from galloping.identification.random_forces.verdict import FinalFit
 from galloping.identification.selection import added_deviation, select, solve_support
 from galloping.identification.work import is_spent
 from galloping.passes import passing
