@@ -9,7 +9,6 @@ the steps, good where the motion is nearly linear over what a sample leaves unce
 import numpy as np
 from numba import njit
 
-from galloping.identification.random_forces.kalman import congruent, product, updated
 from galloping.polynomial import slopes
 
 
@@ -60,13 +59,26 @@ def _jacobian(x, lowered, coefficients, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _exponential(a, square, cube, fourth, parts, out):
-    """exp(a / parts) into `out`, to the fourth order; square, cube, fourth: powers of `a`."""
-    second, third, last = 2.0 * parts**2, 6.0 * parts**3, 24.0 * parts**4
+def _product(a, b, out):
     for i in range(len(a)):
-        for j in range(len(a)):
-            first = (1.0 if i == j else 0.0) + a[i, j] / parts
-            out[i, j] = first + square[i, j] / second + cube[i, j] / third + fourth[i, j] / last
+        for j in range(b.shape[1]):
+            out[i, j] = 0.0
+        for k in range(len(b)):
+            if a[i, k] != 0.0:
+                for j in range(b.shape[1]):
+                    out[i, j] += a[i, k] * b[k, j]
+
+
+@njit(cache=True, error_model="numpy")
+def _congruent(a, b, work, out):
+    """a b a' of a symmetric `b`."""
+    _product(a, b, work)
+    for i in range(len(a)):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(len(a)):
+                total += work[i, k] * a[j, k]
+            out[i, j] = out[j, i] = total
 
 
 @njit(cache=True, error_model="numpy")
@@ -121,9 +133,8 @@ def extended_filter(
     told = np.zeros((d, many))  # slopes of the states
     terms, stages = np.zeros(len(exponents)), np.zeros((5, d))
     here, middle = np.append(x, driven[0]), np.append(x, driven[0])
-    a, square, cube, fourth, over, half, work, added, jacobian, none = np.zeros((10, d, d))
-    before, still, gain, row = np.zeros((4, d))
-    unit = np.eye(d)
+    a, square, cube, fourth, over, half, work, added, jacobian = np.zeros((9, d, d))
+    before, unit, still, gain, row = np.zeros(d), np.eye(d), np.zeros(d), np.zeros(d), np.zeros(d)
     moved, seen = np.zeros((d, many)), np.zeros(many)
     for k in range(n):
         if step_of[k] >= 0:
@@ -140,22 +151,31 @@ def extended_filter(
                 _moved(here, h, still, now, exponents, coefficients, terms, stages, middle)
                 place += 3
                 _jacobian(middle, lowered, coefficients, jacobian)
-                a[:] = h * jacobian
-                product(a, a, square)
-                product(square, a, cube)
-                product(square, square, fourth)
-                _exponential(a, square, cube, fourth, 1, over)
-                _exponential(a, square, cube, fourth, 2, half)
-                congruent(half, white, none, work, added)
+                for i in range(d):
+                    for j in range(d):
+                        a[i, j] = h * jacobian[i, j]
+                _product(a, a, square)
+                _product(square, a, cube)
+                _product(square, square, fourth)
+                for i in range(d):
+                    for j in range(d):
+                        one, two = unit[i, j], a[i, j]
+                        over[i, j] = one + two + square[i, j] / 2.0 + cube[i, j] / 6.0
+                        over[i, j] += fourth[i, j] / 24.0
+                        half[i, j] = one + two / 2.0 + square[i, j] / 8.0 + cube[i, j] / 48.0
+                        half[i, j] += fourth[i, j] / 384.0
+                _congruent(half, white, work, added)
                 for i in range(d):
                     for j in range(d):
                         p[i, j] += h / 6.0 * white[i, j]
                         added[i, j] = h / 6.0 * (white[i, j] + 4.0 * added[i, j])
-                congruent(over, p, none, work, p)
-                p += added
+                _congruent(over, p, work, cube)
+                for i in range(d):
+                    for j in range(d):
+                        p[i, j] = cube[i, j] + added[i, j]
                 if many:
                     _monomials(middle, exponents, terms)
-                    product(over, told, moved)
+                    _product(over, told, moved)
                     told, moved = moved, told
                     for c in range(many):
                         for i in range(d):
@@ -181,7 +201,13 @@ def extended_filter(
                 if is_rate[c] and not at_sample:
                     row[i] = (row[i] - unit[last, i]) / length
                 error -= row[i] * (here[i] - before[i])
-            innovations[k, c], variances[k, c] = error, updated(p, row, noise[c], gain)
+            spread = noise[c]
+            for i in range(d):
+                gain[i] = 0.0
+                for j in range(d):
+                    gain[i] += p[i, j] * row[j]
+                spread += row[i] * gain[i]
+            innovations[k, c], variances[k, c] = error, spread
             for j in range(many):
                 seen[j] = 0.0
                 for i in range(d):
@@ -190,9 +216,14 @@ def extended_filter(
                     seen[j] += terms[candidates[j, 1]]
                 by_candidate[k, c, j] = -seen[j]
             for i in range(d):
+                gain[i] /= spread
                 here[i] += gain[i] * error
                 for j in range(many):
                     told[i, j] -= gain[i] * seen[j]
+            for i in range(d):
+                for j in range(i + 1):
+                    p[i, j] -= gain[i] * gain[j] * spread
+                    p[j, i] = p[i, j]
         means[k] = here[:d]
     x[:] = here[:d]
     return innovations, variances, means, by_candidate
@@ -202,8 +233,8 @@ def extended_filter(
 def random_motion(x, step_of, lengths, substeps, driven, exponents, coefficients, root, noise):
     """(n, n_states) from `x` on, in forces whose covariance in a second is root root'.
 
-    All until `coefficients`: as of `extended_filter`. noise: (n_substeps of all steps, n_states) of
-    unit variance.
+    All until `coefficients`: as of `extended_filter`. noise: (n_substeps
+    of all steps, n_states) of unit variance.
     """
     d, place = len(x), 0
     states = np.empty((len(step_of), d))

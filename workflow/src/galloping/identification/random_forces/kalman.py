@@ -115,49 +115,6 @@ SETTLED = 1e-12  # relative change of the covariance of the states from sample t
 
 
 @njit(cache=True, error_model="numpy")
-def product(a, b, out):
-    """a b into `out`, which is neither of these."""
-    out[:] = 0.0
-    for i in range(len(a)):
-        for k in range(len(b)):
-            if a[i, k] != 0.0:
-                for j in range(b.shape[1]):
-                    out[i, j] += a[i, k] * b[k, j]
-
-
-@njit(cache=True, error_model="numpy")
-def congruent(a, b, begin, work, out):
-    """begin + a b a' of symmetric `begin` and `b` into `out`, which may be `b`. work: as large."""
-    product(a, b, work)
-    for i in range(len(a)):
-        for j in range(i + 1):
-            total = begin[i, j]
-            for k in range(len(a)):
-                total += work[i, k] * a[j, k]
-            out[i, j] = out[j, i] = total
-
-
-@njit(cache=True, error_model="numpy")
-def updated(p, row, noise, gain):
-    """The variance of a sample, row x and noise of a variance; `gain` becomes that of the states by
-    it, and `p` their covariance after it.
-    """
-    d, variance = len(row), noise
-    for i in range(d):
-        gain[i] = 0.0
-        for j in range(d):
-            gain[i] += p[i, j] * row[j]
-        variance += row[i] * gain[i]
-    for i in range(d):
-        gain[i] /= variance
-    for i in range(d):
-        for j in range(i + 1):
-            p[i, j] -= gain[i] * gain[j] * variance
-            p[j, i] = p[i, j]
-    return variance
-
-
-@njit(cache=True, error_model="numpy")
 def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x, p):
     """Innovations and their variances, (n, n_channels) each, NaN where samples are missing, and
     the means of the states (n, n_states) after each sample.
@@ -189,9 +146,21 @@ def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x
                 moved[i] = 0.0
                 for j in range(d):
                     moved[i] += f[i, j] * x[j]
-            x[:] = moved
+            for i in range(d):
+                x[i] = moved[i]
             if not again:
-                congruent(f, p, disturbances[step], work, p)
+                for i in range(d):
+                    for j in range(d):
+                        work[i, j] = 0.0
+                        for m in range(d):
+                            work[i, j] += f[i, m] * p[m, j]
+                for i in range(d):
+                    for j in range(i + 1):
+                        total = disturbances[step, i, j]
+                        for m in range(d):
+                            total += work[i, m] * f[j, m]
+                        p[i, j] = total
+                        p[j, i] = total
         for c in range(channels):
             if np.isnan(samples[k, c]):
                 continue
@@ -199,18 +168,31 @@ def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x
             for j in range(d):
                 error -= sensing[c, j] * x[j]
             if not again:
-                spread[c] = updated(p, sensing[c], noise[c], gains[c])
-            innovations[k, c], variances[k, c] = error, spread[c]
+                spread[c] = noise[c]
+                for i in range(d):
+                    gains[c, i] = 0.0
+                    for j in range(d):
+                        gains[c, i] += p[i, j] * sensing[c, j]
+                    spread[c] += sensing[c, i] * gains[c, i]
+                for i in range(d):
+                    gains[c, i] /= spread[c]
+                for i in range(d):
+                    for j in range(i + 1):
+                        p[i, j] -= gains[c, i] * gains[c, j] * spread[c]
+                        p[j, i] = p[i, j]
+            innovations[k, c] = error
+            variances[k, c] = spread[c]
             for i in range(d):
                 x[i] += gains[c, i] * error
-        means[k] = x
+        for i in range(d):
+            means[k, i] = x[i]
         if not again:
             change = 0.0
             for i in range(d):
                 for j in range(d):
                     scale = np.sqrt(p[i, i] * p[j, j])
                     change = max(change, abs(p[i, j] - before[i, j]) / max(scale, 1e-300))
-            before[:] = p
+                    before[i, j] = p[i, j]
             settled = complete and step == last and change < SETTLED
             last = step
     return innovations, variances, means

@@ -42,13 +42,12 @@ class Data:
 
     @classmethod
     def of(cls, recording: Recording, channels: Channels) -> "Data":
-        """What channels measure of a recording."""
         steps = Steps.between(recording.time, tuple(recording.inputs.values()))
         return cls(channels.samples(recording), steps)
 
 
 @dataclass(frozen=True)
-class FilterResult:
+class Filtered:
     """innovations, variances: (n, n_channels) of samples, NaN where missing. means: (n, n_states)
     after each. mean, covariance: of the states, and of slow forces, after the last. count: of the
     samples, more than of the finite innovations where the filter fails.
@@ -60,11 +59,6 @@ class FilterResult:
     mean: np.ndarray
     covariance: np.ndarray
     count: int
-
-    @property
-    def standardised(self) -> np.ndarray:
-        """(n, n_channels) innovations in their deviations."""
-        return self.innovations / np.sqrt(self.variances)
 
 
 @dataclass(frozen=True)
@@ -129,9 +123,10 @@ class Tracker:
     def rest(self) -> np.ndarray:
         """(n_states,) where the linear part is in equilibrium."""
         constant = np.sum(np.array(self.steady.terms), axis=1) == 0
-        if np.linalg.det(self.system) == 0.0:
-            raise np.linalg.LinAlgError("a stiffness cannot be told in random forces")
-        return -np.linalg.solve(self.system, self.steady.coefficients[:, constant].sum(axis=1))
+        try:
+            return -np.linalg.solve(self.system, self.steady.coefficients[:, constant].sum(axis=1))
+        except np.linalg.LinAlgError:
+            raise np.linalg.LinAlgError("a stiffness cannot be told in random forces") from None
 
     @cached_property
     def driven(self) -> tuple[np.ndarray, np.ndarray]:
@@ -204,26 +199,23 @@ class Tracker:
 
     def extended(
         self, data: Data, candidates: np.ndarray, terms: Sequence[int] = ()
-    ) -> tuple[FilterResult, np.ndarray]:
+    ) -> tuple[Filtered, np.ndarray]:
         """The filter of a nonlinear system, and slopes of its innovations with coefficients, as of
         `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`. Raises
         numpy.linalg.LinAlgError where one pass takes more than all the work of a search.
         """
-        m, kept = len(self.driven[0]), np.array(self.channels.kept, int)
+        n, m, kept = len(self.size), len(self.driven[0]), np.array(self.channels.kept, int)
         given = self.first_mean, self.first_covariance, self.driven[1]
         x, p, white = (np.pad(each, (0, len(kept))) for each in given)
         exponents, coefficients = self.equations(terms)
         exponents = np.insert(exponents, np.full(len(kept), m), 0, axis=1)
         coefficients = np.pad(coefficients, ((0, len(kept)), (0, 0)))
-        *found, slopes = self._extended(
+        innovations, variances, means, slopes = self._extended(
             data, exponents, coefficients, white, x, p, candidates, kept
         )
-        return self._result(data, *found, x, p), slopes
-
-    def _result(self, data: Data, innovations, variances, means, x, p) -> FilterResult:
-        """Of what a compiled filter returns; x, p: mean and covariance that it leaves."""
-        n, m, count = len(self.size), len(self.driven[0]), int(np.isfinite(data.samples).sum())
-        return FilterResult(innovations, variances, means[:, :n], x[:m], p[:m, :m], count)
+        count = int(np.isfinite(data.samples).sum())
+        found = Filtered(innovations, variances, means[:, :n], x[:m], p[:m, :m], count)
+        return found, slopes
 
     def _extended(self, data: Data, exponents, coefficients, white, x, p, candidates, kept):
         channels, steps = self.channels, data.steps
@@ -251,7 +243,7 @@ class Tracker:
         own = steps.of[1:], steps.lengths, counts, driven, *self.equations(), root, noise
         return random_motion(x, *own)[:, : len(self.size)]
 
-    def over(self, data: Data) -> FilterResult:
+    def over(self, data: Data) -> Filtered:
         """Raises numpy.linalg.LinAlgError where the model cannot be discretised or followed."""
         if not self.is_linear:
             return self.extended(data, np.zeros((0, 2), np.int64))[0]
@@ -272,8 +264,8 @@ class Tracker:
             self.noise**2, x, p,
         )  # fmt: skip
         x[:n] += self.rest
-        means[:, :n] += self.rest
-        return self._result(data, innovations, variances, means, x, p)
+        count = int(np.isfinite(data.samples).sum())
+        return Filtered(innovations, variances, means[:, :n] + self.rest, x[:m], p[:m, :m], count)
 
     def first_state(self, data: Data, count: int) -> np.ndarray:
         """(n_states,) at the first sample, as `count` samples tell it.

@@ -56,12 +56,10 @@ class Whiteness:
 
     @property
     def shows_line(self) -> bool:
-        """Whether the spectrum stands out at a frequency more than by chance."""
         return self.peak > (1.0 if self.swings else APART) * self.peak_allowed
 
     @property
     def white(self) -> bool:
-        """Whether it is white noise, for all that can be told."""
         return self.statistic <= self.allowed and not (self.shows_line or self.goes_with)
 
     @property
@@ -79,7 +77,6 @@ class Whiteness:
 
     @property
     def relevant(self) -> bool:
-        """Whether what is no white noise in it bears on the model."""
         return self.told > RELEVANT or self.shows_line or bool(self.goes_with)
 
 
