@@ -43,7 +43,7 @@ def test_only_what_belongs_to_trials_is_made(tried):
     assert made == {
         "columns.csv", "fits.csv", "trust.csv", "systems.csv", "reference_summary.csv",
         "reference_differences.csv", "trust.svg", "trust.png", "model_error.csv", "model_error.svg",
-        "model_error.png", "paths.csv",
+        "model_error.png", "paths.csv", "ablations.csv",
         "published_terms.csv", "published_terms.svg", "published_terms.png",
         "published_intervals.csv", "published_intervals.svg", "published_intervals.png",
     }  # fmt: skip
