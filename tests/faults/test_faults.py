@@ -145,7 +145,8 @@ def test_interruptions_second_runs_and_killed_jobs_are_told(harmed):
     harmed.until_it_computes(run).kill()
     status, said = end(run)
     assert status != 0
-    assert "\nThe study stopped: a job was killed (results/smoke/logs/draw_" in said, said
+    last = said.splitlines()[-1]
+    assert last.startswith("The study stopped: a job was killed (results/smoke/logs/draw_"), said
     harmed.finish()
     harmed.check()
 
