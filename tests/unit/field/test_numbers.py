@@ -17,7 +17,7 @@ from galloping.field.forecast import check_followed, forecast, held_out, with_fa
 from galloping.field.objections import difference, kept_up, objected, unmoved
 from galloping.field.recordings import parted
 from galloping.field.summary import Summary, hold_out, longest_period
-from galloping.identification.likelihood.verdict import only_repeats
+from galloping.identification.likelihood.repetition import only_repeats
 from galloping.identification.random_forces.start import wavers
 from galloping.polynomial import PolynomialModel, design_matrix, library
 

@@ -5,8 +5,9 @@ regressions whose truth is known.
 import numpy as np
 
 from galloping import IdentifiedModel, PolynomialModel, Prior
+from galloping.identification.answers import laws_untold, with_inputs
 from galloping.identification.likelihood.instrument import FORCES
-from galloping.identification.likelihood.verdict import Regression, judged, laws_untold, with_inputs
+from galloping.identification.likelihood.verdict import Regression, judged
 from galloping.identification.plausible import Plausible, with_prior
 from galloping.identification.problem import Problem, posed
 from galloping.identification.selection import select

@@ -3,16 +3,11 @@
 import numpy as np
 from scipy.special import ndtri
 
+from galloping.identification.answers import refused
 from galloping.identification.likelihood.condense import TRUNCATION
 from galloping.identification.likelihood.free_run import pulled
 from galloping.identification.likelihood.residual_tests import RESIDUAL_RATE
-from galloping.identification.likelihood.verdict import (
-    Near,
-    Regression,
-    approximate,
-    judged,
-    refused,
-)
+from galloping.identification.likelihood.verdict import Near, Regression, approximate, judged
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.problem import Problem, largest
 from galloping.identification.selection import added_deviation, select, solve_support

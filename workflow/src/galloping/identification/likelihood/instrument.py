@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
+from galloping.identification.answers import GUSTS
 from galloping.identification.likelihood.condense import ROWS, of_rates
 from galloping.identification.likelihood.elimination import Eliminated, eliminate
 from galloping.identification.likelihood.shooting import (
@@ -23,7 +24,6 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.selection import DEPENDENT, select, solve_support, tableau, whiten
 from galloping.polynomial import velocity_pairs
 
-GUSTS = ", such as gusts"  # but where the wind was measured
 FORCES = f"forces besides the model act{GUSTS}, or terms are missing"
 JITTER = "errors grow with the speed of the motion: sampling times jitter, or the model is wrong"
 GROWING = "the noise grows with the signal"

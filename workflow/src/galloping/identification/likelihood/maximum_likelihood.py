@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
+from galloping.identification.answers import beside_known, by, refused, with_inputs
 from galloping.identification.inputs import asked, checked_recordings, driven
 from galloping.identification.likelihood import free_run, starts, trajectory_fit
 from galloping.identification.likelihood.derivative_fit import derivative_fit
@@ -19,16 +20,7 @@ from galloping.identification.likelihood.instrument import DELAYED, FORCES, faul
 from galloping.identification.likelihood.model_error import approximation
 from galloping.identification.likelihood.residual_tests import MOST_COLOUR, Residue, residue
 from galloping.identification.likelihood.shooting import Segments, ShootingFit, residuals
-from galloping.identification.likelihood.verdict import (
-    Regression,
-    agree,
-    beside_known,
-    best_of,
-    by,
-    judged,
-    refused,
-    with_inputs,
-)
+from galloping.identification.likelihood.verdict import Regression, agree, best_of, judged
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel, NoModel, attempt

@@ -13,11 +13,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import stdtrit
 
+from galloping.identification.answers import by, refused
 from galloping.identification.likelihood.elimination import eliminate_with_jumps, jump_covariance
 from galloping.identification.likelihood.fluctuation import chosen, fluctuating
 from galloping.identification.likelihood.further_modes import further_modes, in_words
 from galloping.identification.likelihood.shooting import Record, ShootingFit
-from galloping.identification.likelihood.verdict import Near, approximate, by, refused
+from galloping.identification.likelihood.verdict import Near, approximate
 from galloping.identification.likelihood.weak_constraint import (
     StretchFit,
     coloured_misfit,

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from galloping.arrays import one_thread
+from galloping.identification.answers import refused, with_inputs
 from galloping.identification.inputs import asked, checked_recordings, driven
-from galloping.identification.likelihood.verdict import Regression, judged, refused, with_inputs
+from galloping.identification.likelihood.verdict import Regression, judged
 from galloping.identification.model import NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start, begin
 from galloping.polynomial import Exponents, PolynomialModel

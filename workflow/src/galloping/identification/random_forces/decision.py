@@ -14,8 +14,8 @@ from itertools import chain
 from numpy.typing import ArrayLike
 
 from galloping.arrays import one_thread
+from galloping.identification.answers import beside_known, by, refused, with_inputs
 from galloping.identification.inputs import asked, checked_recordings, driven
-from galloping.identification.likelihood.verdict import beside_known, by, refused, with_inputs
 from galloping.identification.model import NO_MODEL, IdentifiedModel
 from galloping.identification.preparation.rate_channels import scaled, scales_told
 from galloping.identification.preparation.screening import prepared

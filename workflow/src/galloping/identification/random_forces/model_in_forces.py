@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 from scipy.special import chdtri
 
-from galloping.identification.likelihood.verdict import by
+from galloping.identification.answers import by
 from galloping.identification.model import MOST_DAMPING, NO_MODEL, IdentifiedModel, Unusable
 from galloping.identification.plausible import detection_limits
 from galloping.identification.problem import Problem

@@ -1,0 +1,123 @@
+"""What answers carry beside a verdict: their path, a refusal, and what inputs and coefficients that
+are known make of them.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from galloping.identification.model import RANGE, IdentifiedModel
+from galloping.identification.problem import Problem
+from galloping.intervals import QUANTILES_90
+from galloping.polynomial import term_name
+from galloping.recording import Recording
+
+GUSTS = ", such as gusts"  # of forces besides a model, but where the wind was measured
+MOST_SURPRISE = 4.0  # deviations; by chance once in 16,000
+
+
+def by(path: Iterable[str], identified: IdentifiedModel) -> IdentifiedModel:
+    """The model with further stages before those of its path, by which it was found."""
+    own = identified.diagnostics.get("path")
+    stages = [*path, *([own] if own else [])]
+    return replace(identified, diagnostics={**identified.diagnostics, "path": ", ".join(stages)})
+
+
+def refused(problem: Problem, reason: str) -> IdentifiedModel:
+    """The answer where there is no model: status `refused`, with the reason."""
+    return IdentifiedModel.refused(problem.states, problem.terms, reason, problem.inputs)
+
+
+def beside_known(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
+    """The model, not `ok` where recordings alone would put a coefficient MOST_SURPRISE deviations
+    from what was known of it, or further: then what was known is wrong, or the model is.
+
+    The estimate is the mean of both, weighted by their precisions: of its distance from what was
+    known, the variance is that of what was known less its own.
+    """
+    found, mean = identified.model.coefficients, problem.expected
+    with np.errstate(invalid="ignore", divide="ignore"):
+        deviation = problem.precision**-0.5
+        share = np.fmax(1.0 - (identified.standard_errors / deviation) ** 2, 1e-6)
+        surprise = abs(found - mean) / (deviation * np.sqrt(share))
+    denied = [
+        f"{term_name(problem.terms[j], problem.names)} in d({problem.states[i]})/dt is "
+        f"{found[i, j]:.3g}, and {mean[i, j]:.3g} ± {deviation[i, j]:.2g}"
+        for i, j in np.argwhere(surprise > MOST_SURPRISE)
+    ]
+    if not denied:
+        return identified
+    clause = f"the recording contradicts what was known: {', '.join(denied)} was said"
+    return identified.doubted("; ".join(filter(None, [clause, identified.reason])))
+
+
+def with_inputs(
+    identified: IdentifiedModel, given: Sequence[Recording], used: Sequence[Recording]
+) -> IdentifiedModel:
+    """The model with what its inputs add to its errors, the share of samples without them, and the
+    range in which nine tenths of their samples are (`IdentifiedModel.recorded`).
+
+    A factor on an input, unknown by its `error`, is one on every coefficient of a term with it, to
+    the power of the input. given: recordings as they came; used: the stretches with inputs.
+    """
+    names = identified.model.inputs
+    if not names:
+        return identified
+    reason = identified.reason.replace(GUSTS, "")
+    if identified.status == "refused":
+        return replace(identified, reason=reason)
+    samples, kept = (sum(one.samples for one in each) for each in (given, used))
+    about = {**identified.diagnostics, "without_inputs_share": 1.0 - kept / samples}
+    places = np.argwhere(identified.support)
+    at = tuple(places.T)
+    added, sizes = np.zeros((len(places), len(places))), []
+    for k, name in enumerate(names, start=len(identified.model.states)):
+        error = max(one.inputs[name].error for one in used)
+        values = np.concatenate([one.inputs[name](one.time) for one in used])
+        ends = np.nanquantile(values, QUANTILES_90)
+        sizes.append(float(np.sqrt(np.nanmean(values**2))))
+        about |= {f"{name}{end}": float(own) for end, own in zip(RANGE, ends, strict=True)}
+        power = np.array([identified.model.terms[j][k] for _, j in places], float)
+        moved = error * power * identified.model.coefficients[at]
+        moved[identified.standard_errors[at] == 0.0] = 0.0  # of those that are fixed
+        added += np.outer(moved, moved)
+    wider = {"covariance": identified.covariance + added} if len(identified.covariance) else {}
+    for name in ("standard_errors", "unconditional_errors"):
+        errors = np.array(getattr(identified, name))
+        errors[at] = np.hypot(errors[at], np.sqrt(np.diag(added)))
+        wider[name] = errors
+    reason = "; ".join(filter(None, [reason, laws_untold(identified, sizes, about)]))
+    return replace(identified, reason=reason, diagnostics=about, **wider)
+
+
+def laws_untold(
+    identified: IdentifiedModel, sizes: Sequence[float], about: Mapping[str, object]
+) -> str:
+    """One line on the linear terms whose change with the inputs the recordings hardly tell, with
+    the ranges recorded, '' where there are none.
+
+    Of such a term the same with another power of the inputs is absent, though it may be a quarter
+    as large as those found: at other inputs they part. sizes: root mean square of each input.
+    about: diagnostics, with the ranges.
+    """
+    model, n = identified.model, len(identified.model.states)
+    of_states, of_inputs = np.hsplit(np.array(model.terms), [n])
+    powers = np.prod(np.array(sizes) ** of_inputs, axis=1)
+    found = np.where(identified.support, model.coefficients * powers, 0.0)
+    unseen = np.where(identified.support, 0.0, np.nan_to_num(identified.detection_limits * powers))
+    untold = []
+    for k, state in enumerate(model.states):
+        alike = np.all(of_states == np.eye(n)[k], axis=1)
+        size, most = abs(found[:, alike]).sum(axis=1), unseen[:, alike].max(axis=1, initial=0.0)
+        untold += [
+            f"{state} in d({model.states[i]})/dt"
+            for i in np.flatnonzero((size > 0.0) & (most > 0.25 * size))
+        ]
+    if not untold:
+        return ""
+    ranges = [
+        f"{name} from {about[name + RANGE[0]]:.3g} to {about[name + RANGE[1]]:.3g}"
+        for name in model.inputs
+    ]
+    return f"{' and '.join(ranges)} hardly tells how {', '.join(untold)} changes with it"

@@ -1,0 +1,79 @@
+"""Whether a recorded motion only repeats: then other equations have the same orbit."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
+
+from galloping.polynomial import PolynomialModel
+from galloping.recording import Recording
+from galloping.taylor import solution
+
+
+def only_repeats(
+    model: PolynomialModel, starts: np.ndarray, recordings: Sequence[Recording], period: float
+) -> bool:
+    """Whether all that was recorded is the same orbit again and again, as the model has it.
+
+    Two tones without a common period come near to themselves once, but not at its multiples.
+    starts: (n_recordings, n_states), the first state of each. period: the shortest of the motion,
+    s. What inputs drive is no orbit, nor is what diverges.
+    """
+    return not model.inputs and all(
+        _repeats(model, start, float(np.ptp(one.time)), period)
+        for start, one in zip(starts, recordings, strict=True)
+    )
+
+
+def _repeats(model: PolynomialModel, start: np.ndarray, duration: float, period: float) -> bool:
+    """Whether standardised states return to themselves over two thirds of the time.
+
+    Sought is the delay, up to a third of the time, after which they differ least, beyond the first
+    after which they differ less than a little earlier: among samples by a fifth of their size, at
+    its best by a hundredth. What repeats over 500 periods goes on as it does.
+    """
+    samples = 60  # a period, each of at most 64 steps of the integration
+    time = np.arange(0.0, min(duration, 500 * period), period / samples)
+    try:
+        most = 64 * (len(time) // samples + 1)
+        states, _, _ = solution(model, (), start, time, period, most)
+    except FloatingPointError:
+        return False
+    if not np.all(np.isfinite(states)):
+        return False
+    states = (states - states.mean(axis=0)) / np.fmax(states.std(axis=0), np.finfo(float).tiny)
+    apart = _apart(states)
+    falling = np.flatnonzero(np.diff(apart) < 0.0)
+    if not len(falling):
+        return False
+    nearest = falling[0] + np.argmin(apart[falling[0] :])
+    if apart[nearest] > 0.2:
+        return False
+    step, last = time[1] - time[0], time[-1]
+    best = step * float(nearest)
+    curve = CubicSpline(time, states)
+
+    def differ(delay: float) -> float:
+        kept = time[time <= last - delay]
+        return float(np.sqrt(np.mean((curve(kept + delay) - states[: len(kept)]) ** 2)))
+
+    for times in (1, int(last * 2 / 3 // best)):
+        width = times * step
+        best = minimize_scalar(
+            differ, bounds=(times * best - width, times * best + width), method="bounded"
+        ).x
+    return differ(best) < 0.01
+
+
+def _apart(states: np.ndarray) -> np.ndarray:
+    """Root mean square by which states (n, n_states) differ from themselves n samples later, of n
+    up to a third of all.
+    """
+    count, size = len(states), 2 * len(states)
+    spectrum = np.fft.rfft(states, size, axis=0)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[: count // 3].sum(axis=1)
+    squares = np.concatenate([[0.0], np.cumsum(np.sum(states**2, axis=1))])
+    later = np.arange(count // 3)
+    sums = squares[count - later] + squares[count] - squares[later] - 2.0 * products
+    return np.sqrt(np.maximum(sums, 0.0) / (count - later) / states.shape[1])
