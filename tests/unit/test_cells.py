@@ -83,9 +83,6 @@ def test_a_sweep_does_not_read_what_it_varies():
     assert ratios["damping"] == {} and ratios["initial_state"] == line["initial_state"]
 
 
-# --- scripts ---
-
-
 def test_from_a_line_to_recordings_without_snakemake(root, tmp_path):
     def script(name):
         """The function of a script, which has the script's name."""

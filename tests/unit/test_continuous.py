@@ -122,9 +122,6 @@ def test_unknown_aerodynamics_are_refused():
         continuous_line(RESONANT, 1, aerodynamic="steady")
 
 
-# --- gusts ---
-
-
 @pytest.mark.parametrize("name", SPECTRA)
 def test_wind_has_the_named_spectrum_of_unit_variance_and_the_length_scale(name):
     def density(n):

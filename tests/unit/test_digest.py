@@ -108,13 +108,6 @@ def test_a_misspelt_module_is_named(package):
         package(modules=["package.methods"])
 
 
-def test_where_the_repository_lies_does_not_count(package, tmp_path, monkeypatch):
-    before = package()
-    moved = (tmp_path / "src").rename(tmp_path / "elsewhere")
-    monkeypatch.setattr(digest, "SOURCE", moved)
-    assert package() == before
-
-
 def test_compiled_functions_use_no_other_module_of_the_package():
     # numba's cache of a function notices edits of its own file alone
     compiled = 0

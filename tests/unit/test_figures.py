@@ -9,17 +9,9 @@ import pytest
 from lines import RESONANT, edited
 from pictures import drawn
 
+from galloping.figures import errors
 from galloping.figures.against_paper import draw_claims
 from galloping.figures.each_term import draw_coefficients, draw_identifiability
-from galloping.figures.errors import (
-    QUANTITIES,
-    best_of_pysindy,
-    draw_draws,
-    draw_efficiency,
-    draw_methods,
-    draw_overview,
-    printed,
-)
 from galloping.figures.motions import draw_histories, draw_recovery
 from galloping.figures.schematics import draw_aerodynamic_load, draw_flow, draw_line
 from galloping.figures.style import METHODS, method_style, write_figure
@@ -40,7 +32,7 @@ CELL = {"case": "line", "protocol": "state", "method": "weak"}
 NOISE = {**NAMES, "kind": "noise", "x": "level", "labels": dict.fromkeys(PROTOCOLS, "noise"),
          "quantities": ["coefficients"]}  # fmt: skip
 AMOUNT = {**NOISE, "kind": "points", "x": "points"}
-COLUMNS = [column for quantity in QUANTITIES.values() for column in quantity.columns]
+COLUMNS = [column for quantity in errors.QUANTITIES.values() for column in quantity.columns]
 
 
 def written(tmp_path, draw):
@@ -76,8 +68,8 @@ SWING = Motion(("q_v", "q_w", "dq_v", "dq_w"), T, STATES, np.gradient(STATES, T,
 
 
 def test_same_data_same_bytes_without_a_date(tmp_path):
-    first = written(tmp_path, lambda: draw_methods(scores(), NOISE))
-    assert written(tmp_path, lambda: draw_methods(scores(), NOISE)) == first
+    first = written(tmp_path, lambda: errors.draw_methods(scores(), NOISE))
+    assert written(tmp_path, lambda: errors.draw_methods(scores(), NOISE)) == first
     assert b"<dc:date>" not in first[0]
     assert b"Software" not in first[1]
 
@@ -97,9 +89,9 @@ def test_the_first_draw_stands_beside_the_spread_of_all_and_what_the_paper_print
     ])  # fmt: skip
     more = table[4:5].rename(columns={"replicate": "draw"})
     more = pd.concat([more.assign(draw=k, mean_error_linear_percent=k + 1.0) for k in range(9)])
-    (of_paper,) = printed("mean_error_linear_percent", case)
+    (of_paper,) = errors.printed("mean_error_linear_percent", case)
     for further, first in (((), [7.0, 8.0]), ((more,), [7.0, 1.0])):
-        figure = draw_draws(table, {**NOISE, **CELL, "case": case}, *further)
+        figure = errors.draw_draws(table, {**NOISE, **CELL, "case": case}, *further)
         drawn_lines = {line.get_label(): list(line.get_ydata()) for line in figure.axes[0].lines}
         assert drawn_lines["one draw, the first"] == first
         assert drawn_lines["their median"] == [2.5, 5.0]
@@ -116,13 +108,13 @@ def test_efficiency_with_failures_and_joint_recordings():
         for recordings, level, value in ((1, 0.01, 1.0), (1, 0.05, np.inf), (2, 0.05, np.nan))
         for method in ("weak", "maximum_likelihood", "bound")
     )  # fmt: skip
-    figure = draw_efficiency(whole, settings)
+    figure = errors.draw_efficiency(whole, settings)
     written = [text.get_text() for text in figure.axes[0].texts]
     assert written == ["1 of 20"] * 2  # beside the triangles of the methods that lost a draw
     ticks = [label.get_text() for label in figure.axes[0].get_xticklabels()]
     assert ticks == ["0.01", "0.05", "0.05\n2 rec."]
     for these in ("recordings == 1", "method == 'bound'", "method == 'none'", "recordings == 2"):
-        drawn(lambda these=these: draw_efficiency(whole.query(these), settings))
+        drawn(lambda these=these: errors.draw_efficiency(whole.query(these), settings))
 
 
 def identifiable(t, recordings=(1, 2)):
@@ -141,8 +133,8 @@ def test_the_best_of_pysindy_has_the_lowest_median_over_the_levels():
         [(method, value) for method, values in medians.items() for value in values],
         columns=["method", "median"],
     )
-    assert best_of_pysindy(table) == "weak"
-    assert best_of_pysindy(table[table["method"] == "maximum_likelihood"]) is None
+    assert errors.best_of_pysindy(table) == "weak"
+    assert errors.best_of_pysindy(table[table["method"] == "maximum_likelihood"]) is None
 
 
 def line_models():
@@ -187,11 +179,11 @@ DRAWN = [  # of any number, size and kind, with what each is drawn of
           ("coefficients", (0,), (), 5.0), ("coefficients", (0.05,), (), 0.0),
           ("coefficients", (0, 0.01), (), np.inf), ("r2", (0, 0.01), (1000,), np.inf),
           ("amplitude", (0, 0.01, 0.05), (1000, 5000), 5.0))
-      for extent in (NOISE, AMOUNT) for draw in (draw_methods, draw_draws)),
+      for extent in (NOISE, AMOUNT) for draw in (errors.draw_methods, errors.draw_draws)),
     *((draw_identifiability, table,
        {"cases": ["line", "other"], "protocols": ["state", "derivative"], "level": 0.05})
       for table in (identifiable(0.0), identifiable(1e5, [1]), identifiable(1)[:0])),
-    *((draw_overview, scores(levels, error=error, methods=methods).fillna(0.0),
+    *((errors.draw_overview, scores(levels, error=error, methods=methods).fillna(0.0),
        {"case": "line", "protocol": "state", "label": "noise"}, NO_PEERS)
       for methods, error, levels in (
           (FOUR, 5.0, (0, 0.01, 0.05)), (FOUR, np.inf, (0, 0.01)), (["weak", "paper"], 5.0, (0,)),

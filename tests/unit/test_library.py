@@ -54,14 +54,10 @@ def test_the_examples_of_the_page_run(tmp_path, monkeypatch, capsys):
     assert names["again"].status == "ok"
 
 
-def test_one_version():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert galloping.__version__ == project["version"]
-
-
-def test_the_library_needs_no_package_of_the_study():
+def test_the_library_has_one_version_and_needs_no_package_of_the_study():
     """What `pip install .` brings is enough for every public name."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert galloping.__version__ == project["version"]
     study = ["pandas", "matplotlib", "pysindy", "sklearn", "snakemake", "psutil", "rocrate"]
     assert not any(name in text for text in project["dependencies"] for name in study)
     code = (

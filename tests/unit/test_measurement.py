@@ -96,9 +96,6 @@ def test_names_do_not_run_together():
     assert len(draws) == 5
 
 
-# --- files ---
-
-
 @pytest.mark.parametrize("protocol", ["derivative", "state", "acceleration"])
 @pytest.mark.parametrize("samples", [30001, 1000])
 def test_recordings_come_back_from_files(resonant, tmp_path, protocol, samples):

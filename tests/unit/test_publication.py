@@ -50,9 +50,6 @@ def here(tmp_path, monkeypatch):
     return folder
 
 
-# zip files
-
-
 def zipped(path, *entries):
     """A zip of (name, content), names as they are."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
@@ -113,9 +110,6 @@ def test_same_files_same_bytes_and_they_come_back(tmp_path):
     unpack(tmp_path / "a.zip", tmp_path / "back")
     assert present(tmp_path / "back") == CONTENT | {"link": "/etc"}  # a file, no link
     assert not (tmp_path / "back/link").is_symlink()
-
-
-# publications
 
 
 def made_here():
@@ -266,9 +260,6 @@ def test_an_installation_leaves_the_commit_clean(here, root):
     (here / ".gitignore").write_text("build\n*.egg-info\n")
     (here / "b").touch()
     assert (commit().described, commit().changes) == ("v1-dirty", (".gitignore", "b"))
-
-
-# restoring
 
 
 def test_files_are_put_in_place_and_adopted(published, told):

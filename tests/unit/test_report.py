@@ -85,9 +85,6 @@ def test_the_headline_is_read_from_the_tables():
     assert headline(efficiency, errors, no_sweeps, no_sweeps, **about) == said[:2]
 
 
-# --- the data dictionary ---
-
-
 def test_every_column_of_the_reference_and_of_the_claims_has_a_meaning(root):
     heads = [("claims", claims.COLUMNS), ("paper", claims.PAPER_COLUMNS)]
     for path in (root / "results" / "reference").rglob("*.csv"):

@@ -66,9 +66,6 @@ def look():
     return kept.inspect(RESULTS, receipts(RESULTS))
 
 
-# jobs
-
-
 def test_a_job_says_what_it_made_from_what():
     model = make("models/a.json")
     table = make("tables/t.csv", "x\n", inputs=["models/a.json"])
@@ -114,9 +111,6 @@ def test_failures_are_told_in_a_line_with_the_log(folder):
     assert list(receipts(RESULTS)) == [str(model)] and not Path(RESULTS, "tables/t.csv").exists()
 
 
-# the start of a run
-
-
 def same_size_and_times(path):
     status = path.stat()
     path.write_text("2\n")
@@ -147,9 +141,6 @@ def test_after_a_kill_only_a_repair_may_lock_a_study():
         pass
     with lock.locked(RESULTS, "mend"):
         pass
-
-
-# repair
 
 
 def test_files_are_set_aside_over_no_other():

@@ -115,8 +115,6 @@ def test_no_row_is_left_of_what_is_no_longer_asked_for(grown, before):
     assert tables(grown) == {name: before[Path("tables", name)][0] for name in TABLES}
 
 
-# lost results
-
 CASE, CELL = "non_resonant", "points_1000"
 STAGES = {
     "models", "trajectories", "identified", "bounds", "scores", "reconstructions", "sweeps",

@@ -143,9 +143,6 @@ def test_what_is_not_clean_and_complete_is_refused_unless_told_otherwise(clone, 
     assert "Published although: README.md: not as in the commit" in crate
 
 
-# restoring
-
-
 @pytest.fixture(scope="module")
 def restored(fresh, archive):
     """A copy of the repository in which nothing was run, and the archive restored."""

@@ -1,10 +1,10 @@
 """Structure and wind of an identified model, what it predicts, and what measures do."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from identification_cases import unknown_support
 from lines import RESONANT, START, edited, moved, simulate, simulator
 
 from galloping.cycles.family import LIBRARY, critical_wind
@@ -22,11 +22,15 @@ RATIOS = {"dq_v": 0.005, "dq_w": 0.005}
 CHECKS = {8: (0.3868, 0.5978), 12: (1.305, 2.132), 16: (2.298, 3.277)}
 
 
+def stated(line, relative, terms=LIBRARY):
+    """A model that is right, with errors of that size stated of every coefficient."""
+    line = line.on_library(terms)
+    errors = relative * np.abs(line.coefficients[unknown_support(line)])
+    return IdentifiedModel(line, "ok", covariance=np.diag(errors**2), known=(0, 1))
+
+
 def exact(speed):
-    line = model(coefficients(edited(wind__speed=speed))).on_library(LIBRARY)
-    support = line.support
-    support[:2] = False
-    return SimpleNamespace(model=line, support=support, covariance=1e-8 * np.eye(support.sum()))
+    return stated(model(coefficients(edited(wind__speed=speed))), 1e-4)
 
 
 @pytest.mark.parametrize("winds", [(12.0,), (9.0, 14.0)])
@@ -66,8 +70,7 @@ def test_prediction_from_one_noisy_recording(protocol):
 
 
 def test_a_model_without_uncertainty_or_without_a_cycle():
-    line = exact(12.0).model  # as sparse regression gives it, kinematic equations identified too
-    bare = SimpleNamespace(model=line, support=line.support, covariance=np.zeros((0, 0)))
+    bare = IdentifiedModel(exact(12.0).model, "unjudged")  # as sparse regression gives it
     parts = split([bare], [12.0], RATIOS)
     rng = np.random.default_rng(0)
     prediction = predict(parts, 12.0, [12.0, 16.0], START, rng, simulator())
@@ -120,19 +123,7 @@ def test_ranking():
     assert lost["kind"].startswith("diverged") and np.isnan(lost["v_m"])
 
 
-# --- the limit cycle ahead ---
-
-
 REFUSED = IdentifiedModel.refused(STATES, library(4, 3), "no reason")
-
-
-def stated(line, relative):
-    """A model that is right, with errors of that size stated of every coefficient."""
-    line = line.on_library(library(4, 3))
-    support = line.support.copy()
-    support[:2] = False
-    errors = relative * np.abs(line.coefficients[support])
-    return IdentifiedModel(line, "ok", covariance=np.diag(errors**2), known=(0, 1))
 
 
 def test_limit_cycle_of_the_line_with_its_interval(resonant):

@@ -7,17 +7,19 @@ from lines import RESONANT
 
 from galloping import IdentifiedModel, Recording, maximum_likelihood
 from galloping import polynomial_library as library
-from galloping.configuration.load import load
+from galloping.configuration.load import load, plain
 from galloping.figures.verdicts import draw_model_error
+from galloping.identification.registry import BY_NAME
 from galloping.physics.continuous import wind
 from galloping.physics.galerkin import STATES, coefficients, model
-from galloping.study.cells import Study
 from galloping.tables.trial_summaries import model_error
 from galloping.trials import real_lines
 from galloping.trials.real_lines import TRUTHS, combined, line_of, linear_modes, motion
 
 TIME = np.arange(15001) / 50
 TERMS = library(4, 3)
+SETTINGS = plain(load({}))["identification"]
+METHODS = {name: BY_NAME[name].settings(SETTINGS, 0) for name in ("maximum_likelihood", "weak")}
 
 
 def recorded(name):
@@ -98,18 +100,8 @@ def test_what_predicts_nothing_is_refused():
     assert found.reason
 
 
-def tried(seed, case):
-    """A row for each method of one replicate of the trial."""
-    small = {"kind": "model_error", "seed": seed, "replicates": 1, "cases": [case],
-             "methods": ["maximum_likelihood", "weak"]}  # fmt: skip
-    study = Study(load({"trials": {"small": small}}))
-    trial = study.trial("small")
-    methods = {method.name: study.options(method) for method in trial.methods}
-    return real_lines.trial(seed, case, [0], methods)
-
-
 def test_trial_has_a_row_for_each_replicate_and_method():
-    fits = pd.DataFrame(tried(3, "two modes, gusts 2 %"))
+    fits = pd.DataFrame(real_lines.trial(3, "two modes, gusts 2 %", [0], METHODS))
     table = model_error({"small": fits}).set_index("method")
     ours = table.loc["maximum_likelihood"]
     assert ours[["replicates", "answered"]].to_list() == [1, 1]
@@ -123,6 +115,6 @@ def test_trial_has_a_row_for_each_replicate_and_method():
 @pytest.mark.slow
 def test_with_the_wind_measured_gusts_cost_little():
     """Two modes in gusts of 5 % without the wind miss amplitudes by some percent."""
-    (row,) = tried(5, "two modes, gusts 5 %, wind")  # the other one takes no inputs
+    (row,) = real_lines.trial(5, "two modes, gusts 5 %, wind", [0], METHODS)  # weak takes no inputs
     assert row["status"] == "ok" and abs(row["amplitude_v_error_percent"]) < 0.5
     assert row["other_winds_error_percent"] < 3.0 and row["forecast_r2"] > 0.999

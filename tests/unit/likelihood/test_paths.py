@@ -3,13 +3,13 @@
 What is tested is the answer, by the truth of the recording. A recording is named after the part of
 the method without which it is not answered as well (docs/identification_parts.csv). Recordings of
 other parts are tested where their subject is: derivatives in test_maximum_likelihood;
-accelerations alone in test_rate_channels; fluctuating coefficients in test_model_error.
+accelerations alone in test_rate_channels; fluctuating coefficients in test_model_error; coloured
+noise in test_robustness.
 """
 
 import numpy as np
 import pytest
 from identification_cases import model, noisy
-from scipy.signal import lfilter
 
 from galloping import PolynomialModel, Recording, Simulator, maximum_likelihood
 from galloping import polynomial_library as library
@@ -62,13 +62,6 @@ def velocity_alone(rate: dict[str, float]) -> Known:
     return true, Recording(TIME, true.states, velocity)
 
 
-def noise_correlated_over_samples() -> Known:
-    x = moving(OSCILLATOR, (0.5, 0.0), TIME)
-    white = np.random.default_rng(0).normal(size=(len(TIME) + 1000, 2))
-    noise = lfilter([0.75**0.5], [1.0, -0.5], white, axis=0)[1000:]
-    return OSCILLATOR, Recording(TIME, OSCILLATOR.states, x + 0.05 * x.std(axis=0) * noise)
-
-
 FOUND = {
     "time scale 0.25": lambda: published("cubic_damped", 0.01),
     "time scale 0.5": lambda: published("cubic_damped", 0.05),
@@ -77,7 +70,6 @@ FOUND = {
     "3 periods": lambda: published("rayleigh", 0.1),
     "0.75 periods": lambda: published("rayleigh", 0.2),
     "selected with the prior": lambda: random_line(18, 1, 2),
-    "coloured noise": noise_correlated_over_samples,
     "telling stretch": long_ago_settled,
     "rest": lambda: velocity_alone({"x": -1.0, "x^2": -0.5, "dx": 0.05, "x^2 dx": -0.1}),
 }

@@ -20,8 +20,6 @@ from galloping.tables.table3 import table3
 
 INF = float("inf")
 
-# --- intervals ---
-
 
 def test_interval_is_median_and_percentiles_that_occurred_failures_as_the_worst():
     for values, told in (
@@ -37,9 +35,6 @@ def test_intervals_do_not_depend_on_order(values):
     low, high = interval(values)[1:]
     assert interval(sorted(values))[1:] == (low, high)
     assert low <= high and {low, high} <= set(values)
-
-
-# --- tables over replicates ---
 
 
 def study_scores(replicates=4):
@@ -103,9 +98,6 @@ def test_scores_of_cells_stand_in_one_order():
     forward = all_scores(cells)
     pd.testing.assert_frame_equal(forward, all_scores(dict(reversed(cells.items()))))
     assert len(forward) == len(scores)
-
-
-# --- tables of parameters and coefficients ---
 
 
 def test_table_3_shows_true_and_spurious_terms():
