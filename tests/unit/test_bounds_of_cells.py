@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from identification_cases import RELEASE, line, model, solution
+from identification_cases import model
 from lines import moved, simulate
 
 from galloping.bounds import Experiment, bounds_of, free_terms, sensitivities, state_bound
@@ -186,25 +186,6 @@ def test_efficiency_table_counts_everything():
     assert (first["weakest_t"], second["weakest_t"]) == (5.0, 2.5)
     without_noise = efficiency(scores[scores["level"] == 0], known)
     assert without_noise.empty and list(without_noise) == list(rows)
-
-
-def test_sensitivities_match_finite_differences_at_irregular_times() -> None:
-    true = line()
-    time = np.sort(np.random.default_rng(0).uniform(0.0, 40.0, 60))
-    free = np.argwhere(true.support)
-    x, s = sensitivities(true, free, RELEASE, time)
-    simulated = Simulator(true.states, true.terms)(true, RELEASE, time)
-    assert x == pytest.approx(simulated.states, abs=1e-8)
-
-    def moved(by):
-        coefficients = true.coefficients.copy()
-        coefficients[tuple(free.T)] += by[:-4]
-        return solution(replace(true, coefficients=coefficients), RELEASE + by[-4:], time)
-
-    steps = 1e-5 * np.append(np.abs(true.coefficients[tuple(free.T)]), np.ones(4))
-    for k, step in enumerate(np.diag(steps)):
-        numeric = (moved(step) - moved(-step)) / (2.0 * steps[k])
-        assert s[:, :, k] == pytest.approx(numeric, rel=1e-5, abs=1e-6 * np.abs(numeric).max())
 
 
 def test_a_term_that_is_absent_has_a_sensitivity() -> None:

@@ -138,7 +138,11 @@ def test_a_system_is_compared_with_its_bound():
     assert np.isnan(system["cause_named"])
 
 
-@pytest.mark.parametrize(("fault", "size"), [("late channels", 0.0), ("clock", 0.001)])
+@pytest.mark.parametrize(
+    ("fault", "size"),
+    [("late channels", 0.02), ("clock", 0.001), ("velocity scale", 1.005),
+     ("multiplicative noise", 0.01)],
+)  # fmt: skip
 def test_a_fault_is_named(fault, size):
     """Late channels also where the data are followed in pieces only."""
     fit = next(recorded_lines.of_faulty_recordings(4711, fault, [0], METHODS, levels=[0.05]))

@@ -31,9 +31,6 @@ def test_second_run_has_nothing_to_do(study):
     assert study.files() == before
 
 
-# beside the reference
-
-
 def test_the_numbers_of_the_reference_come_out_again(study, root):
     hold_to_reference(study.results / "tables", root / "results" / "reference" / "smoke")
 
@@ -52,13 +49,8 @@ def edited(study, tmp_path_factory):
 def test_another_reference_runs_the_comparison_alone_and_shows(edited):
     said = edited.first.stdout
     assert "3 of 3 steps (100%) done" in said, said  # the comparison, the report, the rule of all
-    summary = edited.table("reference_summary").set_index("table").loc["efficiency"]
-    found = edited.table("reference_differences")
-    found = found[(found["table"] == "efficiency") & (found["column"] == "weakest_t")]
-    assert summary["values_beyond_tolerance"] >= summary["rows_compared"] == len(found) > 10
-    assert set(found["verdict"]) == {"beyond tolerance"}
-    ratios = found["found"].astype(float) / found["reference"].astype(float)
-    assert ratios.to_list() == pytest.approx([1 / 1.01] * len(found), rel=1e-6)
+    found = edited.table("reference_differences").query("column == 'weakest_t'")
+    assert len(found) > 10 and set(found["verdict"]) == {"beyond tolerance"}
     with pytest.raises(AssertionError):
         hold_to_reference(edited.results / "tables", edited.folder / "results/reference/smoke")
 

@@ -29,14 +29,6 @@ def example(tmp_path_factory):
     return folder
 
 
-def test_inspect_names_gaps_and_frequencies():
-    report = json.loads(run("inspect", SPAN, *MAP, "--json"))
-    assert report["sampling"]["gaps_total"] == 1
-    assert report["channels"]["v150"]["dominant_frequencies_hz"][0] == pytest.approx(0.41, abs=0.02)
-    assert report["channels"]["v150"]["noise"] == pytest.approx(0.020, rel=0.1)
-    assert "4938 samples" in run("inspect", SPAN, *MAP)
-
-
 def test_the_example_gives_the_limit_cycle_of_the_span(example):
     assert sorted(path.name for path in example.iterdir()) == sorted(OUTPUTS)
     identified = IdentifiedModel.load(example / "model.json")
@@ -92,14 +84,6 @@ def test_with_the_wind_recorded_the_model_holds_at_other_winds(gusts):
     (onset,) = (row for row in rows if row["what"] == "onset")
     assert onset["low"] < critical_wind(RESONANT)
     assert onset["value"] == pytest.approx(5.25, rel=0.05)
-
-
-def test_a_model_is_shown_simulated_and_forecasts(example):
-    model = example / "model.json"
-    assert run("show", model, "--latex").count(r"\frac") == 4
-    assert {row["equation"] for row in json.loads(run("show", model, "--json"))} >= {"dq_v", "dq_w"}
-    assert len(run("simulate", model, "--duration", 2, "--rate", 10).splitlines()) == 22
-    assert len(run("forecast", model, SPAN, *MAP, "--duration", 1).splitlines()) == 26
 
 
 def test_derive_prints_the_equations_of_a_case(tmp_path):

@@ -142,7 +142,7 @@ def test_quality_tells_noise_frequency_outliers_gaps_and_clipping(tmp_path):
     values[7] = 1e5
     frame = pd.DataFrame({"t": time, "v": values, "w": np.clip(np.cos(1.3 * time), -1, 0.9)})
     report = questioned(tmp_path / "a.csv", frame.drop(index=range(2000, 2100)))
-    assert report["sampling"]["gaps"][0] == {
+    assert report["sampling"]["gaps_total"] == 1 and report["sampling"]["gaps"][0] == {
         "row": 2001, "from_s": pytest.approx(79.96), "length_s": pytest.approx(4.04),
     }  # fmt: skip
     v = report["channels"]["v"]

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identification_cases import model, noisy, solution
 
 import galloping
 from galloping.field.dynamics import Surroundings, Value, dynamics
@@ -84,14 +83,6 @@ def test_a_sensor_that_only_a_later_recording_has_is_told():
     text = str(galloping.Summary(refused, (first, replace(first, rates=rates))))
     assert "| vertical displacement, recorded | ±1 m |" in text
     assert "| horizontal acceleration, recorded | ±1 m/s^2 |" in text
-
-
-def test_of_another_system_than_a_span_no_wind_is_told():
-    true = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 1.0, "x^2 dx": -1.0})
-    time = np.linspace(0.0, 25.0, 501)
-    recorded = noisy(true, solution(true, (0.2, 0.0), time), time, 0.02, 5)
-    text = str(galloping.summarise(galloping.maximum_likelihood(recorded, true.terms), recorded))
-    assert "**ok**" in text and "wind" not in text and "line" not in text
 
 
 DIES, GROWS, UNSURE = (0.01, 0.008, 0.012), (-0.01, -0.012, -0.008), (0.001, -0.002, 0.004)

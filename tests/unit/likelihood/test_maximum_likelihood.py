@@ -20,8 +20,6 @@ from identification_cases import (
 from galloping import Prior, Recording, maximum_likelihood, weak_gls
 from galloping import polynomial_library as library
 from galloping.bounds import Experiment, state_bound
-from galloping.identification.preparation.weak_form import begin, rough_fit
-from galloping.identification.problem import posed
 
 
 def line_bound(level: float) -> np.ndarray:
@@ -144,22 +142,6 @@ def test_known_equations_are_kept() -> None:
     assert np.array_equal(found.model.coefficients[0], true.coefficients[0])
     assert not found.support[0].any()
     assert np.array_equal(found.support[1], true.support[1])
-
-
-@pytest.mark.parametrize("order", [1, -1])
-def test_a_long_recording_starts_from_where_its_motion_grows(order: int) -> None:
-    true = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.1, "x^2 dx": -0.1})
-    problem = posed(true.states, true.terms)
-    time = np.arange(0.0, 7000.0, 0.5)
-    settled, growing = (
-        noisy(true, solution(true, np.array([x, 0.0]), time), time, 0.05, seed)
-        for seed, x in enumerate((2.0, 0.01))
-    )
-    values = np.vstack([one.values for one in (settled, growing)[::order]])
-    start = begin(problem, [Recording(0.5 * np.arange(len(values)), true.states, values)])
-    alone, misled = (begin(problem, [one]).fit.free for one in (growing, settled))
-    assert np.allclose(rough_fit(start).free, alone, atol=0.02)
-    assert not np.allclose(misled, alone, atol=0.2)
 
 
 def test_segments_may_all_end_where_a_state_is_zero():
