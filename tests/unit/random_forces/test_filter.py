@@ -9,7 +9,8 @@ from scipy.stats import multivariate_normal
 
 from galloping import Input
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.kalman import Steps, discretised, kalman_filter
+from galloping.identification.random_forces.kalman import kalman_filter
+from galloping.identification.random_forces.steps import Steps, discretised
 from galloping.identification.random_forces.tracking import Data, Forces, Tracker
 from galloping.identification.random_forces.whiteness import whiteness
 from galloping.polynomial import PolynomialModel, library
@@ -132,6 +133,14 @@ def test_line_far_from_the_modes_counts_only_where_it_stands_out():
         left = whiteness([np.fft.irfft(moved, axis=0)], step, modes)
         assert left.shows_line == left.relevant == named
         assert left.frequency == pytest.approx(middle, abs=0.01)
+
+
+def test_modes_slower_than_a_recording_are_no_mistake():
+    noise = np.random.default_rng(2).standard_normal((600, 1))
+    parts = [noise[:100], noise[100:]]
+    alone, among = (whiteness(own, 0.1, np.array([2e-3])) for own in (parts[1:], parts))
+    assert alone.white and among.white
+    assert whiteness(parts, 0.1, np.array([1e-6])).white
 
 
 def test_a_known_force_is_added_to_the_motion():

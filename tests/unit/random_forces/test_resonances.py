@@ -12,7 +12,7 @@ from galloping.field.objections import objected
 from galloping.field.recordings import by_excerpts
 from galloping.identification.model import IdentifiedModel, Resonance
 from galloping.identification.random_forces.decision import random_forces
-from galloping.identification.random_forces.tracking import spectra
+from galloping.identification.random_forces.forced_motion import spectra
 
 TIME = np.arange(9_000) / 10
 STATES = ("q_v", "dq_v")

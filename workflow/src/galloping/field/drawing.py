@@ -18,8 +18,8 @@ from galloping.field.units import meaning, plain_unit, state_unit
 from galloping.figures import parts
 from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, SHADE, TRUE
 from galloping.identification.random_forces.channels import Channels
+from galloping.identification.random_forces.forced_motion import spectra
 from galloping.identification.random_forces.start import on_grid
-from galloping.identification.random_forces.tracking import spectra
 from galloping.recording import Recording
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from galloping.field.following import FEWEST, Following, Sensed
 from galloping.field.recordings import known_ahead
 from galloping.field.units import NONE
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.random_forces import tracking as in_random_forces
+from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.intervals import QUANTILES_90, drawn
 from galloping.passes import passing
 from galloping.recording import Input, Recording

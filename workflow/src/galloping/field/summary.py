@@ -24,7 +24,7 @@ from galloping.identification.inputs import checked_recordings
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel
-from galloping.identification.random_forces import tracking as in_random_forces
+from galloping.identification.random_forces import forced_motion as in_random_forces
 from galloping.identification.random_forces.low_pass import as_modelled
 from galloping.identification.work import limited
 from galloping.passes import part, passing

@@ -173,7 +173,7 @@ def _identified(begun: Start, doubted: Start | None = None) -> IdentifiedModel |
     if isinstance(found, IdentifiedModel):
         return found
     forced, is_sure = _moved_at_random(doubted) if doubted else (None, False)
-    if is_sure and forced is not None:
+    if is_sure:
         return forced
     late = _late(begun)  # a score test may have said so, but not by how much
     other = [clause for clause in found.reason.split("; ") if clause not in late]

@@ -38,6 +38,7 @@ class Channels:
 
     @property
     def pairs(self) -> dict[int, int]:
+        """The velocity of each coordinate, as indices of states."""
         return velocity_pairs(self.states)
 
     @property
@@ -47,6 +48,7 @@ class Channels:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """(n_channels,) those of the states, and of rates with a d before."""
         rates = (f"d{self.states[i]}" for i in self.rates)
         return (*(self.states[i] for i in self.values), *rates)
 

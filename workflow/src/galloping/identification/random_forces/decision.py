@@ -2,12 +2,10 @@
 
 The equations that are sought have white forces of unknown strength, dx = f(x) dt + dW. Where f is
 linear, the likelihood of the samples is exact. Here is decided which motion is taken for one in
-random forces, and which of its modes are modelled; the model itself is made in `model_in_forces`.
+random forces, and which of its modes are modelled; the fit itself is made in `model_in_forces`.
 """
 
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import chain
 
@@ -16,11 +14,11 @@ from numpy.typing import ArrayLike
 from galloping.arrays import one_thread
 from galloping.identification.answers import beside_known, by, refused, with_inputs
 from galloping.identification.inputs import asked, checked_recordings, driven
-from galloping.identification.model import NO_MODEL, IdentifiedModel
-from galloping.identification.preparation.rate_channels import scaled, scales_told
+from galloping.identification.model import IdentifiedModel, NoModel, attempt
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem
-from galloping.identification.random_forces.model_in_forces import fitted_to_all, fitted_to_some
+from galloping.identification.random_forces.fitting import ForcedFit
+from galloping.identification.random_forces.model_in_forces import fit_in_forces
 from galloping.identification.random_forces.several_modes import (
     CLOSE,
     Find,
@@ -29,8 +27,8 @@ from galloping.identification.random_forces.several_modes import (
     parted,
 )
 from galloping.identification.random_forces.start import wavers
-from galloping.identification.random_forces.whiteness import Whiteness
-from galloping.identification.work import MOST, limited
+from galloping.identification.random_forces.verdict_in_forces import FinalFit, judged
+from galloping.identification.work import ENDED, MOST, limited
 from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 
@@ -61,40 +59,42 @@ def random_forces(
     problem = asked(given, terms, known, known_states, prior, coefficients, allowed)
     places = forced_equations(problem, forced)
 
-    def find(recordings: list[Recording], period: float, besides: int) -> IdentifiedModel:
-        rescaled = scaled(recordings, period)
-        question, whole, _ = fitted_to_some(problem, rescaled, places, besides=besides)
-        found, _ = fitted_to_all(question, whole, rescaled, period)
-        return _with_scales(found, recordings, rescaled)
+    def find(recordings: list[Recording], period: float, besides: int) -> IdentifiedModel | NoModel:
+        return _identified(partial(fit_in_forces, problem, recordings, period, places, besides))
 
-    try:
+    def search() -> IdentifiedModel | NoModel:
         recordings = driven(given, problem.inputs)
         with limited(recordings) as work:
             cleaned, _, period = prepared(recordings)
             found = _of_some_modes(find, cleaned, period)
+        if isinstance(found, NoModel):
+            return found
         return with_inputs(beside_known(problem, work.told(found)), given, recordings)
-    except NO_MODEL as error:
-        return by(["random forces"], refused(problem, str(error)))
+
+    found = attempt(search)
+    if isinstance(found, NoModel):
+        return by(["random forces"], refused(problem, found.reason))
+    return found
 
 
-def _of_some_modes(find: Find, recordings: list[Recording], period: float) -> IdentifiedModel:
+def _identified(search: Callable[[], FinalFit | NoModel]) -> IdentifiedModel | NoModel:
+    """The model of the fit that a search finds."""
+    found = attempt(search)
+    return found if isinstance(found, NoModel) else judged(found)
+
+
+def _of_some_modes(
+    find: Find, recordings: list[Recording], period: float
+) -> IdentifiedModel | NoModel:
     """The model of recordings or, where that is not `ok`, of their slowest modes or of more; where
     none is, the one that leaves least.
     """
-    others, objection, several = [], None, SeveralModes(recordings, period)
-    try:
-        found = find(recordings, period, 0)
-        if found.status == "ok":
-            return _sharper(found, several, find)
-        others.append(found)
-    except NO_MODEL as error:
-        objection = error
-    of_modes = several.slowest(find), several.more(find), several.slowest(find, CLOSE)
-    if found := _first_sound(chain.from_iterable(of_modes), others):
-        return found
-    if not others:
-        raise objection
-    return _whitest(others)
+    several, found = SeveralModes(recordings, period), find(recordings, period, 0)
+    if _is_ok(found):
+        return _sharper(found, several, find)
+    others = several.slowest(find), several.more(find), several.slowest(find, CLOSE)
+    known = [] if isinstance(found, NoModel) else [found]
+    return _best(chain(known, *others)) or found
 
 
 def _sharper(found: IdentifiedModel, several: SeveralModes, find: Find) -> IdentifiedModel:
@@ -104,24 +104,24 @@ def _sharper(found: IdentifiedModel, several: SeveralModes, find: Find) -> Ident
     if not may_be_two(found):
         return found
     # accelerations show how the forces differ from white ones, unless all beyond is filtered out
-    more = _first_sound(several.more(find), [])
-    return more if more and more.resonances else found
+    more = _best(several.more(find))
+    return more if _is_ok(more) and more.resonances else found
 
 
-def _first_sound(
-    models: Iterable[IdentifiedModel], others: list[IdentifiedModel]
-) -> IdentifiedModel | None:
-    """The first model that is `ok`; those before it are added to `others`."""
+def _is_ok(found: IdentifiedModel | NoModel | None) -> bool:
+    return isinstance(found, IdentifiedModel) and found.status == "ok"
+
+
+def _best(models: Iterable[IdentifiedModel]) -> IdentifiedModel | None:
+    """The first model that is `ok`, or the one whose innovations are told least by what came
+    before; None of none.
+    """
+    others = []
     for found in models:
-        if found.status == "ok":
+        if _is_ok(found):
             return found
         others.append(found)
-    return None
-
-
-def _whitest(models: Sequence[IdentifiedModel]) -> IdentifiedModel | None:
-    """The one whose innovations are told least by what came before; None where there is none."""
-    return min(models, key=lambda found: found.diagnostics["innovations_told"], default=None)
+    return min(others, key=lambda one: one.diagnostics["innovations_told"], default=None)
 
 
 @one_thread
@@ -136,12 +136,15 @@ def if_moved_at_random(
 ) -> IdentifiedModel | None:
     """As `random_forces` in all equations; None where the motion may be another one."""
     problem = asked(list(recordings), terms, known, known_states, prior, coefficients, allowed)
-    with limited(recordings) as work, suppress(*NO_MODEL):
-        cleaned, _, period = prepared(list(recordings))
-        found, is_sure = moved_at_random(problem, cleaned, period)
-        if found and is_sure:
-            return work.told(found)
-    return None
+
+    def search() -> IdentifiedModel | None:
+        with limited(recordings) as work:
+            cleaned, _, period = prepared(list(recordings))
+            found, is_sure = moved_at_random(problem, cleaned, period)
+            return work.told(found) if is_sure else None
+
+    found = attempt(search)
+    return None if isinstance(found, NoModel) else found
 
 
 def moved_at_random(
@@ -154,65 +157,57 @@ def moved_at_random(
     of some modes of many, whose sizes go up and down: better than none. recordings, period: of
     `screening.prepared`.
     """
-    several, others = SeveralModes(recordings, period), []
-    find = partial(_moved_at_random, problem)
+    several = SeveralModes(recordings, period)
+    find = partial(_on_trial, problem)
     roughly = partial(find, for_lack_of_others=True)
-    if found := _first_sound(several.slowest(roughly), others):
-        return found, True
+    some = _best(several.slowest(roughly))
+    if _is_ok(some):
+        return some, True
     found = find(recordings, period, 0)
-    if found is not None and found.status == "ok":
+    if _is_ok(found):
         return _sharper(found, several, find), True
     at_random = wavers(recordings, period)
     if several.channels.rates or at_random:
         with limited(recordings, TRIAL / 2.0):
-            more = _first_sound(several.more(roughly), others)
-        found = more or _first_sound(several.slowest(roughly, CLOSE), others) or found
-    if found is None and at_random:
-        return _whitest(others), False
-    return found, True
+            more = _best(several.more(roughly))
+        known = [one for one in (some, more) if one]
+        some = _best(chain(known, several.slowest(roughly, CLOSE)))
+    if _is_ok(some):
+        return some, True
+    if isinstance(found, IdentifiedModel):
+        return found, True
+    return (some if at_random else None), False
 
 
-def _moved_at_random(
+def _on_trial(
     problem: Problem,
     recordings: list[Recording],
     period: float,
     besides: int,
     for_lack_of_others: bool = False,
-) -> IdentifiedModel | None:
-    """The same of all modes. A motion that repeats leaves its harmonics in the innovations.
+) -> IdentifiedModel | NoModel:
+    """The model in random forces of all modes; none where the motion may be another one: one that
+    repeats leaves its harmonics in the innovations.
 
     for_lack_of_others: whether a model does that explains most of the motion.
     """
+    with limited(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
 
-    def will_do(left: Whiteness) -> bool:  # beside inputs other models are near as well
-        near = left.nearly and not (problem.inputs and left.relevant)
-        return near or (for_lack_of_others and left.partly)
+        def doubt(fit: ForcedFit) -> str:
+            channels, left = fit.posed.channels, fit.left
+            unseen = set(channels.pairs) - set(channels.values)
+            if unseen and not fit.posed.tracker(fit.model).is_linear:
+                return "beside such terms forces imitate displacements that nothing measures"
+            if work.ended:
+                return ENDED
+            # beside inputs other models are near as well
+            near = left.nearly and not (problem.inputs and left.relevant)
+            will_do = near or (for_lack_of_others and left.partly)
+            return "" if will_do else left.in_words(channels.names)
 
-    try:
-        rescaled = scaled(recordings, period)
-        with limited(recordings, TRIAL_BESIDE_INPUTS if problem.inputs else TRIAL) as work:
-            may_be_slow = wavers(recordings, period)
-            question, whole, left = fitted_to_some(
-                problem, rescaled, problem.unknown, may_be_slow, besides
-            )
-            unseen = set(question.channels.pairs) - set(question.channels.values)
-            if unseen and not question.tracker(whole.model).is_linear:
-                return None  # beside such terms forces imitate displacements that nothing measures
-            if work.ended or not will_do(left):
-                return None
-            found, left = fitted_to_all(question, whole, rescaled, period)
-            if work.ended or not will_do(left):
-                return None
-    except NO_MODEL:
-        return None
-    return _with_scales(found, recordings, rescaled)
-
-
-def _with_scales(
-    found: IdentifiedModel, recordings: list[Recording], rescaled: list[Recording]
-) -> IdentifiedModel:
-    told = scales_told(recordings, rescaled)
-    return replace(found, diagnostics={**found.diagnostics, **told})
+        question = problem, recordings, period, problem.unknown, besides
+        may_be_slow = wavers(recordings, period)
+        return _identified(partial(fit_in_forces, *question, may_be_slow, doubt))
 
 
 def forced_equations(problem: Problem, forced: Sequence[str]) -> tuple[int, ...]:

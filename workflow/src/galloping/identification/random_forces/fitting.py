@@ -5,18 +5,22 @@ sampling. Their derivatives are differences; the information is that of F. C. Sc
 (IEEE Trans. Inf. Theory 11, 1965).
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from galloping.identification.model import Resonance
-from galloping.identification.problem import Problem
-from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.tracking import Data, Filtered, Forces, Tracker
+from galloping.identification.random_forces.forced_problem import (
+    ForcedModel,
+    ForcedProblem,
+    Innovations,
+)
+from galloping.identification.random_forces.start import on_grid, typical_step
+from galloping.identification.random_forces.whiteness import Whiteness, function_of, whiteness
 from galloping.identification.work import is_spent
 from galloping.passes import passing
+from galloping.recording import at_times
 
 FIRST_STEP, STEP = 1e-5, 1e-3  # of differences: in units of a parameter, then of its error
 CONVERGED = 1e-2  # rise of the log-likelihood that a step of the iteration promises
@@ -27,211 +31,6 @@ UNTOLD = 1e-6  # information on a coefficient in its unit, below which the data 
 FAINTEST = -40.0  # logarithm of a root of covariance, below which it stays: zero has none
 FAINT = 1e-3  # of the forces, as good as none
 FIRST_DAMPING = 1e-4  # of the steps (K. Levenberg, 1944), in units of the information
-
-
-@dataclass(frozen=True)
-class Model:
-    """coefficients: (n_candidates,). root: lower triangular, of the equations with a force and then
-    of the resonances; root root' is the covariance of the white forces in a second. noise:
-    (n_channels,) deviations of a sample. slow: (n_forced,) roots of the same of what drives slow
-    forces, none where there are none; rates: (n_forced,) 1/s, of those. swings: (n_resonances, 2)
-    frequencies, rad/s, and damping ratios. onto: (n_resonances, n_forced) what each adds to the
-    equations with a force; hosts: (n_resonances,) those in which this is one.
-    """
-
-    coefficients: np.ndarray
-    root: np.ndarray
-    noise: np.ndarray
-    slow: tuple[float, ...] = ()
-    rates: tuple[float, ...] = ()
-    swings: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
-    onto: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    hosts: tuple[int, ...] = ()
-
-    @property
-    def is_shared(self) -> np.ndarray:
-        """(n_resonances, n_forced) where `onto` is not one by definition."""
-        shared = np.ones(self.onto.shape, bool)
-        shared[np.arange(len(self.hosts)), list(self.hosts)] = False
-        return shared
-
-
-@dataclass(frozen=True)
-class Innovations:
-    """innovations, variances: (n, n_channels) of the samples of all recordings, NaN where missing.
-    parts: the filter over each recording, and what priors expect, as samples of coefficients.
-    """
-
-    parts: tuple[Filtered, ...]
-
-    @cached_property
-    def innovations(self) -> np.ndarray:
-        return np.concatenate([part.innovations for part in self.parts])
-
-    @cached_property
-    def variances(self) -> np.ndarray:
-        return np.concatenate([part.variances for part in self.parts])
-
-    @cached_property
-    def log_likelihood(self) -> float:
-        """But for a constant; minus infinity where the filter fails, as by rounding."""
-        known = np.isfinite(self.innovations) & (self.variances > 0.0)
-        if known.sum() < sum(part.count for part in self.parts):
-            return -np.inf
-        innovations, variances = self.innovations[known], self.variances[known]
-        return -0.5 * float(np.sum(np.log(variances) + innovations**2 / variances))
-
-    @property
-    def standardised(self) -> np.ndarray:
-        return self.innovations / np.sqrt(self.variances)
-
-
-@dataclass(frozen=True)
-class Question:
-    """What is asked of recordings.
-
-    forced: indices of the equations that have a force. size: (n_states,) of the motion. unit:
-    (n_candidates,) of the coefficients. always: (n_candidates,) those of the linear equations that
-    every fit has, and those with a prior. middle: (n_states,) about which the motion is.
-    least_noise: (n_channels,) of a sample. held: means of the inputs.
-    """
-
-    problem: Problem
-    channels: Channels
-    forced: tuple[int, ...]
-    size: np.ndarray
-    unit: np.ndarray
-    always: np.ndarray
-    middle: np.ndarray
-    least_noise: np.ndarray
-    data: tuple[Data, ...]
-    held: Mapping[str, float]
-
-    @property
-    def penalty(self) -> float:
-        """2 ln N of N samples."""
-        return 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in self.data))
-
-    def centring(self, support: np.ndarray) -> np.ndarray:
-        """(n_support, n_support) from coefficients in their units to those of which a constant is
-        what is left of its equation, in the middle of the motion.
-
-        Of a motion that is far from zero, a constant is otherwise told by the stiffness alone.
-        """
-        places, terms = np.flatnonzero(support), self.problem.of_states
-        centring, equations = np.eye(len(places)), self.problem.candidates[places, 0]
-        degrees = np.where(self.always, self.problem.degrees, -1)[places]
-        for n in np.flatnonzero(degrees == 0):
-            for m in np.flatnonzero((equations == equations[n]) & (degrees == 1)):
-                at = self.middle @ terms[self.problem.candidates[places[m], 1]]
-                centring[n, m] = at * self.unit[places[m]] / self.unit[places[n]]
-        return centring
-
-    def without(self, model: Model, support: np.ndarray) -> Model:
-        """The model less what is not in the support, as it acts in the middle of the motion."""
-        present = model.coefficients != 0.0
-        scaled, kept = np.zeros((2, len(present)))
-        scaled[present] = self.centring(present) @ (model.coefficients / self.unit)[present]
-        own = np.linalg.solve(self.centring(support), scaled[support])
-        kept[support] = own * self.unit[support]
-        return replace(model, coefficients=kept)
-
-    def tracker(self, model: Model) -> Tracker:
-        """The filter of a model."""
-        problem, n = self.problem, len(self.size)
-        white, slow = np.zeros((2, n, n))
-        rates, drives = np.ones(n), model.root @ model.root.T
-        white[np.ix_(self.forced, self.forced)] = drives[: len(self.forced), : len(self.forced)]
-        if model.slow:
-            slow[self.forced, self.forced] = np.square(model.slow)
-            rates[list(self.forced)] = model.rates
-        forces = Forces(white, slow, rates, self.resonances(model))
-        full = problem.model(model.coefficients)
-        return Tracker(full, forces, self.channels, model.noise, self.size, self.held)
-
-    def resonances(self, model: Model, errors: np.ndarray | None = None) -> tuple[Resonance, ...]:
-        """errors: (n_resonances, 2), as `Resonance`."""
-        n, f, drives = len(self.size), len(self.forced), model.root @ model.root.T
-        errors = np.full(model.swings.shape, np.nan) if errors is None else errors
-        found = []
-        for k, swing in enumerate(model.swings):
-            onto, drive = np.zeros(n), np.zeros(n + len(model.swings))
-            onto[list(self.forced)], drive[list(self.forced)] = model.onto[k], drives[f + k, :f]
-            drive[n:] = drives[f + k, f:]
-            parts = (errors[k], onto, drive)
-            found.append(Resonance(*map(float, swing), *(tuple(each.tolist()) for each in parts)))
-        return tuple(found)
-
-    def regression(self, model: Model) -> tuple[np.ndarray, np.ndarray]:
-        """Information (n_candidates, n_candidates) on changes of the coefficients, in their units,
-        and half the fall of chi^2 with each, by the slopes of the innovations of a model.
-
-        Raises FloatingPointError where the slopes diverge.
-        """
-        terms, places = np.unique(self.problem.candidates[:, 1], return_inverse=True)
-        candidates = np.column_stack([self.problem.candidates[:, 0], places])
-        tracker, n = self.tracker(model), len(self.unit)
-        known, right = np.zeros((n, n)), np.zeros(n)
-        for one in self.data:
-            if is_spent():
-                raise FloatingPointError("the search ended at its limit of work")
-            filtered, slopes = tracker.extended(one, candidates, terms)
-            told = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
-            root = np.sqrt(filtered.variances[told])
-            own = slopes[told] * self.unit / root[:, np.newaxis]
-            with np.errstate(over="ignore", invalid="ignore"):
-                known += own.T @ own
-            right -= own.T @ (filtered.innovations[told] / root)
-        if not np.all(np.isfinite(known)):
-            raise FloatingPointError("the slopes of the innovations diverge")
-        prior, pull = self.problem.with_prior(np.zeros((n, n)), np.zeros(n), model.coefficients)
-        return known + prior * np.outer(self.unit, self.unit), right + pull * self.unit
-
-    def filtered(self, model: Model) -> Innovations:
-        """Raises numpy.linalg.LinAlgError where the model cannot be discretised."""
-        tracker = self.tracker(model)
-        return Innovations((*(tracker.over(one) for one in self.data), *self._expected(model)))
-
-    def _expected(self, model: Model) -> list[Filtered]:
-        """What priors of coefficients expect beyond a model, as a sample each."""
-        problem = self.problem
-        mean, precision = map(problem.of_candidates, (problem.expected, problem.precision))
-        told, none = np.flatnonzero(precision), np.empty(0)
-        error, variance = np.full((2, len(told), len(self.channels.names)), np.nan)
-        error[:, 0], variance[:, 0] = (mean - model.coefficients)[told], 1.0 / precision[told]
-        return [Filtered(error, variance, none, none, none, len(told))] if len(told) else []
-
-
-@dataclass(frozen=True)
-class Fit:
-    """The most likely model of its terms.
-
-    support: (n_candidates,) those that were free. filtered: with it. slopes: derivatives of the
-    standardised innovations, and of half the logarithms of their variances times the root of two,
-    (n_parameters, 2, n_samples): of the centred coefficients of the support, of the forces and of
-    the noise. centring: as of `Question`.
-    """
-
-    model: Model
-    support: np.ndarray
-    filtered: Innovations
-    slopes: np.ndarray
-    centring: np.ndarray
-
-    @cached_property
-    def swing_errors(self) -> np.ndarray:
-        """(n_resonances, 2) standard errors of the frequencies, rad/s, and damping ratios."""
-        swings = self.model.swings
-        first = len(self.slopes) - swings.size - self.model.is_shared.sum() - len(self.model.noise)
-        own = slice(first, first + swings.size)  # logarithms
-        variances = np.diag(np.linalg.inv(information(self.slopes)))[own]
-        return swings * np.sqrt(variances).reshape(swings.shape)
-
-    @property
-    def coefficient_covariance(self) -> np.ndarray:
-        """(n_support, n_support) in units of the coefficients."""
-        k, away = len(self.centring), np.linalg.inv(self.centring)
-        return away @ np.linalg.inv(information(self.slopes))[:k, :k] @ away.T
 
 
 def information(slopes: np.ndarray) -> np.ndarray:
@@ -253,91 +52,177 @@ def score(slopes: np.ndarray, filtered: Innovations) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _Parameters:
-    """Between models and vectors of parameters."""
+class Parameters:
+    """Between models of some terms and vectors of parameters: centred coefficients of the support,
+    roots of the forces, noise. correlated: whether the forces of two equations may be. start: a
+    model with the slow forces and resonances of all.
+    """
 
-    question: Question
+    posed: ForcedProblem
     support: np.ndarray
     correlated: bool
-    start: Model
+    start: ForcedModel
 
     @cached_property
     def centring(self) -> np.ndarray:
-        return self.question.centring(self.support)
+        """As of `ForcedProblem`."""
+        return self.posed.centring(self.support)
 
-    def vector(self, model: Model) -> np.ndarray:
-        scaled = self.centring @ (model.coefficients / self.question.unit)[self.support]
-        diagonal = np.diag(model.root)
-        lower = np.tril_indices(len(diagonal), -1)
-        mixed = (model.root / diagonal)[lower] if self.correlated else []
-        slow = np.log([*model.slow, *model.rates])
-        least = self.question.least_noise
+    @cached_property
+    def lower(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where the root holds what forces share."""
+        n = len(self.start.root)
+        return np.tril_indices(n, -1 if self.correlated else -n)
+
+    @cached_property
+    def places(self) -> dict[str, slice]:
+        """Where each kind of parameter is in a vector."""
+        start = self.start
+        counts = {
+            "coefficients": self.support.sum(), "strengths": len(start.root),
+            "shared": len(self.lower[0]), "slow": 2 * len(start.slow),
+            "swings": start.swings.own.size, "onto": start.swings.is_shared.sum(),
+            "noise": len(start.noise),
+        }  # fmt: skip
+        ends = np.cumsum([0, *counts.values()]).tolist()
+        return dict(zip(counts, map(slice, ends[:-1], ends[1:]), strict=True))
+
+    def vector(self, model: ForcedModel) -> np.ndarray:
+        """(n_parameters,) of a model."""
+        scaled = self.centring @ (model.coefficients / self.posed.unit)[self.support]
+        diagonal, swings = np.diag(model.root), model.swings
+        least = self.posed.least_noise
         noise = np.sqrt(np.maximum(model.noise**2 - least**2, (TINY * least) ** 2))
-        swings, shared = np.log(model.swings).ravel(), model.onto[model.is_shared]
-        return np.concatenate(
-            [scaled, np.log(diagonal), mixed, slow, swings, shared, np.log(noise)]
-        )
+        return np.concatenate([
+            scaled, np.log(diagonal), (model.root / diagonal)[self.lower],
+            np.log([*model.slow, *model.rates]), np.log(swings.own).ravel(),
+            swings.onto[swings.is_shared], np.log(noise),
+        ])  # fmt: skip
 
-    def model(self, vector: np.ndarray) -> Model:
-        start, onto = self.start, self.start.onto.copy()
-        root, shared = np.eye(len(start.root)), start.is_shared
-        lower = np.tril_indices(len(root), -1 if self.correlated else -len(root))
-        counts = [
-            self.support.sum(), len(root), len(lower[0]), 2 * len(start.slow), start.swings.size,
-            shared.sum(),
-        ]  # fmt: skip
-        scaled, diagonal, mixed, slow, swings, onto[shared], noise = np.split(
-            vector, np.cumsum(counts)
-        )
-        coefficients = np.zeros(len(self.support))
-        scaled = np.linalg.solve(self.centring, scaled)
-        coefficients[self.support] = scaled * self.question.unit[self.support]
-        root[lower] = mixed
-        noise = np.hypot(np.exp(noise), self.question.least_noise)
-        slow, rates = np.exp(np.maximum(slow, FAINTEST)).reshape(2, -1)
-        root = root * np.exp(np.maximum(diagonal, FAINTEST))
-        return Model(
-            coefficients, root, noise, tuple(slow), tuple(rates),
-            np.exp(swings).reshape(-1, 2), onto, start.hosts,
-        )  # fmt: skip
+    def model(self, vector: np.ndarray) -> ForcedModel:
+        """Of parameters (n_parameters,)."""
+        of = {name: vector[own] for name, own in self.places.items()}
+        coefficients, root = np.zeros(len(self.support)), np.eye(len(self.start.root))
+        scaled = np.linalg.solve(self.centring, of["coefficients"])
+        coefficients[self.support] = scaled * self.posed.unit[self.support]
+        root[self.lower] = of["shared"]
+        root = root * np.exp(np.maximum(of["strengths"], FAINTEST))
+        noise = np.hypot(np.exp(of["noise"]), self.posed.least_noise)
+        slow, rates = np.exp(np.maximum(of["slow"], FAINTEST)).reshape(2, -1)
+        swings, onto = self.start.swings, self.start.swings.onto.copy()
+        onto[swings.is_shared] = of["onto"]
+        swings = replace(swings, own=np.exp(of["swings"]).reshape(-1, 2), onto=onto)
+        return ForcedModel(coefficients, root, noise, tuple(slow), tuple(rates), swings)
 
 
-def fitted(question: Question, model: Model, support: np.ndarray, correlated: bool = False) -> Fit:
+@dataclass(frozen=True)
+class ForcedFit:
+    """The most likely model of its terms, those of the parameters' support.
+
+    filtered: with it. slopes: (n_parameters, 2, n_samples) derivatives of the standardised
+    innovations, and of half the logarithms of their variances times the root of two.
+    """
+
+    parameters: Parameters
+    model: ForcedModel
+    filtered: Innovations
+    slopes: np.ndarray
+
+    @property
+    def posed(self) -> ForcedProblem:
+        """What was asked."""
+        return self.parameters.posed
+
+    @property
+    def support(self) -> np.ndarray:
+        """(n_candidates,) the terms that were free."""
+        return self.parameters.support
+
+    @cached_property
+    def system(self) -> np.ndarray:
+        """(n_states, n_states) the linear part of the equations."""
+        return self.posed.tracker(self.model).system
+
+    @cached_property
+    def regression(self) -> tuple[np.ndarray, np.ndarray]:
+        """As of `ForcedProblem`, at the model. Raises FloatingPointError as there."""
+        return self.posed.regression(self.model)
+
+    def covariance(self, kind: str) -> np.ndarray:
+        """Of the parameters of a kind, as of `Parameters.places`."""
+        own = self.parameters.places[kind]
+        return np.linalg.inv(information(self.slopes))[own, own]
+
+    @property
+    def swing_errors(self) -> np.ndarray:
+        """(n_resonances, 2) standard errors of the frequencies, rad/s, and damping ratios."""
+        own, variances = self.model.swings.own, np.diag(self.covariance("swings"))  # logarithms
+        return own * np.sqrt(variances).reshape(own.shape)
+
+    @property
+    def coefficient_covariance(self) -> np.ndarray:
+        """(n_support, n_support) in units of the coefficients."""
+        away = np.linalg.inv(self.parameters.centring)
+        return away @ self.covariance("coefficients") @ away.T
+
+    @cached_property
+    def left(self) -> Whiteness:
+        """What the innovations say."""
+        recordings, begin = self.posed.recordings, 2 * len(self.posed.size)
+        step = typical_step(recordings)
+        parts = list(zip(self.filtered.parts, recordings, strict=False))  # priors are parts, too
+        grids = []
+        for part, each in parts:
+            error = part.standardised
+            error[:begin] = np.nan  # while the first state is found
+            grids.append(on_grid(each.time, error, step))
+        modes = np.abs(np.linalg.eigvals(self.system))
+        left = whiteness(grids, step, modes / (2.0 * np.pi))
+        if not (names := self.posed.problem.inputs):
+            return left
+        errors, before = [], []
+        for part, each in parts:
+            inputs = at_times([each.inputs[name] for name in names], each.time)
+            errors.append(part.standardised[begin + 1 :])
+            before.append(np.hstack([part.means, inputs])[begin:-1])
+        k = function_of(np.concatenate(errors), np.concatenate(before))
+        return left if k is None else replace(left, goes_with=self.posed.problem.names[k])
+
+
+def fitted(
+    posed: ForcedProblem, model: ForcedModel, support: np.ndarray, correlated: bool
+) -> ForcedFit:
     """The most likely model of the terms `support` (n_candidates,), from one near it.
 
-    correlated: whether the forces of two equations may be. Terms of which the data say
-    nothing are left out. Raises FloatingPointError or numpy.linalg.LinAlgError where the start
-    cannot be followed.
+    correlated: whether the forces of two equations may be. Terms of which the data say nothing are
+    left out. Raises FloatingPointError where the start cannot be followed.
     """
-    parameters = _Parameters(question, support, correlated, model)
+    parameters = Parameters(posed, support, correlated, model)
 
     def of(vector: np.ndarray) -> Innovations:
-        return question.filtered(parameters.model(vector))
+        return posed.filtered(parameters.model(vector))
 
     vector = parameters.vector(model)
     step = np.full(len(vector), FIRST_STEP)
     here, damping = of(vector), FIRST_DAMPING
     if not np.isfinite(here.log_likelihood):
-        raise FloatingPointError("the filter of its start loses all digits")
+        raise FloatingPointError(here.objection or "the filter of its start loses all digits")
     slopes = _slopes(of, vector, here, step)
-    first = slopes[: int(support.sum())]
+    first = slopes[parameters.places["coefficients"]]
     told = np.einsum("ijk,ijk->i", first, first) > UNTOLD
     if not told.all():  # such as the position of rest by accelerations
         kept = support.copy()
         kept[support] = told
-        return fitted(question, model, kept, correlated)
+        return fitted(posed, model, kept, correlated)
     for _ in range(MOST_STEPS):
         passing("fit random forces")
         known, rise = information(slopes), score(slopes, here)
         step = STEP / np.sqrt(np.diag(known))
         for _ in range(MOST_DAMPED):
             change = np.linalg.solve(known + damping * np.diag(np.diag(known)), rise)
-            try:
-                with np.errstate(all="ignore"):  # a step that is too long is halved
-                    tried = of(vector + change)
-                    better = tried.log_likelihood >= here.log_likelihood - ROUNDING
-            except np.linalg.LinAlgError:
-                better = False
+            with np.errstate(all="ignore"):  # a step that is too long is halved
+                tried = of(vector + change)
+                better = tried.log_likelihood >= here.log_likelihood - ROUNDING
             if better:
                 break
             damping *= 8.0
@@ -348,7 +233,7 @@ def fitted(question: Question, model: Model, support: np.ndarray, correlated: bo
         slopes = _slopes(of, vector, here, step)
         if 0.5 * rise @ change < CONVERGED or is_spent():
             break
-    return Fit(parameters.model(vector), support, here, slopes, parameters.centring)
+    return ForcedFit(parameters, parameters.model(vector), here, slopes)
 
 
 def _slopes(
@@ -361,6 +246,8 @@ def _slopes(
         unit = np.zeros(len(vector))
         unit[j] = h
         moved = of(vector + unit)
+        if moved.objection:
+            raise FloatingPointError(moved.objection)
         with np.errstate(all="ignore"):  # of a variance that is none
             slopes[j, 0] = (moved.innovations - here.innovations)[known] / h / root
             slopes[j, 1] = np.log(moved.variances[known] / here.variances[known]) / h / np.sqrt(2.0)
@@ -369,23 +256,21 @@ def _slopes(
     return slopes
 
 
-def forces_are_needed(question: Question, fit: Fit, penalty: float) -> bool:
+def forces_are_needed(fit: ForcedFit, penalty: float) -> bool:
     """Whether a model without its forces follows the samples less well than noise explains."""
     model = fit.model
     still = replace(model, root=FAINT * model.root, slow=tuple(FAINT * np.array(model.slow)))
-    lost = fit.filtered.log_likelihood - question.filtered(still).log_likelihood
+    lost = fit.filtered.log_likelihood - fit.posed.filtered(still).log_likelihood
     return bool(2.0 * lost > penalty * (model.root.size + len(model.slow)))
 
 
-def forces_are_correlated(fit: Fit, penalty: float) -> bool:
+def forces_are_correlated(fit: ForcedFit, penalty: float) -> bool:
     """Whether the forces are, by the Wald statistic of what they share."""
-    if fit.model.hosts:  # a mode beside those of the coordinates is moved by the same forces
+    if fit.model.swings.hosts:  # a mode beside those of the coordinates is moved by the same forces
         return True
     root = fit.model.root
-    shares = (root / np.diag(root))[np.tril_indices(len(root), -1)]
+    shares = (root / np.diag(root))[fit.parameters.lower]
     if not len(shares):
         return False
-    first = int(fit.support.sum()) + len(root)
-    own = slice(first, first + len(shares))
-    covariance = np.linalg.inv(information(fit.slopes))[own, own]
-    return bool(shares @ np.linalg.solve(covariance, shares) > penalty * len(shares))
+    square = shares @ np.linalg.solve(fit.covariance("shared"), shares)
+    return bool(square > penalty * len(shares))

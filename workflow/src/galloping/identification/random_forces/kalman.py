@@ -1,117 +1,68 @@
-"""Linear systems in white forces from sample to sample, for any sampling, and their Kalman filter.
+"""Kalman filters of linear and polynomial systems in white forces, and random motions: compiled.
 
-dx = A x dt + dW, of covariance G dt, has x(t + h) = exp(A h) x(t) + w, with the covariance of w
-the integral of exp(A s) G exp(A s)' from 0 to h; both by the eigenvectors of A.
-The filter, compiled, takes channels in one after another, so that samples may be missing from any
-of them. While the sampling stays the same and no sample is missing, gains that have settled are
-used again. (R. E. Kalman, 1960; J. Durbin and S. J. Koopman, Time Series Analysis by State Space
-Methods, 2012.)
+A filter takes channels in one after another, so that samples may be missing from any of them. (R.
+E. Kalman, 1960; J. Durbin and S. J. Koopman, Time Series Analysis by State Space Methods, 2012.)
+That of a linear system uses gains that have settled again, while the sampling stays the same and no
+sample is missing.
+
+In the extended filter the mean of the states follows the equations from sample to sample (the
+fourth-order method of C. Runge and W. Kutta) and their covariance the slopes of the equations in
+the middle of each step (A. H. Jazwinski, Stochastic Processes and Filtering Theory, 1970): exact
+for linear systems but for the steps, good where the motion is nearly linear over what a sample
+leaves uncertain.
+
+All compiled functions are in one module, for a cached one notices edits of its own module alone.
 """
-
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numba import njit
 
-from galloping.recording import Factor, Input, extrapolated
-
-TICKS = 1000  # of the median step, to which times are rounded: so that equal steps are one
-FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them, but for rounding
-
-
-@dataclass(frozen=True)
-class Steps:
-    """lengths: (n_steps,) s, that occur between samples. of: (n,) index of the step before each
-    sample, -1 before the first. time: (n,) s. inputs: what is known beside the motion.
-    """
-
-    lengths: np.ndarray
-    of: np.ndarray
-    time: np.ndarray
-    inputs: tuple[Input, ...] = ()
-
-    @classmethod
-    def between(cls, time: np.ndarray, inputs: Sequence[Input] = ()) -> "Steps":
-        """Of times (n,) s, increasing."""
-        tick = np.median(np.diff(time)) / TICKS
-        counts = np.diff(np.round((time - time[0]) / tick).astype(np.int64))
-        occurring, index = np.unique(np.maximum(counts, 1), return_inverse=True)
-        return cls(occurring * tick, np.append(-1, index), time, tuple(inputs))
-
-    def driven(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
-        """(3 n_substeps + 1, n_factors) factors of the inputs at the begin, half way and just
-        before the end of each of the substeps, (n_steps,) of a step, of all steps, and at the last
-        time.
-
-        The last ones are kept: a fit asks for the same of nearly every model that it tries.
-        """
-        asked = substeps.tobytes(), tuple(factors)
-        if asked not in self._last:
-            self._last.clear()
-            self._last[asked] = self._driven(substeps, factors)
-        return self._last[asked]
-
-    @cached_property
-    def _last(self) -> dict[tuple, np.ndarray]:
-        return {}
-
-    def _driven(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
-        halves = 2 * substeps[self.of[1:]]
-        if not factors:
-            return np.empty((halves.sum() // 2 * 3 + 1, 0))
-        begins = np.cumsum(halves) - halves
-        share = (np.arange(halves.sum()) - np.repeat(begins, halves)) / np.repeat(halves, halves)
-        time = np.repeat(self.time[:-1], halves) + share * np.repeat(np.diff(self.time), halves)
-        time = np.append(time, self.time[-1])
-        values = []
-        for one in self.inputs:
-            at, ends = extrapolated(one, time), time[2::2]
-            held = one.between == "zero"  # and may jump at the end
-            before = extrapolated(one, np.nextafter(ends, -np.inf)) if held else at[2::2]
-            values.append(np.append(np.stack([at[:-1:2], at[1::2], before], axis=1), at[-1]))
-        powers = np.array(factors, float)[:, :, np.newaxis]
-        return np.ascontiguousarray(np.prod(np.array(values) ** powers, axis=1).T)
-
-
-def discretised(
-    system: np.ndarray, forces: np.ndarray, lengths: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Transitions and covariances (n_steps, n, n) over steps of `lengths`, s.
-
-    system: (n, n), A; forces: (n, n), G. Raises numpy.linalg.LinAlgError where A has too few
-    eigenvectors, as at critical damping.
-    """
-    values, vectors = np.linalg.eig(system)
-    inverse = np.linalg.inv(vectors)
-    if np.linalg.cond(vectors) * np.finfo(float).eps > FEWEST:
-        raise np.linalg.LinAlgError("two modes, or a critically damped one, cannot be told apart")
-    moved = np.exp(values * lengths[:, np.newaxis])
-    transitions = ((vectors * moved[:, np.newaxis, :]) @ inverse).real
-    rates = values[:, np.newaxis] + values.conj()
-    grown = rates * lengths[:, np.newaxis, np.newaxis]
-    slow = np.abs(grown) < 1e-8
-    duration = lengths[:, np.newaxis, np.newaxis] * (1.0 + grown / 2.0)
-    inside = np.where(slow, duration, np.expm1(grown) / np.where(rates == 0.0, 1.0, rates))
-    own = inside * (inverse @ forces @ inverse.conj().T)
-    covariance = vectors @ own @ vectors.conj().T
-    return np.ascontiguousarray(transitions), np.ascontiguousarray(covariance.real)
-
-
-def with_means(
-    transitions: np.ndarray, disturbances: np.ndarray, lengths: np.ndarray, of: Sequence[int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """The same of the states and, behind them, of the mean rates of the states `of` over a step."""
-    unit, length = np.eye(transitions.shape[1]), lengths[:, np.newaxis, np.newaxis]
-    rates = (transitions[:, of] - unit[of]) / length
-    moved = np.concatenate([transitions, rates], axis=1)
-    wider = np.concatenate([moved, np.zeros((*moved.shape[:2], len(of)))], axis=2)
-    own = np.concatenate([np.broadcast_to(unit, transitions.shape), unit[of] / length], axis=1)
-    return wider, np.ascontiguousarray(own @ disturbances @ own.transpose(0, 2, 1))
-
+from galloping.polynomial import slopes
 
 SETTLED = 1e-12  # relative change of the covariance of the states from sample to sample
+
+
+@njit(cache=True, error_model="numpy")
+def _product(a, b, out):
+    """a b into `out`, which is neither of these."""
+    out[:] = 0.0
+    for i in range(len(a)):
+        for k in range(len(b)):
+            if a[i, k] != 0.0:
+                for j in range(b.shape[1]):
+                    out[i, j] += a[i, k] * b[k, j]
+
+
+@njit(cache=True, error_model="numpy")
+def _congruent(a, b, begin, work, out):
+    """begin + a b a' of symmetric `begin` and `b` into `out`, which may be `b`. work: as large."""
+    _product(a, b, work)
+    for i in range(len(a)):
+        for j in range(i + 1):
+            total = begin[i, j]
+            for k in range(len(a)):
+                total += work[i, k] * a[j, k]
+            out[i, j] = out[j, i] = total
+
+
+@njit(cache=True, error_model="numpy")
+def _updated(p, row, noise, gain):
+    """The variance of a sample, row x and noise of a variance; `gain` becomes that of the states by
+    it, and `p` their covariance after it.
+    """
+    d, variance = len(row), noise
+    for i in range(d):
+        gain[i] = 0.0
+        for j in range(d):
+            gain[i] += p[i, j] * row[j]
+        variance += row[i] * gain[i]
+    for i in range(d):
+        gain[i] /= variance
+    for i in range(d):
+        for j in range(i + 1):
+            p[i, j] -= gain[i] * gain[j] * variance
+            p[j, i] = p[i, j]
+    return variance
 
 
 @njit(cache=True, error_model="numpy")
@@ -146,21 +97,9 @@ def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x
                 moved[i] = 0.0
                 for j in range(d):
                     moved[i] += f[i, j] * x[j]
-            for i in range(d):
-                x[i] = moved[i]
+            x[:] = moved
             if not again:
-                for i in range(d):
-                    for j in range(d):
-                        work[i, j] = 0.0
-                        for m in range(d):
-                            work[i, j] += f[i, m] * p[m, j]
-                for i in range(d):
-                    for j in range(i + 1):
-                        total = disturbances[step, i, j]
-                        for m in range(d):
-                            total += work[i, m] * f[j, m]
-                        p[i, j] = total
-                        p[j, i] = total
+                _congruent(f, p, disturbances[step], work, p)
         for c in range(channels):
             if np.isnan(samples[k, c]):
                 continue
@@ -168,31 +107,226 @@ def kalman_filter(samples, step_of, transitions, disturbances, sensing, noise, x
             for j in range(d):
                 error -= sensing[c, j] * x[j]
             if not again:
-                spread[c] = noise[c]
-                for i in range(d):
-                    gains[c, i] = 0.0
-                    for j in range(d):
-                        gains[c, i] += p[i, j] * sensing[c, j]
-                    spread[c] += sensing[c, i] * gains[c, i]
-                for i in range(d):
-                    gains[c, i] /= spread[c]
-                for i in range(d):
-                    for j in range(i + 1):
-                        p[i, j] -= gains[c, i] * gains[c, j] * spread[c]
-                        p[j, i] = p[i, j]
-            innovations[k, c] = error
-            variances[k, c] = spread[c]
+                spread[c] = _updated(p, sensing[c], noise[c], gains[c])
+            innovations[k, c], variances[k, c] = error, spread[c]
             for i in range(d):
                 x[i] += gains[c, i] * error
-        for i in range(d):
-            means[k, i] = x[i]
+        means[k] = x
         if not again:
             change = 0.0
             for i in range(d):
                 for j in range(d):
                     scale = np.sqrt(p[i, i] * p[j, j])
                     change = max(change, abs(p[i, j] - before[i, j]) / max(scale, 1e-300))
-                    before[i, j] = p[i, j]
+            before[:] = p
             settled = complete and step == last and change < SETTLED
             last = step
     return innovations, variances, means
+
+
+@njit(cache=True, error_model="numpy")
+def _monomials(x, exponents, out):
+    for j in range(len(exponents)):
+        product = 1.0
+        for k in range(len(x)):
+            for _ in range(exponents[j, k]):
+                product *= x[k]
+        out[j] = product
+
+
+@njit(cache=True, error_model="numpy")
+def _rates(x, exponents, coefficients, terms, out):
+    """x: states, and then factors of inputs. terms: room for the monomials, which stay there."""
+    _monomials(x, exponents, terms)
+    for i in range(len(out)):
+        total = 0.0
+        for j in range(len(terms)):
+            total += coefficients[i, j] * terms[j]
+        out[i] = total
+
+
+def lowered_terms(exponents: np.ndarray, n_states: int) -> np.ndarray:
+    """(n_slopes, 3 + n_signals) the derivatives of terms by states, `polynomial.slopes`, one a row:
+    term, state, exponent, and the exponents of what is left. exponents: (n_terms, n_signals).
+    """
+    by_state = slopes(tuple(map(tuple, exponents.tolist())), n_states)
+    rows = [
+        (term, state, power, *left)
+        for state, own in enumerate(by_state)
+        for term, power, left in zip(*own, strict=True)
+    ]
+    return np.array(rows, np.int64).reshape(-1, 3 + exponents.shape[1])
+
+
+@njit(cache=True, error_model="numpy")
+def _jacobian(x, lowered, coefficients, out):
+    out[:] = 0.0
+    for row in range(len(lowered)):
+        term, state, slope = lowered[row, 0], lowered[row, 1], float(lowered[row, 2])
+        for m in range(len(x)):
+            for _ in range(lowered[row, 3 + m]):
+                slope *= x[m]
+        for i in range(len(out)):
+            out[i, state] += coefficients[i, term] * slope
+
+
+@njit(cache=True, error_model="numpy")
+def _exponential(a, square, cube, fourth, parts, out):
+    """exp(a / parts) into `out`, to the fourth order; square, cube, fourth: powers of `a`."""
+    second, third, last = 2.0 * parts**2, 6.0 * parts**3, 24.0 * parts**4
+    for i in range(len(a)):
+        for j in range(len(a)):
+            first = (1.0 if i == j else 0.0) + a[i, j] / parts
+            out[i, j] = first + square[i, j] / second + cube[i, j] / third + fourth[i, j] / last
+
+
+@njit(cache=True, error_model="numpy")
+def _moved(x, h, force, driven, exponents, coefficients, terms, stages, middle):
+    """Change `x` to `h` s later, in a constant force; `middle` to where it is half way.
+
+    driven: (3, n_factors) at the begin, half way and at the end.
+    """
+    d = len(coefficients)
+    before = stages[4]
+    before[:] = x[:d]
+    for stage in range(4):
+        x[d:] = driven[(stage + 1) // 2]
+        _rates(x, exponents, coefficients, terms, stages[stage])
+        for i in range(d):
+            stages[stage, i] += force[i]
+        ahead = h if stage == 2 else 0.5 * h
+        if stage < 3:
+            for i in range(d):
+                x[i] = before[i] + ahead * stages[stage, i]
+        if stage == 1:
+            middle[:] = x
+    for i in range(d):
+        total = stages[0, i] + 2.0 * stages[1, i] + 2.0 * stages[2, i] + stages[3, i]
+        x[i] = before[i] + h / 6.0 * total
+
+
+@njit(cache=True, error_model="numpy")
+def extended_filter(
+    samples, step_of, lengths, substeps, driven, exponents, lowered, coefficients, white, sensed,
+    is_rate, kept, noise, x, p, candidates,
+):  # fmt: skip
+    """Innovations and their variances, (n, n_channels) each, NaN where samples are missing or the
+    filter fails; the means of the states (n, n_states) after each sample; and the slopes of the
+    innovations (n, n_channels, n_candidates) with coefficients, the gains held.
+
+    samples, step_of, noise, x, p: as of `kalman_filter`. lengths, substeps: (n_steps,) s, and into
+    how many each is divided. driven: (3 n_substeps of all steps + 1, n_factors) factors of inputs,
+    as of `Steps.driven`. exponents: (n_terms, n_states + n_factors), coefficients:
+    (n_states, n_terms) of the equations; lowered: their `lowered_terms`. white: (n_states,
+    n_states) covariance of their forces in a second. sensed, is_rate: (n_channels,) the state of
+    each channel, and whether its rate is measured. kept: indices of the states whose mean rates
+    since the last sample are measured, by the last channels; the last states are what they were
+    then. candidates: (n_candidates, 2) equation and term.
+    """  # fmt: skip
+    n, channels = samples.shape
+    d, many, place = len(x), len(candidates), 0
+    innovations = np.full((n, channels), np.nan)
+    variances = np.full((n, channels), np.nan)
+    means = np.full((n, d), np.nan)
+    by_candidate = np.zeros((n, channels, many))
+    told = np.zeros((d, many))  # slopes of the states
+    terms, stages = np.zeros(len(exponents)), np.zeros((5, d))
+    here, middle = np.append(x, driven[0]), np.append(x, driven[0])
+    a, square, cube, fourth, over, half, work, added, jacobian, none = np.zeros((10, d, d))
+    before, still, gain, row = np.zeros((4, d))
+    unit = np.eye(d)
+    moved, seen = np.zeros((d, many)), np.zeros(many)
+    for k in range(n):
+        if step_of[k] >= 0:
+            count = substeps[step_of[k]]
+            h = lengths[step_of[k]] / count
+            for j in range(len(kept)):
+                last = d - len(kept) + j
+                here[last] = here[kept[j]]
+                told[last] = told[kept[j]]
+                p[last] = p[kept[j]]
+                p[:, last] = p[:, kept[j]]
+            for _ in range(count):
+                now = driven[place : place + 3]
+                _moved(here, h, still, now, exponents, coefficients, terms, stages, middle)
+                place += 3
+                _jacobian(middle, lowered, coefficients, jacobian)
+                a[:] = h * jacobian
+                _product(a, a, square)
+                _product(square, a, cube)
+                _product(square, square, fourth)
+                _exponential(a, square, cube, fourth, 1, over)
+                _exponential(a, square, cube, fourth, 2, half)
+                _congruent(half, white, none, work, added)
+                for i in range(d):
+                    for j in range(d):
+                        p[i, j] += h / 6.0 * white[i, j]
+                        added[i, j] = h / 6.0 * (white[i, j] + 4.0 * added[i, j])
+                _congruent(over, p, none, work, p)
+                p += added
+                if many:
+                    _monomials(middle, exponents, terms)
+                    _product(over, told, moved)
+                    told, moved = moved, told
+                    for c in range(many):
+                        for i in range(d):
+                            acts = half[i, candidates[c, 0]] * terms[candidates[c, 1]]
+                            told[i, c] += h * acts
+        here[d:] = driven[place]
+        if not np.all(np.isfinite(here)):
+            break
+        _rates(here, exponents, coefficients, terms, stages[0])
+        _jacobian(here, lowered, coefficients, jacobian)
+        before[:] = here[:d]
+        for c in range(channels):
+            if np.isnan(samples[k, c]):
+                continue
+            own, last = sensed[c], d - channels + c
+            at_sample = is_rate[c] and len(kept) == 0
+            error = samples[k, c] - (stages[0, own] if at_sample else before[own])
+            if is_rate[c] and not at_sample:
+                length = lengths[step_of[k]]
+                error = samples[k, c] - (before[own] - before[last]) / length
+            for i in range(d):
+                row[i] = jacobian[own, i] if at_sample else unit[own, i]
+                if is_rate[c] and not at_sample:
+                    row[i] = (row[i] - unit[last, i]) / length
+                error -= row[i] * (here[i] - before[i])
+            innovations[k, c], variances[k, c] = error, _updated(p, row, noise[c], gain)
+            for j in range(many):
+                seen[j] = 0.0
+                for i in range(d):
+                    seen[j] += row[i] * told[i, j]
+                if at_sample and candidates[j, 0] == own:
+                    seen[j] += terms[candidates[j, 1]]
+                by_candidate[k, c, j] = -seen[j]
+            for i in range(d):
+                here[i] += gain[i] * error
+                for j in range(many):
+                    told[i, j] -= gain[i] * seen[j]
+        means[k] = here[:d]
+    x[:] = here[:d]
+    return innovations, variances, means, by_candidate
+
+
+@njit(cache=True, error_model="numpy")
+def random_motion(x, step_of, lengths, substeps, driven, exponents, coefficients, root, noise):
+    """(n, n_states) from `x` on, in forces whose covariance in a second is root root'.
+
+    All until `coefficients`: as of `extended_filter`. noise: (n_substeps of all steps, n_states) of
+    unit variance.
+    """
+    d, place = len(x), 0
+    states = np.empty((len(step_of), d))
+    terms, stages = np.zeros(len(exponents)), np.zeros((5, d))
+    here, middle = np.append(x, driven[0]), np.append(x, driven[0])
+    for k in range(len(step_of)):
+        if step_of[k] >= 0:
+            h = lengths[step_of[k]] / substeps[step_of[k]]
+            for _ in range(substeps[step_of[k]]):
+                force = root @ noise[place] / np.sqrt(h)
+                now = driven[3 * place : 3 * place + 3]
+                _moved(here, h, force, now, exponents, coefficients, terms, stages, middle)
+                place += 1
+        states[k] = here[:d]
+    return states

@@ -1,10 +1,11 @@
 """What is faster than a frequency is taken out of recordings, whose white noise stays white."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel, Unusable
+from galloping.identification.model import IdentifiedModel, Unusable, attempt
 from galloping.recording import GAP, Recording
 
 ROLL_OFF = 0.1  # width of the filter's edge, in the frequency in its middle
@@ -26,14 +27,10 @@ def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Rec
 
 def what_is_left(recordings: list[Recording], below: float) -> list[Recording]:
     """Those of which `low_passed` leaves something. Raises as it does where there is none."""
-    left, objection = [], None
-    for each in recordings:
-        try:
-            left.append(low_passed(each, below))
-        except Unusable as error:
-            objection = error
+    found = [attempt(partial(low_passed, each, below)) for each in recordings]
+    left = [each for each in found if isinstance(each, Recording)]
     if not left:
-        raise objection
+        raise Unusable(found[-1].reason)
     return left
 
 

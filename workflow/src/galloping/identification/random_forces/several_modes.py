@@ -5,12 +5,12 @@ too close for that, it stays in the model, as a force that swings.
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.special import chdtri
 
-from galloping.identification.model import NO_MODEL, IdentifiedModel
+from galloping.identification.model import IdentifiedModel, NoModel, attempt
 from galloping.identification.preparation.screening import prepared
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.low_pass import FLAT, ROLL_OFF, what_is_left
@@ -39,7 +39,7 @@ BROAD, LESS_WHITE, LIKELIER = 0.02, 0.75, 1e-7
 
 # The model of recordings whose shortest period, s, is the second argument, and which have as many
 # modes more than coordinates as the third one says.
-Find = Callable[[list[Recording], float, int], IdentifiedModel | None]
+Find = Callable[[list[Recording], float, int], IdentifiedModel | NoModel]
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,7 @@ class SeveralModes:
 
     @cached_property
     def channels(self) -> Channels:
+        """What the recordings measure."""
         return Channels.of(self.recordings)
 
     def slowest(
@@ -89,28 +90,31 @@ class SeveralModes:
         self, find: Find, counts: Iterable[int], apart: tuple[float, float]
     ) -> Iterator[IdentifiedModel]:
         """Models of as many of the slowest modes as each of `counts`; apart: as of `_edges`."""
-        recordings, modes, own = self.recordings, self.modes, len(self.channels.pairs)
-        step = max(float(np.median(np.diff(each.time))) for each in recordings)
+        step = max(float(np.median(np.diff(each.time))) for each in self.recordings)
         fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # that a filter ends at
         for k in counts:
-            for below in _edges(modes, k, fastest, apart):
-                try:
-                    slow = what_is_left(recordings, below)
-                    if not _size_varies(slow):
-                        continue
-                    oversampled = MOST_KEPT * _samples(recordings) > _samples(slow)
-                    is_whole = k >= len(modes) and not (self.channels.rates or oversampled)
-                    given = (recordings, self.period) if is_whole else (slow, prepared(slow)[2])
-                    found = find(*given, k - own)
-                except NO_MODEL:
-                    continue
-                if found is not None and _swings_at(found, modes[:k]):
-                    found = parted(found, *given, k - own, find)
-                    yield found if is_whole else _said(found, modes[k:], below)
+            for below in _edges(self.modes, k, fastest, apart):
+                found = attempt(partial(self._below, find, k, below))
+                if not isinstance(found, NoModel):
+                    yield found
 
-
-def _samples(recordings: list[Recording]) -> int:
-    return sum(len(each.time) for each in recordings)
+    def _below(self, find: Find, k: int, below: float) -> IdentifiedModel | NoModel:
+        """The model of the slowest k modes, where what is faster than `below`, Hz, is left out."""
+        recordings, modes = self.recordings, self.modes
+        besides = k - len(self.channels.pairs)
+        slow = what_is_left(recordings, below)
+        if not _size_varies(slow):
+            return NoModel("its size is steady, as that of a limit cycle")
+        before, kept = (sum(len(one.time) for one in each) for each in (recordings, slow))
+        is_whole = k >= len(modes) and not (self.channels.rates or kept < MOST_KEPT * before)
+        given = (recordings, self.period) if is_whole else (slow, prepared(slow)[2])
+        found = find(*given, besides)
+        if isinstance(found, NoModel):
+            return found
+        if not _swings_at(found, modes[:k]):
+            return NoModel("it does not swing as its modes do")
+        found = parted(found, *given, besides, find)
+        return found if is_whole else _said(found, modes[k:], below)
 
 
 def may_be_two(found: IdentifiedModel) -> bool:
@@ -137,11 +141,10 @@ def parted(
     """
     if found.status != "ok" or besides == BESIDES or not may_be_two(found):
         return found
-    try:
-        more = find(recordings, period, besides + 1)
-    except NO_MODEL:
+    more = find(recordings, period, besides + 1)
+    if isinstance(more, NoModel) or more.status != "ok":
         return found
-    if more is None or more.status != "ok" or not all(each.is_mode for each in more.resonances):
+    if not all(each.is_mode for each in more.resonances):
         return found
     gain = more.diagnostics["log_likelihood"] - found.diagnostics["log_likelihood"]
     freedom = 3 + len(found.forces.nonzero()[0]) + len(found.resonances)

@@ -7,15 +7,15 @@ as shapes of the displacements they are the stiffness and damping of the named e
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 
 import numpy as np
 from numpy.polynomial import Legendre
 from scipy.optimize import nnls
 
-from galloping.identification.model import MOST_DAMPING, NO_MODEL, Unusable
+from galloping.identification.model import MOST_DAMPING, NoModel, Unusable, attempt
 from galloping.identification.preparation.weak_form import MOST_MISFIT, Start
 from galloping.identification.random_forces.channels import Channels
 from galloping.recording import Recording
@@ -44,10 +44,14 @@ def on_grid(time: np.ndarray, samples: np.ndarray, step: float) -> np.ndarray:
     return grid
 
 
-def on_grids(recordings: list[Recording]) -> tuple[float, list[np.ndarray]]:
+def typical_step(recordings: Sequence[Recording]) -> float:
+    """s, the median step between the samples of all recordings."""
+    return float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
+
+
+def on_grids(recordings: Sequence[Recording]) -> tuple[float, list[np.ndarray]]:
     """The step, s, of all recordings, and their samples on it without their means."""
-    channels = Channels.of(recordings)
-    step = float(np.median(np.concatenate([np.diff(each.time) for each in recordings])))
+    channels, step = Channels.of(recordings), typical_step(recordings)
     samples = [channels.samples(each) for each in recordings]
     return step, [
         on_grid(each.time, own - np.nanmean(own, axis=0), step)
@@ -102,19 +106,34 @@ def modes(
 
 
 @dataclass(frozen=True)
-class LinearStart:
-    """system: (n_states, n_states). swings: (n_resonances, 2), onto: (n_resonances, n_coordinates)
-    and hosts as of `fitting.Model`, of the modes that the coordinates have no place for.
+class Swings:
+    """Resonances: modes that the coordinates have no place for. own: (n_resonances, 2) frequencies,
+    rad/s, and damping ratios. onto: (n_resonances, n_forced) what each adds to the equations with a
+    force; hosts: (n_resonances,) those in which this is one.
     """
 
-    system: np.ndarray
-    swings: np.ndarray
+    own: np.ndarray
     onto: np.ndarray
     hosts: tuple[int, ...]
 
+    @property
+    def is_shared(self) -> np.ndarray:
+        """(n_resonances, n_forced) where `onto` is not one by definition."""
+        shared = np.ones(self.onto.shape, bool)
+        shared[np.arange(len(self.hosts)), list(self.hosts)] = False
+        return shared
+
+
+@dataclass(frozen=True)
+class LinearStart:
+    """system: (n_states, n_states), and the modes beside its own."""
+
+    system: np.ndarray
+    swings: Swings
+
 
 def systems(
-    channels: Channels, grids: list[np.ndarray], step: float, period: float, besides: int = 0
+    channels: Channels, grids: list[np.ndarray], step: float, period: float, besides: int
 ) -> Iterator[LinearStart]:
     """Linear systems that may have moved so, with `besides` modes more than coordinates.
 
@@ -132,11 +151,10 @@ def systems(
         for span in SPANS:
             taken = whole[first : first + int(span * PER_PERIOD)]
             for further in FURTHER:
-                try:
-                    rates, seen = modes(taken, step, stride, len(pairs) + besides, further)
-                except (Unusable, np.linalg.LinAlgError):
-                    continue
-                if (system := _system(channels, rates, seen)) is not None:
+                count = len(pairs) + besides
+                found = attempt(partial(modes, taken, step, stride, count, further))
+                system = None if isinstance(found, NoModel) else _system(channels, *found)
+                if system is not None:
                     yield system
 
 
@@ -170,8 +188,8 @@ def _system(channels: Channels, rates: np.ndarray, seen: np.ndarray) -> LinearSt
     forces = moved[np.argsort(list(pairs.values()))].T
     hosts = np.argmax(np.abs(forces), axis=1)
     onto = (forces / forces[np.arange(len(hosts)), hosts][:, np.newaxis]).real
-    swings = np.array([np.abs(others), -others.real / np.abs(others)]).T
-    return LinearStart(system, swings, onto, tuple(hosts.tolist()))
+    own = np.array([np.abs(others), -others.real / np.abs(others)]).T
+    return LinearStart(system, Swings(own, onto, tuple(hosts.tolist())))
 
 
 def spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarray]:
@@ -189,8 +207,12 @@ def spectra(grids: list[np.ndarray], step: float) -> tuple[np.ndarray, np.ndarra
     return np.concatenate(frequencies), np.concatenate(powers)
 
 
-def shortest(grids: list[np.ndarray], step: float) -> float:
-    """s, the shortest period of the motion's velocities, where white noise is taken off."""
+def shortest(recordings: Sequence[Recording]) -> float:
+    """s, the shortest period of the motion's velocities, where white noise is taken off.
+
+    Raises Unusable where the recordings tell none.
+    """
+    step, grids = on_grids(recordings)
     omega, power = spectra(grids, step)
     if not len(omega):
         raise Unusable("too short for a spectrum")
@@ -202,7 +224,7 @@ def shortest(grids: list[np.ndarray], step: float) -> float:
     fastest = [omega[np.searchsorted(each, MOST_OF)] for each in share.T if each[-1] > 0.5]
     if not fastest:
         raise Unusable("no channel moves above its noise")
-    return 2.0 * np.pi / max(fastest)
+    return float(2.0 * np.pi / max(fastest))
 
 
 def strengths(
@@ -223,7 +245,7 @@ def strengths(
     response = channels.response(begin.system, omega)[:, :, list(forced)]
     moved = np.abs(response) ** 2
     columns = list(moved.transpose(2, 0, 1))
-    for (own, damping), onto in zip(begin.swings, begin.onto, strict=True):
+    for (own, damping), onto in zip(begin.swings.own, begin.swings.onto, strict=True):
         swing = own**2 - omega**2 + 2j * damping * own * omega
         columns.append(np.abs(response @ onto / swing[:, np.newaxis]) ** 2)
     white = len(columns)
@@ -277,10 +299,10 @@ def may_be_moved_at_random(start: Start) -> bool:
     """
     if start.fit.misfit >= MOST_MISFIT:
         return True
-    with suppress(*NO_MODEL):
-        if wavers(start.recordings, start.period):
-            noises = ((one.noise, one.states[one.valid].std(axis=0)) for one in start.smoothed)
-            is_noisy = any(np.any(noise > NOISY * size) for noise, size in noises)
-            step, grids = on_grids(start.recordings)
-            return is_noisy or bool(shortest(grids, step) < start.period / SLOWER)
-    return False
+    if not wavers(start.recordings, start.period):
+        return False
+    noises = ((one.noise, one.states[one.valid].std(axis=0)) for one in start.smoothed)
+    if any(np.any(noise > NOISY * size) for noise, size in noises):
+        return True
+    fastest = attempt(partial(shortest, start.recordings))
+    return not isinstance(fastest, NoModel) and bool(fastest < start.period / SLOWER)

@@ -8,20 +8,16 @@ import numpy as np
 
 from galloping.identification.model import IdentifiedModel, Resonance
 from galloping.identification.random_forces.channels import Channels
-from galloping.identification.random_forces.extended import (
+from galloping.identification.random_forces.kalman import (
     extended_filter,
+    kalman_filter,
     lowered_terms,
     random_motion,
 )
-from galloping.identification.random_forces.kalman import (
-    Steps,
-    discretised,
-    kalman_filter,
-    with_means,
-)
+from galloping.identification.random_forces.steps import Steps, discretised, with_means
 from galloping.identification.work import allowed, spend
 from galloping.polynomial import PolynomialModel
-from galloping.recording import Recording, mean_inputs
+from galloping.recording import Recording
 from galloping.taylor import Tables, tables
 
 # Standard deviation of the first state, in that of the motion: of a linear system, and of another,
@@ -42,12 +38,13 @@ class Data:
 
     @classmethod
     def of(cls, recording: Recording, channels: Channels) -> "Data":
+        """What channels measure of a recording."""
         steps = Steps.between(recording.time, tuple(recording.inputs.values()))
         return cls(channels.samples(recording), steps)
 
 
 @dataclass(frozen=True)
-class Filtered:
+class FilterResult:
     """innovations, variances: (n, n_channels) of samples, NaN where missing. means: (n, n_states)
     after each. mean, covariance: of the states, and of slow forces, after the last. count: of the
     samples, more than of the finite innovations where the filter fails.
@@ -59,6 +56,11 @@ class Filtered:
     mean: np.ndarray
     covariance: np.ndarray
     count: int
+
+    @property
+    def standardised(self) -> np.ndarray:
+        """(n, n_channels) innovations in their deviations."""
+        return self.innovations / np.sqrt(self.variances)
 
 
 @dataclass(frozen=True)
@@ -123,10 +125,9 @@ class Tracker:
     def rest(self) -> np.ndarray:
         """(n_states,) where the linear part is in equilibrium."""
         constant = np.sum(np.array(self.steady.terms), axis=1) == 0
-        try:
-            return -np.linalg.solve(self.system, self.steady.coefficients[:, constant].sum(axis=1))
-        except np.linalg.LinAlgError:
-            raise np.linalg.LinAlgError("a stiffness cannot be told in random forces") from None
+        if np.linalg.det(self.system) == 0.0:
+            raise np.linalg.LinAlgError("a stiffness cannot be told in random forces")
+        return -np.linalg.solve(self.system, self.steady.coefficients[:, constant].sum(axis=1))
 
     @cached_property
     def driven(self) -> tuple[np.ndarray, np.ndarray]:
@@ -199,23 +200,26 @@ class Tracker:
 
     def extended(
         self, data: Data, candidates: np.ndarray, terms: Sequence[int] = ()
-    ) -> tuple[Filtered, np.ndarray]:
+    ) -> tuple[FilterResult, np.ndarray]:
         """The filter of a nonlinear system, and slopes of its innovations with coefficients, as of
         `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`. Raises
         numpy.linalg.LinAlgError where one pass takes more than all the work of a search.
         """
-        n, m, kept = len(self.size), len(self.driven[0]), np.array(self.channels.kept, int)
+        m, kept = len(self.driven[0]), np.array(self.channels.kept, int)
         given = self.first_mean, self.first_covariance, self.driven[1]
         x, p, white = (np.pad(each, (0, len(kept))) for each in given)
         exponents, coefficients = self.equations(terms)
         exponents = np.insert(exponents, np.full(len(kept), m), 0, axis=1)
         coefficients = np.pad(coefficients, ((0, len(kept)), (0, 0)))
-        innovations, variances, means, slopes = self._extended(
+        *found, slopes = self._extended(
             data, exponents, coefficients, white, x, p, candidates, kept
         )
-        count = int(np.isfinite(data.samples).sum())
-        found = Filtered(innovations, variances, means[:, :n], x[:m], p[:m, :m], count)
-        return found, slopes
+        return self._result(data, *found, x, p), slopes
+
+    def _result(self, data: Data, innovations, variances, means, x, p) -> FilterResult:
+        """Of what a compiled filter returns; x, p: mean and covariance that it leaves."""
+        n, m, count = len(self.size), len(self.driven[0]), int(np.isfinite(data.samples).sum())
+        return FilterResult(innovations, variances, means[:, :n], x[:m], p[:m, :m], count)
 
     def _extended(self, data: Data, exponents, coefficients, white, x, p, candidates, kept):
         channels, steps = self.channels, data.steps
@@ -243,7 +247,7 @@ class Tracker:
         own = steps.of[1:], steps.lengths, counts, driven, *self.equations(), root, noise
         return random_motion(x, *own)[:, : len(self.size)]
 
-    def over(self, data: Data) -> Filtered:
+    def over(self, data: Data) -> FilterResult:
         """Raises numpy.linalg.LinAlgError where the model cannot be discretised or followed."""
         if not self.is_linear:
             return self.extended(data, np.zeros((0, 2), np.int64))[0]
@@ -264,8 +268,8 @@ class Tracker:
             self.noise**2, x, p,
         )  # fmt: skip
         x[:n] += self.rest
-        count = int(np.isfinite(data.samples).sum())
-        return Filtered(innovations, variances, means[:, :n] + self.rest, x[:m], p[:m, :m], count)
+        means[:, :n] += self.rest
+        return self._result(data, innovations, variances, means, x, p)
 
     def first_state(self, data: Data, count: int) -> np.ndarray:
         """(n_states,) at the first sample, as `count` samples tell it.
@@ -314,134 +318,3 @@ def sizes(
         size[i] = np.abs(swing[0])
         size[velocity] = omega * size[i]
     return size, mean, deviation
-
-
-def tracker(found: IdentifiedModel, recording: Recording) -> tuple[Tracker, Data]:
-    """Of an identified model that random forces move, and a recording of its system.
-
-    Raises ValueError where the model does not know the noise of a channel.
-    """
-    channels, states = Channels.of([recording]), found.model.states
-    averaged = bool(found.diagnostics.get("rates_averaged", False))
-    channels = replace(channels, averaged=averaged and bool(channels.rates))
-    noise = [found.sigma[-1, i] for i in channels.values]
-    noise += [found.diagnostics.get(f"noise_d{states[i]}", np.nan) for i in channels.rates]
-    for name, value in zip(channels.names, noise, strict=True):
-        if not np.isfinite(value):
-            raise ValueError(
-                f"the model knows no noise of {name}: its recordings had no such sensor"
-            )
-    names = found.model.inputs
-    unsized = Tracker(
-        found.model, Forces.of(found), channels, np.array(noise), np.ones(len(states)),
-        mean_inputs(names, [recording]),
-    )  # fmt: skip
-    fastest = np.abs(np.linalg.eigvals(unsized.system)).max()
-    size, _, _ = sizes([recording], channels, 2.0 * np.pi / fastest)
-    recording = replace(recording, inputs={name: recording.inputs[name] for name in names})
-    return replace(unsized, size=size), Data.of(recording, channels)
-
-
-# --- where the motion goes, and whether it is that of a model ---
-
-
-WITHIN = 60.0  # periods at the end of a recording that tell its last state
-POINTS, MOTIONS, SEGMENTS = 1500, 8, 6  # of spectra, and what those of motions are means over
-MOST_MISFIT = 1.5  # mean square of standardised innovations: that of another line is far larger
-
-
-def motions(
-    found: IdentifiedModel,
-    models: Sequence[PolynomialModel],
-    recording: Recording,
-    time: np.ndarray,
-    rng: np.random.Generator,
-) -> np.ndarray:
-    """(n_models, n, n_states) at `time` (n,), s, one of each model, in forces drawn for it.
-
-    found: whose forces and noise they share. Each begins at a state drawn as the end of the
-    recording tells it.
-    """
-    recording = end_of(found, recording)
-    inputs = [recording.inputs[name] for name in found.model.inputs]
-    drawn, ahead = [], Steps.between(np.append(recording.time[-1], time), inputs)
-    for model in models:
-        follow, data = tracker(replace(found, model=model), recording)
-        end = follow.over(data)
-        x = end.mean + factor(end.covariance) @ rng.standard_normal(len(end.mean))
-        drawn.append(follow.motion(x, ahead, rng))
-    return np.array(drawn)
-
-
-def noise_of_means(
-    found: IdentifiedModel, recording: Recording, rates: Sequence[int], sigma: np.ndarray
-) -> np.ndarray:
-    """`sigma` (n,) with the white forces in the mean rates of states, `rates`, its last."""
-    noise = sigma.copy()
-    if rates and found.diagnostics.get("rates_averaged"):
-        step = np.median(np.diff(recording.time))
-        noise[-len(rates) :] = np.hypot(
-            sigma[-len(rates) :], np.sqrt(np.diag(found.forces)[list(rates)] / step)
-        )
-    return noise
-
-
-def end_of(found: IdentifiedModel, recording: Recording) -> Recording:
-    """As much of the end of a recording as tells where it ends."""
-    slowest = np.min(np.abs(np.linalg.eigvals(tracker(found, recording)[0].system)))
-    begin = recording.time[-1] - WITHIN * 2.0 * np.pi / slowest
-    first = int(np.searchsorted(recording.time, begin))
-    return recording[min(first, len(recording.time) - 2) :] if first else recording
-
-
-def check_followed(found: IdentifiedModel, recording: Recording) -> None:
-    """Raise ValueError, in one line, where the end of a recording is not the motion of a model."""
-    follow, data = tracker(found, end_of(found, recording))
-    end = follow.over(data)
-    square = (end.innovations**2 / end.variances)[2 * len(end.mean) :]
-    misfit = float(np.nanmean(square))
-    if not misfit <= MOST_MISFIT:
-        raise ValueError(
-            f"the model does not follow the recording: from sample to sample it errs by "
-            f"{np.sqrt(misfit):.3g} times what its forces and noise explain, where "
-            f"{np.sqrt(MOST_MISFIT):.3g} is allowed: another line, another wind, or another sensor"
-        )
-
-
-def followed(found: IdentifiedModel, recording: Recording) -> np.ndarray:
-    """(n, n_states) as the samples until each tell them."""
-    follow, data = tracker(found, recording)
-    return follow.over(data).means
-
-
-def spectra(
-    found: IdentifiedModel, recording: Recording, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (n,), Hz, and one-sided spectra (n, n_channels) of the channels of a recording.
-
-    In squares of the channels' units per Hz, noise included. Those of a linear model are exact;
-    another one's are means over motions in forces drawn for each.
-    """
-    from scipy.signal import welch  # slow to import
-
-    follow, data = tracker(found, recording)
-    step = np.median(np.diff(recording.time))
-    noise = 2.0 * follow.noise**2 * step
-    if follow.is_linear:
-        frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, POINTS)
-        system, white = follow.driven
-        moved = follow.channels.response(system, 2.0 * np.pi * frequency)
-        power = np.einsum("fci,ij,fcj->fc", moved, white, moved.conj()).real
-        return frequency, 2.0 * power + noise
-    channels, powers = follow.channels, []
-    inputs = [recording.inputs[name] for name in found.model.inputs]
-    time = recording.time[0] + np.arange(len(recording.time)) * step
-    steps = Steps.between(time, inputs)
-    begin = follow.over(data).mean
-    for _ in range(MOTIONS):
-        states = follow.motion(begin, steps, rng)
-        rates = np.gradient(states[:, list(channels.rates)], step, axis=0)
-        shown = np.hstack([states[:, list(channels.values)], rates])
-        frequency, power = welch(shown, 1.0 / step, nperseg=len(shown) // SEGMENTS, axis=0)
-        powers.append(power)
-    return frequency[1:], np.mean(powers, axis=0)[1:] + noise

@@ -56,10 +56,12 @@ class Whiteness:
 
     @property
     def shows_line(self) -> bool:
+        """Whether the spectrum stands out at a frequency more than by chance."""
         return self.peak > (1.0 if self.swings else APART) * self.peak_allowed
 
     @property
     def white(self) -> bool:
+        """Whether it is white noise, for all that can be told."""
         return self.statistic <= self.allowed and not (self.shows_line or self.goes_with)
 
     @property
@@ -77,6 +79,7 @@ class Whiteness:
 
     @property
     def relevant(self) -> bool:
+        """Whether what is no white noise in it bears on the model."""
         return self.told > RELEVANT or self.shows_line or bool(self.goes_with)
 
 
@@ -88,9 +91,10 @@ def whiteness(grids: list[np.ndarray], step: float, modes: np.ndarray) -> Whiten
     """
     found = _whiteness(grids, step, modes)
     many = int(1.0 / (modes.max() * step * SAMPLES))
-    if many < 2:
+    summed = [grid for grid in grids if len(grid) >= many]
+    if many < 2 or not summed:
         return found
-    sums = _whiteness([_sums(grid, many) for grid in grids], many * step, modes)
+    sums = _whiteness([_sums(grid, many) for grid in summed], many * step, modes)
     return max(found, sums, key=lambda each: each.told)
 
 

@@ -1,0 +1,142 @@
+"""How an identified model in random forces follows a recording of its system, whether it does, and
+where the motion then goes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from galloping.identification.model import IdentifiedModel
+from galloping.identification.random_forces.channels import Channels
+from galloping.identification.random_forces.steps import Steps
+from galloping.identification.random_forces.tracking import Data, Forces, Tracker, factor, sizes
+from galloping.polynomial import PolynomialModel
+from galloping.recording import Recording, mean_inputs
+
+WITHIN = 60.0  # periods at the end of a recording that tell its last state
+POINTS, MOTIONS, SEGMENTS = 1500, 8, 6  # of spectra, and what those of motions are means over
+MOST_MISFIT = 1.5  # mean square of standardised innovations: that of another line is far larger
+
+
+def tracker(found: IdentifiedModel, recording: Recording) -> tuple[Tracker, Data]:
+    """Of an identified model that random forces move, and a recording of its system.
+
+    Raises ValueError where the model does not know the noise of a channel.
+    """
+    channels, states = Channels.of([recording]), found.model.states
+    averaged = bool(found.diagnostics.get("rates_averaged", False))
+    channels = replace(channels, averaged=averaged and bool(channels.rates))
+    noise = [found.sigma[-1, i] for i in channels.values]
+    noise += [found.diagnostics.get(f"noise_d{states[i]}", np.nan) for i in channels.rates]
+    for name, value in zip(channels.names, noise, strict=True):
+        if not np.isfinite(value):
+            raise ValueError(
+                f"the model knows no noise of {name}: its recordings had no such sensor"
+            )
+    names = found.model.inputs
+    unsized = Tracker(
+        found.model, Forces.of(found), channels, np.array(noise), np.ones(len(states)),
+        mean_inputs(names, [recording]),
+    )  # fmt: skip
+    fastest = np.abs(np.linalg.eigvals(unsized.system)).max()
+    size, _, _ = sizes([recording], channels, 2.0 * np.pi / fastest)
+    recording = replace(recording, inputs={name: recording.inputs[name] for name in names})
+    return replace(unsized, size=size), Data.of(recording, channels)
+
+
+def motions(
+    found: IdentifiedModel,
+    models: Sequence[PolynomialModel],
+    recording: Recording,
+    time: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """(n_models, n, n_states) at `time` (n,), s, one of each model, in forces drawn for it.
+
+    found: whose forces and noise they share. Each begins at a state drawn as the end of the
+    recording tells it.
+    """
+    recording = end_of(found, recording)
+    inputs = [recording.inputs[name] for name in found.model.inputs]
+    drawn, ahead = [], Steps.between(np.append(recording.time[-1], time), inputs)
+    for model in models:
+        follow, data = tracker(replace(found, model=model), recording)
+        end = follow.over(data)
+        x = end.mean + factor(end.covariance) @ rng.standard_normal(len(end.mean))
+        drawn.append(follow.motion(x, ahead, rng))
+    return np.array(drawn)
+
+
+def noise_of_means(
+    found: IdentifiedModel, recording: Recording, rates: Sequence[int], sigma: np.ndarray
+) -> np.ndarray:
+    """`sigma` (n,) with the white forces in the mean rates of states, `rates`, its last."""
+    noise = sigma.copy()
+    if rates and found.diagnostics.get("rates_averaged"):
+        step = np.median(np.diff(recording.time))
+        noise[-len(rates) :] = np.hypot(
+            sigma[-len(rates) :], np.sqrt(np.diag(found.forces)[list(rates)] / step)
+        )
+    return noise
+
+
+def end_of(found: IdentifiedModel, recording: Recording) -> Recording:
+    """As much of the end of a recording as tells where it ends."""
+    slowest = np.min(np.abs(np.linalg.eigvals(tracker(found, recording)[0].system)))
+    begin = recording.time[-1] - WITHIN * 2.0 * np.pi / slowest
+    first = int(np.searchsorted(recording.time, begin))
+    return recording[min(first, len(recording.time) - 2) :] if first else recording
+
+
+def check_followed(found: IdentifiedModel, recording: Recording) -> None:
+    """Raise ValueError, in one line, where the end of a recording is not the motion of a model."""
+    follow, data = tracker(found, end_of(found, recording))
+    end = follow.over(data)
+    square = (end.innovations**2 / end.variances)[2 * len(end.mean) :]
+    misfit = float(np.nanmean(square))
+    if not misfit <= MOST_MISFIT:
+        raise ValueError(
+            f"the model does not follow the recording: from sample to sample it errs by "
+            f"{np.sqrt(misfit):.3g} times what its forces and noise explain, where "
+            f"{np.sqrt(MOST_MISFIT):.3g} is allowed: another line, another wind, or another sensor"
+        )
+
+
+def followed(found: IdentifiedModel, recording: Recording) -> np.ndarray:
+    """(n, n_states) as the samples until each tell them."""
+    follow, data = tracker(found, recording)
+    return follow.over(data).means
+
+
+def spectra(
+    found: IdentifiedModel, recording: Recording, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (n,), Hz, and one-sided spectra (n, n_channels) of the channels of a recording.
+
+    In squares of the channels' units per Hz, noise included. Those of a linear model are exact;
+    another one's are means over motions in forces drawn for each.
+    """
+    from scipy.signal import welch  # slow to import
+
+    follow, data = tracker(found, recording)
+    step = np.median(np.diff(recording.time))
+    noise = 2.0 * follow.noise**2 * step
+    if follow.is_linear:
+        frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, POINTS)
+        system, white = follow.driven
+        moved = follow.channels.response(system, 2.0 * np.pi * frequency)
+        power = np.einsum("fci,ij,fcj->fc", moved, white, moved.conj()).real
+        return frequency, 2.0 * power + noise
+    channels, powers = follow.channels, []
+    inputs = [recording.inputs[name] for name in found.model.inputs]
+    time = recording.time[0] + np.arange(len(recording.time)) * step
+    steps = Steps.between(time, inputs)
+    begin = follow.over(data).mean
+    for _ in range(MOTIONS):
+        states = follow.motion(begin, steps, rng)
+        rates = np.gradient(states[:, list(channels.rates)], step, axis=0)
+        shown = np.hstack([states[:, list(channels.values)], rates])
+        frequency, power = welch(shown, 1.0 / step, nperseg=len(shown) // SEGMENTS, axis=0)
+        powers.append(power)
+    return frequency[1:], np.mean(powers, axis=0)[1:] + noise

@@ -1,0 +1,316 @@
+"""What is asked of recordings that random forces move, and models from which fits to them begin."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from galloping.identification.model import NoModel, Resonance, Unusable, attempt
+from galloping.identification.problem import Problem
+from galloping.identification.random_forces.channels import Channels
+from galloping.identification.random_forces.start import (
+    Swings,
+    on_grids,
+    shortest,
+    spectra,
+    strengths,
+    systems,
+)
+from galloping.identification.random_forces.tracking import (
+    Data,
+    FilterResult,
+    Forces,
+    Tracker,
+    sizes,
+)
+from galloping.identification.work import ENDED, is_spent
+from galloping.passes import passing
+from galloping.polynomial import design_matrix
+from galloping.recording import Recording, at_times, mean_inputs
+
+SLOW = 0.3  # rate of slow forces to begin with, in the slowest frequency of the modes, rad/s
+LEAST_NOISE = 1e-4  # deviation of a sample, in that of its channel: exact samples have rounding
+STEADY = 0.5  # mean of a factor of inputs, in its root mean square, from which it is mostly that
+
+
+@dataclass(frozen=True)
+class ForcedModel:
+    """coefficients: (n_candidates,). root: lower triangular, of the equations with a force and then
+    of the resonances; root root' is the covariance of the white forces in a second. noise:
+    (n_channels,) deviations of a sample. slow: (n_forced,) roots of the same of what drives slow
+    forces, none where there are none; rates: (n_forced,) 1/s, of those. swings: the resonances.
+    """
+
+    coefficients: np.ndarray
+    root: np.ndarray
+    noise: np.ndarray
+    slow: tuple[float, ...]
+    rates: tuple[float, ...]
+    swings: Swings
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """innovations, variances: (n, n_channels) of the samples of all recordings, NaN where missing.
+    parts: the filter over each recording, and what priors expect, as samples of coefficients; none
+    where the model cannot be followed, for which `objection` says why.
+    """
+
+    parts: tuple[FilterResult, ...]
+    objection: str = ""
+
+    @cached_property
+    def innovations(self) -> np.ndarray:
+        """Of the samples of all parts."""
+        return np.concatenate([part.innovations for part in self.parts])
+
+    @cached_property
+    def variances(self) -> np.ndarray:
+        """Of these innovations."""
+        return np.concatenate([part.variances for part in self.parts])
+
+    @cached_property
+    def log_likelihood(self) -> float:
+        """But for a constant; minus infinity where the filter fails, as by rounding."""
+        if self.objection:
+            return -np.inf
+        known = np.isfinite(self.innovations) & (self.variances > 0.0)
+        if known.sum() < sum(part.count for part in self.parts):
+            return -np.inf
+        innovations, variances = self.innovations[known], self.variances[known]
+        return -0.5 * float(np.sum(np.log(variances) + innovations**2 / variances))
+
+    @property
+    def standardised(self) -> np.ndarray:
+        """Innovations in their deviations."""
+        return self.innovations / np.sqrt(self.variances)
+
+
+@dataclass(frozen=True)
+class ForcedProblem:
+    """What is asked of recordings that random forces move.
+
+    forced: indices of the equations that have a force. size: (n_states,) of the motion. unit:
+    (n_candidates,) of the coefficients. always: (n_candidates,) those of the linear equations that
+    every fit has, and those with a prior. middle: (n_states,) about which the motion is.
+    least_noise: (n_channels,) of a sample. held: means of the inputs.
+    """
+
+    problem: Problem
+    channels: Channels
+    forced: tuple[int, ...]
+    size: np.ndarray
+    unit: np.ndarray
+    always: np.ndarray
+    middle: np.ndarray
+    least_noise: np.ndarray
+    recordings: tuple[Recording, ...]
+    held: Mapping[str, float]
+
+    @cached_property
+    def data(self) -> tuple[Data, ...]:
+        """What the channels measure of each recording."""
+        return tuple(Data.of(each, self.channels) for each in self.recordings)
+
+    @property
+    def penalty(self) -> float:
+        """2 ln N of N samples."""
+        return 2.0 * np.log(sum(int(np.isfinite(one.samples).sum()) for one in self.data))
+
+    def centring(self, support: np.ndarray) -> np.ndarray:
+        """(n_support, n_support) from coefficients in their units to those of which a constant is
+        what is left of its equation, in the middle of the motion.
+
+        Of a motion that is far from zero, a constant is otherwise told by the stiffness alone.
+        """
+        places, terms = np.flatnonzero(support), self.problem.of_states
+        centring, equations = np.eye(len(places)), self.problem.candidates[places, 0]
+        degrees = np.where(self.always, self.problem.degrees, -1)[places]
+        for n in np.flatnonzero(degrees == 0):
+            for m in np.flatnonzero((equations == equations[n]) & (degrees == 1)):
+                at = self.middle @ terms[self.problem.candidates[places[m], 1]]
+                centring[n, m] = at * self.unit[places[m]] / self.unit[places[n]]
+        return centring
+
+    def without(self, model: ForcedModel, support: np.ndarray) -> ForcedModel:
+        """The model less what is not in the support, as it acts in the middle of the motion."""
+        present = model.coefficients != 0.0
+        scaled, kept = np.zeros((2, len(present)))
+        scaled[present] = self.centring(present) @ (model.coefficients / self.unit)[present]
+        own = np.linalg.solve(self.centring(support), scaled[support])
+        kept[support] = own * self.unit[support]
+        return replace(model, coefficients=kept)
+
+    def tracker(self, model: ForcedModel) -> Tracker:
+        """The filter of a model."""
+        problem, n = self.problem, len(self.size)
+        white, slow = np.zeros((2, n, n))
+        rates, drives = np.ones(n), model.root @ model.root.T
+        white[np.ix_(self.forced, self.forced)] = drives[: len(self.forced), : len(self.forced)]
+        if model.slow:
+            slow[self.forced, self.forced] = np.square(model.slow)
+            rates[list(self.forced)] = model.rates
+        forces = Forces(white, slow, rates, self.resonances(model))
+        full = problem.model(model.coefficients)
+        return Tracker(full, forces, self.channels, model.noise, self.size, self.held)
+
+    def resonances(
+        self, model: ForcedModel, errors: np.ndarray | None = None
+    ) -> tuple[Resonance, ...]:
+        """Of a model. errors: (n_resonances, 2), as `Resonance`."""
+        n, f, drives = len(self.size), len(self.forced), model.root @ model.root.T
+        swings, found = model.swings, []
+        errors = np.full(swings.own.shape, np.nan) if errors is None else errors
+        for k, swing in enumerate(swings.own):
+            onto, drive = np.zeros(n), np.zeros(n + len(swings.own))
+            onto[list(self.forced)], drive[list(self.forced)] = swings.onto[k], drives[f + k, :f]
+            drive[n:] = drives[f + k, f:]
+            parts = (errors[k], onto, drive)
+            found.append(Resonance(*map(float, swing), *(tuple(each.tolist()) for each in parts)))
+        return tuple(found)
+
+    def regression(self, model: ForcedModel) -> tuple[np.ndarray, np.ndarray]:
+        """Information (n_candidates, n_candidates) on changes of the coefficients, in their units,
+        and half the fall of chi^2 with each, by the slopes of the innovations of a model.
+
+        Raises FloatingPointError where the slopes diverge.
+        """
+        terms, places = np.unique(self.problem.candidates[:, 1], return_inverse=True)
+        candidates = np.column_stack([self.problem.candidates[:, 0], places])
+        tracker, n = self.tracker(model), len(self.unit)
+        known, right = np.zeros((n, n)), np.zeros(n)
+        for one in self.data:
+            if is_spent():
+                raise FloatingPointError(ENDED)
+            filtered, slopes = tracker.extended(one, candidates, terms)
+            told = np.isfinite(filtered.innovations) & (filtered.variances > 0.0)
+            root = np.sqrt(filtered.variances[told])
+            own = slopes[told] * self.unit / root[:, np.newaxis]
+            with np.errstate(over="ignore", invalid="ignore"):
+                known += own.T @ own
+            right -= own.T @ (filtered.innovations[told] / root)
+        if not np.all(np.isfinite(known)):
+            raise FloatingPointError("the slopes of the innovations diverge")
+        prior, pull = self.problem.with_prior(np.zeros((n, n)), np.zeros(n), model.coefficients)
+        return known + prior * np.outer(self.unit, self.unit), right + pull * self.unit
+
+    def filtered(self, model: ForcedModel) -> Innovations:
+        """What a model leaves of all recordings."""
+        tracker = self.tracker(model)
+        parts = attempt(lambda: [tracker.over(one) for one in self.data])
+        if isinstance(parts, NoModel):
+            return Innovations((), parts.reason)
+        return Innovations((*parts, *self._expected(model)))
+
+    def _expected(self, model: ForcedModel) -> list[FilterResult]:
+        """What priors of coefficients expect beyond a model, as a sample each."""
+        problem = self.problem
+        mean, precision = map(problem.of_candidates, (problem.expected, problem.precision))
+        told, none = np.flatnonzero(precision), np.empty(0)
+        error, variance = np.full((2, len(told), len(self.channels.names)), np.nan)
+        error[:, 0], variance[:, 0] = (mean - model.coefficients)[told], 1.0 / precision[told]
+        return [FilterResult(error, variance, none, none, none, len(told))] if len(told) else []
+
+
+def begun(
+    problem: Problem, recordings: list[Recording], forced: tuple[int, ...], besides: int
+) -> tuple[ForcedProblem, list[ForcedModel]]:
+    """The problem in units of the motion, and starts, the likeliest first.
+
+    Of rates that are measured at the sample or as means since the last one, what is likelier.
+    Raises Unusable where there is no start.
+    """
+    passing("modes from correlations")
+    channels = Channels.of(recordings)
+    pairs = channels.pairs
+    if set(problem.unknown) - set(pairs.values()) or 2 * len(pairs) < len(problem.states):
+        raise Unusable("random forces are told of coordinates X and their velocities dX only")
+    if besides and len(forced) < len(pairs):
+        raise Unusable("modes beside those of the coordinates are moved by forces in all equations")
+    step, grids = on_grids(recordings)
+    period, factors = shortest(recordings), _factors(problem, recordings)
+    posed = _posed(problem, recordings, forced, period, factors)
+    as_means = replace(posed, channels=replace(channels, averaged=True))
+    kinds = [posed, as_means] if channels.rates else [posed]
+    frequencies, power = spectra(grids, step)
+    found = []
+    for begin in systems(channels, grids, step, period, besides):
+        free = _coefficients(posed, begin.system, factors)
+        rate = SLOW * np.min(np.abs(np.linalg.eigvals(begin.system)))
+        for kind, slow in product(kinds, (None, rate)):
+            white, driving, noise = strengths(
+                begin, forced, kind.channels, frequencies, power, slow
+            )
+            noise = np.maximum(np.sqrt(noise / step), 2.0 * kind.least_noise)
+            slowly = tuple(np.sqrt(driving))
+            rates = (rate,) * len(slowly)
+            model = ForcedModel(free, np.diag(np.sqrt(white)), noise, slowly, rates, begin.swings)
+            found.append((kind.filtered(model).log_likelihood, kind, model))
+    found = sorted(filter(lambda each: np.isfinite(each[0]), found), key=lambda each: -each[0])
+    if not found:
+        raise Unusable("its correlations tell no oscillation of every coordinate")
+    best = found[0][1]
+    return best, [model for _, kind, model in found if kind is best]
+
+
+def _posed(
+    problem: Problem,
+    recordings: list[Recording],
+    forced: tuple[int, ...],
+    period: float,
+    factors: tuple[np.ndarray, np.ndarray],
+) -> ForcedProblem:
+    """Of rates at the samples. period: s, the shortest of the motion. factors: as of `_factors`."""
+    channels, (about, largest) = Channels.of(recordings), factors
+    size, mean, deviation = sizes(recordings, channels, period)
+    moved = np.prod(size**problem.of_states, axis=1) * largest
+    unit = np.array([2.0 * np.pi / period * size[i] / moved[j] for i, j in problem.candidates])
+    middle = np.zeros(len(problem.states))
+    middle[list(channels.values)] = mean[: len(channels.values)]
+    middle[list(channels.pairs.values())] = 0.0
+    return ForcedProblem(
+        problem, channels, forced, size, unit, _always(problem, np.abs(about) > STEADY * largest),
+        middle, LEAST_NOISE * deviation, tuple(recordings), mean_inputs(problem.inputs, recordings),
+    )  # fmt: skip
+
+
+def _coefficients(
+    posed: ForcedProblem, system: np.ndarray, factors: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray:
+    """(n_candidates,) that make a linear system (n_states, n_states) at the means of inputs.
+
+    factors: as of `_factors`.
+    """
+    problem, powers, (about, largest) = posed.problem, posed.problem.of_states, factors
+    alike = np.all(powers[:, np.newaxis] == powers, axis=2)
+    expected, known = problem.of_candidates(problem.expected), problem.known + problem.expected
+    constant = -(system @ posed.middle)[:, np.newaxis]
+    rows = np.where(powers.sum(axis=1) > 0, system @ powers.T, constant)
+    rows = (rows - (about * known) @ alike) / np.where(about == 0.0, largest, about)
+    free = np.where(posed.always, problem.of_candidates(rows), 0.0)
+    return np.where(problem.of_candidates(problem.precision) > 0.0, expected, free)
+
+
+def _factors(problem: Problem, recordings: list[Recording]) -> tuple[np.ndarray, np.ndarray]:
+    """(n_terms,) mean and root mean square of what inputs bring to each term, 1 if nothing."""
+    own = [at_times(tuple(each.inputs.values()), each.time) for each in recordings]
+    of_inputs = tuple(term[len(problem.states) :] for term in problem.terms)
+    factors = design_matrix(np.concatenate(own), of_inputs)
+    return factors.mean(axis=0), np.sqrt(np.mean(factors**2, axis=0))
+
+
+def _always(problem: Problem, steady: np.ndarray) -> np.ndarray:
+    """(n_candidates,) those of the linear equations, and those with a prior.
+
+    Of terms that differ in their inputs alone, the one of the lowest powers of those that are
+    mostly there: steady, (n_terms,).
+    """
+    always, simplest = problem.of_candidates(problem.precision) > 0.0, {}
+    for k, (i, j) in enumerate(problem.candidates):
+        if problem.degrees[k] <= 1 and steady[j]:
+            powers = sum(map(abs, problem.terms[j][len(problem.states) :]))
+            simplest.setdefault((i, *problem.of_states[j]), []).append((powers, k))
+    always[[min(alike)[1] for alike in simplest.values()]] = True
+    return always

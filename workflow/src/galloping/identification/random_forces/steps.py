@@ -1,0 +1,106 @@
+"""The steps between samples, for any sampling, and linear systems in white forces over them.
+
+dx = A x dt + dW, of covariance G dt, has x(t + h) = exp(A h) x(t) + w, with the covariance of w
+the integral of exp(A s) G exp(A s)' from 0 to h; both by the eigenvectors of A.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from galloping.recording import Factor, Input, extrapolated
+
+TICKS = 1000  # of the median step, to which times are rounded: so that equal steps are one
+FEWEST = 1e-10  # relative determinant of the eigenvectors: fewer than n of them, but for rounding
+
+
+@dataclass(frozen=True)
+class Steps:
+    """lengths: (n_steps,) s, that occur between samples. of: (n,) index of the step before each
+    sample, -1 before the first. time: (n,) s. inputs: what is known beside the motion.
+    """
+
+    lengths: np.ndarray
+    of: np.ndarray
+    time: np.ndarray
+    inputs: tuple[Input, ...] = ()
+
+    @classmethod
+    def between(cls, time: np.ndarray, inputs: Sequence[Input] = ()) -> "Steps":
+        """Of times (n,) s, increasing."""
+        tick = np.median(np.diff(time)) / TICKS
+        counts = np.diff(np.round((time - time[0]) / tick).astype(np.int64))
+        occurring, index = np.unique(np.maximum(counts, 1), return_inverse=True)
+        return cls(occurring * tick, np.append(-1, index), time, tuple(inputs))
+
+    def driven(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
+        """(3 n_substeps + 1, n_factors) factors of the inputs at the begin, half way and just
+        before the end of each of the substeps, (n_steps,) of a step, of all steps, and at the last
+        time.
+
+        The last ones are kept: a fit asks for the same of nearly every model that it tries.
+        """
+        asked = substeps.tobytes(), tuple(factors)
+        if asked not in self._last:
+            self._last.clear()
+            self._last[asked] = self._driven(substeps, factors)
+        return self._last[asked]
+
+    @cached_property
+    def _last(self) -> dict[tuple, np.ndarray]:
+        return {}
+
+    def _driven(self, substeps: np.ndarray, factors: Sequence[Factor]) -> np.ndarray:
+        halves = 2 * substeps[self.of[1:]]
+        if not factors:
+            return np.empty((halves.sum() // 2 * 3 + 1, 0))
+        begins = np.cumsum(halves) - halves
+        share = (np.arange(halves.sum()) - np.repeat(begins, halves)) / np.repeat(halves, halves)
+        time = np.repeat(self.time[:-1], halves) + share * np.repeat(np.diff(self.time), halves)
+        time = np.append(time, self.time[-1])
+        values = []
+        for one in self.inputs:
+            at, ends = extrapolated(one, time), time[2::2]
+            held = one.between == "zero"  # and may jump at the end
+            before = extrapolated(one, np.nextafter(ends, -np.inf)) if held else at[2::2]
+            values.append(np.append(np.stack([at[:-1:2], at[1::2], before], axis=1), at[-1]))
+        powers = np.array(factors, float)[:, :, np.newaxis]
+        return np.ascontiguousarray(np.prod(np.array(values) ** powers, axis=1).T)
+
+
+def discretised(
+    system: np.ndarray, forces: np.ndarray, lengths: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Transitions and covariances (n_steps, n, n) over steps of `lengths`, s.
+
+    system: (n, n), A; forces: (n, n), G. Raises numpy.linalg.LinAlgError where A has too few
+    eigenvectors, as at critical damping.
+    """
+    values, vectors = np.linalg.eig(system)
+    inverse = np.linalg.inv(vectors)
+    if np.linalg.cond(vectors) * np.finfo(float).eps > FEWEST:
+        raise np.linalg.LinAlgError("two modes, or a critically damped one, cannot be told apart")
+    moved = np.exp(values * lengths[:, np.newaxis])
+    transitions = ((vectors * moved[:, np.newaxis, :]) @ inverse).real
+    rates = values[:, np.newaxis] + values.conj()
+    grown = rates * lengths[:, np.newaxis, np.newaxis]
+    slow = np.abs(grown) < 1e-8
+    duration = lengths[:, np.newaxis, np.newaxis] * (1.0 + grown / 2.0)
+    inside = np.where(slow, duration, np.expm1(grown) / np.where(rates == 0.0, 1.0, rates))
+    own = inside * (inverse @ forces @ inverse.conj().T)
+    covariance = vectors @ own @ vectors.conj().T
+    return np.ascontiguousarray(transitions), np.ascontiguousarray(covariance.real)
+
+
+def with_means(
+    transitions: np.ndarray, disturbances: np.ndarray, lengths: np.ndarray, of: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same of the states and, behind them, of the mean rates of the states `of` over a step."""
+    unit, length = np.eye(transitions.shape[1]), lengths[:, np.newaxis, np.newaxis]
+    rates = (transitions[:, of] - unit[of]) / length
+    moved = np.concatenate([transitions, rates], axis=1)
+    wider = np.concatenate([moved, np.zeros((*moved.shape[:2], len(of)))], axis=2)
+    own = np.concatenate([np.broadcast_to(unit, transitions.shape), unit[of] / length], axis=1)
+    return wider, np.ascontiguousarray(own @ disturbances @ own.transpose(0, 2, 1))

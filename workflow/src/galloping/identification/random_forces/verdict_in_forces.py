@@ -1,0 +1,76 @@
+"""The verdict on a fit in random forces, and the identified model that carries it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from galloping.identification.model import IdentifiedModel
+from galloping.identification.plausible import detection_limits
+from galloping.identification.random_forces.fitting import ForcedFit
+
+
+@dataclass(frozen=True)
+class FinalFit:
+    """A fit to all samples. absent: (n_candidates,) standard errors of absent terms, were they
+    there. penalty: of a term. initial_states: (n_recordings, n_states). scales: of values that were
+    in unknown units, by name.
+    """
+
+    fit: ForcedFit
+    absent: np.ndarray
+    penalty: float
+    initial_states: np.ndarray
+    scales: Mapping[str, float] = field(default_factory=dict)
+
+
+def judged(found: FinalFit) -> IdentifiedModel:
+    """The identified model of a fit, `ok`, or `approximate` where what the fit leaves is no white
+    noise and matters.
+    """
+    fit, posed, support = found.fit, found.fit.posed, found.fit.support
+    problem, channels, recordings = posed.problem, posed.channels, posed.recordings
+    model, left = fit.model, fit.left
+    unit = posed.unit[support]
+    errors = np.full(len(support), np.nan)
+    errors[support] = np.sqrt(np.diag(fit.coefficient_covariance)) * unit
+    covariance = problem.of_model(fit.coefficient_covariance * np.outer(unit, unit), support)
+    sigma = np.full((len(recordings), len(problem.states)), np.nan)
+    for c, i in enumerate(channels.values):
+        there = [np.isfinite(one.samples[:, c]).any() for one in posed.data]
+        sigma[there, i] = model.noise[c]
+    of_rates = list(zip(channels.names, model.noise, strict=True))[len(channels.values) :]
+    forces = posed.tracker(model).forces
+    resonances = posed.resonances(model, fit.swing_errors)
+    beside = ", ".join(each.name for each in resonances if each.is_mode)
+    beside = f"; {beside} beside those of the coordinates" if beside else ""
+    said = "" if left.white else f"; {left.in_words(channels.names)}"
+    return IdentifiedModel(
+        model=problem.model(model.coefficients),
+        status="approximate" if said and left.relevant else "ok",
+        reason=f"moved by random forces{beside}{said}",
+        standard_errors=problem.on_library(errors, 0.0),
+        unconditional_errors=problem.on_library(np.where(support, errors, found.absent), 0.0),
+        detection_limits=problem.on_library(detection_limits(found.absent, support, found.penalty)),
+        covariance=covariance,
+        known=problem.known_equations,
+        initial_states=found.initial_states,
+        sigma=sigma,
+        forces=forces.white,
+        slow_forces=forces.slow,
+        resonances=resonances,
+        diagnostics={
+            "duration": float(sum(np.ptp(each.time) for each in recordings)),
+            **{f"slow_rate_{problem.states[i]}": forces.rates[i] for i in forces.places},
+            "log_likelihood": fit.filtered.log_likelihood,
+            "innovations": left.statistic,
+            "innovations_allowed": left.allowed,
+            "innovations_told": left.told,
+            "innovations_line": left.peak,
+            "innovations_line_allowed": left.peak_allowed,
+            **{f"noise_{name}": float(value) for name, value in of_rates},
+            **({"rates_averaged": float(channels.averaged)} if channels.rates else {}),
+            "path": "random forces",
+            **found.scales,
+        },
+    )
