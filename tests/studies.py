@@ -17,7 +17,6 @@ from pathlib import Path
 import pandas as pd
 import plans
 import pytest
-import yaml
 
 CONFIGURATION = "config/smoke.yaml"
 
@@ -111,15 +110,6 @@ def copy_repository(root: Path, folder: Path) -> None:
         if source.is_file() or source.is_symlink():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(source, folder / name, follow_symlinks=False)
-
-
-def run_configured(root: Path, folder: Path, settings: dict) -> Path:
-    """The results of a study with these settings, run in a copy of the repository."""
-    copy_repository(root, folder)
-    (folder / "mine.yaml").write_text(yaml.safe_dump(settings), encoding="utf-8")
-    done = run(folder, "-m", "snakemake", "--cores", "2", "--configfile", "mine.yaml")
-    assert done.returncode == 0, done.stdout[-3000:]
-    return folder / settings["results"]
 
 
 def hold_to_reference(tables, reference):

@@ -101,16 +101,6 @@ def test_the_data_say_what_they_cannot_tell(tables):
     assert own["verdict"].str.startswith("not identifiable: ").mean() >= 0.8
 
 
-def test_claims_come_with_a_verdict_and_its_reason(tables):
-    claims = tables("claims")
-    assert set(claims["verdict"]) <= {"reproduced", "better", "worse", "met", "seldom met",
-                                      "not met", "undecided"}  # fmt: skip
-    assert claims["reason"].notna().all() and len(claims["claim"].unique()) >= 30
-    drawn = (claims["protocol"] == "derivative") & (claims["method"] == "paper")
-    noisy = drawn & (claims["case"] == LINE) & ~claims["claim"].str.contains("without noise")
-    assert set(claims.loc[noisy, "replicates"]) == {200}
-
-
 def test_the_paper_s_printed_numbers_come_out(tables):
     paper = tables("paper")
     numbers = paper[paper["ratio"].notna()]

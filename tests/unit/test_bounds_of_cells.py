@@ -21,11 +21,16 @@ from galloping.trials.published import SETTINGS
 EQUATIONS = (2, 3)
 
 
-def cell(name, protocol, level=0.05, rows=slice(None)):
-    """(model, bound) of a record of a default case."""
+def given_line(name):
+    """(model, motion) of a default case."""
     line, trajectory = simulate(name)
     line = line.on_library(library(4, 3))
-    motion = moved(line, trajectory)
+    return line, moved(line, trajectory)
+
+
+def cell(name, protocol, level=0.05, rows=slice(None)):
+    """(model, bound) of a record of a default case."""
+    line, motion = given_line(name)
     noise = BY_NAME[protocol].noise(level, channel_scale(motion, relative=True))
     return line, *bounds_of(line, EQUATIONS, [motion], [noise], [[rows]])
 
@@ -64,13 +69,11 @@ def test_bounds_grow_with_the_noise(protocol):
 
 
 def test_a_recording_that_begins_later_has_the_bound_of_one_from_there():
-    line, trajectory = simulate("internal_resonance")
-    sigma, rows = 0.05 * trajectory.states.std(axis=0), np.arange(700, 30001, 7)
-    motion = moved(line, trajectory)
-    noise = Noise(sigma, np.full(4, np.inf))
-    samplings = [[slice(None)], [rows]]
+    line, motion = given_line("internal_resonance")
+    sigma, rows = 0.05 * motion.states.std(axis=0), np.arange(700, 30001, 7)
+    noise, samplings = Noise(sigma, np.full(4, np.inf)), [[slice(None)], [rows]]
     whole, later = bounds_of(line, EQUATIONS, [motion], [noise], samplings)
-    own = Experiment(trajectory.states[700], trajectory.time[rows], sigma)
+    own = Experiment(motion.states[700], motion.time[rows], sigma)
     assert later.std == pytest.approx(state_bound(line, later.free, [own]).std, rel=1e-8)
     assert np.all(later.std > whole.std)
 
@@ -94,15 +97,13 @@ def test_no_model_at_a_bound_that_is_infinite():
     line, found = cell("internal_resonance", "state")
     covariance = found.covariance.copy()
     covariance[3, 3] = np.inf
-    blind = type(found)(found.free, found.std, found.t, covariance)
+    blind = replace(found, covariance=covariance)
     model = at_the_bound(line, blind, np.random.default_rng(0))
     assert model.verdict == "refused: bound: a term is undetermined"
 
 
 def test_the_bound_from_accelerations_is_that_of_their_dependence_on_everything_unknown():
-    line, trajectory = simulate("internal_resonance")
-    line = line.on_library(library(4, 3))
-    motion = moved(line, trajectory)
+    line, motion = given_line("internal_resonance")
     rows, sigma = slice(0, 6000, 10), np.array([np.inf, np.inf, 0.1, 0.2])
     noise = Noise(np.full(4, np.inf), sigma)
     (found,) = bounds_of(line, EQUATIONS, [motion], [noise], [[rows]])
@@ -125,16 +126,14 @@ def test_the_bound_from_accelerations_is_that_of_their_dependence_on_everything_
 
 
 def test_derivatives_of_exact_states_have_one_noise():
-    line, trajectory = simulate("internal_resonance")
-    motion = moved(line, trajectory)
+    line, motion = given_line("internal_resonance")
     noises = [Noise(np.zeros(4), np.full(4, level)) for level in (1.0, 2.0)]
     with pytest.raises(ValueError, match="need the same noise"):
         bounds_of(line, EQUATIONS, [motion, motion], noises, [[slice(None), slice(None)]])
 
 
 def test_a_release_of_three_metres_makes_the_non_resonant_line_identifiable():
-    line, trajectory = simulate("non_resonant")
-    first = moved(line, trajectory)
+    line, first = given_line("non_resonant")
     best, *others = ranked_releases(line, first, 0.05, [0.1, 3.0])
     assert (best["release"], best["identifiable"]) == ("q_w(0) = 3 m", True)
     assert best["weakest_t"] == pytest.approx(82, rel=0.02)

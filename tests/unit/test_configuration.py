@@ -340,9 +340,6 @@ def test_an_overriding_file_does_not_reorder_cases():
 
 
 def test_a_case_set_to_null_is_removed():
-    own = {"cases": {"first": {}, "second": {}}}
-    ours = {"cases": {"first": None, "third": {"gravity": 9}}}
-    assert list(merged(over(own, ours), [own, ours])["cases"]) == ["second", "third"]
     alone = merged({"cases": {"first": {}, "forth": None}}, [{"cases": {"forth": None}}])
     assert list(load(alone).cases) == ["first"]  # also where no other file describes it
 

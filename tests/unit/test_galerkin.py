@@ -8,18 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lines import CASES, edited
 
-from galloping.physics.galerkin import (
-    TERMS,
-    Line,
-    coefficients,
-    derive,
-    ice_coefficients,
-    integrate,
-    irvine_mode,
-    irvine_root,
-    positions,
-    symbol_of,
-)
+from galloping.physics import galerkin
+from galloping.physics.galerkin import Line, derive, irvine_root
 from galloping.polynomial import design_matrix, library
 
 LIBRARY = library(4, 4)
@@ -100,7 +90,7 @@ def lagrange(case):
     pressure = wind["air_density"] * case["bundle"]["dimension"] * wind["speed"] ** 2 / 2
     rows = []
     ratios = case["damping"]["vertical"], case["damping"]["horizontal"]
-    for k, printed in enumerate(ice_coefficients(case["ice"])):
+    for k, printed in enumerate(galerkin.ice_coefficients(case["ice"])):
         load = pressure * sum(c * alpha**i for i, c in enumerate(printed, start=1))
         work = load @ (shape * ds)  # virtual, per unit of q
         rest = (slopes[k].imag / tiny.imag - work) / modal_mass
@@ -120,13 +110,13 @@ ANOTHER = edited(
 
 @pytest.mark.parametrize("case", [VARIANTS["sine"], ANOTHER], ids=["default", "another"])
 def test_lagrange_equations_of_the_energies(case):
-    expected = dict.fromkeys(TERMS, 0.0)
+    expected = dict.fromkeys(galerkin.TERMS, 0.0)
     for row, equation in zip((2, 3), lagrange(case), strict=True):
         for exponents, value in zip(LIBRARY, equation, strict=True):
             if abs(value) > 1e-12:
-                expected[symbol_of(row, exponents)] = value
-    assert set(expected) == set(TERMS)  # the energies give no term that we do not have
-    assert coefficients(case) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+                expected[galerkin.symbol_of(row, exponents)] = value
+    assert set(expected) == set(galerkin.TERMS)  # the energies give no term that we do not have
+    assert galerkin.coefficients(case) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
 # --- what always holds ---
@@ -153,7 +143,8 @@ def test_irvine_root_is_the_first_symmetric_one_and_grows(irvine_parameter):
 @given(tension=st.floats(1e4, 1e6), span=st.floats(50, 1000))
 def test_irvine_mode_has_the_shape_of_its_definition(tension, span):
     line = Line(6.0, tension, 1.2e8, 200.0, span, 9.81, 4.8, (span / 4, span / 2))
-    mode, x, s = irvine_mode(line), irvine_root(line.irvine_parameter), positions(span)
+    mode, s = galerkin.irvine_mode(line), galerkin.positions(span)
+    x = irvine_root(line.irvine_parameter)
 
     def unscaled(s):
         return 1 - np.tan(x / 2) * np.sin(x * s / span) - np.cos(x * s / span)
@@ -167,5 +158,5 @@ def test_irvine_mode_has_the_shape_of_its_definition(tension, span):
     assert mode.at_spacers[1] == pytest.approx(1)
     assert np.max(np.abs(mode.shape)) <= 1 + 1e-12
     # the derivatives, by parts: the mode is zero at both ends
-    by_parts = -integrate(mode.shape * mode.curvature, span)
-    assert integrate(mode.slope**2, span) == pytest.approx(by_parts, rel=1e-9)
+    by_parts = -galerkin.integrate(mode.shape * mode.curvature, span)
+    assert galerkin.integrate(mode.slope**2, span) == pytest.approx(by_parts, rel=1e-9)

@@ -31,9 +31,7 @@ def test_a_study_of_any_kind_has_jobs_for_all_that_it_shows(jobs_of, settings):
 
 
 def test_tables_and_figures_are_of_what_is_in_a_study(jobs_of):
-    jobs = jobs_of(
-        "{cases: {internal_resonance: null, non_resonant: null}, trials: {a: {kind: systems}}}"
-    )
+    jobs = jobs_of(f"{{cases: {{{LINES}}}, trials: {{a: {{kind: systems}}}}}}")
     tables = {path for path in jobs if path.startswith("results/tables/")}
     names = ("columns", "systems", "paths", "reference_summary")
     assert tables == {f"results/tables/{name}.csv" for name in names}

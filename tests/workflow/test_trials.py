@@ -2,7 +2,8 @@
 
 import pandas as pd
 import pytest
-from studies import run_configured
+import yaml
+from studies import copy_repository, run
 
 from galloping.configuration.yaml_file import read
 
@@ -34,8 +35,13 @@ TRIALS = {
 
 @pytest.fixture(scope="module")
 def tried(root, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tried")
+    copy_repository(root, folder)
     without_lines = {"cases": read(root / "config/trust.yaml")["cases"]}
-    return run_configured(root, tmp_path_factory.mktemp("tried"), TRIALS | without_lines)
+    (folder / "mine.yaml").write_text(yaml.safe_dump(TRIALS | without_lines), encoding="utf-8")
+    done = run(folder, "-m", "snakemake", "--cores", "2", "--configfile", "mine.yaml")
+    assert done.returncode == 0, done.stdout[-3000:]
+    return folder / TRIALS["results"]
 
 
 def test_only_what_belongs_to_trials_is_made(tried):

@@ -7,13 +7,7 @@ from scipy.integrate import quad_vec, solve_ivp
 from galloping.cycles.continuation import Range
 from galloping.cycles.diagram import equilibrium_branch, hopf_points
 from galloping.cycles.family import Family
-from galloping.cycles.limit_cycles import (
-    PHASES,
-    Orbit,
-    from_branching,
-    from_hopf,
-    from_motion,
-)
+from galloping.cycles.limit_cycles import circle, from_branching, from_hopf, from_motion
 from galloping.polynomial import PolynomialModel
 
 
@@ -65,9 +59,8 @@ def test_period_and_multiplier_of_van_der_pol(mu, period, amplitude):
 
 
 def test_a_state_that_rests_on_a_cycle_has_no_range():
-    phase = 2 * np.pi * np.arange(PHASES) / PHASES
-    rest = 0.3 + 1e-17 * np.sin(phase)  # by rounding
-    orbit = Orbit(np.column_stack([2 * np.cos(phase), np.full(PHASES, 0.3), rest]), 1.0, 0.0)
+    swing = np.array([2.0, 0.0, 1e-16])  # the last by rounding
+    orbit = circle(np.array([0.0, 0.3, 0.3]), swing, 1.0, 0.0)
     assert orbit.half_range() == pytest.approx([2.0, 0.0, 0.0], abs=1e-9)
 
 

@@ -13,14 +13,8 @@ from ambient import stepped
 from field_files import run
 from scipy.ndimage import gaussian_filter1d
 
-from galloping import (
-    IdentifiedModel,
-    Input,
-    PolynomialModel,
-    Recording,
-    Simulator,
-    maximum_likelihood,
-)
+import galloping
+from galloping import IdentifiedModel, Input, PolynomialModel, Recording
 from galloping.field.analysis import read_field
 from galloping.field.helps import plain_reasons
 from galloping.field.mapping import input_of, validated
@@ -179,9 +173,7 @@ def driven(tmp_path_factory):
     time = np.arange(3000) / 25.0
     rng = np.random.default_rng(3)
     force = gaussian_filter1d(rng.standard_normal(len(time)), 5) * 3.0
-    states = Simulator(truth.states, terms, inputs=("u",))(
-        truth, np.array([0.5, 0.0]), time, {"u": Input(time, force)}
-    ).states
+    states = galloping.simulate(truth, [0.5, 0.0], time, {"u": Input(time, force)}).states
     noisy = states[:, 0] + 0.005 * rng.standard_normal(len(time))
     frame = pd.DataFrame({"t [s]": time, "y [1]": noisy, "u [N]": force})
     frame[:2500].to_csv(folder / "a.csv", index=False)
@@ -284,7 +276,7 @@ def test_what_an_input_drives_is_not_said_to_be_moved_by_random_forces():
     recording = Recording(time, ("q", "dq"), values, inputs={"u": Input(time, u, "zero")})
 
     def identify(own):
-        return maximum_likelihood(own, ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+        return galloping.maximum_likelihood(own, ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
 
     found = objected(identify([recording]), [recording], ["a"], np.pi, identify)
     assert found.status == "approximate" and "random forces" not in found.reason

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from identification_cases import model, noisy
 
-from galloping import PolynomialModel, Recording, Simulator, maximum_likelihood
+from galloping import PolynomialModel, Recording, Simulator, maximum_likelihood, simulate
 from galloping import polynomial_library as library
 from galloping.physics.galerkin import STATES
 from galloping.simulation import time_grid
@@ -26,10 +26,6 @@ SEED = 2718281
 Known = tuple[PolynomialModel, Recording]
 
 
-def moving(true: PolynomialModel, start: tuple[float, ...], time: np.ndarray) -> np.ndarray:
-    return Simulator(true.states, true.terms)(true, np.array(start), time).states
-
-
 def published(name: str, level: float) -> Known:
     """Of a published system, 500 samples of thirty periods, as its trial makes it."""
     true, time = SYSTEMS[name].model, np.linspace(0.0, PERIODS * SYSTEMS[name].period, 500)
@@ -37,7 +33,8 @@ def published(name: str, level: float) -> Known:
         "system": name, "states": len(true.states), "samples": 500,
         "protocol": "state", "level": level, "seed": SEED, "replicate": 0,
     }  # fmt: skip
-    return true, measured(columns, true, time, moving(true, SYSTEMS[name].start, time)).recording
+    motion = simulate(true, SYSTEMS[name].start, time).states
+    return true, measured(columns, true, time, motion).recording
 
 
 def random_line(number: int, release: int, seed: int) -> Known:
@@ -51,13 +48,14 @@ def random_line(number: int, release: int, seed: int) -> Known:
 def long_ago_settled() -> Known:
     """Of 2,050 periods, all but some ten on the limit cycle."""
     time = np.linspace(0.0, 2.0 * np.pi * 2050, 2050 * 8)
-    return OSCILLATOR, noisy(OSCILLATOR, moving(OSCILLATOR, (0.5, 0.0), time), time, 0.05, 0)
+    motion = simulate(OSCILLATOR, (0.5, 0.0), time).states
+    return OSCILLATOR, noisy(OSCILLATOR, motion, time, 0.05, 0)
 
 
 def velocity_alone(rate: dict[str, float]) -> Known:
     """Of a motion whose middle is not its position of rest: its spring is softer on one side."""
     true = model(("x", "dx"), 3, {"dx": 1.0}, rate)
-    recording = noisy(true, moving(true, (0.3, 0.0), TIME), TIME, 0.03, 0)
+    recording = noisy(true, simulate(true, (0.3, 0.0), TIME).states, TIME, 0.03, 0)
     velocity = np.where([False, True], recording.values, np.nan)
     return true, Recording(TIME, true.states, velocity)
 
@@ -108,7 +106,7 @@ def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(level, reco
     """Of one level by the weaker, of the other by the stronger penalty."""
     rate = {"x": -1.0, "dx": 0.3, "x^2 dx": -0.3, "x^5": -0.02}
     true = model(("x", "dx"), 5, {"dx": 1.0}, rate)
-    recording = noisy(true, moving(true, (0.5, 0.0), TIME), TIME, level, 0)
+    recording = noisy(true, simulate(true, (0.5, 0.0), TIME).states, TIME, level, 0)
     found = maximum_likelihood(recording, library(2, 3))
     record_property("path", found.diagnostics["path"])
     assert found.status == "approximate", found.reason
@@ -118,7 +116,7 @@ def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(level, reco
 def test_terms_that_others_may_balance_are_no_ok():
     """As where a motion stays near a surface: other terms have the same motion there."""
     true, time = SYSTEMS["wake"].model, np.linspace(0.0, 30.0 * SYSTEMS["wake"].period, 500)
-    motion = moving(true, SYSTEMS["wake"].start, time)
+    motion = simulate(true, SYSTEMS["wake"].start, time).states
     noise = np.random.default_rng(3).standard_normal(motion.shape)
     recording = Recording(time, true.states, motion + 0.03 * motion.std(axis=0) * noise)
     found = maximum_likelihood(recording, true.terms)
@@ -129,7 +127,7 @@ def test_terms_that_others_may_balance_are_no_ok():
 def test_of_little_noise_a_constant_is_no_cheaper_than_other_terms():
     """Noise makes one up here, which improves chi^2 by more than a constant costs elsewhere."""
     true = SYSTEMS["lorenz"].model.on_library(library(3, 2))
-    motion = moving(true, (-8.0, 8.0, 27.0), 0.01 * np.arange(1000))
+    motion = simulate(true, (-8.0, 8.0, 27.0), 0.01 * np.arange(1000)).states
     noise = generator(20261742, "lor", 4.0, 0.025, 1).standard_normal((400, 3))
     values = motion[:400] + 0.025 * motion.std() * noise
     recording = Recording(0.01 * np.arange(400), true.states, values)
