@@ -181,7 +181,7 @@ ENDED = galloping.Trajectory(TIME, VALUES, "diverged: far away")
 fits, likely = galloping.weak_gls, galloping.maximum_likelihood
 
 
-# Calls, of which those of `fits` are tried with `likely` too, and the line that answers them.
+# Calls, of which those of `fits` are tried with `likely` too, and how the line that answers begins.
 REFUSED = """
 recording(time=["a"] * 200) | recording: time: text; must be real numbers
 recording(time=3) | recording: time: has shape (); must have shape (n,)
@@ -191,32 +191,32 @@ recording(time=[0, math.nan]) | recording: {BAD_TIME}
 recording(time=np.where(TIME[1] == TIME, NOT_A_TIME, DATES)) | recording: time: no time in row 1
 recording(values=VALUES * 1j) | recording: values: complex numbers; must be real numbers
 recording(values=VALUES > 0) | recording: values: truth values; must be real numbers
-recording(values=INF) | recording: values: {INFINITE}
+recording(values=INF) | recording: values: inf in row 3 of q; must be finite, or NaN
 recording(values=VALUES.T) | recording: values: has shape (2, 200); {SHAPE}
 recording(values=[[1, 2], [3]]) | recording: values: rows differ in length; {SHAPE}
 recording(states="qd") | recording: states: 'qd'; must be a list of names
 recording(known_noise=[0.1]) | recording: known_noise: has shape (1,); must have shape (2, 2)
 recording(exact=True) | recording: exact: True; must be False without rates
-recording(unknown_scales=[0.1]) | recording: unknown_scales: [0.1]; {TRUTHS}
+recording(unknown_scales=[0.1]) | recording: unknown_scales: [0.1]; must be a truth value a state
 recording(states=("q", "q")) | recording: states: ('q', 'q'); must be distinct, one or more
 framed(s=[0, 1], q=[0, 1]) | recording: no column 't'; must be one of ['s', 'q']
 framed(t=[0, 1], q=[0, 1, 2]) | recording: columns differ in length
 fits([], TERMS) | recordings: is empty; {WANTED}
-fits(pd.DataFrame(VALUES), TERMS) | recordings: a DataFrame; {WANTED} {FRAMED}
+fits(pd.DataFrame(VALUES), TERMS) | recordings: a DataFrame; {WANTED} (Recording.from_frame takes
 fits(VALUES.tolist(), TERMS) | recordings: item 0 is a list; {WANTED}
 fits([recording(), "x"], TERMS) | recordings: item 1 is a str; {WANTED}
-fits([recording(), OTHER], TERMS) | recordings: item 1 has the states a, b; {FIRST}
+fits([recording(), OTHER], TERMS) | recordings: item 1 has the states a, b; must have those of
 fits(SHORT, TERMS) | recordings: 10 samples are fewer than the 100 needed
-fits(recording(), galloping.polynomial_library(3, 1)) | terms: (0, 0, 0); {EXPONENTS}
+fits(recording(), galloping.polynomial_library(3, 1)) | terms: (0, 0, 0); must be tuples of 2
 fits(recording(), TERMS, LINE, ("x",)) | known_states: 'x'; must be among q, dq
 fits(recording(), TERMS, None, ("dq",)) | known_states: dq; needs `known`, their equations
-fits(recording(), TERMS, LINE, LINE.states) | the equations of q, dq are all known; {NONE_LEFT}
+fits(recording(), TERMS, LINE, LINE.states) | the equations of q, dq are all known; none is left
 fits(recording(), TERMS, {}) | known: a dict; must be a PolynomialModel or None
 likely(recording(), TERMS, prior=0.1) | prior: a float; must be a Prior or None
 likely(recording(), TERMS, forced=("x",)) | random force: 'x'; must be among q, dq
 likely(recording(), TERMS, forced=("dx",)) | random force: 'dx'; must be among q, dq
-likely(recording(), TERMS, coefficients=[known("q")]) | coefficients: 'q'; {UNKNOWN}
-likely(recording(), TERMS, coefficients=[known("dq", (0, 2))]) | coefficients: dq^2: {ABSENT}
+likely(recording(), TERMS, coefficients=[known("q")]) | coefficients: 'q'; must be an unknown
+likely(recording(), TERMS, coefficients=[known("dq", (0, 2))]) | coefficients: dq^2: not in the
 likely([DRIVEN, recording()], GUSTY.terms) | recordings: item 1 lacks the input U of the first
 known("dq", (1, 0), -1) | coefficient: deviation: -1; must be a finite number >= 0
 galloping.Prior(term=0.0) | prior: term: 0.0; {ODDS}
@@ -236,7 +236,7 @@ galloping.simulate(GUSTY, [0.1, 0.0], TIME) | inputs: U: not there; the model is
 galloping.simulate(GUSTY, [0.1, 0.0], TIME + 1.0, {"U": U}) | inputs: U: not there at 10 s
 galloping.PolynomialModel(("a",), ((1,), (2,)), [[0]]) | coefficients: shape (1, 1), expected (1, 2)
 LINE.on_library(((1, 0),)) | term dq is not in the library
-galloping.IdentifiedModel(LINE, "sure") | status: 'sure' must be one of ok, {STATUSES}
+galloping.IdentifiedModel(LINE, "sure") | status: 'sure' must be one of ok, not identifiable
 NONE.simulate([0.0, 0.0], [0.0, 1.0]) | there is no model to simulate: no luck
 galloping.forecast(NONE, recording()) | there is no model to forecast with: no luck
 galloping.polynomial_library(2, -1) | degree: -1; must be a whole number >= 0
@@ -254,43 +254,30 @@ galloping.summarise(FOUND, OTHER) | recordings: have the states a, b; the model 
 galloping.dynamics(FOUND, OTHER) | recordings: have the states a, b; the model has q, dq
 galloping.forecast(FOUND, OTHER) | recordings: have the states a, b; the model has q, dq
 galloping.summarise(FOUND, recording(), method="stlsq") | method: 'stlsq'; {METHODS}
-galloping.forecast(FOUND, recording(), [9.95, 10]) | time: begins at 9.95 s; {ENDS}
+galloping.forecast(FOUND, recording(), [9.95, 10]) | time: begins at 9.95 s; the recording ends
 galloping.simulate("line", [0, 1], TIME) | model: a str; {MODEL}
 galloping.measure("line", MOTION) | model: a str; {MODEL}
 galloping.cramer_rao_bound("line", [0, 1], TIME, [1, 1]) | model: a str; {MODEL}
-galloping.cramer_rao_bound(power(2), [1], [0, 2], [1]) | the solution of the model diverges, {OR}
-galloping.cramer_rao_bound(power(1), [0], [0, 200, 400], [1]) | the motion depends {ON_ITS_START}
+galloping.cramer_rao_bound(power(2), [1], [0, 2], [1]) | the solution of the model diverges
+galloping.cramer_rao_bound(power(1), [0], [0, 200, 400], [1]) | the motion depends on where
 galloping.cramer_rao_bound(LINE, [0, 1], TIME, [1, 0]) | sigma: [1.0, 0.0]; each must be > 0
 galloping.measure(LINE, VALUES) | motion: a ndarray; must be what `simulate` returns
 galloping.measure(LINE, ENDED) | motion: diverged: far away; there is nothing to measure
 galloping.measure(LINE, MOTION, protocol="stat") | protocol: 'stat'; {PROTOCOLS}
-galloping.measure(LINE, MOTION, level=5) | level: 5 is noise of 500 % of the motion; {ABSOLUTE}
+galloping.measure(LINE, MOTION, level=5) | level: 5 is noise of 500 % of the motion; 5 % is 0.05
 galloping.measure(LINE, MOTION, level=-1) | level: -1; must be >= 0
 galloping.derive(wind={"speed": 1000}) | wind.speed: 1000 is not allowed; must be 0.1..120 m/s
 """
 ENDINGS = {
     "BAD_TIME": "time: must be finite, strictly increasing, two samples or more",
-    "INFINITE": "inf in row 3 of q; must be finite, or NaN where missing",
-    "TRUTHS": "must be a truth value a state",
-    "UNKNOWN": "must be an unknown equation: dq",
-    "ABSENT": "not in the library",
     "ODDS": "must be a number in (0, 1]",
-    "STATUSES": "not identifiable, approximate, refused, unjudged",
-    "NONE_LEFT": "none is left to find",
     "SHAPE": "must have shape (200, 2)",
     "WANTED": "must be a Recording, or a list of recordings of one system",
-    "FRAMED": "(Recording.from_frame takes a DataFrame)",
-    "FIRST": "must have those of the first, q, dq",
-    "EXPONENTS": "must be tuples of 2 exponents, such as polynomial_library(2, degree)",
     "ONE": "1 numbers for the 2 states q, dq; none for dq",
     "IDENTIFIED": "must be an IdentifiedModel, such as `maximum_likelihood` returns",
     "METHODS": "must be one of maximum_likelihood, weak_gls",
-    "ENDS": "the recording ends at 9.95 s",
-    "OR": "or its time scale is too short",
-    "ON_ITS_START": "on where it starts by more than numbers hold",
     "MODEL": "must be a PolynomialModel, such as `derive` returns",
     "PROTOCOLS": "must be one of derivative, state, displacement, acceleration",
-    "ABSOLUTE": "5 % is 0.05, and an absolute level goes with relative=False",
 }
 NOT_A_TIME = np.datetime64("NaT")
 SHORT = Recording(TIME[:10], ("q", "dq"), VALUES[:10])
@@ -321,4 +308,5 @@ def known(equation, term=(0, 1), deviation=0.0):
 def test_other_input_is_one_clear_line(call, answer):
     with pytest.raises(ValueError) as error:
         eval(call)
-    assert str(error.value) == answer.format(**ENDINGS)
+    said = str(error.value)
+    assert said.startswith(answer.format(**ENDINGS)) and "\n" not in said
