@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pkgutil import resolve_name
+from unittest.mock import Mock
 
 import numpy as np
 import pysindy as ps
@@ -276,10 +277,7 @@ def test_only_recordings_that_give_no_model_are_refused(monkeypatch):
     still = [Recording(np.arange(3.0), ("x",), np.zeros((3, 1)))]
 
     def raising(error):
-        def method(recordings):
-            raise error
-
-        monkeypatch.setattr(cell, "resolve_name", lambda name: method)
+        monkeypatch.setattr(cell, "resolve_name", lambda name: Mock(side_effect=error))
         return identify(settings, [still], library(1, 1), NAME)["mine"][0]
 
     assert raising(Unusable("nothing moves")).reason == "mine: nothing moves"

@@ -4,6 +4,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 from snakemake.iocontainers import InputFiles, OutputFiles, Params
@@ -78,19 +79,12 @@ def test_a_job_says_what_it_made_from_what():
     assert receipts("results") == {}  # of results inside results
 
 
-def raising(error):
-    def work(made, speed):
-        raise error
-
-    return work
-
-
 def test_failures_are_told_in_a_line_with_the_log(folder):
     (folder / "clock").touch()
     since = (folder / "clock").stat().st_mtime_ns
     logs = Path(f"{RESULTS}/logs/models")
     with pytest.raises(SystemExit) as end:
-        make("models/a.json", work=raising(ValueError("too much wind")))
+        make("models/a.json", work=Mock(side_effect=ValueError("too much wind")))
     assert str(end.value) == f"ValueError: too much wind (details: {logs}/a.json.log)"
     assert "Traceback" in (logs / "a.json.log").read_text()
     model = Path(make("models/b.json"))
@@ -104,7 +98,7 @@ def test_failures_are_told_in_a_line_with_the_log(folder):
     assert len(job.failures(RESULTS, since)) == 1
     full = OSError(28, "No space left on device", "x.npz")
     with pytest.raises(SystemExit, match=r"The disk is full: x\.npz; free some space"):
-        make("models/d.json", work=raising(full))
+        make("models/d.json", work=Mock(side_effect=full))
     model.write_text("2\n")
     with pytest.raises(SystemExit, match=r"models/b\.json is not what its job wrote"):
         make("tables/t.csv", inputs=["models/b.json"])

@@ -7,6 +7,7 @@ import signal
 import subprocess
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -124,10 +125,7 @@ def test_an_output_that_cannot_be_written_is_refused_first(tmp_path, monkeypatch
     ],
 )
 def test_a_computation_that_ends_early_leaves_nothing(tmp_path, monkeypatch, fault, code, said):
-    def ended(*_):
-        raise fault
-
-    monkeypatch.setattr(analysis, "write_figures", ended)
+    monkeypatch.setattr(analysis, "write_figures", Mock(side_effect=fault))
     command = ("identify", *recorded(tmp_path / "a.csv"), "--method", "weak_gls", "--output")
     *before, last = run(*command, tmp_path / "new" / "out", code=code).splitlines()
     assert said in last and all("done" in line for line in before)  # how far it is, if it is slow
@@ -135,13 +133,9 @@ def test_a_computation_that_ends_early_leaves_nothing(tmp_path, monkeypatch, fau
 
 
 def test_an_interruption_inside_compiled_code_is_one(monkeypatch, model):
-    def compiled(*_):
-        try:
-            raise KeyboardInterrupt
-        except KeyboardInterrupt as error:
-            raise SystemError("returned a result with an exception set") from error
-
-    monkeypatch.setattr(IdentifiedModel, "load", compiled)
+    error = SystemError("returned a result with an exception set")
+    error.__cause__ = KeyboardInterrupt()
+    monkeypatch.setattr(IdentifiedModel, "load", Mock(side_effect=error))
     assert run("show", model, code=130) == "Interrupted\n"
 
 

@@ -1,6 +1,7 @@
 """Where it hurts: a good answer, or a refusal with its reason; of faults see test_trials too."""
 
 import re
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -81,11 +82,9 @@ def test_constant_channels_are_refused(method) -> None:
 
 
 def test_a_mistake_in_the_code_is_not_taken_for_a_recording_without_a_model(monkeypatch) -> None:
-    def begin(*_: object) -> None:
-        np.zeros(3) + np.zeros(4)
-
+    begin = Mock(side_effect=ValueError("shapes differ"))
     monkeypatch.setattr(f"{maximum_likelihood.__module__}.begin", begin)
-    with pytest.raises(ValueError, match="could not be broadcast"):
+    with pytest.raises(ValueError, match="shapes differ"):
         maximum_likelihood(Recording(TIME, LINE.states, X), LINE.terms)
 
 
