@@ -95,7 +95,7 @@ def test_the_covariance_follows_to_constant_inputs(tmp_path):
     assert held.standard_errors[1] == pytest.approx(merged.std(axis=0), rel=0.02)
     assert held.covariance[0, 1] == pytest.approx(np.cov(merged.T)[0, 1], rel=0.05)
     assert held.rivals[0] == pytest.approx(1.1 * held.model.coefficients * [[1 / 1.1], [1.0]])
-    draws = drawn_with_rivals(held, 4_000, rng)
+    draws = drawn_with_rivals(held, rng, 4_000)
     share = np.mean([not np.any(each.coefficients[1]) for each in draws])
     assert share == pytest.approx(0.125, abs=0.02)
     found.save(tmp_path / "model.json")

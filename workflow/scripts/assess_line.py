@@ -6,7 +6,7 @@ import numpy as np
 
 from galloping.cycles.family import LIBRARY, initial_state, line_family
 from galloping.cycles.limit_cycles import settle
-from galloping.cycles.prediction import SAMPLES, split
+from galloping.cycles.prediction import split
 from galloping.cycles.ranking import Design, damping_ratios, derived, places, ranked
 from galloping.cycles.rows import clearance_rows
 from galloping.physics.galerkin import STATES
@@ -37,7 +37,7 @@ def assess_line(
             continue
         with suppress(ValueError, np.linalg.LinAlgError):  # a model that tells no stiffness
             told = split([model], [line["wind"]["speed"]], damping_ratios(line))
-            draws = told.sampled(generator(seed, "measures", case), SAMPLES)
+            draws = told.sampled(generator(seed, "measures", case))
             parts = told
     given = ({k: v for k, v in each.items() if v is not None} for each in chosen.values())
     asked = [KINDS[each.pop("kind")](**each) for each in given] or usual(line)

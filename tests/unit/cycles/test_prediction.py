@@ -62,7 +62,7 @@ def test_prediction_from_one_noisy_recording(protocol):
     identified = maximum_likelihood([Recording(motion.time, STATES, values)], library(4, 3))
     parts = split([identified], [12.0], RATIOS)
     rng = np.random.default_rng(1)
-    prediction = predict(parts, 12.0, list(CHECKS), START, rng, simulator(), samples=19)
+    prediction = predict(parts, 12.0, list(CHECKS), START, rng, simulator())
     assert prediction.reason == "" and not prediction.unresolved.any()
     assert prediction.amplitude[:, :2] == pytest.approx(np.array(list(CHECKS.values())), rel=0.05)
     width = (prediction.high - prediction.low)[:, :2] / prediction.amplitude[:, :2]

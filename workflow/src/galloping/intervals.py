@@ -5,12 +5,14 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from galloping.polynomial import PolynomialModel
 
 QUANTILES_90 = (0.05, 0.95)
 QUANTILES_95 = (0.025, 0.975)
 NORMAL_95 = 1.959963984540054  # half width in standard deviations
+DRAWS = 39  # of a model: their least and greatest are then the ends of a 95 % interval, unbiased
 # |coefficient| over its bound from which a selection with penalty 2 ln N can be trusted.
 IDENTIFIABLE = 7.6
 
@@ -55,25 +57,30 @@ def drawn(identified: Identified, count: int, rng: np.random.Generator) -> list[
 
 
 def drawn_with_rivals(
-    identified: Identified, count: int, rng: np.random.Generator
+    identified: Identified, rng: np.random.Generator, count: int = DRAWS
 ) -> list[PolynomialModel]:
     """The same without that trust: rivals of the model among them, as often as they are probable.
 
-    Draws that trust the terms are too close together where terms are weak: docs/trust.md.
+    Draws that trust the terms are too close together where terms are weak: docs/trust.md. Where
+    there is no covariance, the model alone.
     """
+    if not len(identified.covariance):
+        return [identified.model]
     models = drawn(identified, count, rng)
     for k in np.flatnonzero(rng.random(count) < identified.rival_share):
         models[k] = replace(identified.model, coefficients=rng.choice(identified.rivals))
     return models
 
 
-def of_draws(samples: np.ndarray) -> np.ndarray:
-    """(2, ...) ends of the interval of an estimate, from draws (count, ...) of it.
+def of_draws(values: ArrayLike, fewest: float = 2) -> np.ndarray:
+    """(2, ...) ends of the 95 % interval of an estimate: the least and the greatest of its values
+    (count, ...) by DRAWS models, of those that give a value.
 
-    The 95 % are those of the draws' distribution, so that of 39 draws they are the least and the
-    greatest.
+    NaN where fewer than `fewest` do, or where a value is NaN. What lies beyond a range is infinite.
     """
-    return np.quantile(samples, QUANTILES_95, axis=0, method="weibull")
+    if len(values) < fewest:
+        return np.full((2, *np.shape(values)[1:]), np.nan)
+    return np.stack([np.min(values, axis=0), np.max(values, axis=0)]) + 0.0  # no negative zero
 
 
 BIAS, FLOOR = 2.0, 2.0  # of `decay_interval`

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from galloping.arrays import Immutable
+from galloping.modes import Modes
 
 Exponents = tuple[int, ...]
 
@@ -194,15 +195,11 @@ class PolynomialModel(Immutable):
         ]
         return np.stack(by_state, axis=2)
 
-    def small_motions(
-        self, x: NDArray[np.float64]
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Eigenvalues (n_states,), 1/s, and eigenvectors, in columns, of the motions near `x`.
-
-        x: (n_states,), such as at rest, of a model without inputs.
+    def small_motions(self, x: NDArray[np.float64]) -> Modes:
+        """The modes of the motions near `x` (n_states,), such as at rest, of a model without
+        inputs.
         """
-        values, vectors = np.linalg.eig(self.jacobian(x[np.newaxis])[0])
-        return values, vectors
+        return Modes.of(self.jacobian(x[np.newaxis])[0])
 
     def at(self, values: Mapping[str, float]) -> PolynomialModel:
         """The model at constant values of inputs, its terms merged; the other inputs stay.

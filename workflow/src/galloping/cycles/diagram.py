@@ -11,6 +11,7 @@ import numpy as np
 from galloping.cycles import continuation, limit_cycles
 from galloping.cycles.continuation import Bifurcation, Branch, Equations, Range
 from galloping.cycles.family import Family
+from galloping.modes import Modes
 from galloping.polynomial import design_matrix
 
 # --- equilibria: where they lose stability to galloping (Hopf), fold or branch ---
@@ -76,11 +77,12 @@ class EquilibriumProblem(continuation.BranchProblem):
         return Equations(found, unknowns, model(x)[0], jacobian, moved)
 
     def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Eigenvalues, dict[str, float]]:
-        values, modes = np.linalg.eig(at.jacobian[:, :-1])
+        modes = Modes.of(at.jacobian[:, :-1])
+        values = modes.values
         stability = Eigenvalues(values, np.zeros(len(values), complex), 0.0)
-        if pairs := [k for k, value in enumerate(values) if value.imag > 0]:
+        if len(pairs := modes.oscillating):
             pair = min(pairs, key=lambda k: abs(values[k].real))
-            stability = Eigenvalues(values, modes[:, pair], float(values[pair].imag))
+            stability = Eigenvalues(values, modes.shapes[:, pair], float(values[pair].imag))
         sums = np.prod([a + b for a, b in combinations(values, 2)]) if len(values) > 1 else 1.0
         return stability, {
             HOPF: float(np.real(sums)),

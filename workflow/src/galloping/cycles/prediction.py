@@ -20,12 +20,11 @@ from galloping.cycles.continuation import NotConverged, Range, corrected
 from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import CycleProblem, Orbit
 from galloping.identification.model import IdentifiedModel
-from galloping.intervals import Identified, drawn, normal, of_draws
+from galloping.intervals import DRAWS, Identified, drawn, normal, of_draws
 from galloping.passes import passing
 from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
 from galloping.simulation import Simulator
 
-SAMPLES = 39  # of which the least and the greatest are then the ends of the band, without bias
 SETTLING, WINDOW = 1500.0, 50.0  # s: close enough for the correction, and a stretch to begin from
 CORRECTED = 1e-4  # steps: what is left is about its square, far below the band
 WAY = (1.0,), (0.25, 0.5, 0.75, 1.0)  # from a model's cycle to another's: at once, or in steps
@@ -68,11 +67,11 @@ class Split:
     def family(self) -> Family:
         return Family(lambda wind: self.model(float(wind)), "wind speed", "m/s")
 
-    def sampled(self, rng: np.random.Generator, samples: int) -> np.ndarray:
-        """(samples, n) values drawn from their distribution; (0, n) where it is not known."""
+    def sampled(self, rng: np.random.Generator) -> np.ndarray:
+        """(DRAWS, n) values drawn from their distribution; (0, n) where it is not known."""
         if not np.all(np.isfinite(self.covariance)):
             return np.zeros((0, len(self.values)))
-        return normal(self.values, self.covariance, samples, rng)
+        return normal(self.values, self.covariance, DRAWS, rng)
 
 
 def split(
@@ -186,7 +185,6 @@ def predict(
     start: np.ndarray,
     rng: np.random.Generator,
     simulator: Simulator,
-    samples: int = SAMPLES,
 ) -> Prediction:
     """Limit cycles at `winds` (m/s) that continue the one at the recorded wind speed.
 
@@ -206,7 +204,7 @@ def predict(
         branches = limit_cycles.from_motion(family, recorded, motion.time, motion.states, span)
     except ValueError as failure:
         return replace(found, reason=str(failure))
-    draws = parts.sampled(rng, samples)
+    draws = parts.sampled(rng)
     for k, wind in enumerate(found.winds):
         stable = [
             point.solution
@@ -228,11 +226,17 @@ def _band(models: Sequence[PolynomialModel], orbit: Orbit) -> tuple[np.ndarray, 
     """Ends of the 95 % interval of the half range of drawn models' limit cycles near an orbit,
     (n_states,) each, NaN where most models have none there; the share of these models.
     """
-    ranges = [each.half_range() for each in near(models, orbit)]
-    unresolved = 1 - len(ranges) / max(1, len(models))
-    if len(ranges) > len(models) / 2:
-        return (*of_draws(ranges), unresolved)
-    return (*np.full((2, orbit.states.shape[1]), np.nan), unresolved)
+    found = near(models, orbit)
+    low, high = intervals(found, orbit.states.shape[1], max(2, len(models) / 2))[:, :-1]
+    return low, high, 1 - len(found) / max(1, len(models))
+
+
+def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = 2) -> np.ndarray:
+    """(2, n_states + 1) ends of the 95 % intervals of half range and, last, period, s, of drawn
+    models' limit cycles; fewest: as of `of_draws`.
+    """
+    values = [[*orbit.half_range(), orbit.period] for orbit in orbits]
+    return of_draws(np.reshape(values, (-1, n_states + 1)), fewest)
 
 
 def near(
@@ -290,6 +294,6 @@ def limit_cycle_ahead(
     point = limit_cycles.settled(constant(found), 0.0, motion.time, motion.states, resolution=1.0)
     models = []
     if len(identified.covariance) == identified.support.sum() > 0:
-        models = [model.on_library(terms) for model in drawn(identified, SAMPLES, rng)]
+        models = [model.on_library(terms) for model in drawn(identified, DRAWS, rng)]
     low, high, _ = _band(models, point.solution)
     return point.solution.half_range(), low, high

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from galloping.cycles.limit_cycles import Settled, cycle_of, settle
-from galloping.cycles.prediction import Split, near, split
+from galloping.cycles.prediction import Split, intervals, near, split
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import of_draws
 from galloping.physics.galerkin import STATES, at_rest, coefficients, model
@@ -124,13 +124,12 @@ def evaluate(
             clearance(each, each, design.distance)
             for each in (centre, *(places(orbit.states) for orbit in orbits))
         )
-        room = _interval(least, np.array(others))
-        halves = np.array([orbit.half_range() for orbit in orbits]).reshape(-1, len(STATES))
-        v, w = (_interval(float(half[k]), halves[:, k]) for k in range(2))
-    wind = _interval(float(critical), critical_winds(line, scaled))
+        room = least, *of_draws(others)
+        v, w, *_ = zip(half, *intervals(orbits, len(STATES))[:, :-1], strict=True)
+    wind = critical, *of_draws(critical_winds(line, scaled))
     numbers = {"critical_wind_m_s": wind, "v_m": v, "w_m": w, "clearance_m": room}
     measured = {
-        f"{name}{end}": value
+        f"{name}{end}": float(value)
         for name, values in numbers.items()
         for end, value in zip(("", "_low", "_high"), values, strict=True)
     }
@@ -151,15 +150,6 @@ def outline(motion: Settled) -> np.ndarray:
 def places(states: np.ndarray) -> np.ndarray:
     """(n, 2) places (w, v) at mid-span, of states (n, n_states)."""
     return states[:, [STATES.index("q_w"), STATES.index("q_v")]]
-
-
-def _interval(value: float, samples: np.ndarray) -> tuple[float, float, float]:
-    if not len(samples):
-        return value, np.nan, np.nan
-    if np.all(samples == samples[0]):  # such as infinite, which quantiles cannot interpolate
-        return value, float(samples[0]), float(samples[0])
-    low, high = of_draws(samples)
-    return value, float(low), float(high)
 
 
 def ranked(

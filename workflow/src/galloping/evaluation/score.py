@@ -26,8 +26,7 @@ def gallops(model: PolynomialModel) -> bool:
     Some eigenvalue of the linearised equations has a positive real part (Den Hartog 1932, with
     damping). Where none has, motion decays, and what is left of it depends on when one looks.
     """
-    values, _ = model.small_motions(np.zeros(len(model.states)))
-    return bool(values.real.max() > 0)
+    return bool(model.small_motions(np.zeros(len(model.states))).values.real.max() > 0)
 
 
 @dataclass(frozen=True)

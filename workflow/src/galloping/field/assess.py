@@ -16,7 +16,7 @@ from galloping.cycles.continuation import Point, Range
 from galloping.cycles.diagram import Diagram, diagram, equilibrium_branch, hopf_points
 from galloping.cycles.family import Family, constant
 from galloping.cycles.limit_cycles import Settled, at_value, settle, settled
-from galloping.cycles.prediction import near
+from galloping.cycles.prediction import intervals, near
 from galloping.field.assessment import (
     Assessment,
     Condition,
@@ -25,7 +25,7 @@ from galloping.field.assessment import (
     RestPosition,
     SmallMotion,
 )
-from galloping.field.dynamics import DRAWS, DURATION, ROUNDING, WINDOW, Value, zero_of
+from galloping.field.dynamics import DURATION, ROUNDING, WINDOW, Value, zero_of
 from galloping.field.following import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import drawn_with_rivals, of_draws
@@ -39,8 +39,7 @@ MOST_STARTS = 256  # from which equilibria are looked for
 USUAL = 0.4  # Hz, of the motions that settle in DURATION s, looked at in WINDOW s,
 ALIKE = 0.05, 20.0  # and times that of those that are as good as these
 CEILING = 10.0  # sizes of the motion, beyond which limit cycles are not followed
-ENOUGH = 0.5  # of the draws that have a cycle: the interval is of those
-FAR = np.finfo(float).max  # in place of what is beyond a range
+ENOUGH = 0.5  # of the draws, that have a limit cycle: the interval is of those
 
 
 @one_thread
@@ -132,15 +131,14 @@ def _slowed(found: IdentifiedModel, first: Mapping[str, float], seed: int) -> _S
     """A model in its own time where it is much faster or slower at its start than a span."""
     known = found.initial_states[np.isfinite(found.initial_states).all(axis=1)]
     start = known[-1] if len(known) else np.full(len(found.model.states), 0.1)  # not the origin
-    values = found.model.at(first).small_motions(start)[0]
-    fast = float(np.max(np.abs(values)) / (2 * np.pi * USUAL))
+    omega = found.model.at(first).small_motions(start).omega
+    fast = float(np.max(omega) / (2 * np.pi * USUAL))
     fast = 1.0 if ALIKE[0] < fast < ALIKE[1] or not fast > 0 else fast
     size = np.ones(len(found.model.states))
     size[list(velocity_pairs(found.model.states).values())] = fast
     powers = np.array(found.model.terms)[:, : len(size)]
     factors = np.prod(size**powers, axis=1) / (size[:, np.newaxis] * fast)
-    count, rng = DRAWS if len(found.covariance) else 1, np.random.default_rng(seed)
-    draws = drawn_with_rivals(found, count, rng)
+    draws = drawn_with_rivals(found, np.random.default_rng(seed))
     model, *draws = (
         replace(each, coefficients=each.coefficients * factors) for each in (found.model, *draws)
     )
@@ -255,7 +253,7 @@ def _onsets(
             late = branch.points[-1].stability.stable == begins  # nothing has happened yet
             samples.append(min(own, key=lambda v: abs(v - value), default=np.inf * (2 * late - 1)))
         frequency = of.fast * hopf.point.stability.frequency / (2 * np.pi)
-        yield Onset(_value(value, np.array(samples)), float(frequency), begins)
+        yield Onset(Value.of(value, of_draws(samples)), float(frequency), begins)
 
 
 def _family(model: PolynomialModel, along: str) -> Family:
@@ -303,7 +301,7 @@ def _equilibrium(of: _Slowed, rest: np.ndarray) -> RestPosition:
     for model in of.draws:
         at = zero_of(model, rest)
         if at.success:
-            own = model.small_motions(at.x)[0]
+            own = model.small_motions(at.x).values
             _, order = linear_sum_assignment(np.abs(values[:, np.newaxis] - own))
             places.append(at.x)
             matched.append(own[order])
@@ -314,12 +312,12 @@ def _equilibrium(of: _Slowed, rest: np.ndarray) -> RestPosition:
         state = best.states[shown[int(np.argmax(shares[:, k]))]]
         rate, own = of.fast * values[k], of.fast * np.array([each[k] for each in matched])
         if rate.imag > 0:
-            frequency = _value(abs(rate) / (2 * np.pi), np.abs(own) / (2 * np.pi))
-            damping = _value(-rate.real / abs(rate), -own.real / np.abs(own))
+            frequency = Value.of(abs(rate) / (2 * np.pi), of_draws(np.abs(own) / (2 * np.pi)))
+            damping = Value.of(-rate.real / abs(rate), of_draws(-own.real / np.abs(own)))
         else:
-            frequency, damping = Value(0.0, 0.0, 0.0), _value(-rate.real, -own.real)
+            frequency, damping = Value(0.0, 0.0, 0.0), Value.of(-rate.real, of_draws(-own.real))
         modes.append(SmallMotion(state, frequency, damping))
-    place = {best.states[i]: _value(rest[i], np.array([x[i] for x in places])) for i in shown}
+    place = {best.states[i]: Value.of(rest[i], of_draws([x[i] for x in places])) for i in shown}
     return RestPosition(place, tuple(modes))
 
 
@@ -327,23 +325,11 @@ def _cycle(of: _Slowed, point: Point) -> Cycle:
     states, kept = of.model.states, near(of.draws, point.solution, of.model)
     found = len(kept) / len(of.draws)
     shown = list(velocity_pairs(states)) or list(range(len(states)))
-    ranges = np.array([orbit.half_range() for orbit in kept]).reshape(-1, len(states))
-    periods = np.array([orbit.period for orbit in kept]) / of.fast
-    if found < ENOUGH:  # the band would be that of the tame ones
-        ranges, periods = np.full((1, len(states)), np.nan), np.array([np.nan])
+    ends = intervals(kept, len(states), max(2, ENOUGH * len(of.draws)))
     half = point.solution.half_range()
     return Cycle(
-        {states[i]: _value(half[i], ranges[:, i]) for i in shown},
-        _value(point.solution.period / of.fast, periods),
+        {states[i]: Value.of(half[i], ends[:, i]) for i in shown},
+        Value.of(point.solution.period / of.fast, ends[:, -1] / of.fast),
         point.stability.stable,
         found,
     )
-
-
-def _value(value: float, samples: np.ndarray) -> Value:
-    """With the 95 % interval of samples; none where there is one sample only."""
-    if len(samples) < 2:
-        return Value(float(value), np.nan, np.nan)
-    ends = of_draws(np.clip(samples, -FAR, FAR))
-    low, high = (float(end) if abs(end) < FAR / 2 else np.copysign(np.inf, end) for end in ends)
-    return Value(float(value), low, high)

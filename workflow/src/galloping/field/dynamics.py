@@ -1,6 +1,6 @@
 """What a model says of a line: rest, natural frequencies, damping, limit cycle, with intervals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,14 +10,14 @@ from scipy.optimize import OptimizeResult, root
 from galloping.arrays import Immutable
 from galloping.cycles.family import constant
 from galloping.cycles.limit_cycles import Orbit, cycle_of, settle
-from galloping.cycles.prediction import near
+from galloping.cycles.prediction import intervals, near
 from galloping.field.following import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95, decay_interval, drawn_with_rivals, of_draws
 from galloping.polynomial import PolynomialModel, velocity_pairs
 from galloping.recording import Recording
 
-DRAWS = 39  # of which the least and the greatest are then the ends of the band
+ENOUGH = 0.9  # of the draws, that have a limit cycle: fewer are the tame ones
 DIFFERENCE = 1e-2  # of coefficients, in standard errors
 ROUNDING = 1e-9  # of a damping ratio, and of a position of rest, in units of the states
 DURATION, FROM_NEARBY, WINDOW = 2000.0, 800.0, 200.0  # s, of the motion that settles on the cycle
@@ -28,8 +28,13 @@ class Value(Immutable):
     """A value with its 95 % interval; NaN where there is none."""
 
     value: float
-    low: float
-    high: float
+    low: float = np.nan
+    high: float = np.nan
+
+    @classmethod
+    def of(cls, value: float, ends: Iterable[float]) -> "Value":
+        """With the ends of an interval, such as `of_draws` gives."""
+        return cls(*map(float, (value, *ends)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,14 +109,14 @@ def dynamics(
         return None
     if identified.is_forced:
         return _in_random_forces(identified, pairs, around)
-    models = drawn_with_rivals(identified, DRAWS if len(identified.covariance) else 1, rng)
-    best, sampled = _linear(model, pairs, around), [_linear(m, pairs, around) for m in models]
-    names = [model.states[i] for i in pairs]
+    models = drawn_with_rivals(identified, rng)
+    enough = ENOUGH * len(models)
+    best = _linear(model, pairs, around)
+    ends = of_draws([_linear(each, pairs, around) for each in models], enough)
     rest, frequencies, damping = (
-        {name: _value(best[k, n], np.array([each[k, n] for each in sampled]))
-         for n, name in enumerate(names)}
+        {model.states[i]: Value.of(best[k, n], ends[:, k, n]) for n, i in enumerate(pairs)}
         for k in range(3)
-    )  # fmt: skip
+    )
     rest = {} if np.isnan(best[0]).any() else rest
     damping |= _unseen(identified, pairs, frequencies, damping)
     simulator = simulator_of(model)
@@ -121,18 +126,14 @@ def dynamics(
         return Dynamics(rest, frequencies, damping, motion.kind, None, {})
     point = cycle_of(constant(model), 0.0, motion)
     if point is None:  # for the solver: the motion itself does repeat
-        half = {model.states[i]: _value(motion.half_range[i], np.array([np.nan])) for i in pairs}
+        half = {model.states[i]: Value(float(motion.half_range[i])) for i in pairs}
         return Dynamics(rest, frequencies, damping, "cycle", None, half)
     orbit = point.solution
     orbits = [found for each in models if (found := _orbit(each, orbit)) is not None]
-    ranges = np.array([each.half_range() for each in orbits])
-    periods = np.array([each.period for each in orbits])
-    if len(periods) < 0.9 * len(models):  # the band would be that of the tame ones
-        ranges, periods = np.full((1, len(model.states)), np.nan), np.array([np.nan])
-    half = orbit.half_range()
+    ends, half = intervals(orbits, len(model.states), enough), orbit.half_range()
     return Dynamics(
-        rest, frequencies, damping, "cycle", _value(orbit.period, periods),
-        {model.states[i]: _value(half[i], ranges[:, i]) for i in pairs},
+        rest, frequencies, damping, "cycle", Value.of(orbit.period, ends[:, -1]),
+        {model.states[i]: Value.of(half[i], ends[:, i]) for i in pairs},
     )  # fmt: skip
 
 
@@ -222,24 +223,19 @@ def _orbit(model: PolynomialModel, orbit: Orbit) -> Orbit | None:
     return point and point.solution
 
 
-def _value(value: float, samples: np.ndarray) -> Value:
-    low, high = of_draws(samples)
-    return Value(float(value), float(low), float(high))
-
-
 def _linear(model: PolynomialModel, pairs: dict[int, int], around: Surroundings) -> np.ndarray:
     """(3, n_coordinates) rest, m, and frequency, Hz, and damping ratio of each one's mode there."""
     result = np.full((3, len(pairs)), np.nan)
     if (rest := around.rest(model)) is None:
         return result
     result[0] = rest[list(pairs)]
-    values, vectors = model.small_motions(rest)
-    free = list(np.flatnonzero(values.imag > 0))
+    modes = model.small_motions(rest).oscillations()
+    free = list(range(len(modes.values)))
     for k, i in enumerate(pairs):
         if not free:
             break
-        shares = [np.abs(vectors[i, m]) / np.linalg.norm(vectors[list(pairs), m]) for m in free]
+        moved = modes.shapes[:, free]
+        shares = np.abs(moved[i]) / np.linalg.norm(moved[list(pairs)], axis=0)
         mode = free.pop(int(np.argmax(shares)))
-        size = np.abs(values[mode])
-        result[1:, k] = size / (2 * np.pi), -values[mode].real / size
+        result[1:, k] = modes.omega[mode] / (2 * np.pi), modes.damping[mode]
     return result

@@ -14,6 +14,7 @@ from numba import njit
 from numpy.polynomial.legendre import legvander
 from scipy.optimize import root
 
+from galloping.modes import Modes
 from galloping.physics.galerkin import (
     STATES,
     Line,
@@ -173,21 +174,14 @@ def equilibrium(line: Span) -> np.ndarray:
     return np.concatenate([solution.x, still])
 
 
-def eigenvalues(line: Span) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues, 1/s, with positive frequency, by frequency, and eigenvectors in columns.
-
-    Of the line linearised about its equilibrium in the mean wind: real part growth, imaginary
-    part frequency in rad/s.
-    """
+def small_motions(line: Span) -> Modes:
+    """The oscillations, by frequency, of the line about its equilibrium in the mean wind."""
     rest = equilibrium(line)
     columns = [
         (line.rates(rest + change, line.speed) - line.rates(rest - change, line.speed)) / 2e-5
         for change in 1e-5 * np.eye(len(rest))
     ]
-    values, vectors = np.linalg.eig(np.column_stack(columns))
-    kept = np.argsort(values.imag)
-    kept = kept[values.imag[kept] > 0]
-    return values[kept], vectors[:, kept]
+    return Modes.of(np.column_stack(columns)).oscillations()
 
 
 def release(

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from galloping.intervals import decay_interval
+from galloping.modes import Modes
 from galloping.physics.galerkin import STATES
 from galloping.polynomial import library
 from galloping.recording import Recording
@@ -142,8 +143,7 @@ def decays(
 
     places: of each coefficient its equation and the state that it is of, none of a constant.
     """
-    values, right = np.linalg.eig(system)
-    left, own = np.linalg.inv(right), np.flatnonzero(values.imag > 0.0)
-    own = own[np.argsort(values[own].imag)]
-    slopes = [[-(left[m, i] * right[j, m].sum()).real for i, j in places] for m in own]
-    return values[own], np.array(slopes)
+    modes = Modes.of(system)
+    left, own = np.linalg.inv(modes.shapes), modes.oscillating
+    slopes = [[-(left[m, i] * modes.shapes[j, m].sum()).real for i, j in places] for m in own]
+    return modes.values[own], np.array(slopes)

@@ -125,11 +125,10 @@ def linear_modes(model: PolynomialModel) -> np.ndarray:
     rest = np.zeros((1, len(model.states)))
     for _ in range(10):
         rest = rest - np.linalg.lstsq(model.jacobian(rest)[0], model(rest)[0], rcond=None)[0]
-    values, _ = model.small_motions(rest[0])
-    values = values[values.imag > 0]
+    values = model.small_motions(rest[0]).oscillations().values
     if len(values) != 2:
         return np.full(4, np.nan)
-    w, v = values[np.argsort(values.imag)]
+    w, v = values
     return np.array([-2.0 * v.real, v.imag, -2.0 * w.real, w.imag])
 
 
@@ -287,7 +286,7 @@ def _true_quantities(line: continuous.Span, steady: np.ndarray) -> np.ndarray:
 
     Its modes are the first symmetric ones in plane and out of plane.
     """
-    values, vectors = continuous.eigenvalues(line)
+    values, vectors = continuous.small_motions(line)
     moving, found = np.linalg.norm(vectors[: 2 * line.modes], axis=0), []
     for direction in (0, 1):
         own = slice(direction * line.modes, (direction + 1) * line.modes)

@@ -15,6 +15,7 @@ from galloping.identification.preparation.screening import prepared
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.low_pass import FLAT, ROLL_OFF, what_is_left
 from galloping.identification.random_forces.start import on_grids, spectra
+from galloping.modes import Modes
 from galloping.recording import Recording
 
 # What modes sweep that stay, and that do not, in their frequencies; and where between these, as a
@@ -123,9 +124,9 @@ def may_be_two(found: IdentifiedModel) -> bool:
     """
     if found.model.inputs:
         return False
-    values, told = _swings(found), found.diagnostics
+    told = found.diagnostics
     beside = (each.damping for each in found.resonances if each.is_mode)
-    return max(*(-values.real / np.abs(values)), *beside) > BROAD and (
+    return max(*_at_rest(found).damping, *beside) > BROAD and (
         told["innovations"] > 0.5 * (1.0 + told["innovations_allowed"])
         or told["innovations_line"] > LESS_WHITE * told["innovations_line_allowed"]
     )
@@ -177,16 +178,15 @@ def _said(found: IdentifiedModel, faster: list[float], below: float) -> Identifi
 
 def _swings_at(found: IdentifiedModel, modes: list[float]) -> bool:
     """Whether each oscillation of the linear part of a model is at one of some modes, Hz."""
-    values = _swings(found)
     beside = (each.frequency for each in found.resonances if each.is_mode)
-    own = np.array([*np.abs(values), *beside])
+    own = np.array([*_at_rest(found).omega, *beside])
     ratios = own[:, np.newaxis] / (2.0 * np.pi * np.array(modes))
     return bool(np.all(np.abs(np.log(ratios)).min(axis=1) < 1.5 * np.log(APART)))
 
 
-def _swings(found: IdentifiedModel) -> np.ndarray:
-    """(n_states,) complex frequencies, rad/s, of the linear part of a model."""
-    return np.linalg.eigvals(found.model.jacobian(np.zeros((1, len(found.model.states))))[0])
+def _at_rest(found: IdentifiedModel) -> Modes:
+    """Those of the linear part of a model."""
+    return found.model.small_motions(np.zeros(len(found.model.states)))
 
 
 def _size_varies(recordings: list[Recording]) -> bool:

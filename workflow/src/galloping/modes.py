@@ -1,0 +1,41 @@
+"""The modes of a linear system dx/dt = A x, such as the small motions of a model at rest."""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Modes(NamedTuple):
+    """values: (n,) eigenvalues, real part growth, 1/s, and imaginary part frequency, rad/s. shapes:
+    (n_states, n) eigenvectors, in columns.
+    """
+
+    values: NDArray[np.complex128]
+    shapes: NDArray[np.complex128]
+
+    @classmethod
+    def of(cls, system: NDArray[np.float64]) -> Self:
+        """All modes of A (n_states, n_states), oscillations as conjugate pairs."""
+        return cls(*np.linalg.eig(system))
+
+    @property
+    def omega(self) -> NDArray[np.float64]:
+        """(n,) natural frequencies, rad/s."""
+        return np.abs(self.values)
+
+    @property
+    def damping(self) -> NDArray[np.float64]:
+        """(n,) ratios to critical, below zero of modes that grow."""
+        return -self.values.real / self.omega
+
+    @property
+    def oscillating(self) -> NDArray[np.intp]:
+        """Indices of the oscillations, by frequency, one of each conjugate pair."""
+        places = np.flatnonzero(self.values.imag > 0)
+        return places[np.argsort(self.values.imag[places])]
+
+    def oscillations(self) -> Self:
+        """The oscillations alone, by frequency, one of each conjugate pair."""
+        own = self.oscillating
+        return type(self)(self.values[own], self.shapes[:, own])
