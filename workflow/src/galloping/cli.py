@@ -299,9 +299,8 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     for told in beyond(loaded, {name: getattr(one, "values", one) for name, one in inputs.items()}):
         click.echo(told, err=True)
     recording = field.recordings[-1]
-    step = float(np.median(np.diff(recording.time)))
-    steps = np.arange(1, max(round(duration / step), 1) + 1)
-    time = recording.time[-1] + step * steps
+    steps = np.arange(1, max(round(duration / recording.step), 1) + 1)
+    time = recording.time[-1] + recording.step * steps
     with shown():
         ahead = forecast_from(loaded, recording, time, window=window, inputs=inputs, seed=seed)
     print_rows(forecast_rows(ahead), as_json)

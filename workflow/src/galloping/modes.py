@@ -30,6 +30,11 @@ class Modes(NamedTuple):
         return -self.values.real / self.omega
 
     @property
+    def stable(self) -> bool:
+        """Whether all die out."""
+        return bool(np.all(self.values.real < 0))
+
+    @property
     def oscillating(self) -> NDArray[np.intp]:
         """Indices of the oscillations, by frequency, one of each conjugate pair."""
         places = np.flatnonzero(self.values.imag > 0)
@@ -39,3 +44,11 @@ class Modes(NamedTuple):
         """The oscillations alone, by frequency, one of each conjugate pair."""
         own = self.oscillating
         return type(self)(self.values[own], self.shapes[:, own])
+
+    def critical(self) -> tuple[float, NDArray[np.complex128]]:
+        """Frequency, rad/s, and shape (n_states,) of the oscillation closest to the imaginary axis.
+
+        Raises ValueError where there is none.
+        """
+        nearest = min(self.oscillating, key=lambda k: abs(self.values[k].real))
+        return float(self.values[nearest].imag), self.shapes[:, nearest]

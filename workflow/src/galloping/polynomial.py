@@ -35,6 +35,11 @@ def library(n_states: int, degree: int) -> tuple[Exponents, ...]:
     return tuple(tuple(index.count(k) for k in range(n_states)) for index in indices)
 
 
+def alone(k: int, count: int) -> Exponents:
+    """Exponents of the term that is the k-th of `count` names alone."""
+    return tuple(int(i == k) for i in range(count))
+
+
 def extended(terms: tuple[Exponents, ...], model: PolynomialModel) -> tuple[Exponents, ...]:
     """The library `terms`, followed by the terms present in `model` that it lacks."""
     present = (t for t, used in zip(model.terms, model.support.any(axis=0), strict=True) if used)

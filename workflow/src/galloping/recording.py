@@ -259,7 +259,7 @@ class Recording(Immutable):
         super().__post_init__()
 
     def __repr__(self) -> str:
-        first, last, step = self.time[0], self.time[-1], np.median(np.diff(self.time))
+        first, last = self.time[[0, -1]]
         held = {"exact " if self.exact else "": self.values, "d": self.rates}
         channels = []
         for prefix, array in held.items():
@@ -271,7 +271,7 @@ class Recording(Immutable):
         return (
             f"Recording of {', '.join(self.states)}\n"
             f"{len(self.time)} samples from {first:.6g} to {last:.6g} s, "
-            f"{'every' if self.is_uniform else 'mostly every'} {step:.4g} s\n"
+            f"{'every' if self.is_uniform else 'mostly every'} {self.step:.4g} s\n"
             f"measured: {', '.join(channels) or 'nothing'}"
             + (f"; inputs: {', '.join(self.inputs)}" if self.inputs else "")
         )
@@ -354,6 +354,11 @@ class Recording(Immutable):
         return [
             replace(self, inputs=inputs)[own[0] : own[-1] + 1] for own in rows if len(own) >= least
         ]
+
+    @property
+    def step(self) -> float:
+        """The usual time between samples, s: the median."""
+        return float(np.median(np.diff(self.time)))
 
     @property
     def is_uniform(self) -> bool:

@@ -38,21 +38,6 @@ class FixedPoint:
 
 
 @dataclass(frozen=True)
-class Eigenvalues:
-    """values: (n_states,) of the Jacobian, 1/s. mode: (n_states,) eigenvector of the pair that is
-    closest to the imaginary axis, frequency: its imaginary part, rad/s (both zero without one).
-    """
-
-    values: np.ndarray
-    mode: np.ndarray
-    frequency: float
-
-    @property
-    def stable(self) -> bool:
-        return bool(np.all(self.values.real < 0))
-
-
-@dataclass(frozen=True)
 class EquilibriumProblem(continuation.BranchProblem):
     """Equilibria of a family. resolution: longest step of the parameter."""
 
@@ -76,27 +61,21 @@ class EquilibriumProblem(continuation.BranchProblem):
         found, moved = FixedPoint(unknowns), np.eye(len(unknowns))
         return Equations(found, unknowns, model(x)[0], jacobian, moved)
 
-    def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Eigenvalues, dict[str, float]]:
+    def examine(self, at: Equations, tangent: np.ndarray) -> tuple[Modes, dict[str, float]]:
         modes = Modes.of(at.jacobian[:, :-1])
-        values = modes.values
-        stability = Eigenvalues(values, np.zeros(len(values), complex), 0.0)
-        if len(pairs := modes.oscillating):
-            pair = min(pairs, key=lambda k: abs(values[k].real))
-            stability = Eigenvalues(values, modes.shapes[:, pair], float(values[pair].imag))
-        sums = np.prod([a + b for a, b in combinations(values, 2)]) if len(values) > 1 else 1.0
-        return stability, {
-            HOPF: float(np.real(sums)),
+        sums = np.array([a + b for a, b in combinations(modes.values, 2)])  # none of one state
+        return modes, {
+            HOPF: float(np.real(np.prod(sums))),
             FOLD: tangent[-1],
             BRANCH_POINT: float(np.linalg.det(at.bordered(self.metric * tangent))),
         }
 
-    def confirmed(self, name: str, stability: Eigenvalues) -> bool:
+    def confirmed(self, name: str, modes: Modes) -> bool:
         """A pair of real eigenvalues of opposite sign is no Hopf bifurcation."""
         if name != HOPF:
             return True
-        rates = np.abs(stability.values.real)
-        complex_pair = np.abs(stability.values.imag) > 0
-        return bool(np.any(complex_pair & (rates < 1e-6 * np.max(np.abs(stability.values)))))
+        rates = np.abs(modes.values[modes.oscillating].real)
+        return bool(np.any(rates < 1e-6 * np.max(modes.omega)))
 
 
 def equilibrium_branch(family: Family, state: np.ndarray, span: Range) -> Branch:

@@ -293,9 +293,9 @@ def from_hopf(family: Family, hopf: Bifurcation, span: Range, size: float = 1e-3
 
     size: of the first one, in units of the states.
     """
-    at, mode = hopf.point.solution, hopf.point.stability
-    swing = mode.mode * (size * np.sqrt(2) / np.linalg.norm(mode.mode))
-    orbit = circle(at.state, swing, 2 * np.pi / mode.frequency, at.value)
+    at, (frequency, mode) = hopf.point.solution, hopf.point.stability.critical()
+    swing = mode * (size * np.sqrt(2) / np.linalg.norm(mode))
+    orbit = circle(at.state, swing, 2 * np.pi / frequency, at.value)
     problem = CycleProblem.about(family, orbit, span.longest, span.ceiling)
     growth = np.append((orbit.states - at.state).ravel(), [0.0, 0.0])
     start = continuation.first(problem, orbit.vector, problem.metric * growth)

@@ -22,7 +22,7 @@ from galloping.cycles.limit_cycles import CycleProblem, Orbit
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import DRAWS, Identified, drawn, normal, of_draws
 from galloping.passes import passing
-from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
+from galloping.polynomial import Exponents, PolynomialModel, alone, velocity_pairs
 from galloping.simulation import Simulator
 
 SETTLING, WINDOW = 1500.0, 50.0  # s: close enough for the correction, and a stretch to begin from
@@ -90,7 +90,7 @@ def split(
     own = {  # term of each coordinate's velocity in its own equation of motion
         i: first.terms.index(linear)
         for i in velocities
-        if (linear := tuple(int(k == i) for k in range(len(first.states)))) in first.terms
+        if (linear := alone(i, len(first.states))) in first.terms
     }
     unknown = sorted(set(damping or {}) - {first.states[i] for i in own})
     if unknown:
@@ -123,7 +123,7 @@ def _stiffness(identified: Sequence[Identified], equation: int) -> float:
     """Square of the natural frequency of an equation of motion, rad^2/s^2."""
     model = identified[0].model
     position = model.states.index(model.states[equation][1:])
-    linear = model.terms.index(tuple(int(k == position) for k in range(len(model.states))))
+    linear = model.terms.index(alone(position, len(model.states)))
     value = -np.mean([one.model.coefficients[equation, linear] for one in identified])
     if not value > 0:
         raise ValueError(

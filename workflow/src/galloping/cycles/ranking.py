@@ -11,6 +11,7 @@ from galloping.identification.model import IdentifiedModel
 from galloping.intervals import of_draws
 from galloping.physics.galerkin import STATES, at_rest, coefficients, model
 from galloping.physics.measures import NOTHING, Measure, added, clearance
+from galloping.polynomial import alone
 from galloping.simulation import Simulator
 
 OUTLINE = 2000  # places of a motion: with 256 one that never repeats had 0.1 to 0.2 m too much room
@@ -58,7 +59,8 @@ def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
     ])  # fmt: skip
     fixed = parts.fixed.copy()
     for k, (state, _) in enumerate(DAMPING):
-        row, linear = STATES.index(state), _linear(state)
+        row = STATES.index(state)
+        linear = alone(row, len(STATES))
         term = parts.terms.index(linear)
         known, other = (of.fixed[row, of.terms.index(linear)] for of in (old, new))
         # the damping ratio stays, the frequency falls with the added mass
@@ -72,19 +74,16 @@ def changed(parts: Split, case: Mapping, measure: Measure) -> Split:
     )
 
 
-def _linear(state: str) -> tuple[int, ...]:
-    return tuple(int(name == state) for name in STATES)
-
-
 def critical_winds(parts: Split, values: np.ndarray) -> np.ndarray:
     """(n,) wind speeds where the vertical mode's own damping vanishes, for samples (n, n_values).
 
     That of the model where its linear damping is not coupled, as in the derivation.
     """
-    term = parts.terms.index(_linear("dq_v"))
-    own = (parts.entries == (STATES.index("dq_v"), term)).all(axis=1)
+    row = STATES.index("dq_v")
+    term = parts.terms.index(alone(row, len(STATES)))
+    own = (parts.entries == (row, term)).all(axis=1)
     structure, wind = (values[:, own & (parts.powers == power)].sum(axis=1) for power in (0, 1))
-    structure = parts.fixed[STATES.index("dq_v"), term] + structure
+    structure = parts.fixed[row, term] + structure
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(wind > 0, -structure / wind, np.inf)
 

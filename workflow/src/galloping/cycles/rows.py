@@ -94,7 +94,7 @@ def bifurcation_rows(label: str, name: str, along: Diagram, case: Mapping) -> li
     for b in along.equilibria.bifurcations:
         further = {"located": b.located}
         if b.name == HOPF:
-            further["period_s"] = 2 * np.pi / b.point.stability.frequency
+            further["period_s"] = 2 * np.pi / b.point.stability.critical()[0]
             if name == "wind_speed":
                 further["closed_form"] = critical_wind(case)
         row("equilibrium", b.point.solution.value, b.name, **further)

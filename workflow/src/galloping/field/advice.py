@@ -58,7 +58,7 @@ def advice(identified: IdentifiedModel, recording: Recording, period: float) -> 
         return None
     equation, term = free[weakest]
     duration = min(recording.time[-1] - recording.time[0], LONGEST * period)
-    step = float(np.median(np.diff(recording.time)))
+    step = recording.step
     thin = max(int(period / WEIGHED / step), 1)
     sigma = np.where(np.isfinite(identified.sigma[-1]), identified.sigma[-1], np.inf)
     first = Experiment(

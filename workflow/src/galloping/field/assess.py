@@ -252,7 +252,7 @@ def _onsets(
             own = [h.point.solution.value for h in hopf_points(branch)]
             late = branch.points[-1].stability.stable == begins  # nothing has happened yet
             samples.append(min(own, key=lambda v: abs(v - value), default=np.inf * (2 * late - 1)))
-        frequency = of.fast * hopf.point.stability.frequency / (2 * np.pi)
+        frequency = of.fast * hopf.point.stability.critical()[0] / (2 * np.pi)
         yield Onset(Value.of(value, of_draws(samples)), float(frequency), begins)
 
 

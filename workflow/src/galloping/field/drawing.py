@@ -119,7 +119,7 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     from scipy.signal import welch  # slow to import
 
     channels = Channels.of([recording])
-    step = float(np.median(np.diff(recording.time)))
+    step = recording.step
     grid = on_grid(recording.time, channels.samples(recording), step)
     filled = np.nan_to_num(grid - np.nanmean(grid, axis=0))
     long = max(len(filled) // SEGMENTS, 8)

@@ -14,7 +14,7 @@ from galloping.cycles.prediction import intervals, near
 from galloping.field.following import simulator_of
 from galloping.identification.model import IdentifiedModel
 from galloping.intervals import NORMAL_95, decay_interval, drawn_with_rivals, of_draws
-from galloping.polynomial import PolynomialModel, velocity_pairs
+from galloping.polynomial import PolynomialModel, alone, velocity_pairs
 from galloping.recording import Recording
 
 ENOUGH = 0.9  # of the draws, that have a limit cycle: fewer are the tame ones
@@ -147,7 +147,7 @@ def _unseen(
     model, found = identified.model, {}
     for i, velocity in pairs.items():
         name = model.states[i]
-        own = tuple(int(k == velocity) for k in range(len(model.states)))
+        own = alone(velocity, len(model.states))
         if abs(damping[name].value) < ROUNDING and own in model.terms:
             limit = identified.detection_limits[velocity, model.terms.index(own)]
             half = limit / (4.0 * np.pi * frequencies[name].value)

@@ -251,11 +251,10 @@ def longest_period(recordings: Sequence[Recording]) -> float:
     frequencies = []
     for recording in recordings:
         least = PERIODS_HELD / sampled(recording.time)
-        step = float(np.median(np.diff(recording.time)))
         for channel in Sensed.by(recording).samples(recording).T:
             known = np.isfinite(channel)
             if np.count_nonzero(known) > 1:
-                frequency, share = spectrum(recording.time[known], channel[known], step)
+                frequency, share = spectrum(recording.time[known], channel[known], recording.step)
                 dominant = frequency[peaks_of(share)[1]]
                 frequencies += [f for f in dominant if f >= least][:1] or list(dominant[:1])
     return 1.0 / min(frequencies) if frequencies else np.inf
@@ -269,7 +268,7 @@ def _finite(period: float) -> float:
 
 def _after(recording: Recording, length: float) -> NDArray[np.float64]:
     """Times, s, of samples after a recording, as often as its own, for `length` s."""
-    step = max(float(np.median(np.diff(recording.time))), length / MOST_SAMPLES)
+    step = max(recording.step, length / MOST_SAMPLES)
     return recording.time[-1] + np.arange(step, length, step)
 
 

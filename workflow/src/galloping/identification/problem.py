@@ -14,6 +14,7 @@ from galloping.identification.selection import Price
 from galloping.polynomial import (
     Exponents,
     PolynomialModel,
+    alone,
     design_matrix,
     term_name,
     velocity_pairs,
@@ -176,7 +177,7 @@ class Problem:
 
     def linear(self, state: int) -> int:
         """Index of the term that is this state alone."""
-        return self.terms.index(tuple(int(k == state) for k in range(len(self.names))))
+        return self.terms.index(alone(state, len(self.names)))
 
     def alike(self, support: np.ndarray) -> np.ndarray:
         """(n_candidates,) those of a support, and those of which but the inputs differ."""
@@ -304,7 +305,7 @@ def posed(
     index = {term: j for j, term in enumerate(terms)}
     pairs = velocity_pairs(states)
     for i, velocity in pairs.items():
-        unit = tuple(int(k == velocity) for k in range(len(states) + len(inputs)))
+        unit = alone(velocity, len(states) + len(inputs))
         if unit not in index:
             raise ValueError(f"the library lacks {states[velocity]}, the derivative of {states[i]}")
         rows[i, index[unit]] = 1.0

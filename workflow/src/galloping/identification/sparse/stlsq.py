@@ -21,7 +21,7 @@ from galloping.identification.sparse.supports import (
     threshold_path,
     thresholded_supports,
 )
-from galloping.polynomial import velocity_pairs
+from galloping.polynomial import alone, velocity_pairs
 from galloping.results import IDENTIFIED, KNOWN
 
 # Of unit columns: a ridge keeps nearly collinear ones from large coefficients of opposite sign
@@ -69,10 +69,9 @@ def raw(
         chosen = np.full(targets.shape[1], threshold)
     coefficients = fit(library, targets, chosen)
     if kinematics == KNOWN:
-        units = np.eye(len(coefficients), dtype=int)
         for rate, velocity in velocity_pairs(evidence.plain.states).items():
             coefficients[rate] = 0.0
-            coefficients[rate, evidence.plain.terms.index(tuple(units[velocity].tolist()))] = 1.0
+            coefficients[rate, evidence.plain.terms.index(alone(velocity, len(coefficients)))] = 1.0
     return evidence.plain.model(coefficients, chosen)
 
 
