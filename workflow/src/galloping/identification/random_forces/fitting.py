@@ -19,6 +19,7 @@ from galloping.identification.random_forces.forced_problem import (
 from galloping.identification.random_forces.start import on_grid, typical_step
 from galloping.identification.random_forces.whiteness import Whiteness, function_of, whiteness
 from galloping.identification.work import is_spent
+from galloping.modes import Modes
 from galloping.passes import passing
 from galloping.recording import at_times
 
@@ -139,9 +140,9 @@ class ForcedFit:
         return self.parameters.support
 
     @cached_property
-    def system(self) -> np.ndarray:
-        """(n_states, n_states) the linear part of the equations."""
-        return self.posed.tracker(self.model).system
+    def modes(self) -> Modes:
+        """Those of the linear part of the equations."""
+        return self.posed.tracker(self.model).modes
 
     @cached_property
     def regression(self) -> tuple[np.ndarray, np.ndarray]:
@@ -176,8 +177,7 @@ class ForcedFit:
             error = part.standardised
             error[:begin] = np.nan  # while the first state is found
             grids.append(on_grid(each.time, error, step))
-        modes = np.abs(np.linalg.eigvals(self.system))
-        left = whiteness(grids, step, modes / (2.0 * np.pi))
+        left = whiteness(grids, step, self.modes.omega / (2.0 * np.pi))
         if not (names := self.posed.problem.inputs):
             return left
         errors, before = [], []

@@ -39,8 +39,7 @@ def tracker(found: IdentifiedModel, recording: Recording) -> tuple[Tracker, Data
         found.model, Forces.of(found), channels, np.array(noise), np.ones(len(states)),
         mean_inputs(names, [recording]),
     )  # fmt: skip
-    fastest = np.abs(np.linalg.eigvals(unsized.system)).max()
-    size, _, _ = sizes([recording], channels, 2.0 * np.pi / fastest)
+    size, _, _ = sizes([recording], channels, 2.0 * np.pi / unsized.modes.omega.max())
     recording = replace(recording, inputs={name: recording.inputs[name] for name in names})
     return replace(unsized, size=size), Data.of(recording, channels)
 
@@ -74,16 +73,15 @@ def noise_of_means(
     """`sigma` (n,) with the white forces in the mean rates of states, `rates`, its last."""
     noise = sigma.copy()
     if rates and found.diagnostics.get("rates_averaged"):
-        step = np.median(np.diff(recording.time))
         noise[-len(rates) :] = np.hypot(
-            sigma[-len(rates) :], np.sqrt(np.diag(found.forces)[list(rates)] / step)
+            sigma[-len(rates) :], np.sqrt(np.diag(found.forces)[list(rates)] / recording.step)
         )
     return noise
 
 
 def end_of(found: IdentifiedModel, recording: Recording) -> Recording:
     """As much of the end of a recording as tells where it ends."""
-    slowest = np.min(np.abs(np.linalg.eigvals(tracker(found, recording)[0].system)))
+    slowest = tracker(found, recording)[0].modes.omega.min()
     begin = recording.time[-1] - WITHIN * 2.0 * np.pi / slowest
     first = int(np.searchsorted(recording.time, begin))
     return recording[min(first, len(recording.time) - 2) :] if first else recording
@@ -120,7 +118,7 @@ def spectra(
     from scipy.signal import welch  # slow to import
 
     follow, data = tracker(found, recording)
-    step = np.median(np.diff(recording.time))
+    step = recording.step
     noise = 2.0 * follow.noise**2 * step
     if follow.is_linear:
         frequency = np.linspace(1.0 / np.ptp(recording.time), 0.5 / step, POINTS)

@@ -26,6 +26,7 @@ from galloping.identification.random_forces.tracking import (
     sizes,
 )
 from galloping.identification.work import ENDED, is_spent
+from galloping.modes import Modes
 from galloping.passes import passing
 from galloping.polynomial import design_matrix
 from galloping.recording import Recording, at_times, mean_inputs
@@ -238,7 +239,7 @@ def begun(
     found = []
     for begin in systems(channels, grids, step, period, besides):
         free = _coefficients(posed, begin.system, factors)
-        rate = SLOW * np.min(np.abs(np.linalg.eigvals(begin.system)))
+        rate = SLOW * Modes.of(begin.system).omega.min()
         for kind, slow in product(kinds, (None, rate)):
             white, driving, noise = strengths(
                 begin, forced, kind.channels, frequencies, power, slow

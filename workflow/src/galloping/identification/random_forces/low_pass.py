@@ -20,7 +20,7 @@ def as_modelled(found: IdentifiedModel, recordings: list[Recording]) -> list[Rec
     if not (below := found.diagnostics.get("below")):
         return recordings
     slowly = (1.0 - SAME) * _step(below)
-    if all(np.median(np.diff(each.time)) > slowly for each in recordings):
+    if all(each.step > slowly for each in recordings):
         return recordings
     return what_is_left(recordings, below)
 
@@ -49,7 +49,7 @@ def low_passed(recording: Recording, below: float) -> Recording:
     are no faster, or the values are exact.
     """
     step = _step(below)
-    own = float(np.median(np.diff(recording.time)))
+    own = recording.step
     time = np.arange(recording.time[0] + REACH * step, recording.time[-1] - REACH * step, step)
     held = [each for each in (recording.values, recording.rates) if each is not None]
     filtered = np.full((len(time), len(held), len(recording.states)), np.nan)

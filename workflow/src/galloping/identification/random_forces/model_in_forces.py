@@ -144,10 +144,9 @@ def _fitted_to_all(
     support = _chosen(some, penalty)
     posed = replace(some.posed, recordings=tuple(recordings))
     fit = fitted(posed, posed.without(some.model, support), support, correlated)
-    values = np.linalg.eigvals(fit.system)
     if not forces_are_needed(fit, penalty):
         return NoModel("no random force is needed: a motion from its first state explains as much")
-    if np.any(np.abs(values.real) > MOST_DAMPING * np.abs(values)):
+    if np.any(np.abs(fit.modes.damping) > MOST_DAMPING):
         said = fit.left.in_words(posed.channels.names)
         return NoModel(f"no oscillations in random forces: {said}")
     absent = added_deviation(information, support) * posed.unit
@@ -159,7 +158,7 @@ def _with_slow_forces(white: ForcedFit, start: ForcedModel) -> ForcedFit:
     """The fit with slow forces beside the white ones, where they pay."""
     posed, slow = white.posed, start.slow
     if not slow or posed.problem.inputs:
-        rate = SLOW * np.min(np.abs(np.linalg.eigvals(white.system)))
+        rate = SLOW * white.modes.omega.min()
         slow = tuple(rate * np.diag(white.model.root)[: len(posed.forced)])
         start = replace(white.model, slow=slow, rates=(rate,) * len(slow))
     fit = attempt(partial(fitted, posed, start, white.support, correlated=True))

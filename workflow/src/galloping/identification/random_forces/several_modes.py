@@ -91,7 +91,7 @@ class SeveralModes:
         self, find: Find, counts: Iterable[int], apart: tuple[float, float]
     ) -> Iterator[IdentifiedModel]:
         """Models of as many of the slowest modes as each of `counts`; apart: as of `_edges`."""
-        step = max(float(np.median(np.diff(each.time))) for each in self.recordings)
+        step = max(each.step for each in self.recordings)
         fastest = (1.0 + ROLL_OFF) / (2.2 * step)  # that a filter ends at
         for k in counts:
             for below in _edges(self.modes, k, fastest, apart):

@@ -16,6 +16,7 @@ from galloping.identification.random_forces.kalman import (
 )
 from galloping.identification.random_forces.steps import Steps, discretised, with_means
 from galloping.identification.work import allowed, spend
+from galloping.modes import Modes
 from galloping.polynomial import PolynomialModel
 from galloping.recording import Recording
 from galloping.taylor import Tables, tables
@@ -122,6 +123,11 @@ class Tracker:
         return self.steady.coefficients[:, first] @ exponents[first]
 
     @cached_property
+    def modes(self) -> Modes:
+        """Those of the linear part."""
+        return Modes.of(self.system)
+
+    @cached_property
     def rest(self) -> np.ndarray:
         """(n_states,) where the linear part is in equilibrium."""
         constant = np.sum(np.array(self.steady.terms), axis=1) == 0
@@ -195,7 +201,7 @@ class Tracker:
 
     def substeps(self, lengths: np.ndarray) -> np.ndarray:
         """(n_steps,) into how many a step of a length, s, is divided."""
-        fastest = np.abs(np.linalg.eigvals(self.system)).max()
+        fastest = self.modes.omega.max()
         return np.ceil(lengths * fastest * SUBSTEPS / (2.0 * np.pi)).astype(np.int64)
 
     def extended(
