@@ -28,6 +28,7 @@ from galloping.simulation import Simulator
 SETTLING, WINDOW = 1500.0, 50.0  # s: close enough for the correction, and a stretch to begin from
 CORRECTED = 1e-4  # steps: what is left is about its square, far below the band
 WAY = (1.0,), (0.25, 0.5, 0.75, 1.0)  # from a model's cycle to another's: at once, or in steps
+MOST = DRAWS / 2  # limit cycles of drawn models, that an interval is of at least
 CEILING = 5.0  # of the recorded motion: what is larger a recording does not tell
 
 
@@ -217,21 +218,14 @@ def predict(
             continue
         found.amplitude[k] = stable[0].half_range()
         models = [parts.model(stable[0].value, each) for each in draws]
-        found.low[k], found.high[k], found.unresolved[k] = _band(models, stable[0])
+        kept = near(models, stable[0])
+        found.low[k], found.high[k] = intervals(kept, len(parts.states))[:, :-1]
+        found.unresolved[k] = 1 - len(kept) / max(1, len(models))
     reason = f"no stable limit cycle at {', '.join(missing)} m/s" if missing else ""
     return replace(found, reason=reason)
 
 
-def _band(models: Sequence[PolynomialModel], orbit: Orbit) -> tuple[np.ndarray, np.ndarray, float]:
-    """Ends of the 95 % interval of the half range of drawn models' limit cycles near an orbit,
-    (n_states,) each, NaN where most models have none there; the share of these models.
-    """
-    found = near(models, orbit)
-    low, high = intervals(found, orbit.states.shape[1], max(2, len(models) / 2))[:, :-1]
-    return low, high, 1 - len(found) / max(1, len(models))
-
-
-def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = 2) -> np.ndarray:
+def intervals(orbits: Sequence[Orbit], n_states: int, fewest: float = MOST) -> np.ndarray:
     """(2, n_states + 1) ends of the 95 % intervals of half range and, last, period, s, of drawn
     models' limit cycles; fewest: as of `of_draws`.
     """
@@ -295,5 +289,5 @@ def limit_cycle_ahead(
     models = []
     if len(identified.covariance) == identified.support.sum() > 0:
         models = [model.on_library(terms) for model in drawn(identified, DRAWS, rng)]
-    low, high, _ = _band(models, point.solution)
-    return point.solution.half_range(), low, high
+    ends = intervals(near(models, point.solution), len(found.states))[:, :-1]
+    return point.solution.half_range(), *ends

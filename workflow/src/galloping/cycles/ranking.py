@@ -124,7 +124,7 @@ def evaluate(
             for each in (centre, *(places(orbit.states) for orbit in orbits))
         )
         room = least, *of_draws(others)
-        v, w, *_ = zip(half, *intervals(orbits, len(STATES))[:, :-1], strict=True)
+        v, w, *_ = zip(half, *intervals(orbits, len(STATES), 2)[:, :-1], strict=True)
     wind = critical, *of_draws(critical_winds(line, scaled))
     numbers = {"critical_wind_m_s": wind, "v_m": v, "w_m": w, "clearance_m": room}
     measured = {

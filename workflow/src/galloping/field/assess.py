@@ -39,7 +39,6 @@ MOST_STARTS = 256  # from which equilibria are looked for
 USUAL = 0.4  # Hz, of the motions that settle in DURATION s, looked at in WINDOW s,
 ALIKE = 0.05, 20.0  # and times that of those that are as good as these
 CEILING = 10.0  # sizes of the motion, beyond which limit cycles are not followed
-ENOUGH = 0.5  # of the draws, that have a limit cycle: the interval is of those
 
 
 @one_thread
@@ -325,7 +324,7 @@ def _cycle(of: _Slowed, point: Point) -> Cycle:
     states, kept = of.model.states, near(of.draws, point.solution, of.model)
     found = len(kept) / len(of.draws)
     shown = list(velocity_pairs(states)) or list(range(len(states)))
-    ends = intervals(kept, len(states), max(2, ENOUGH * len(of.draws)))
+    ends = intervals(kept, len(states))
     half = point.solution.half_range()
     return Cycle(
         {states[i]: Value.of(half[i], ends[:, i]) for i in shown},
