@@ -3,9 +3,11 @@
 import ast
 import importlib
 from importlib import metadata
+from operator import attrgetter
 
 import pytest
 
+from galloping import deferred
 from galloping.reproducibility import digest
 
 SCRIPT = '''"""A script."""
@@ -106,6 +108,12 @@ def test_what_runs_a_script_and_computes_nothing_does_not_count(package, monkeyp
 def test_a_misspelt_module_is_named(package):
     with pytest.raises(ValueError, match=r"package\.methods: no such module"):
         package(modules=["package.methods"])
+
+
+@pytest.mark.parametrize("name", ["table", "tables.score", "tables.scores.noise"])
+def test_a_misspelt_function_is_named(name):
+    with pytest.raises(AttributeError, match=f"galloping.{name}: no such module or function"):
+        attrgetter(name)(deferred)
 
 
 def test_compiled_functions_use_no_other_module_of_the_package():

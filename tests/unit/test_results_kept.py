@@ -216,14 +216,6 @@ REPORT = {"study": {"study": STUDY}, "code": {"digest": "abc"}}
 NAMES = ("models/a.json", "tables/t.csv")
 
 
-@pytest.fixture
-def timed():
-    """A model that took a minute, a table of it that took two, and a report of the study."""
-    made = make(NAMES[0]), make(NAMES[1], inputs=NAMES[:1]), make("report.html", settings=REPORT)
-    for path, seconds in zip(made, (58.5, 118.5, 1.0), strict=True):
-        kept.write_receipt(replace(read_receipt(path), seconds=seconds))
-
-
 def told(model=SETTINGS, study=STUDY, cores=2):
     """What is said where the model is planned with these settings."""
     plans = (plan(NAMES[0], settings=model), plan(NAMES[1], t=NAMES[:1]),
@@ -232,7 +224,10 @@ def told(model=SETTINGS, study=STUDY, cores=2):
     return list(outlook(Plan(study, jobs), receipts(RESULTS), cores))
 
 
-def test_an_edit_is_named_with_what_runs_again_and_about_how_long(timed):
+def test_an_edit_is_named_with_what_runs_again_and_about_how_long():
+    made = make(NAMES[0]), make(NAMES[1], inputs=NAMES[:1]), make("report.html", settings=REPORT)
+    for path, seconds in zip(made, (58.5, 118.5, 1.0), strict=True):
+        kept.write_receipt(replace(read_receipt(path), seconds=seconds))
     assert told() == []
     edited = {**STUDY, "wind": {"speed": 13.0}}
     assert told(OTHER, edited) == [

@@ -143,17 +143,13 @@ def test_what_is_not_clean_and_complete_is_refused_unless_told_otherwise(clone, 
     assert "Published although: README.md: not as in the commit" in crate
 
 
-@pytest.fixture(scope="module")
-def restored(fresh, archive):
-    """A copy of the repository in which nothing was run, and the archive restored."""
+def test_a_restored_study_has_nothing_to_do_and_edits_count_as_ever(
+    fresh, archive, unpacked, tmp_path
+):
     restored = replace(fresh, folder=archive.parent / "restored")
     shutil.copytree(fresh.folder, restored.folder, ignore=shutil.ignore_patterns(".snakemake"))
     status, said = restored.keep("restore", archive)
     assert status == 0, said
-    return restored
-
-
-def test_a_restored_study_has_nothing_to_do_and_edits_count_as_ever(restored, unpacked, tmp_path):
     published = {k: v for k, v in contents(unpacked).items() if k.startswith(f"{RESULTS}/")}
     assert {name: (restored.folder / name).read_bytes() for name in published} == published
     assert planned(restored) == {}

@@ -64,12 +64,9 @@ def imported(path):
         yield from (own[1] for own in parts if own[0] == SOURCE.name and own[1:])
 
 
-def room_of(path):
-    return path.relative_to(SOURCE).parts[0].removesuffix(".py")
-
-
 def test_every_room_has_its_place_and_imports_none_below_it():
-    order, modules = rooms(), {path: room_of(path) for path in SOURCE.rglob("*.py")}
+    order, paths = rooms(), SOURCE.rglob("*.py")
+    modules = {path: path.relative_to(SOURCE).parts[0].removesuffix(".py") for path in paths}
     assert sorted(order) == sorted({*modules.values()} - {"__init__"})
     wrong = {
         f"{path.relative_to(SOURCE)} imports {name}"

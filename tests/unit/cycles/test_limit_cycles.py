@@ -23,10 +23,6 @@ def cycles_of(models, span, state, **options):
     return equilibria, from_hopf(models, hopf_points(equilibria)[0], span, **options)
 
 
-def names(branch):
-    return [b.name for b in branch.bifurcations]
-
-
 VAN_DER_POL_TERMS = ((1, 0), (0, 1), (2, 1))
 VAN_DER_POL = family(VAN_DER_POL_TERMS, lambda mu: [[0, 1, 0], [-1, mu, -mu]])
 
@@ -81,7 +77,7 @@ def test_two_folds_of_the_square_prism():
     prism = family(((1, 0), (0, 1), (0, 3), (0, 5), (0, 7)), matrix)
     equilibria, cycles = cycles_of(prism, Range(0.5, 3), [0, 0], size=0.01)
     assert hopf_points(equilibria)[0].point.solution.value == pytest.approx(1, abs=1e-9)
-    assert names(cycles) == ["fold of cycles", "fold of cycles"] and cycles.complete
+    assert [b.name for b in cycles.bifurcations] == ["fold of cycles"] * 2 and cycles.complete
     squares = np.sort(np.roots([-105 / 64 * d, 5 / 4 * c, -3 / 4 * b]))
     force = a - 3 / 4 * b * squares + 5 / 8 * c * squares**2 - 35 / 64 * d * squares**3
     assert [b.point.solution.value for b in cycles.bifurcations] == pytest.approx(a / force, 1e-5)

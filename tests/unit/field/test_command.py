@@ -56,17 +56,11 @@ def test_python_says_what_the_command_says(example, capsys):
     assert "limit cycle of q_v: 1.1" in parts[-1]
 
 
-@pytest.fixture(scope="module")
-def gusts(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("gusts")
+def test_with_the_wind_recorded_the_model_holds_at_other_winds(tmp_path):
+    gusts = tmp_path / "out"
     files = EXAMPLES / "gusts.csv", "--map", EXAMPLES / "gusts.yaml"
-    assert "columns that are not used: air" in CliRunner().invoke(
-        main, ["identify", *map(str, files), "--output", str(folder / "out")]
-    ).output  # fmt: skip
-    return folder / "out"
-
-
-def test_with_the_wind_recorded_the_model_holds_at_other_winds(gusts):
+    said = CliRunner().invoke(main, ["identify", *map(str, files), "--output", str(gusts)]).output
+    assert "columns that are not used: air" in said
     model = gusts / "model.json"
     assert IdentifiedModel.load(model).status == "ok"
     summary = (gusts / "summary.md").read_text(encoding="utf-8")

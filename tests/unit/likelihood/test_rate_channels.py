@@ -54,40 +54,29 @@ def test_a_camera_of_unknown_scale_is_calibrated_by_the_accelerometer():
 
 
 # duration and step, s; release, m; noise, of the deviation
-MOTIONS = {
-    "velocities": (120, 0.08, (0.6, 0.9), 0.005),
-    "velocities for long": (300, 0.04, (0.1, 0.1), 0.02),
-    "velocities nearly exact": (90, 0.08, (0.6, 0.9), 0.002),
-    "accelerations": (300, 0.04, (0.1, 0.1), 0.05),
-}
-
-
-def without_displacements(name, seed=8):
-    """Of the line's velocities, or its accelerations with a drifting offset, and nothing else."""
-    duration, step, release, noise = MOTIONS[name]
-    time = np.arange(0, duration, step)
-    motion = simulate(LINE, [*release, 0, 0], time).states
-    noise = noise * np.random.default_rng(seed).standard_normal((len(time), 2))
-    values, rates = np.full((2, *motion.shape), np.nan)
-    if name != "accelerations":
-        values[:, 2:] = motion[:, 2:] + noise * motion[:, 2:].std(axis=0)
-        return Recording(time, LINE.states, values)
-    exact = LINE(motion)[:, 2:]
-    drift = 0.3 + 0.2 * time[:, None] / time[-1]
-    rates[:, 2:] = exact + noise * exact.std(axis=0) + drift
-    unknown = np.array([False, False, True, True])
-    return Recording(time, LINE.states, values, rates=rates, unknown_offsets=unknown)
-
-
-SLOW = [
-    pytest.param(name, marks=pytest.mark.slow)
-    for name in ("velocities for long", "velocities nearly exact", "accelerations")
+MOTIONS = [
+    ("velocities", 120, 0.08, (0.6, 0.9), 0.005),
+    pytest.param("velocities", 300, 0.04, (0.1, 0.1), 0.02, marks=pytest.mark.slow),
+    pytest.param("velocities", 90, 0.08, (0.6, 0.9), 0.002, marks=pytest.mark.slow),
+    pytest.param("accelerations", 300, 0.04, (0.1, 0.1), 0.05, marks=pytest.mark.slow),
 ]
 
 
-@pytest.mark.parametrize("name", ["velocities", *SLOW])
-def test_the_line_is_found_without_its_displacements(name):
-    found = maximum_likelihood(without_displacements(name), TERMS)
+@pytest.mark.parametrize(("measured", "duration", "step", "release", "noise"), MOTIONS)
+def test_the_line_is_found_without_its_displacements(measured, duration, step, release, noise):
+    """Of its velocities, or of its accelerations with a drifting offset, and nothing else."""
+    time = np.arange(0, duration, step)
+    motion = simulate(LINE, [*release, 0, 0], time).states
+    noise = noise * np.random.default_rng(8).standard_normal((len(time), 2))
+    exact = (motion if measured == "velocities" else LINE(motion))[:, 2:]
+    samples, missing = np.full((2, *motion.shape), np.nan)
+    samples[:, 2:] = exact + noise * exact.std(axis=0)
+    recording = Recording(time, LINE.states, samples)
+    if measured == "accelerations":
+        rates = samples + (0.3 + 0.2 * time[:, None] / time[-1])
+        unknown = [False, False, True, True]
+        recording = Recording(time, LINE.states, missing, rates=rates, unknown_offsets=unknown)
+    found = maximum_likelihood(recording, TERMS)
     assert_found(found, LINE, within=4.5)
     assert np.isnan(found.sigma[:, :2]).all()
 

@@ -94,22 +94,16 @@ def test_bounds_and_numbers_of_a_cell_hold_in_the_same_draw():
     assert unknowns.log_probabilities(apart)["noise 0.1"] == at_once["noise 0.1"]
 
 
-def settings_around(centre, width, number, rng):
-    """Rows of a search whose probability is known: a bell about `centre`, scattered."""
-    x = np.clip(rng.normal(centre, 2 * width, size=(number, len(NAMES))), 0, 1)
-    height = -0.5 * np.sum(((x - centre) / width) ** 2, axis=1) + 0.3 * rng.standard_normal(number)
-    rows = pd.DataFrame(np.exp(LOW + x * (HIGH - LOW)), columns=list(NAMES))
-    return rows.assign(
+def test_the_region_is_that_of_a_probability_that_is_known(monkeypatch):
+    """Of a search about the middle of the ranges, where it is a bell, scattered."""
+    monkeypatch.setattr(paper_search, "STEPS", 800)
+    rng, centre, width = np.random.default_rng(0), 0.5, 0.1
+    x = np.clip(rng.normal(centre, 2 * width, size=(300, len(NAMES))), 0, 1)
+    height = -0.5 * np.sum(((x - centre) / width) ** 2, axis=1) + 0.3 * rng.standard_normal(300)
+    rows = pd.DataFrame(np.exp(LOW + x * (HIGH - LOW)), columns=list(NAMES)).assign(
         variant=BASE.name, stage="searched", change=0.005, height=height, log_probability=height,
         without_amplitudes=height,
     )  # fmt: skip
-
-
-def test_the_region_is_that_of_a_probability_that_is_known(monkeypatch):
-    monkeypatch.setattr(paper_search, "STEPS", 800)
-    rng = np.random.default_rng(0)
-    centre, width = np.full(len(NAMES), 0.5), np.full(len(NAMES), 0.1)
-    rows = settings_around(centre, width, 300, rng)
     first, second = (paper_search.samples(rows, "log_probability", 4) for _ in range(2))
     pd.testing.assert_frame_equal(first, second)  # the same seed, the same region
     x = (np.log(first.to_numpy()) - LOW) / (HIGH - LOW)
