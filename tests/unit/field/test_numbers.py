@@ -22,15 +22,6 @@ from galloping.polynomial import PolynomialModel, design_matrix, library
 TERMS = library(4, 3)
 
 
-def moved(model, by):
-    """The same system where the zero of each state is `by` lower: exactly, as it is polynomial."""
-    model = model.on_library(TERMS)
-    x = np.random.default_rng(0).normal(size=(200, 4))
-    rates = model(x)
-    coefficients = np.linalg.lstsq(design_matrix(x + by, TERMS), rates, rcond=None)[0].T
-    return PolynomialModel(model.states, TERMS, np.where(abs(coefficients) > 1e-9, coefficients, 0))
-
-
 def sure(model, share=1e-3, status="ok", **more):
     """An identified model as sure of its coefficients as `share`."""
     present = model.coefficients[2:][model.coefficients[2:] != 0]
@@ -60,8 +51,11 @@ def ahead_of(recording, identified, time):
 
 @pytest.mark.parametrize("by", [0.0, 6.0])
 def test_small_motions_are_those_about_the_position_of_rest(by):
-    shift = np.array([by, -by / 2, 0.0, 0.0])
-    model = moved(files.line(), shift)
+    """Where the zero of a state is lower; the same system exactly, as it is polynomial."""
+    shift, line = np.array([by, -by / 2, 0.0, 0.0]), files.line().on_library(TERMS)
+    x = np.random.default_rng(0).normal(size=(200, 4))
+    values = np.linalg.lstsq(design_matrix(x + shift, TERMS), line(x), rcond=None)[0].T
+    model = replace(line, coefficients=np.where(abs(values) > 1e-9, values, 0))
     exact = IdentifiedModel(model, "unjudged", initial_states=np.array([files.RELEASE]) + shift)
     recording = recorded()
     around = Surroundings.of([replace(recording, values=recording.values + shift)])
