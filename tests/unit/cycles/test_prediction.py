@@ -12,6 +12,7 @@ from galloping.cycles.prediction import limit_cycle_ahead, predict, split
 from galloping.cycles.ranking import Design, changed, critical_winds, derived, evaluate, ranked
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
+from galloping.intervals import of_draws
 from galloping.physics.galerkin import STATES, Derived, coefficients, model
 from galloping.physics.measures import NOTHING, damper, pendulum, tension, usual
 from galloping.polynomial import library
@@ -31,6 +32,16 @@ def stated(line, relative, terms=LIBRARY):
 
 def exact(speed):
     return stated(model(coefficients(edited(wind__speed=speed))), 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("values", "ends"),
+    [([2.0, np.inf, -0.0], [0.0, np.inf]), ([2.0, np.nan], [np.nan] * 2), ([2.0], [np.nan] * 2)],
+)
+def test_an_interval_holds_all_draws_and_one_draw_or_a_draw_without_a_value_leaves_none(
+    values, ends
+):
+    np.testing.assert_array_equal(of_draws(values), ends)
 
 
 @pytest.mark.parametrize("winds", [(12.0,), (9.0, 14.0)])
