@@ -1,5 +1,6 @@
 """The command `galloping`: from files to models, from models to motions."""
 
+import gc
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
@@ -10,6 +11,9 @@ import click
 from galloping.field.terminal import json_text, print_rows, shown
 
 PIECE = 100_000  # rows of a simulation that are held at a time
+# New objects, after which Python looks for cycles of garbage among all: imports and figures make
+# hundreds of thousands and hardly any garbage, and by default these searches are 5 % of `identify`.
+COLLECTED = 100_000
 REFUSED, INTERRUPTED = 3, 130  # exit codes: the recordings give no model; Ctrl-C
 
 
@@ -57,6 +61,7 @@ def main() -> None:
     \b
     Shell completion: eval "$(_GALLOPING_COMPLETE=bash_source galloping)"
     """
+    gc.set_threshold(COLLECTED)
 
 
 def _mapping_options(command):
@@ -181,7 +186,8 @@ def identify(
     with its unit and error, as "galloping show --json" does.
     """
     from galloping.field import OUTPUTS
-    from galloping.field.analysis import FieldQuestion, analyse, model_rows, read_field
+    from galloping.field.analysis import FieldQuestion, analyse, read_field
+    from galloping.field.csv_rows import model_rows
     from galloping.field.wording import TECHNICAL
     from galloping.storage import replacing_folder
 
@@ -282,8 +288,9 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
     """
     import numpy as np
 
-    from galloping.field.analysis import forecast_rows, read_field
+    from galloping.field.analysis import read_field
     from galloping.field.assess import beyond
+    from galloping.field.csv_rows import forecast_rows
     from galloping.field.driving import inputs_after
     from galloping.field.summary import forecast as forecast_from
 
@@ -312,7 +319,7 @@ def forecast(model, file, duration, window, at, inputs_file, seed, as_json, **ma
 @json_option
 def show(model, latex, as_json):
     """Print the equations of a MODEL, with errors and verdict."""
-    from galloping.field.analysis import model_rows
+    from galloping.field.csv_rows import model_rows
     from galloping.identification.model import IdentifiedModel
     from galloping.storage import read_json
 
@@ -409,7 +416,7 @@ def assess(model, at, seed, figure, as_csv, as_json):
     """
     from galloping.field.assess import assess as assessed
     from galloping.field.assessment import assessment_rows
-    from galloping.field.driving import held_at
+    from galloping.field.held import held_at
     from galloping.field.wording import assessment_text
     from galloping.storage import read_json
 

@@ -5,76 +5,27 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from galloping import __version__
+from galloping.field.csv_rows import MODEL_COLUMNS, forecast_rows, model_rows
 from galloping.field.dynamics import Dynamics, Surroundings, expected
 from galloping.field.following import Sensed
-from galloping.field.forecast import Forecast
 from galloping.field.mapping import ColumnMapping
 from galloping.field.quality import JUMPS, MOVES, QUIET, SHOWN, quality
 from galloping.field.read import Series, check_apart, read_series
 from galloping.field.recordings import LEAST, SILENT, by_excerpts, input_notes, parted, recording
 from galloping.field.summary import METHODS, Summary, longest_period, summarised
 from galloping.field.terminal import SEARCHED
-from galloping.field.units import NONE, coefficient_unit, state_unit
+from galloping.field.units import state_unit
 from galloping.field.wording import summary_text
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.problem import Coefficient
 from galloping.identification.work import limited
-from galloping.intervals import NORMAL_95
 from galloping.passes import part, passing
-from galloping.polynomial import Exponents, PolynomialModel, library, term_name
+from galloping.polynomial import Exponents, PolynomialModel, library
 from galloping.recording import Recording, mean_inputs
 from galloping.storage import write_json, write_rows, write_text
 from galloping.terms import known_model, parse
-
-MODEL_COLUMNS = {  # with the unit of each
-    "equation": "", "term": "", "coefficient": "of the row", "unit": "",
-    "standard_error": "of the row", "low": "of the row", "high": "of the row", "verdict": "",
-}  # fmt: skip
-
-
-def model_rows(identified: IdentifiedModel, units: Mapping[str, str] = NONE) -> list[dict]:
-    """Rows of model.csv: one for each present term, and each absent one with a limit.
-
-    An equation is named by the state whose derivative it gives, a term as pysindy names it. units:
-    of inputs, by name.
-    """
-    model, rows = identified.model, []
-    inputs = {name: units.get(name, "") for name in model.inputs}
-    for i, state in enumerate(model.states):
-        for j, term in enumerate(model.terms):
-            value, error = model.coefficients[i, j], identified.standard_errors[i, j]
-            limit = identified.detection_limits[i, j]
-            present = np.isfinite(value) and value != 0
-            if not present and not np.isfinite(limit):
-                continue
-            known = i in identified.known
-            half = NORMAL_95 * error if present else limit
-            rows.append(
-                {
-                    "equation": state,
-                    "term": term_name(term, model.names),
-                    "coefficient": float(value),
-                    "unit": coefficient_unit(state, term, model.names, inputs),
-                    "standard_error": float(error) if present else np.nan,
-                    "low": float(value - half),
-                    "high": float(value + half),
-                    "verdict": "known" if known else "present" if present else "absent",
-                }
-            )
-    return rows
-
-
-def forecast_rows(predicted: Forecast) -> list[dict]:
-    """Rows of forecast.csv: time and, for each channel, median and 90 % band."""
-    columns = {"time_s": predicted.time}
-    for i, name in enumerate(predicted.names):
-        columns[name] = predicted.median[:, i]
-        columns[f"{name}_low"] = predicted.low[:, i]
-        columns[f"{name}_high"] = predicted.high[:, i]
-    return pd.DataFrame(columns).to_dict("records")
 
 
 @dataclass(frozen=True)
