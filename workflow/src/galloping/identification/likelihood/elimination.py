@@ -21,6 +21,8 @@ from galloping.identification.likelihood.shooting import (
 from galloping.identification.likelihood.weak_constraint import NormalEquations
 from galloping.identification.work import spend
 
+# Of a chain. The elimination squares it: of 1e12, rounding leaves 2e-4 of what a segment tells.
+MOST_GROWTH = 1e6
 UNDETERMINED = 3e-7  # relative singular value below which a direction of a state is not solved for
 STATE_RIDGE = 1e-12  # of the information about a state, where a stretch tells nothing
 
@@ -68,10 +70,10 @@ def chained(linearised: Linearised, segments: Segments, longest: float = np.inf)
 
     longest: of how many segments a chain may be; of one, every segment is free.
     A chain is broken where its end state, in units of what a segment tells about it, moves by more
-    than 2,000 such units of its first state and the coefficients: on a chaotic or very long
-    recording the elimination, which squares that ratio, would otherwise be lost in rounding. With
-    1e-16 of it, what such a chain says about a term is known better than what `selection.tableau`
-    holds for imitated.
+    than MOST_GROWTH such units of its first state and the coefficients, as on a chaotic or very
+    long recording. The last stretch of a chaotic one tells most: of 288 recordings of Lorenz's
+    system with 20 to 40 % of noise, chains that grow by 2,000 lead to 213 exact models, by 1e6 to
+    246.
     """
     n, n_states = len(linearised.right), linearised.ends.shape[1]
     of_states = np.sum(linearised.rows[:, :, n:-1] ** 2, axis=1).mean(axis=0)
@@ -85,7 +87,7 @@ def chained(linearised: Linearised, segments: Segments, longest: float = np.inf)
         relation = _followed(linearised.end_derivatives[g - 1], relation, n)
         growth = np.linalg.norm(relation * inverse * unit[n:, None], 2)
         other = segments.recording[g] != segments.recording[g - 1]
-        broken = other or growth > 2e3 or length == longest
+        broken = other or growth > MOST_GROWTH or length == longest
         chains[g] = chains[g - 1] + broken
         relation, length = (identity, 1) if broken else (relation, length + 1)
     return replace(segments, chains=chains)

@@ -5,6 +5,7 @@ each is fitted in free segments and joined over the recording; what the residual
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 
@@ -24,7 +25,6 @@ from galloping.identification.likelihood.verdict import Regression, agree, best_
 from galloping.identification.likelihood.weak_constraint import STRETCH_PERIODS
 from galloping.identification.likelihood.weak_gls import weak_gls
 from galloping.identification.model import IdentifiedModel, NoModel, attempt
-from galloping.identification.preparation.rate_channels import scaled, scales_told
 from galloping.identification.preparation.weak_form import Start, begin, delayed_inputs
 from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem, posed
 from galloping.identification.random_forces.decision import moved_at_random, random_forces
@@ -33,6 +33,10 @@ from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.identification.work import ENDED, MOST, is_spent, limited, portion
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
+
+Found = IdentifiedModel | NoModel
+# of what speaks against a model: what is found, and whether it is sure
+Search = Callable[[str], tuple[Found, bool]]
 
 
 @one_thread
@@ -91,7 +95,7 @@ def _at_some_time_scale(
     shows that of most of the power, and a transient or a relaxation is quicker.
     """
     objections = []
-    for share in (1.0, 1 / 2, 1 / 4):
+    for share in starts.TIME_SCALES:
         if is_spent():
             break
         begun = start if share == 1.0 else None
@@ -105,80 +109,84 @@ def _at_some_time_scale(
 
 def _at_time_scale(
     problem: Problem, recordings: list[Recording], share: float, begun: Start | None
-) -> IdentifiedModel | NoModel:
-    """The model from the starts of one time scale."""
-    begun = replace(begun, problem=problem) if begun else begin(problem, recordings, share)
-    doubted = share == 1.0 and may_be_moved_at_random(begun)
-    follows = trajectory_fit.follows_in_segments
-    later = doubted and not starts.rests_at_zero(begun) and follows(begun)
-    search = partial(_left_to_itself, begun, recordings, share)
-    if not doubted or later:
-        return search(begun if later else None)
-    forced, is_sure = _moved_at_random(begun)
-    if forced is None:
-        return search()
-    return forced if is_sure else _or_forced(forced, recordings, search)
-
-
-def _or_forced(
-    forced: IdentifiedModel,
-    recordings: list[Recording],
-    search: Callable[[], IdentifiedModel | NoModel],
-) -> IdentifiedModel:
-    """What a search finds or, where that hardly tells the motion, a model in random forces."""
-    with limited(recordings, 0.25 * MOST):
-        found = attempt(search)
-    return forced if found.tells_little else found
-
-
-def _left_to_itself(
-    begun: Start, recordings: list[Recording], share: float, doubted: Start | None = None
-) -> IdentifiedModel | NoModel:
-    """The model of a motion without random forces. doubted: as of `_identified`."""
-    rescaled = scaled(recordings, begun.period)
-    if any(one is not other for one, other in zip(recordings, rescaled, strict=True)):
-        begun = begin(begun.problem, rescaled, share)
-    begun = begun.with_rates(rescaled)
-    at_rest = starts.rests_at_zero(begun)
-    found = _from_some_rest(begun) if at_rest else _identified(begun, doubted)
+) -> Found:
+    """What the searches of a time scale lead to, in their order: is there a model that follows the
+    data, did random forces move the system, which model is near. Random forces are asked for where
+    the motion may be theirs, and first where no model follows the data in segments.
+    """
+    first = replace(begun, problem=problem) if begun else begin(problem, recordings, share)
+    begun, told = starts.rescaled(first, recordings, share)
+    searches = [partial(_follow, begun), partial(_near, begun)]
+    if share == 1.0 and may_be_moved_at_random(first):
+        follows = not starts.rests_at_zero(first) and trajectory_fit.follows_in_segments(first)
+        searches.insert(1 if follows else 0, partial(_in_forces, first))
+    found = _first_of(searches, recordings)
     if isinstance(found, NoModel):
         return found
-    told = scales_told(recordings, rescaled)
-    return replace(found, diagnostics={**found.diagnostics, **told})
+    return replace(found, diagnostics={**told, **found.diagnostics})
 
 
-def _from_some_rest(begun: Start) -> IdentifiedModel | NoModel:
-    """The best model of those from several positions of rest, until two are of the same terms."""
-    moving = replace(begun, problem=starts.without_constants(begun.problem))
-    positions, found, objections = starts.positions_of_rest(moving), [], []
-    for k, position in enumerate(positions, 1):
-        one = attempt(partial(_identified, position))
+def _first_of(searches: Sequence[Search], recordings: list[Recording]) -> Found:
+    """What the first search leads to that leads to a model. Where that is not sure, those after it
+    have a quarter of the work to find one that tells more.
+
+    Each search is told what was found to speak against a model before it.
+    """
+    unsure, objection = None, ""
+    with ExitStack() as limits:
+        for search in searches:
+            found, is_sure = search(objection)
+            if isinstance(found, NoModel):
+                objection = found.reason or objection
+            elif is_sure:
+                break
+            else:
+                unsure = found
+                limits.enter_context(limited(recordings, 0.25 * MOST))
+    return unsure if unsure and found.tells_little else found
+
+
+def _follow(begun: Start, _: str) -> tuple[Found, bool]:
+    """The model that follows the data to the noise."""
+    with portion(0.6):  # of the work that is left; the rest to come near
+        return _from_any_rest(begun, _followed), True
+
+
+def _in_forces(begun: Start, _: str) -> tuple[Found, bool]:
+    """The model in random forces, and whether it is plain that these moved the system; what is left
+    by it may be that of inputs at the wrong times.
+    """
+    found, is_sure = moved_at_random(begun.problem, begun.recordings, begun.period)
+    if found is None:
+        return NoModel(""), False
+    late = _late(begun)
+    return found.doubted(f"{late}; {found.reason}") if late else found, is_sure
+
+
+def _near(begun: Start, objection: str) -> tuple[Found, bool]:
+    """The model that is near where none follows the data, for the reason `objection`."""
+    late = _late(begun)  # a score test may have said so, but not by how much
+    other = [clause for clause in objection.split("; ") if clause not in late]
+    objection = "; ".join(filter(None, [late, *other]))
+    return _from_any_rest(begun, partial(_near_data, objection=objection)), True
+
+
+def _from_any_rest(begun: Start, search: Callable[[Start], Found]) -> Found:
+    """What a search leads to, the best of those from several positions of rest where displacements
+    are not measured: until two are of the same terms.
+    """
+    if not starts.rests_at_zero(begun):
+        return attempt(partial(search, begun))
+    found, objections = [], []
+    for name, position in starts.positions_of_rest(begun):
+        one = attempt(partial(search, position))
         if isinstance(one, NoModel):
             objections.append(one)
         else:
-            found.append(by([f"rest {k} of {len(positions)}"], one))
+            found.append(by([name], one))
         if agree(found) or is_spent():
             break
     return starts.with_constants(begun.problem, best_of(found)) if found else objections[0]
-
-
-def _identified(begun: Start, doubted: Start | None = None) -> IdentifiedModel | NoModel:
-    """The model that follows the data to the noise, or the model that is near where none does.
-
-    doubted: the start of a recording that random forces may have moved: whether they did is asked
-    before what is near.
-    """
-    with portion(0.6):  # of the work that is left; the rest to come near
-        found = attempt(partial(_followed, begun))
-    if isinstance(found, IdentifiedModel):
-        return found
-    forced, is_sure = _moved_at_random(doubted) if doubted else (None, False)
-    if is_sure:
-        return forced
-    late = _late(begun)  # a score test may have said so, but not by how much
-    other = [clause for clause in found.reason.split("; ") if clause not in late]
-    near = partial(_near, begun, "; ".join(filter(None, [late, *other])))
-    return near() if forced is None else _or_forced(forced, begun.recordings, near)
 
 
 def _late(begun: Start) -> str:
@@ -189,15 +197,7 @@ def _late(begun: Start) -> str:
     return "; ".join(f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items())
 
 
-def _moved_at_random(begun: Start) -> tuple[IdentifiedModel | None, bool]:
-    """As `moved_at_random`; what is left may be that of inputs at the wrong times."""
-    forced, is_sure = moved_at_random(begun.problem, begun.recordings, begun.period)
-    if forced is None or not (late := _late(begun)):
-        return forced, is_sure
-    return forced.doubted(f"{late}; {forced.reason}"), is_sure
-
-
-def _near(begun: Start, objection: str) -> IdentifiedModel | NoModel:
+def _near_data(begun: Start, objection: str) -> Found:
     """The approximate model, or that of the least error of free runs where inputs drive it."""
     start = trajectory_fit.prepare(begun, begun.fit, STRETCH_PERIODS)
     near = approximation(start, begun.penalty, objection)
@@ -211,7 +211,7 @@ def _near(begun: Start, objection: str) -> IdentifiedModel | NoModel:
     return by(["approximation"], near)
 
 
-def _followed(begun: Start) -> IdentifiedModel | NoModel:
+def _followed(begun: Start) -> Found:
     """The model that follows the data to the noise; none where no model of the library is right."""
     problem, penalty, largest = begun.problem, begun.penalty, begun.largest
     joined = _joined(begun, largest)

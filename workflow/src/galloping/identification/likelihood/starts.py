@@ -10,10 +10,32 @@ from dataclasses import replace
 import numpy as np
 
 from galloping.identification.model import BY_TERM, IdentifiedModel
+from galloping.identification.preparation.rate_channels import scaled, scales_told
 from galloping.identification.preparation.smoothing import undisplaced
-from galloping.identification.preparation.weak_form import Start, WeakFit, rough_fit, weak_fit
+from galloping.identification.preparation.weak_form import (
+    Start,
+    WeakFit,
+    begin,
+    rough_fit,
+    weak_fit,
+)
 from galloping.identification.problem import Problem
 from galloping.identification.selection import select, solve_support
+from galloping.recording import Recording
+
+TIME_SCALES = (1.0, 1 / 2, 1 / 4)  # of the period that the spectrum shows
+
+
+def rescaled(
+    begun: Start, recordings: list[Recording], share: float
+) -> tuple[Start, dict[str, float]]:
+    """The start in recordings whose values of unknown scale are divided by it, with the rates that
+    they measure; and the scales, by name. share: of the time scale of the start.
+    """
+    own = scaled(recordings, begun.period)
+    if any(one is not other for one, other in zip(recordings, own, strict=True)):
+        begun = begin(begun.problem, own, share)
+    return begun.with_rates(own), scales_told(recordings, own)
 
 
 def starts_of_terms(begun: Start) -> Iterator[tuple[str, WeakFit, float]]:
@@ -49,32 +71,34 @@ def _pairs(begun: Start) -> set[tuple[int, int]]:
     return set.intersection(*(set(undisplaced(one).items()) for one in begun.recordings))
 
 
-def without_constants(problem: Problem) -> Problem:
+def _without_constants(problem: Problem) -> Problem:
     moving = np.any(problem.terms, axis=1)
     terms = [term for term in problem.terms if any(term)]
     return problem.by_term(lambda values: values[:, moving], terms)
 
 
-def positions_of_rest(begun: Start) -> list[Start]:
-    """The start as it is, and with its curves moved along each displacement that is not measured.
+def positions_of_rest(begun: Start) -> Iterator[tuple[str, Start]]:
+    """By name, the start as it is, and with its curves moved along each displacement that is not
+    measured, without constants.
 
     The middle of a motion may lie a fifth of the displacement's deviation from rest. Measured on
     accelerations of the study's line, whose is 0.15: starts 0.0 to 0.1 off lead to the model
     always. Raises what `weak_fit` raises.
     """
-    units = 0.2 * np.eye(len(begun.problem.states))[sorted(state for state, _ in _pairs(begun))]
-    moved = []
-    for offset in (0.0 * units[0], *units, *-units):
+    problem = _without_constants(begun.problem)
+    units = 0.2 * np.eye(len(problem.states))[sorted(state for state, _ in _pairs(begun))]
+    offsets = (0.0 * units[0], *units, *-units)
+    for k, offset in enumerate(offsets, 1):
         states = [one.states + offset * one.states.std(axis=0) for one in begun.smoothed]
         pairs = zip(begun.smoothed, states, strict=True)
         curves = [replace(one, states=own) for one, own in pairs]
-        fit = weak_fit(begun.problem, curves, begun.penalty)
-        moved.append(replace(begun, smoothed=curves, fit=fit))
-    return moved
+        fit = weak_fit(problem, curves, begun.penalty)
+        name = f"rest {k} of {len(offsets)}"
+        yield name, replace(begun, problem=problem, smoothed=curves, fit=fit)
 
 
 def with_constants(problem: Problem, identified: IdentifiedModel) -> IdentifiedModel:
-    """What was identified `without_constants`, on the terms of the problem."""
+    """What was identified without constants, on the terms of the problem."""
 
     def spread(values: np.ndarray, elsewhere: float) -> np.ndarray:
         whole = np.full((*values.shape[:-1], len(problem.terms)), elsewhere)
