@@ -113,15 +113,21 @@ def test_a_term_that_the_library_lacks_leaves_a_model_that_forecasts(level, reco
     assert found.diagnostics["forecast_r2"] > 0.95
 
 
-def test_terms_that_others_may_balance_are_no_ok():
+@pytest.mark.parametrize(
+    ("level", "seed", "reason"),
+    [
+        (0.03, 0, "x^2 in d(z)/dt may be missing: the data would not show many times its equation"),
+        (0.01, 3, "the data would not show a mixture of terms over 12 times as large"),
+    ],
+)
+def test_terms_that_others_may_balance_are_no_ok(level, seed, reason):
     """As where a motion stays near a surface: other terms have the same motion there."""
     true, time = SYSTEMS["wake"].model, np.linspace(0.0, 30.0 * SYSTEMS["wake"].period, 500)
     motion = simulate(true, SYSTEMS["wake"].start, time).states
-    noise = np.random.default_rng(3).standard_normal(motion.shape)
-    recording = Recording(time, true.states, motion + 0.03 * motion.std(axis=0) * noise)
+    recording = noisy(true, motion, time, level, seed)
     found = maximum_likelihood(recording, true.terms)
     assert found.status == "not identifiable"
-    assert "may be missing: the data would not show many times its equation" in found.reason
+    assert reason in found.reason
 
 
 def test_of_little_noise_a_constant_is_no_cheaper_than_other_terms():

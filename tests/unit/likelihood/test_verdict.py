@@ -70,7 +70,7 @@ def test_draws_with_rivals_hold_the_truth_where_those_that_trust_the_terms_do_no
         true = np.array([1.0, 0.55, *np.zeros(10)]) * rng.choice([-1.0, 1.0])
         found = verdict_on(true, columns, rng)
         for draws, inside in held.items():
-            first = [each.coefficients[0, 0] for each in draws(found, 199, rng)]
+            first = [each.coefficients[0, 0] for each in draws(found, rng)]
             low, high = of_draws(np.array(first))
             inside.append(low <= true[0] <= high)
     assert np.mean(held[drawn]) < 0.65

@@ -44,7 +44,9 @@ def normal(
     return rng.multivariate_normal(mean, covariance, count, method="eigh", check_valid="ignore")
 
 
-def drawn(identified: Identified, count: int, rng: np.random.Generator) -> list[PolynomialModel]:
+def drawn(
+    identified: Identified, rng: np.random.Generator, count: int = DRAWS
+) -> list[PolynomialModel]:
     """Models with coefficients drawn with their covariance, terms trusted; all the same where there
     is none.
     """
@@ -66,7 +68,7 @@ def drawn_with_rivals(
     """
     if not len(identified.covariance):
         return [identified.model]
-    models = drawn(identified, count, rng)
+    models = drawn(identified, rng, count)
     for k in np.flatnonzero(rng.random(count) < identified.rival_share):
         models[k] = replace(identified.model, coefficients=rng.choice(identified.rivals))
     return models

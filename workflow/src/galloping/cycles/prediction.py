@@ -288,6 +288,6 @@ def limit_cycle_ahead(
     point = limit_cycles.settled(constant(found), 0.0, motion.time, motion.states, resolution=1.0)
     models = []
     if len(identified.covariance) == identified.support.sum() > 0:
-        models = [model.on_library(terms) for model in drawn(identified, DRAWS, rng)]
+        models = [model.on_library(terms) for model in drawn(identified, rng)]
     ends = intervals(near(models, point.solution), len(found.states))[:, :-1]
     return point.solution.half_range(), *ends

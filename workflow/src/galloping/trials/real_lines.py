@@ -152,7 +152,7 @@ def answer(
     values = quantities(identified.model)
     widths = np.full(len(QUANTITIES), np.nan)
     if len(identified.covariance) == identified.support.sum() > 0:
-        sampled = np.array([quantities(each) for each in drawn(identified, DRAWS, rng)])
+        sampled = np.array([quantities(each) for each in drawn(identified, rng)])
         # half of the middle 68 %: a few draws that diverge do not count
         low, high = np.nanquantile(sampled, [0.16, 0.84], axis=0)
         widths = NORMAL_95 * (high - low) / 2.0

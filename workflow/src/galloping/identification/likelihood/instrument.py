@@ -273,7 +273,7 @@ def _variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> lis
     weight = np.where(there[:, :, 0], condensed.samplings[:, :, 0, 0], 1.0)
     tested = []
     for cause, signals in ((JITTER, rates), (GROWING, condensed.targets - residual)):
-        signal, scores = signals[:, :, 0], []
+        signal, scores, skews = signals[:, :, 0], [], []
         for r, o in np.ndindex(sigma.shape):
             inside = there[:, o] & (owner == r)[:, None]
             own = square[:, o][inside]
@@ -284,7 +284,20 @@ def _variances(fit: ShootingFit, residual: np.ndarray, rates: np.ndarray) -> lis
             size = size - size.mean()
             if (spread := np.sqrt(2.0 * np.sum(size**2))) > 0.0:
                 scores.append(float(size @ (own / own.mean())) / spread)
+                skews.append(float(8.0 * np.sum(size**3)) / spread**3)
         if scores:
-            z = sum(scores) / np.sqrt(len(scores))
+            n = len(scores)
+            z = _gaussian(sum(scores) / np.sqrt(n), sum(skews) / n**1.5)
             tested.append(Fault(cause, True, z, is_noise=True))
     return tested
+
+
+def _gaussian(z: float, skew: float) -> float:
+    """The Gaussian variable that is exceeded as often as z, of variance one and with a skewness: as
+    of a chi^2 variable with as much (E. B. Wilson and M. M. Hilferty, 1931).
+    """
+    if skew <= 0.0:
+        return z
+    freedom = 8.0 / skew**2
+    ratio = max(1.0 + z * np.sqrt(2.0 / freedom), 0.0)
+    return float((np.cbrt(ratio) - 1.0 + 2.0 / (9.0 * freedom)) * np.sqrt(4.5 * freedom))

@@ -36,6 +36,10 @@ MOST_RIVAL_WEIGHT = 0.2
 # other (docs/identification_parts.csv). A term that may be several times as large as its equation
 # is one that others balance, as they do where all that was recorded lies near a surface.
 MOST_HIDDEN, MOST_BALANCED = 0.25, 5.0
+# Times its equations that a mixture of terms may be, changing the fit by no noise, under an `ok`:
+# of seven models of a wake that were `ok` and wrong it was 15 to 45, of 90 right ones one had more
+# than ten (docs/identification_parts.csv).
+MOST_MIXED = 12.0
 RIVALS = 40  # drawn, to be told with a model
 REPEATS = "the motion only repeats, and other equations have the same limit cycle"
 FOLLOW = ("ok", "not identifiable")  # of models that follow the data to the noise
@@ -109,7 +113,8 @@ def judged(
         most = np.where(is_simple(problem, support), MOST_HIDDEN, MOST_BALANCED)
         missing = hidden(most, "may be missing: the data would not show")
         questions = open_questions(problem, whitened, believed)
-        reason = "; ".join(filter(None, [doubt, questions, missing]))
+        mixed = unseen_mixture(regression.information, regression.largest)
+        reason = "; ".join(filter(None, [doubt, questions, missing, mixed]))
         told = hidden(MOST_HIDDEN, "would not show, were it")
         share, rival = _rival(problem, plausible)
         if problem.prior and share > MOST_RIVAL_WEIGHT:
@@ -226,6 +231,20 @@ def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
     degrees, equations = problem.degrees, problem.candidates[:, 0]
     simplest = [min(degrees[support & (equations == i)], default=1) for i in equations]
     return degrees <= np.maximum(simplest, 1)
+
+
+def unseen_mixture(information: np.ndarray, largest: np.ndarray) -> str:
+    """One line on a mixture of terms that may be there unseen, far larger than its equations, ''
+    where there is none. information: (n, n) of all candidates. largest: (n,) as in
+    `problem.largest`.
+    """
+    least = np.linalg.eigvalsh(information * largest * largest[:, None])[0]
+    if least * MOST_MIXED**2 > 1.0:
+        return ""
+    return (
+        "many terms may be there, balanced by others: the data would not show a mixture of terms "
+        f"over {MOST_MIXED:g} times as large as its equations"
+    )
 
 
 def hidden_term(
