@@ -37,8 +37,8 @@ MOST_RIVAL_WEIGHT = 0.2
 # is one that others balance, as they do where all that was recorded lies near a surface.
 MOST_HIDDEN, MOST_BALANCED = 0.25, 5.0
 # Times its equations that a mixture of terms may be, changing the fit by no noise, under an `ok`:
-# of seven models of a wake that were `ok` and wrong it was 15 to 45, of 90 right ones one had more
-# than ten (docs/identification_parts.csv).
+# of seven models of a wake that were `ok` and wrong it was 15 to 45, of 179 right ones it was more
+# than ten of one (docs/identification_parts.csv).
 MOST_MIXED = 12.0
 RIVALS = 40  # drawn, to be told with a model
 REPEATS = "the motion only repeats, and other equations have the same limit cycle"
