@@ -12,7 +12,7 @@ from galloping.field.terminal import json_text, print_rows, shown
 
 PIECE = 100_000  # rows of a simulation that are held at a time
 # New objects, after which Python looks for cycles of garbage among all: imports and figures make
-# hundreds of thousands and hardly any garbage, and by default these searches are 5 % of `identify`.
+# hundreds of thousands and hardly any garbage, and the searches cost `identify` a few percent.
 COLLECTED = 100_000
 REFUSED, INTERRUPTED = 3, 130  # exit codes: the recordings give no model; Ctrl-C
 
