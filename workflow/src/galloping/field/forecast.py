@@ -84,7 +84,7 @@ def forecast(
     follow = Following(identified, recording)
     sigma = follow.sigma
     if identified.is_forced:
-        models = drawn(identified, rng)
+        models = drawn(identified, rng, DRAWS)
         states = in_random_forces.motions(identified, models, recording, time, rng)
         shown = (follow.shown(*each, time) for each in zip(models, states, strict=True))
         motions = np.array(list(shown))
@@ -245,7 +245,7 @@ def _motions(
     near = None if fitted is None else follow.motion(best, fitted, sampled)
     if near is not None and follow.misfit(near, values) < worst:
         slopes = follow.slopes(best, fitted, near, sampled)
-        for model in drawn(follow.identified, rng):
+        for model in drawn(follow.identified, rng, DRAWS):
             passing("draw models and starts")
             noisy = values + sigma * rng.standard_normal(values.shape)
             start = follow.start(model, rows, fitted, noisy, slopes)

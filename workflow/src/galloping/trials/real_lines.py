@@ -31,7 +31,6 @@ NOISE = 0.05  # of a sensor, relative to the standard deviation of what it reads
 DURATION, RATE = 300, 100  # s, Hz
 STEADY = 200  # s, from where amplitudes are read
 FORECAST = 15.0  # s: six vertical periods
-DRAWS = 24  # of the coefficients, for the intervals
 QUANTITIES = (
     "amplitude_v", "amplitude_w", "damping_v", "frequency_v", "damping_w", "frequency_w",
 )  # fmt: skip
