@@ -34,9 +34,9 @@ from galloping.identification.work import ENDED, MOST, is_spent, limited, portio
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
-Found = IdentifiedModel | NoModel
-# of what speaks against a model: what is found, and whether it is sure
-Search = Callable[[str], tuple[Found, bool]]
+Outcome = IdentifiedModel | NoModel
+# From what was found to speak against a model, to the outcome of a search and whether it is sure.
+Search = Callable[[str], tuple[Outcome, bool]]
 
 
 @one_thread
@@ -109,7 +109,7 @@ def _at_some_time_scale(
 
 def _at_time_scale(
     problem: Problem, recordings: list[Recording], share: float, begun: Start | None
-) -> Found:
+) -> Outcome:
     """What the searches of a time scale lead to, in their order: is there a model that follows the
     data, did random forces move the system, which model is near. Random forces are asked for where
     the motion may be theirs, and first where no model follows the data in segments.
@@ -126,7 +126,7 @@ def _at_time_scale(
     return replace(found, diagnostics={**told, **found.diagnostics})
 
 
-def _first_of(searches: Sequence[Search], recordings: list[Recording]) -> Found:
+def _first_of(searches: Sequence[Search], recordings: list[Recording]) -> Outcome:
     """What the first search leads to that leads to a model. Where that is not sure, those after it
     have a quarter of the work to find one that tells more.
 
@@ -146,13 +146,13 @@ def _first_of(searches: Sequence[Search], recordings: list[Recording]) -> Found:
     return unsure if unsure and found.tells_little else found
 
 
-def _follow(begun: Start, _: str) -> tuple[Found, bool]:
+def _follow(begun: Start, _: str) -> tuple[Outcome, bool]:
     """The model that follows the data to the noise."""
     with portion(0.6):  # of the work that is left; the rest to come near
         return _from_any_rest(begun, _followed), True
 
 
-def _in_forces(begun: Start, _: str) -> tuple[Found, bool]:
+def _in_forces(begun: Start, _: str) -> tuple[Outcome, bool]:
     """The model in random forces, and whether it is plain that these moved the system; what is left
     by it may be that of inputs at the wrong times.
     """
@@ -163,7 +163,7 @@ def _in_forces(begun: Start, _: str) -> tuple[Found, bool]:
     return found.doubted(f"{late}; {found.reason}") if late else found, is_sure
 
 
-def _near(begun: Start, objection: str) -> tuple[Found, bool]:
+def _near(begun: Start, objection: str) -> tuple[Outcome, bool]:
     """The model that is near where none follows the data, for the reason `objection`."""
     late = _late(begun)  # a score test may have said so, but not by how much
     other = [clause for clause in objection.split("; ") if clause not in late]
@@ -171,7 +171,7 @@ def _near(begun: Start, objection: str) -> tuple[Found, bool]:
     return _from_any_rest(begun, partial(_near_data, objection=objection)), True
 
 
-def _from_any_rest(begun: Start, search: Callable[[Start], Found]) -> Found:
+def _from_any_rest(begun: Start, search: Callable[[Start], Outcome]) -> Outcome:
     """What a search leads to, the best of those from several positions of rest where displacements
     are not measured: until two are of the same terms.
     """
@@ -197,7 +197,7 @@ def _late(begun: Start) -> str:
     return "; ".join(f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items())
 
 
-def _near_data(begun: Start, objection: str) -> Found:
+def _near_data(begun: Start, objection: str) -> Outcome:
     """The approximate model, or that of the least error of free runs where inputs drive it."""
     start = trajectory_fit.prepare(begun, begun.fit, STRETCH_PERIODS)
     near = approximation(start, begun.penalty, objection)
@@ -211,7 +211,7 @@ def _near_data(begun: Start, objection: str) -> Found:
     return by(["approximation"], near)
 
 
-def _followed(begun: Start) -> Found:
+def _followed(begun: Start) -> Outcome:
     """The model that follows the data to the noise; none where no model of the library is right."""
     problem, penalty, largest = begun.problem, begun.penalty, begun.largest
     joined = _joined(begun, largest)
