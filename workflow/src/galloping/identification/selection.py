@@ -220,9 +220,10 @@ def tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
     cross, along = q.T @ whitened.columns[:, out], q.T @ whitened.target
     beyond = whitened.columns[:, out] - q @ cross
     rest = whitened.target - q @ along
-    # below, rounding makes up what is left of a term's length squared after terms of length one,
-    # with relative errors of a few 1e-6 from the integration, were taken away
-    good = np.einsum("ij,ij->j", beyond, beyond) > 1e-9
+    # Below, errors of the integration make up what is left of a term's length squared after terms
+    # of length one were taken away. Of chains that grow far the end is most of any term: with 1e-9,
+    # one exact line of twenty seemed to have terms that others imitate.
+    good = np.einsum("ij,ij->j", beyond, beyond) > 1e-11
     beyond = beyond[:, good]
     return Tableau(
         kept, out[good], inverse @ along, inverse @ inverse.T, float(rest @ rest),

@@ -235,11 +235,11 @@ def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
 
 def unseen_mixture(information: np.ndarray, largest: np.ndarray) -> str:
     """One line on a mixture of terms that may be there unseen, far larger than its equations, ''
-    where there is none. information: (n, n) of all candidates. largest: (n,) as in
-    `problem.largest`.
+    where there is none, or where rounding hides whether there is. information: (n, n) of all
+    candidates. largest: (n,) as in `problem.largest`.
     """
-    least = np.linalg.eigvalsh(information * largest * largest[:, None])[0]
-    if least * MOST_MIXED**2 > 1.0:
+    told = np.linalg.eigvalsh(information * largest * largest[:, None])
+    if max(told[0], len(told) * np.finfo(float).eps * told[-1]) * MOST_MIXED**2 > 1.0:
         return ""
     return (
         "many terms may be there, balanced by others: the data would not show a mixture of terms "
