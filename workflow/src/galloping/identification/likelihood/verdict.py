@@ -109,13 +109,15 @@ def judged(
         plausible = plausible_supports(whitened, support)
         believed = with_prior(problem, plausible)
         limits = detection_limits(unconditional_errors(believed, errors), support, penalty)
-        hidden = partial(hidden_term, problem, support, limits, regression.largest)
-        most = np.where(is_simple(problem, support), MOST_HIDDEN, MOST_BALANCED)
-        missing = hidden(most, "may be missing: the data would not show")
+        simple, hidden = is_simple(problem, support), partial(hidden_term, problem, support)
+        # of another term than a simple one that is imitated altogether `unseen_mixture` speaks
+        asked = np.where(simple | np.isfinite(limits), limits, 0.0)
+        most = np.where(simple, MOST_HIDDEN, MOST_BALANCED)
+        missing = hidden(asked, regression.largest, most, "may be missing: the data would not show")
         questions = open_questions(problem, whitened, believed)
         mixed = unseen_mixture(regression.information, regression.largest)
         reason = "; ".join(filter(None, [doubt, questions, missing, mixed]))
-        told = hidden(MOST_HIDDEN, "would not show, were it")
+        told = hidden(limits, regression.largest, MOST_HIDDEN, "would not show, were it")
         share, rival = _rival(problem, plausible)
         if problem.prior and share > MOST_RIVAL_WEIGHT:
             prior = f"the data alone cannot tell {rival}; the prior prefers the simpler terms"
