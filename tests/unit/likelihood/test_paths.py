@@ -17,7 +17,7 @@ from galloping.physics.galerkin import STATES
 from galloping.simulation import time_grid
 from galloping.streams import generator
 from galloping.trials.attempts import claims, measured
-from galloping.trials.published import PERIODS, SYSTEMS
+from galloping.trials.published import PERIODS, SETTINGS, SYSTEMS
 from galloping.trials.recorded_lines import TERMS, lines
 
 OSCILLATOR = model(("x", "dx"), 3, {"dx": 1.0}, {"x": -1.0, "dx": 0.3, "x^2 dx": -0.3})
@@ -128,6 +128,36 @@ def test_terms_that_others_may_balance_are_no_ok(level, seed, reason):
     found = maximum_likelihood(recording, true.terms)
     assert found.status == "not identifiable"
     assert reason in found.reason
+
+
+@pytest.mark.parametrize(
+    ("seed", "duration", "level", "draw"),
+    [
+        pytest.param(20262011, 10.0, 0.35, 8, id="chains that grow far tell a term at its end"),
+        pytest.param(20262014, 6.0, 0.05, 26, id="noise that is skewed does not grow"),
+    ],
+)
+def test_lorenz_is_exact(seed, duration, level, draw):
+    """Where shorter chains, or a test that takes a skewed sum for Gaussian, lead to no model."""
+    system, step = SETTINGS["lorenz"]
+    true, time = system.model, step * np.arange(1000)
+    motion = simulate(true, system.start, time).states
+    rows = slice(round(duration / step))
+    noise = generator(seed, "lor", duration, level, draw).standard_normal(motion[rows].shape)
+    recording = Recording(time[rows], true.states, motion[rows] + level * motion.std() * noise)
+    found = maximum_likelihood(recording, true.terms)
+    assert np.array_equal(found.support, true.support), found.reason
+
+
+@pytest.mark.slow
+def test_a_term_is_not_imitated_because_its_chain_grows_far():
+    """By 1e6 here: of each term the end of the chain tells most, and alike."""
+    time, simulator = time_grid(300.0, 100.0), Simulator(STATES, TERMS)
+    true, motions = next(lines(generator(20262020, "random line", 8), simulator, time))
+    noise = generator(20262020, "n", 8, 0).standard_normal(motions[0].shape)
+    values = motions[0] + 0.05 * motions[0].std(0) * noise
+    found = maximum_likelihood(Recording(time, STATES, values), true.terms)
+    assert (found.status, found.reason) == ("ok", "")
 
 
 def test_of_little_noise_a_constant_is_no_cheaper_than_other_terms():

@@ -338,3 +338,17 @@ def added_deviation(information: np.ndarray, support: np.ndarray) -> np.ndarray:
     deviation = np.where(support, np.nan, np.inf)
     deviation[here.out] = whitened.unit[here.out] / np.sqrt(np.diag(here.information))
     return deviation
+
+
+def told_of_mixtures(information: np.ndarray, largest: np.ndarray) -> np.ndarray:
+    """(n,) information, least first, on mixtures of all terms, together as large as the motion:
+    below one, noise hides a mixture of that size.
+
+    information: (n, n) of the coefficients. largest: (n,) each alone as large as the motion.
+    """
+    return np.linalg.eigvalsh(information * largest * largest[:, None])
+
+
+def unseen_mixtures(information: np.ndarray, largest: np.ndarray) -> int:
+    """How many mixtures of terms, together as large as the motion, change the fit by no noise."""
+    return int(np.sum(told_of_mixtures(information, largest) < 1.0))

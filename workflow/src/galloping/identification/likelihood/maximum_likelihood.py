@@ -30,6 +30,7 @@ from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem,
 from galloping.identification.random_forces.decision import moved_at_random, random_forces
 from galloping.identification.random_forces.start import may_be_moved_at_random
 from galloping.identification.random_forces.unmodelled import unmodelled
+from galloping.identification.selection import unseen_mixtures
 from galloping.identification.work import ENDED, MOST, is_spent, limited, portion
 from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
@@ -288,15 +289,12 @@ def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | Non
         free = trajectory_fit.free_fit(begun, terms)
         if free is None:
             continue
-        unseen = trajectory_fit.unseen_mixtures(free.information, largest) > 0
+        unseen = unseen_mixtures(free.information, largest) > 0
         joined = trajectory_fit.join(free, begun.price, dear, unseen)
         joined = replace(joined, path=(name, *free.path(begun.period), *joined.path))
         if dear > 1.0 and joined.settled and unseen:
             # a limit cycle looks like one of fewer terms
-            told = (
-                trajectory_fit.unseen_mixtures(joined.step.information, largest)
-                < joined.step.fit.support.sum()
-            )
+            told = unseen_mixtures(joined.step.information, largest) < joined.step.fit.support.sum()
             joined = replace(joined, settled=told)
         if joined.settled:
             return joined

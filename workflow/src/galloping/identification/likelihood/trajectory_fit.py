@@ -233,14 +233,6 @@ def join(free: Step, price: Price, dear: float, unseen: bool) -> JoinedFit:
     return JoinedFit(free, step, ("settled" if settled else "unsettled",), settled, objection)
 
 
-def unseen_mixtures(information: np.ndarray, largest: np.ndarray) -> int:
-    """How many mixtures of terms, together as large as the motion, change the fit by no noise.
-
-    information: of the coefficients. largest: (n_candidates,) each alone as large as the motion.
-    """
-    return int(np.sum(np.linalg.eigvalsh(information * largest * largest[:, None]) < 1.0))
-
-
 def guarded_step(
     previous: ShootingFit, fit: ShootingFit, longest: float | None, cost: Price | None
 ) -> Step:

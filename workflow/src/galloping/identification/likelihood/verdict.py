@@ -24,6 +24,7 @@ from galloping.identification.selection import (
     added_deviation,
     solve_support,
     tableau,
+    told_of_mixtures,
     whiten,
 )
 from galloping.intervals import normal
@@ -237,10 +238,10 @@ def is_simple(problem: Problem, support: np.ndarray) -> np.ndarray:
 
 def unseen_mixture(information: np.ndarray, largest: np.ndarray) -> str:
     """One line on a mixture of terms that may be there unseen, far larger than its equations, ''
-    where there is none, or where rounding hides whether there is. information: (n, n) of all
-    candidates. largest: (n,) as in `problem.largest`.
+    where there is none, or where rounding hides whether there is. Arguments as of
+    `told_of_mixtures`, of all candidates.
     """
-    told = np.linalg.eigvalsh(information * largest * largest[:, None])
+    told = told_of_mixtures(information, largest)
     if max(told[0], len(told) * np.finfo(float).eps * told[-1]) * MOST_MIXED**2 > 1.0:
         return ""
     return (
