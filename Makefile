@@ -17,7 +17,7 @@
 # make bench      measured speed, in results/benchmarks.csv; OLDER=folder of results to compare with
 # make reference  take the numbers of the study and of its small version as results/reference
 # make pages      the pages of docs/ as a site to read, in results/pages; its examples are run
-# make docs       write the key table and schema again from the settings
+# make docs       write the key table of config/README.md again from the settings
 # make lock       pin the environment again
 #
 # CONFIG=file     settings merged over config/config.yaml, for all that works on a study
@@ -98,8 +98,7 @@ endif
 	@$(MAKE) --no-print-directory study
 
 docs: $(VENV)/made
-	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.schema \
-	  config/README.md workflow/schemas/config.schema.json
+	PYTHONPATH=workflow/src $(BIN)/python -m galloping.configuration.schema config/README.md
 
 pages: $(VENV)/made
 	@PYTHONPATH='$(CURDIR)/workflow/src' $(BIN)/python -m sphinx -q -W --keep-going docs results/pages

@@ -1,6 +1,6 @@
 """The JSON schema of the settings, the one source for messages and docs, and what is made of it.
 
-python -m galloping.configuration.schema config/README.md workflow/schemas/config.schema.json
+python -m galloping.configuration.schema config/README.md
 """
 
 import json
@@ -148,17 +148,6 @@ def _cells(path: str, node: dict) -> list[str]:
     ]
 
 
-def generated(path: Path) -> str:
-    """What a file has to hold: `.md` with the key table, `.json` the JSON schema.
-
-    The schema, for editors, is stricter than `load` on `1e-3` as text.
-    """
-    if path.suffix == ".json":
-        dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-        return json.dumps(dialect | schema(), indent=2) + "\n"
-    return with_key_table(path.read_text(encoding="utf-8"))
-
-
 if __name__ == "__main__":
-    for path in map(Path, sys.argv[1:]):
-        path.write_text(generated(path), encoding="utf-8")
+    path = Path(sys.argv[1])
+    path.write_text(with_key_table(path.read_text(encoding="utf-8")), encoding="utf-8")
