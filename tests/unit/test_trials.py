@@ -9,6 +9,7 @@ import pytest
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.model import IdentifiedModel
+from galloping.identification.work import ENDED
 from galloping.physics.galerkin import coefficients, model
 from galloping.polynomial import library
 from galloping.report.printed_numbers import verdicts
@@ -115,10 +116,9 @@ def test_a_weak_term_that_is_left_out_is_no_drift_of_a_sensor():
 
 @pytest.mark.slow
 def test_terms_that_do_not_settle_are_never_ok_and_wrong():
-    """The second recording settled when there were 40 passes; now the budget ends before."""
-    fits = list(of_a_random_line(14959787, 295))
-    assert not any(fit["ok_and_wrong"] for fit in fits)
-    assert fits[0]["status"] == "ok" and fits[0]["exact"]
+    """Both recordings would settle, the second with 40 passes; the limit of work ends before."""
+    for fit in of_a_random_line(14959787, 295):
+        assert fit["status"] != "ok" and not fit["ok_and_wrong"] and ENDED in fit["reason"]
 
 
 @pytest.mark.slow

@@ -172,6 +172,19 @@ def test_a_constant_beside_a_displacement_costs_more_than_a_nonlinear_term() -> 
     assert np.all(plain.complexity[[0, 6]] == -1)
 
 
+def test_simple_terms_told_finely_cost_more_but_not_beside_a_displacement() -> None:
+    rows, largest = 400, np.geomspace(1e-3, 1e3, 12)
+    for states, dearer in ((("x", "y"), [0, 1, 2, 6, 7, 8]), (("q", "dq"), [])):
+        problem = posed(states, PLANE, prior=Prior())
+        price = problem.price(2.0 * np.log(rows), largest[: len(problem.candidates)])
+        terms = np.arange(len(problem.candidates))
+        roughly = price.told(price.width, terms)  # as a prior worth one sample is wide
+        assert np.allclose(roughly, problem.costs(2.0 * np.log(rows)))
+        finely = price.told(price.width / 3.0, terms) - roughly
+        assert np.allclose(finely, 2.0 * np.log(3.0) * np.isin(terms, dearer))
+        assert price.told(0.0 * price.width + 1e-30, terms).max() <= roughly.max()
+
+
 def test_the_prior_settles_ties_and_nothing_else() -> None:
     problem, *_ = alike(Prior())
     places = ([1, XY], [1, 3], [Y], [1, 3, 5], [1, 3, 5], [1, Y])

@@ -57,11 +57,12 @@ def derivative_fit(problem: Problem, recordings: list[Recording]) -> IdentifiedM
             parts.append((block, rows / sigma[r, i], rate / sigma[r, i], sigma[r, i] > floor))
         if not samples:
             return refused(problem, f"too few complete samples for d({problem.states[i]})/dt")
-        penalty, whole = 2.0 * np.log(samples), np.ones(len(block), bool)
+        whole = np.ones(len(block), bool)
         own = information[np.ix_(block, block)]
-        price = problem.price(penalty, size).of(block)
+        price = problem.price(2.0 * np.log(samples), size).of(block)
         support[block] = select(own, right[block], [whole], price, about[block])
         count += samples
+    penalty = 2.0 * np.log(count / len(problem.unknown))  # of an equation's samples, on average
     free, covariance = solve_support(information, right, support)
     misfit = max(squares - float(free @ right), 0.0)
     fitted = {
