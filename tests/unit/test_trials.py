@@ -21,9 +21,7 @@ from galloping.trials.attempts import claims
 from galloping.trials.recorded_lines import draw
 
 TERMS = library(4, 3)
-METHODS = {
-    "maximum_likelihood": registry.BY_NAME["maximum_likelihood"].settings({"degree": 3}, seed=0)
-}
+METHODS = {"maximum_likelihood": registry.BY_NAME["maximum_likelihood"].settings({}, seed=0)}
 
 
 def drawn(number):

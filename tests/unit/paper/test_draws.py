@@ -43,7 +43,7 @@ def items(line, **options):
 
 def identified(recordings):
     """Models by the way that the study goes, by method."""
-    options = {"degree": 3, PAPER_METHOD: {"threshold": 0.003, "path_length": 30}}
+    options = {PAPER_METHOD: {"threshold": 0.003, "path_length": 30}}
     settings = registry.BY_NAME[PAPER_METHOD].settings(options, 0)
     return cell.identify({PAPER_METHOD: settings}, recordings, TERMS, ("test",))
 

@@ -69,8 +69,8 @@ class Method:
     recordings themselves.
     function: named likewise, imported only by the job that runs it. It takes the evidence of a
     replicate and the keywords `options`, and returns an `IdentifiedModel`.
-    options: its own section of the `identification` settings, keywords of the function. given:
-    further keywords: `degree` of the library, `seed` of the study, `rng` of the replicate.
+    options: its own section of the `identification` settings, keywords of the function.
+    is_random: whether the function takes a further keyword, `rng` of the replicate.
     by_default: whether a study has it that names none.
     takes: what a protocol may measure: DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE, RATES.
     needs_uniform: whether the samples must be equally spaced, which random subsets are not.
@@ -83,7 +83,7 @@ class Method:
     evidence: str | None = sparse.evidence.reduce
     takes: tuple[str, ...] = (DERIVATIVES, ALL_STATES)
     needs_uniform: bool = False
-    given: tuple[str, ...] = ()
+    is_random: bool = False
     by_default: bool = True
 
     @property
@@ -106,13 +106,11 @@ class Method:
         identification: that section. seed: of the study. The options without `rng`, which the job
         makes from `seed` and the name of each replicate; no seed where the method draws nothing.
         """
-        available = {"degree": identification["degree"], "seed": seed}
-        given = {key: available[key] for key in self.given if key != "rng"}
         return {
             "evidence": self.evidence,
             "function": self.function,
-            "options": {**identification.get(self.name, {}), **given},
-            "seed": seed if "rng" in self.given else None,
+            "options": dict(identification.get(self.name, {})),
+            "seed": seed if self.is_random else None,
         }
 
 
@@ -122,7 +120,7 @@ METHODS = (
     # no better than frols where it was tried, at twenty times the cost
     Method("lasso", sparse.lasso.lasso, Thresholded, by_default=False),
     Method("frols", sparse.frols.frols, NoOptions),
-    Method("ensemble", sparse.stlsq.ensemble, Ensemble, given=("rng",)),
+    Method("ensemble", sparse.stlsq.ensemble, Ensemble, is_random=True),
     Method(
         "weak", sparse.stlsq.normalised, Scanned,
         evidence=sparse.evidence.reduce_weakly, takes=(ALL_STATES,), needs_uniform=True,
