@@ -190,7 +190,7 @@ def test_json_is_json(model, tmp_path):
 NO_MODEL = [  # what is in the file, and what the one line says
     (lambda _: b"", "not an identified model"),
     (lambda _: b"[]", "must be a mapping of keys"),
-    (lambda _: b'{"states": ["x"]}', "no key 'terms'"),
+    (lambda _: b'{"states": ["x"]}', "no key 'inputs'"),
     (lambda _: b"\xff", "not an identified model"),
     (lambda model: model.replace(b"-6.76", b"NaN"), "not all are finite"),
     (lambda model: model.replace(b"-6.76", b'"nan"'), "not all are finite"),

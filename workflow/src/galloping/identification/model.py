@@ -51,7 +51,6 @@ RANGE = ("_low", "_high")  # behind the name of an input: diagnostics, its range
 LITTLE_TOLD = 0.8  # R2 of forecasts over some periods, below which a model may only imitate forces
 MOST_DAMPING = 0.3  # ratio, of a motion that swings
 BY_TERM = ("standard_errors", "unconditional_errors", "detection_limits")
-LATER = {"rivals", "forces", "slow_forces"}  # arrays that files of older models do not have
 
 
 @dataclass(frozen=True)
@@ -329,13 +328,11 @@ class IdentifiedModel(Immutable):
             content = read_json(path)
             if not isinstance(content, dict):
                 raise TypeError("must be a mapping of keys")
-            states, inputs = tuple(content["states"]), tuple(content.get("inputs", ()))
+            states, inputs = tuple(content["states"]), tuple(content["inputs"])
             terms = tuple(map(tuple, content["terms"]))
             model = PolynomialModel(states, terms, _array(content["coefficients"]), inputs)
             status, shapes = content["status"], _shapes(*model.coefficients.shape)
             shapes["covariance"] = (len(content["covariance"]),) * 2
-            for name in LATER - content.keys():
-                del shapes[name]
             if status != "refused" and not np.all(np.isfinite(model.coefficients)):
                 raise ValueError(f"coefficients: not all are finite, and the status is {status!r}")
             return cls(
@@ -343,7 +340,7 @@ class IdentifiedModel(Immutable):
                 status=status,
                 reason=content["reason"],
                 chi2=float(content["chi2"]),
-                rival_share=float(content.get("rival_share", 0.0)),
+                rival_share=float(content["rival_share"]),
                 known=tuple(content["known"]),
                 diagnostics={
                     name: value if name == "path" else float(value)
@@ -352,7 +349,7 @@ class IdentifiedModel(Immutable):
                 further_modes=tuple(FurtherMode(**mode) for mode in content["further_modes"]),
                 resonances=tuple(
                     Resonance(**{k: tuple(v) if isinstance(v, list) else v for k, v in one.items()})
-                    for one in content.get("resonances", ())
+                    for one in content["resonances"]
                 ),
                 **{name: _array(content[name]).reshape(shape) for name, shape in shapes.items()},
             )
