@@ -72,7 +72,7 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
     that one is in the library.
     """
     theta = np.empty((len(x), len(terms)), order="F")
-    for j, (last, lower) in enumerate(_products(terms)):
+    for j, (last, lower) in enumerate(products(terms)):
         if last is None:
             theta[:, j] = 1.0
         elif lower is None:
@@ -85,7 +85,7 @@ def design_matrix(x: np.ndarray, terms: tuple[Exponents, ...]) -> np.ndarray:
 
 
 @cache
-def _products(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None], ...]:
+def products(terms: tuple[Exponents, ...]) -> tuple[tuple[int | None, int | None], ...]:
     """How each monomial is made: the last of its states, and the place of the monomial of one
     degree less; -1 where that is a constant, None where it is not among those before.
     """

@@ -18,7 +18,7 @@ from galloping.identification.sparse import supports
 from galloping.measurement import Motion, channel_scale
 from galloping.paper.draws import PATH_LENGTH, PROTOCOLS, Amounts, Products
 from galloping.paper.unknowns import MethodReading
-from galloping.polynomial import Exponents, PolynomialModel, library
+from galloping.polynomial import Exponents, PolynomialModel, library, products
 from galloping.results import KNOWN
 
 STEP = 5  # samples of a step of the simulation
@@ -101,10 +101,9 @@ class QuickStudy:
 
     def _motions(self, models: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """R2 (draws, 2), -inf for a model that diverges, and amplitude (draws, 2), inf for it."""
-        exponents = np.array(self.terms)
-        last = np.array([max(np.flatnonzero(term), default=-1) for term in exponents])
-        lower = [self.terms.index(tuple(t - (np.arange(len(t)) == k))) if k >= 0 else 0
-                 for t, k in zip(exponents, last, strict=True)]  # fmt: skip
+        # the first monomial is the constant: nothing makes it, and -1 stands for it
+        made = [(0, 0), *products(self.terms)[1:]]
+        last, lower = np.ascontiguousarray(np.maximum(made, 0).T)
         displacements = list(score.DISPLACEMENT_COLUMNS.values())
         true = np.ascontiguousarray(self.motion.states[::STEP, displacements])
         step = STEP / self.amounts.sampling_rate
@@ -117,7 +116,7 @@ class QuickStudy:
             lanes = models[np.resize(some, LANES)]
             rows, columns = np.nonzero((lanes != 0).any(axis=0))
             values = np.ascontiguousarray(lanes[:, rows, columns].T)
-            moved = _move(values, rows, columns, np.array(lower), last, self.motion.states[0], step,
+            moved = _move(values, rows, columns, lower, last, self.motion.states[0], step,
                           true, first)  # fmt: skip
             found[some] = moved[: len(some)]
         total = np.sum((true - true.mean(axis=0)) ** 2, axis=0)

@@ -118,22 +118,19 @@ class Tracker:
     @cached_property
     def system(self) -> np.ndarray:
         """(n_states, n_states) the linear part of the equations."""
-        exponents = np.array(self.steady.terms)
-        first = exponents.sum(axis=1) == 1
-        return self.steady.coefficients[:, first] @ exponents[first]
+        return self.steady.jacobian(np.zeros((1, len(self.size))))[0]
 
     @cached_property
     def modes(self) -> Modes:
         """Those of the linear part."""
-        return Modes.of(self.system)
+        return self.steady.small_motions(np.zeros(len(self.size)))
 
     @cached_property
     def rest(self) -> np.ndarray:
         """(n_states,) where the linear part is in equilibrium."""
-        constant = np.sum(np.array(self.steady.terms), axis=1) == 0
         if np.linalg.det(self.system) == 0.0:
             raise np.linalg.LinAlgError("a stiffness cannot be told in random forces")
-        return -np.linalg.solve(self.system, self.steady.coefficients[:, constant].sum(axis=1))
+        return -np.linalg.solve(self.system, self.steady(np.zeros((1, len(self.size))))[0])
 
     @cached_property
     def driven(self) -> tuple[np.ndarray, np.ndarray]:
