@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from galloping.paper.claims import CLAIMS, Claim
+from galloping.physics.galerkin import READINGS
 from galloping.results import IDENTIFIED, KNOWN, NOISE
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class Variant:
     name: str
     kind: str = ""
     mode_shape: str = "irvine"
-    ice: tuple[tuple[float, ...], tuple[float, ...]] = ((0.442, 2.126, -4.432), (3.33, 0.0, 0.0))
+    ice: tuple[tuple[float, ...], tuple[float, ...]] = READINGS["swapped"]
     setting: MethodReading = MethodReading()
     chosen: bool = False
     steady: bool = True
@@ -109,26 +110,28 @@ class Variant:
         return replace(self.setting, threshold=None if self.chosen else values["threshold"])
 
 
+BASE = Variant("first reading")
+
+
 # beta_2 and beta_3 with integer and fraction exchanged, or a thousandth of what is printed; eta_1
 # as printed, or a thousandth; the signs that may be lost. A limit cycle needs beta_1 > 0 > beta_3.
 def _ice(b2: float, b3: float, e1: float) -> Variant:
+    (b1, *betas), (eta, *rest) = BASE.ice
     own = {"beta2": b2, "beta3": b3, "eta1": e1}
     changes = [
         f"{name} {'minus ' if value * first < 0 else ''}{abs(value):g}"
-        for (name, value), first in zip(own.items(), PRINTED_ICE, strict=True)
+        for (name, value), first in zip(own.items(), (*betas, eta), strict=True)
         if value != first
     ]
-    return Variant(", ".join(changes), "ice", ice=((0.442, b2, b3), (e1, 0.0, 0.0)))
+    return Variant(", ".join(changes), "ice", ice=((b1, b2, b3), (e1, *rest)))
 
 
-PRINTED_ICE = 2.126, -4.432, 3.33  # beta_2, beta_3, eta_1 of the first reading
+# each coefficient as the readings have it
+_BETAS, _ETAS = (tuple(zip(*each, strict=True)) for each in zip(*READINGS.values(), strict=True))
 _ICE = tuple(
     _ice(sign * b2, b3, other * e1)
-    for b3, b2, e1, sign, other in product(
-        (-4.432, -0.4324), (2.126, 0.1262), (3.33, 0.00333), (1, -1), (1, -1)
-    )
+    for b3, b2, e1, sign, other in product(_BETAS[2], _BETAS[1], _ETAS[0], (1, -1), (1, -1))
 )
-BASE = Variant("first reading")
 VARIANTS = (
     BASE,
     Variant("any motion", "steadiness", steady=False),

@@ -114,13 +114,10 @@ def _deviations(
 
 GROUP = "published settings"
 SETTINGS = {  # systems as they were recorded, and s between samples
-    "lorenz": (PublishedSystem(
-        "x = -10 x + 10 y; y = 28 x - y - x z; z = x y - 2.6666666666666665 z", (-8, 8, 27),
-        degree=2), 0.01),
+    "lorenz": (replace(SYSTEMS["lorenz"], start=(-8, 8, 27), degree=2), 0.01),
     "van_der_pol": (PublishedSystem("x = y; y = -x + 0.5 y - 0.5 x^2 y", (-2, 1)), 0.01),
-    "rossler": (PublishedSystem("x = -y - z; y = x + 0.2 y; z = 0.2 + x z - 5.7 z", (-6, 5, 0),
-                                degree=2), 0.05),
-}  # fmt: skip
+    "rossler": (replace(SYSTEMS["rossler"], start=(-6, 5, 0), degree=2), 0.05),
+}
 
 RELAXATION = "x = -0.25 - 0.35 x + {} x^2"
 RELAXATION_START, RELAXATION_END, RELAXATION_NOISE = 1.2, 8.0, 0.06
