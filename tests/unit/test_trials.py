@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from galloping.configuration.kinds import KINDS
 from galloping.figures.verdicts import draw_published_intervals, draw_published_terms
 from galloping.identification import registry
 from galloping.identification.model import IdentifiedModel
@@ -18,10 +19,24 @@ from galloping.tables.trial_summaries import paths, published_intervals, publish
 from galloping.trials import published, recorded_lines
 from galloping.trials.ambient import DAMPING, FREQUENCIES, RandomMotion, decays
 from galloping.trials.attempts import claims
-from galloping.trials.recorded_lines import draw
+from galloping.trials.real_lines import TRUTHS
+from galloping.trials.recorded_lines import CHOSEN, FAULTS, LONG, draw
 
 TERMS = library(4, 3)
 METHODS = {"maximum_likelihood": registry.BY_NAME["maximum_likelihood"].settings({}, seed=0)}
+
+
+KNOWN = {
+    "sensor_faults": FAULTS,
+    "long_and_steady": {*LONG, *CHOSEN, "limit cycle"},
+    "model_error": TRUTHS,
+    "published_terms": published.SETTINGS,
+}
+
+
+@pytest.mark.parametrize("kind", KNOWN)
+def test_the_cases_of_a_kind_are_those_that_its_trial_knows(kind):
+    assert {*KINDS[kind].cases} == {*KNOWN[kind]}
 
 
 def drawn(number):
