@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 BETWEEN = ("zero", "linear", "cubic")
-# Times the median spacing of samples from which the time between two of them is a gap.
-GAP = 4.5
+# Median steps between two samples up to which an input is interpolated: longer than gaps that are
+# told of a file, since an input is still known well enough where three of its samples are missing.
+INTERPOLATED = 4.5
 # Points of the Gauss-Legendre quadrature between two knots: exact for products of a cubic and a
 # polynomial of degree eight.
 QUADRATURE = 6
@@ -71,7 +72,7 @@ class Input(Immutable):
         """First and last time, s, of each stretch of samples without a gap.
 
         A gap is a missing sample where the last one holds, else a time between samples longer than
-        GAP of their median spacing.
+        INTERPOLATED of their median steps.
         """
         return tuple((float(time[0]), float(time[-1])) for time, _ in self._pieces)
 
@@ -83,7 +84,7 @@ class Input(Immutable):
             apart = np.diff(np.flatnonzero(there)) > 1
         else:
             steps = np.diff(time)
-            apart = steps > GAP * np.median(steps)
+            apart = steps > INTERPOLATED * np.median(steps)
         at = np.flatnonzero(apart) + 1
         pieces = zip(np.split(time, at), np.split(values, at), strict=True)
         return [piece for piece in pieces if len(piece[0]) > 1]

@@ -19,7 +19,7 @@ from galloping.field.mapping import Channel, ColumnMapping, InputColumn, TimeCol
 from galloping.field.units import UnitError, amount, factor, input_si, named, state_si, state_unit
 from galloping.identification.inputs import FEWEST
 from galloping.passes import passing
-from galloping.recording import GAP, Input
+from galloping.recording import INTERPOLATED, Input
 
 CODES = (  # that loggers write for a missing sample, of either sign
     99, 999, 9999, 99999, 999999, 9999999, 99.9, 99.99, 999.9, 999.99, 999.25, 9999.9, 9999.99,
@@ -347,7 +347,7 @@ def inputs_of(
         steps = np.diff(time[known])
         kept = np.zeros(len(own), bool)
         kept[known] = True
-        for k in np.flatnonzero(steps > GAP * np.median(steps)):
+        for k in np.flatnonzero(steps > INTERPOLATED * np.median(steps)):
             kept[known[k] : known[k + 1]] = True
         found[column.name] = Input(time[kept] - column.delay, own[kept], between, column.error)
     return found

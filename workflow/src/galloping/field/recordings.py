@@ -14,7 +14,7 @@ from galloping.identification.preparation.smoothing import shortest_period, with
 from galloping.identification.random_forces.decision import if_moved_at_random
 from galloping.identification.random_forces.start import wavers
 from galloping.polynomial import PolynomialModel, velocity_pairs
-from galloping.recording import GAP, Input, Recording
+from galloping.recording import INTERPOLATED, Input, Recording
 
 if TYPE_CHECKING:
     from galloping.field.mapping import Channel, ColumnMapping
@@ -248,7 +248,7 @@ def input_notes(recording: Recording) -> list[str]:
     """A line for each input that is not known all through the motion."""
     time = recording.time
     steps = np.diff(time, append=time[-1])
-    steps = np.where(steps > GAP * np.median(steps), 0.0, steps)  # of the time with samples
+    steps[steps > INTERPOLATED * np.median(steps)] = 0.0  # of the time with samples
     return [
         f"input {name} is not known for {steps[gone].sum():.1f} s, "
         f"{100 * gone.mean():.2g} % of the samples: left out"
@@ -291,7 +291,7 @@ def _continued(name: str, past: Input, ahead: Input | float, end: float, until: 
     if isinstance(ahead, Input):
         values = ahead(time)
         known = np.isfinite(values)
-        late = (time < ahead.stretches[0][0]) & (time < end + GAP * step)
+        late = (time < ahead.stretches[0][0]) & (time < end + INTERPOLATED * step)
         beyond = time > until
         if not known.any() or not np.all(known | late | beyond):
             first, last = ahead.stretches[0][0], ahead.stretches[-1][1]

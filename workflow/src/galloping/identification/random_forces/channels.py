@@ -9,7 +9,9 @@ from galloping.identification.preparation.smoothing import without_drift
 from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 
-GAP = 1.5  # median steps, beyond which one is a gap
+# Median steps between two samples up to which none is missing between them: less than of other
+# gaps, since a mean rate is one over the whole step.
+ADJACENT = 1.5
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Channels:
         """
         columns = [recording.values[:, i] for i in self.values]
         steps = np.diff(recording.time, prepend=-np.inf)
-        apart = self.averaged & (steps > GAP * np.median(steps))
+        apart = self.averaged & (steps > ADJACENT * np.median(steps))
         for i in self.rates:
             rate = np.full(len(recording.time), np.nan)
             if recording.rates is not None:

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from galloping.identification.model import IdentifiedModel, Unusable, attempt
-from galloping.recording import GAP, Recording
+from galloping.recording import INTERPOLATED, Recording
 
 ROLL_OFF = 0.1  # width of the filter's edge, in the frequency in its middle
 REACH = 16.0  # steps after the filter, on each side: what is left out beyond is below a hundredth
@@ -79,7 +79,7 @@ def _filtered(
     """(len(time),) of samples (n,) at `at`, about every `own` s; NaN where these are missing."""
     grid = np.arange(at[0], at[-1] + own / 2.0, own)
     bridged, found = np.interp(grid, at, values), np.full(len(time), np.nan)
-    gaps = np.flatnonzero(np.diff(at) > max(GAP * own, BRIDGED * step))
+    gaps = np.flatnonzero(np.diff(at) > max(INTERPOLATED * own, BRIDGED * step))
     begins, ends = np.append(at[gaps], at[-1]), np.append(at[gaps + 1], np.inf)
     for k, now in enumerate(time):
         first, last = now - REACH * step, now + REACH * step
