@@ -189,9 +189,9 @@ def test_first_modes_of_the_line_as_three_sensors_see_them():
     assert found.status == "ok" and found.names == STATES
     # the sagging line swings vertically in more than half a sine
     assert found.states[0] == pytest.approx([0.42, 0.5, 0.0, 0.2], abs=0.01)
-    assert np.array_equal(found.states[:, 2:], found.derivatives[:, :2])
+    assert np.array_equal(found.states[:, 2:], found.rates[:, :2])
     slope = np.gradient(found.states, SHORT[1], axis=0)[1:-1]
-    assert found.derivatives[1:-1] == pytest.approx(slope, abs=2e-3 * np.abs(slope).max())
+    assert found.rates[1:-1] == pytest.approx(slope, abs=2e-3 * np.abs(slope).max())
     # one sensor at a quarter of the span cannot tell the antisymmetric mode from the first
     blind = seen(modes=3, antisymmetric=0.3, sensors=[0.25])
     assert np.abs(blind.states - found.states)[:, 0].max() > 0.2

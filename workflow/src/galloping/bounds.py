@@ -87,7 +87,7 @@ class Experiment:
     initial_state: (n_states,). time: (n,), s, increasing, any sampling; the state at time[0] is
     `initial_state`. sigma: (n_states,) standard deviation of the noise on each state, in the
     state's unit, infinite for a state that is not measured. rate_sigma: the same of the states'
-    derivatives, None where none is measured. inputs: those of a model that has any.
+    rates, None where none is measured. inputs: those of a model that has any.
     """
 
     initial_state: np.ndarray
@@ -234,16 +234,16 @@ def bounds_of(
     """The bound on the present terms from recordings of one system, by each of some samplings.
 
     motions, noises: one for each recording. samplings: indices of the samples of each recording.
-    Raises ValueError for derivatives of exact states where their noise differs.
+    Raises ValueError for rates of exact states where their noise differs.
     """
     free = free_terms(model, equations)
-    rates = [n.derivatives if np.any(np.isfinite(n.derivatives)) else None for n in noises]
+    rates = [n.rates if np.any(np.isfinite(n.rates)) else None for n in noises]
     if not any(np.any(noise.states) for noise in noises):
-        if any(np.any(noise.derivatives != noises[0].derivatives) for noise in noises):
-            raise ValueError("bound: derivatives of exact states need the same noise")
+        if any(np.any(noise.rates != noises[0].rates) for noise in noises):
+            raise ValueError("bound: rates of exact states need the same noise")
         # one system, one noise: the rows of all recordings in one regression
         x = ([m.states[k] for m, k in zip(motions, rows, strict=True)] for rows in samplings)
-        sigma = noises[0].derivatives
+        sigma = noises[0].rates
         return [derivative_bound(model, free, np.concatenate(each), sigma) for each in x]
     # a motion is followed once: to be free where it starts is to be free where samples begin
     whole = [

@@ -13,8 +13,8 @@ from galloping.recording import Recording
 from galloping.results import Motion
 from galloping.streams import generator
 
-# What recordings hold: exact states with their derivatives, all states, not all of them, or
-# derivatives beside states that are not exact, if there are any.
+# What recordings hold: exact states with their rates, all states, not all of them, or rates beside
+# states that are not exact, if there are any.
 DERIVATIVES, ALL_STATES = "derivatives", "states"
 DISPLACEMENTS_ALONE, RATES = "displacements", "rates"
 
@@ -23,20 +23,20 @@ DISPLACEMENTS_ALONE, RATES = "displacements", "rates"
 class Noise:
     """Standard deviation of the noise on each channel: 0 where exact, inf where not measured.
 
-    states, derivatives: (n_states,), of the states in their units and of their derivatives. It is
-    drawn white and Gaussian (`measure`).
+    states, rates: (n_states,), of the states in their units and of their rates. It is drawn white
+    and Gaussian (`measure`).
     """
 
     states: np.ndarray
-    derivatives: np.ndarray
+    rates: np.ndarray
 
 
 @dataclass(frozen=True)
 class Protocol:
     """One way to measure a motion.
 
-    noise: from the noise level and the scale (2, n_states) of each state and of each derivative to
-    a `Noise`; displacements come before velocities. meaning: in the words of the settings.
+    noise: from the noise level and the scale (2, n_states) of each state and of each rate to a
+    `Noise`; displacements come before velocities. meaning: in the words of the settings.
     by_default: whether a study has it that names none.
     """
 
@@ -49,7 +49,7 @@ class Protocol:
     def measures(self) -> str:
         """DERIVATIVES, ALL_STATES, DISPLACEMENTS_ALONE or RATES: what its recordings hold."""
         noise = self.noise(1.0, np.ones((2, 2)))
-        if np.any(np.isfinite(noise.derivatives)):
+        if np.any(np.isfinite(noise.rates)):
             return RATES if np.any(noise.states) else DERIVATIVES
         return ALL_STATES if np.all(np.isfinite(noise.states)) else DISPLACEMENTS_ALONE
 
@@ -57,9 +57,7 @@ class Protocol:
     def is_scaled(self) -> bool:
         """Whether its noise depends on the size of the motion."""
         one, other = (self.noise(1.0, np.full((2, 2), size)) for size in (1.0, 2.0))
-        return bool(
-            np.any(one.states != other.states) or np.any(one.derivatives != other.derivatives)
-        )
+        return bool(np.any(one.states != other.states) or np.any(one.rates != other.rates))
 
     def noise_unit(self, relative: bool) -> str:
         """What a noise level counts in, in words. relative: as in `channel_scale`."""
@@ -70,7 +68,7 @@ class Protocol:
 
 
 def _derivatives(level: float, scale: np.ndarray) -> Noise:
-    """Absolute noise on every derivative (Brunton et al. 2016)."""
+    """Absolute noise on every rate (Brunton et al. 2016)."""
     return Noise(np.zeros(scale.shape[1]), np.full(scale.shape[1], level))
 
 
@@ -86,9 +84,9 @@ def _displacements(level: float, scale: np.ndarray) -> Noise:
 
 
 def _accelerations(level: float, scale: np.ndarray) -> Noise:
-    """On the derivatives of the velocities, which are all that is measured."""
+    """On the rates of the velocities, which are all that is measured."""
     noise = Noise(np.full(scale.shape[1], np.inf), level * scale[1])
-    noise.derivatives[: scale.shape[1] // 2] = np.inf
+    noise.rates[: scale.shape[1] // 2] = np.inf
     return noise
 
 
@@ -132,8 +130,8 @@ def measure(
             rows = np.sort(rng.choice(len(motion.time), size=samples, replace=False))
         values = _channels(motion.states[rows], noise.states, rng)
         rates = None
-        if np.any(np.isfinite(noise.derivatives)):
-            rates = _channels(motion.derivatives[rows], noise.derivatives, rng)
+        if np.any(np.isfinite(noise.rates)):
+            rates = _channels(motion.rates[rows], noise.rates, rng)
         return Recording(motion.time[rows], motion.names, values, rates, exact=exact)
 
     return [tuple(record(r, i) for i in range(recordings)) for r in range(replicates)]
@@ -155,10 +153,10 @@ def _channels(exact: np.ndarray, sigma: np.ndarray, rng: np.random.Generator) ->
 
 
 def channel_scale(motion: Motion, relative: bool) -> np.ndarray:
-    """What a noise level is in units of, (2, n_states), of states and of derivatives.
+    """What a noise level is in units of, (2, n_states), of states and of rates.
 
     relative: the standard deviation of each, else one SI unit.
     """
     if not relative:
         return np.ones((2, len(motion.names)))
-    return np.array([motion.states.std(axis=0), motion.derivatives.std(axis=0)])
+    return np.array([motion.states.std(axis=0), motion.rates.std(axis=0)])

@@ -41,13 +41,13 @@ class Motion:
     """The motion of a line after one release.
 
     names: of the n_states states. time: (n,) s. states: (n, n_states), SI units.
-    derivatives: (n, n_states), per second. status: `ok`, or why the motion ended early.
+    rates: (n, n_states), of the states, per second. status: `ok`, or why the motion ended early.
     """
 
     names: tuple[str, ...]
     time: np.ndarray
     states: np.ndarray
-    derivatives: np.ndarray
+    rates: np.ndarray
     status: str = "ok"
 
 

@@ -106,7 +106,7 @@ class DerivativeNoise(_Noise):
 
     def _products(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
         theta = self._theta[rows]
-        return theta.T @ theta, theta.T @ self.motion.derivatives[rows]
+        return theta.T @ theta, theta.T @ self.motion.rates[rows]
 
 
 class VelocityNoise(_Noise):

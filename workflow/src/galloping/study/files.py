@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 BY_STATE = (*BY_TERM, "thresholds")  # of an identified model: by state, and by term or not
 TEXTS = ("status", "reason")
 CHANNELS = ("time", "values", "rates")  # of a recording
-RATES = {False: "rates", True: "derivatives"}  # in a file, by whether values are exact
 
 
 def read(path: str | os.PathLike) -> object:
@@ -99,7 +98,7 @@ def write_trajectories(path: str | os.PathLike, motions: Sequence[Motion]) -> No
         names=np.array(motions[0].names),
         time=motions[0].time,
         states=np.stack([motion.states for motion in motions]),
-        derivatives=np.stack([motion.derivatives for motion in motions]),
+        rates=np.stack([motion.rates for motion in motions]),
         status=np.array([motion.status for motion in motions]),
     )
 
@@ -108,7 +107,7 @@ def read_trajectories(path: str | os.PathLike) -> tuple[Motion, ...]:
     """The motion of each release; the first one is what models are judged by."""
     with np.load(path) as file:
         names, time = tuple(map(str, file["names"])), file["time"]
-        motions = zip(file["states"], file["derivatives"], file["status"].tolist(), strict=True)
+        motions = zip(file["states"], file["rates"], file["status"].tolist(), strict=True)
         return tuple(Motion(names, time, *motion) for motion in motions)
 
 
@@ -120,12 +119,12 @@ def write_recordings(path: str | os.PathLike, replicates: Sequence[Sequence[Reco
     arrays: dict[str, np.ndarray] = {
         "states": np.array(replicates[0][0].states),
         "shape": np.array([len(replicates), len(replicates[0])]),
+        "exact": np.array(replicates[0][0].exact),
     }
     for release, copies in enumerate(zip(*replicates, strict=True)):
         for channel in CHANNELS:
             if getattr(copies[0], channel) is not None:
-                name = RATES[copies[0].exact] if channel == "rates" else channel
-                arrays[f"{name}_{release}"] = _stack([getattr(c, channel) for c in copies])
+                arrays[f"{channel}_{release}"] = _stack([getattr(c, channel) for c in copies])
     write_arrays(path, **arrays)
 
 
@@ -135,14 +134,13 @@ def read_recordings(path: str | os.PathLike) -> list[tuple[Recording, ...]]:
         arrays = dict(file)
     states = tuple(map(str, arrays.pop("states")))
     replicates, releases = arrays.pop("shape")
+    exact = bool(arrays.pop("exact"))
 
     def recording(replicate: int, release: int) -> Recording:
-        exact = f"{RATES[True]}_{release}" in arrays
-        names = {channel: channel for channel in CHANNELS} | {"rates": RATES[exact]}
         channels = {
             channel: arrays[key][replicate % len(arrays[key])]
-            for channel, name in names.items()
-            if (key := f"{name}_{release}") in arrays
+            for channel in CHANNELS
+            if (key := f"{channel}_{release}") in arrays
         }
         return Recording(states=states, exact=exact, **channels)
 
