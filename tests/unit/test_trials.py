@@ -18,7 +18,7 @@ from galloping.streams import generator
 from galloping.tables.trial_summaries import paths, published_intervals, published_terms, trust
 from galloping.trials import published, recorded_lines
 from galloping.trials.ambient import DAMPING, FREQUENCIES, RandomMotion, decays
-from galloping.trials.attempts import claims
+from galloping.trials.attempts import against_truth
 from galloping.trials.real_lines import TRUTHS
 from galloping.trials.recorded_lines import CHOSEN, FAULTS, LONG, draw
 
@@ -67,7 +67,7 @@ def result():
 
 def test_claims_that_hold(result):
     true, sure = result
-    row = claims(true, sure)
+    row = against_truth(true, sure)
     assert row["exact"] and not row["ok_and_wrong"]
     assert row["terms"] == row["holding_unconditional"] == row["holding_given_terms"]
     assert row["terms"] == np.sum(true.support[2:]) and row["width_ratio"] == 2.0
@@ -85,9 +85,9 @@ def test_claims_that_do_not_hold(result, fault, term, factor, added):
     wrong = replace(sure, model=replace(true, coefficients=values))
     if fault != "off":  # the limits and errors of the terms that the method then has
         wrong = replace(wrong, detection_limits=np.full((4, 35), 0.01))
-    row = claims(true, wrong)
+    row = against_truth(true, wrong)
     assert row[fault] == 1 and row["ok_and_wrong"]
-    assert not claims(true, replace(wrong, status="not identifiable"))["ok_and_wrong"]
+    assert not against_truth(true, replace(wrong, status="not identifiable"))["ok_and_wrong"]
 
 
 def of_a_random_line(seed, number, **options):

@@ -94,7 +94,7 @@ HEAVY = {"numpy", "scipy", "heyoka", "numba", "pandas", "matplotlib", "pysindy",
         ("galloping", HEAVY | {"pydantic"}),
         ("galloping.cli", HEAVY),
         ("galloping.configuration.load", HEAVY - {"numpy"}),
-        ("galloping.study.cells, galloping.study.cells, galloping.study.shown, galloping.field, "
+        ("galloping.study.cells, galloping.study.shown, galloping.field, "
          "galloping.paper.claims", HEAVY - {"numpy", "scipy"}),
     ],
 )  # fmt: skip

@@ -16,7 +16,7 @@ from galloping import polynomial_library as library
 from galloping.physics.galerkin import STATES
 from galloping.simulation import time_grid
 from galloping.streams import generator
-from galloping.trials.attempts import claims, measured
+from galloping.trials.attempts import against_truth, measured
 from galloping.trials.published import PERIODS, SETTINGS, SYSTEMS
 from galloping.trials.recorded_lines import TERMS, lines
 
@@ -83,7 +83,7 @@ def test_terms_are_found_and_coefficients_within_their_intervals(path, record_pr
     true, recording = FOUND[path]()
     found = maximum_likelihood(recording, true.terms)
     record_property("path", found.diagnostics["path"])
-    row = claims(true, found)
+    row = against_truth(true, found)
     assert found.status in ("ok", "not identifiable"), found.reason
     assert row["exact"] and not row["off"]  # within four errors
     error = (found.model.coefficients - true.coefficients)[found.support]
@@ -96,7 +96,7 @@ def test_what_is_hard_to_tell_is_never_sure_and_wrong(path, record_property) -> 
     true, recording = OPEN[path]()
     found = maximum_likelihood(recording, true.terms)
     record_property("path", found.diagnostics["path"])
-    assert not claims(true, found)["ok_and_wrong"]
+    assert not against_truth(true, found)["ok_and_wrong"]
     assert found.status == "ok" or found.reason
     assert (found.status == "refused") == bool(np.isnan(found.model.coefficients).all())
 

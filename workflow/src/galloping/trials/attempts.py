@@ -72,7 +72,7 @@ def _motion(true: PolynomialModel, time: np.ndarray, states: np.ndarray) -> Moti
 def fits(
     attempts: Iterable[Attempt], methods: Mapping[str, Mapping]
 ) -> Iterator[dict[str, object]]:
-    """A row for each attempt and method: its columns, and what `claims` says.
+    """A row for each attempt and method: its columns, and what `against_truth` says.
 
     methods: `Method.settings` by name. weakest_t: the least |coefficient| / deviation of the true
     terms. error_over_bound: root mean square over the true terms of error / deviation, NaN unless
@@ -86,7 +86,7 @@ def fits(
             models = identify({method: settings}, [[attempt.recording]], true.terms, name)
             seconds = process_time() - began
             (result,) = models[method]
-            row = claims(true, result)
+            row = against_truth(true, result)
             weakest, error = np.nan, np.nan
             if attempt.deviations is not None and np.any(np.isfinite(attempt.deviations)):
                 places = np.isfinite(attempt.deviations)
@@ -120,7 +120,7 @@ def trial_of(attempts: Callable[..., Iterator[Attempt]]) -> Callable[..., Iterat
     return trial
 
 
-def claims(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
+def against_truth(true: PolynomialModel, result: IdentifiedModel) -> dict[str, object]:
     """What is stated and whether it holds, for one fit; counts are of the true terms.
 
     true: on the library of `result`. Nothing is counted where there is no model. `ok_and_wrong`

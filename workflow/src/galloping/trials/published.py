@@ -162,8 +162,8 @@ def intervals(
 ) -> Iterator[dict[str, object]]:
     """A row for each fit to a relaxation with the quadratic coefficient of `case`.
 
-    status, exact: as in `attempts.claims`. found: whether the model has x^2. holds: whether the
-    interval of 95 % that does not trust the terms has its true coefficient; width: of it.
+    status, exact: as in `attempts.against_truth`. found: whether the model has x^2. holds: whether
+    the interval of 95 % that does not trust the terms has its true coefficient; width: of it.
     """
     true = model_of(RELAXATION.format(GAMMAS[case]), 3)
     quadratic = true.terms.index((2,))

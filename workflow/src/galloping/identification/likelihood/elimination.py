@@ -114,12 +114,12 @@ def eliminate(linearised: Linearised, segments: Segments, starts: np.ndarray) ->
                 gap = np.maximum(gap, np.abs(mismatch))
                 constant = derivative[:, n:] @ constant + mismatch
                 relation = _followed(derivative, relation, n)
-        kept, rest, left = rotated(np.vstack(rows), np.concatenate(residual), n)
+        kept, remaining, left = rotated(np.vstack(rows), np.concatenate(residual), n)
         first, undetermined = _first_state(kept, n)
         fall += float(np.sum(kept[:, -1] ** 2) - np.sum(undetermined[:, -1] ** 2))
-        rest = np.vstack([rest, undetermined[:, :n]])
-        information += rest.T @ rest
-        right += np.append(left, undetermined[:, n]) @ rest
+        remaining = np.vstack([remaining, undetermined[:, :n]])
+        information += remaining.T @ remaining
+        right += np.append(left, undetermined[:, n]) @ remaining
         for g, (relation, constant) in zip(range(begin, end), relations, strict=True):
             response[g] = _followed(relation, first, n)
             response[g, :, n] += constant
@@ -198,13 +198,13 @@ def eliminate_with_jumps(
         pivot[g] = np.linalg.inv((own[g] + own[g].T) / 2.0)
     solved, variance, covariance = np.empty_like(cross), pivot.copy(), np.zeros_like(own)
     for g in range(count - 1, -1, -1):
-        rest = reduced[g]
+        remaining = reduced[g]
         if g + 1 < count:
             gain = pivot[g] @ ahead[g]
-            rest = rest - ahead[g] @ solved[g + 1]
+            remaining = remaining - ahead[g] @ solved[g + 1]
             covariance[g] = -gain @ variance[g + 1]
             variance[g] += gain @ variance[g + 1] @ gain.T
-        solved[g] = pivot[g] @ rest
+        solved[g] = pivot[g] @ remaining
     flat, back = cross.reshape(-1, n + 1), solved.reshape(-1, n + 1)
     information = information - flat[:, :n].T @ back[:, :n]
     right = right - flat[:, :n].T @ back[:, n]

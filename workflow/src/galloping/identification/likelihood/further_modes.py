@@ -77,13 +77,13 @@ def _oscillations(
         if not power[place] > most:
             break
         *mode, fitted = _fitted(time, values, 2.0 * np.pi * frequency[place])
-        rest = values - fitted
-        if rest @ rest > 0.9 * (values @ values):
+        remainder = values - fitted
+        if remainder @ remainder > 0.9 * (values @ values):
             break  # a mode that takes a tenth of what is left is worth a word
         omega, growth, cosine, sine = mode
         inside = np.sinc(omega * window / (2.0 * np.pi))  # of it is left in the mean over a window
         found.append((omega, growth, cosine / inside, sine / inside))
-        values = rest
+        values = remainder
     return found
 
 
