@@ -34,9 +34,9 @@ from galloping.recording import Recording
 # in fifty of all models that are `ok` holds a false term (docs/identification_parts.csv).
 MOST_RIVAL_WEIGHT = 0.2
 # Share of its equation that an absent term may make up unseen under an `ok`: a simple term, and any
-# other (docs/identification_parts.csv). A term that may be several times as large as its equation
+# other (docs/identification_parts.csv). A term that may be twice as large as its equation
 # is one that others balance, as they do where all that was recorded lies near a surface.
-MOST_HIDDEN, MOST_BALANCED = 0.25, 5.0
+MOST_HIDDEN, MOST_BALANCED = 0.25, 2.0
 # Times its equations that a mixture of terms may be, changing the fit by no noise, under an `ok`:
 # of seven models of a wake that were `ok` and wrong it was 15 to 45, of 179 right ones it was more
 # than ten of one (docs/identification_parts.csv).
