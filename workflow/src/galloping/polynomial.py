@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from itertools import chain, combinations_with_replacement
+from itertools import chain, combinations_with_replacement, compress
 from math import floor, isfinite, log10, prod
 from numbers import Integral
 
@@ -215,6 +215,13 @@ class PolynomialModel(Immutable):
         terms, merge = merged(self, values)
         inputs = tuple(name for name in self.inputs if name not in values)
         return PolynomialModel(self.states, terms, self.coefficients @ merge, inputs)
+
+    def without_absent_terms(self) -> PolynomialModel:
+        """This model on a library of the terms that any equation has, which costs less to move; on
+        the first term alone where none has any.
+        """
+        present = compress(self.terms, self.support.any(axis=0))
+        return self.on_library(tuple(present) or self.terms[:1])
 
     def on_library(self, terms: tuple[Exponents, ...]) -> PolynomialModel:
         """This model, written in another library.

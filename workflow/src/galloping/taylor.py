@@ -11,7 +11,6 @@ follows sensitivities for bounds, compiles its variational equations for every l
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -347,8 +346,7 @@ def solution(
     """
     n_states, wanted = len(start), free is not None
     if not wanted:  # nor are terms that are not there
-        own = tuple(compress(model.terms, model.coefficients.any(axis=0))) or model.terms[:1]
-        model = model.on_library(own)
+        model = model.without_absent_terms()
     table = tables(model.terms, n_states)
     columns = np.asarray(free).reshape(-1, 2) if wanted else np.empty((0, 2), int)
     compiled = system(table, model.coefficients, columns)

@@ -278,16 +278,14 @@ def limit_cycle_ahead(
     """
     if identified.status == "refused":
         raise ValueError(f"there is no model to simulate: {identified.reason}")
-    present = np.any(identified.model.coefficients != 0, axis=0)
-    terms = tuple(compress(identified.model.terms, present))
-    found = identified.model.on_library(terms)
-    simulator = Simulator(found.states, terms, found.support)
+    found = identified.model.without_absent_terms()
+    simulator = Simulator(found.states, found.terms, found.support)
     motion = limit_cycles.settle(simulator, found, start, SETTLING, WINDOW)
     if not np.all(np.isfinite(motion.states)):
         raise ValueError(f"the model does not settle: {motion.kind}")
     point = limit_cycles.settled(constant(found), 0.0, motion.time, motion.states, resolution=1.0)
     models = []
     if len(identified.covariance) == identified.support.sum() > 0:
-        models = [model.on_library(terms) for model in drawn(identified, rng)]
+        models = [model.on_library(found.terms) for model in drawn(identified, rng)]
     ends = intervals(near(models, point.solution), len(found.states))[:, :-1]
     return point.solution.half_range(), *ends

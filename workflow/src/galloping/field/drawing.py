@@ -16,7 +16,7 @@ from galloping.field.forecast import Forecast
 from galloping.field.quality import REPORTED, spectrum
 from galloping.field.units import meaning, plain_unit, state_unit
 from galloping.figures import parts
-from galloping.figures.style import BAND, DOUBLE, MODEL, PAPER, SHADE, TRUE
+from galloping.figures.style import BAND, MODEL, PAPER, SHADE, TRUE
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.forced_motion import spectra
 from galloping.identification.random_forces.start import on_grid
@@ -60,10 +60,9 @@ def draw_quality(
             title = f"{column.column} of {report['file']}, an input"
             label = f"{column.name}, {unit}".removesuffix(", 1")
             rows.append((title, label, one.time, one.values, unknown, [], fastest))
-    figure = Figure(figsize=(DOUBLE, 0.5 + ROW * len(rows)), layout="constrained")
     shared = len(series) == 1  # files differ in their times
-    grid = figure.subplots(
-        len(rows), 2, squeeze=False, sharex="col" if shared else "none", width_ratios=(2, 1)
+    figure, grid = parts.panels(
+        0.5 + ROW * len(rows), len(rows), 2, sharex="col" if shared else "none", width_ratios=(2, 1)
     )
     reach = 0.0
     for k, ((left, right), row) in enumerate(zip(grid, rows, strict=True)):
@@ -127,8 +126,7 @@ def draw_spectra(found: "IdentifiedModel", recording: Recording) -> Figure:
     power /= np.isfinite(grid).mean(axis=0)
     shown = frequency > 0
     fine, told = spectra(found, recording, np.random.default_rng(0))
-    figure = Figure(figsize=(DOUBLE, 0.5 + ROW), layout="constrained")
-    row = figure.subplots(1, len(channels.names), squeeze=False, sharex=True)[0]
+    figure, (row,) = parts.panels(0.5 + ROW, columns=len(channels.names), sharex=True)
     for k, (axes, name) in enumerate(zip(row, channels.names, strict=True)):
         parts.letter(axes, k, name)
         axes.semilogy(
@@ -179,9 +177,8 @@ def draw_assessment(of: Assessment, units: Mapping[str, str]) -> Figure:
     if not cycles:
         return parts.nothing_at_all("no limit cycle along a range of an input")
     states = list(cycles[0][1].half_range)
-    figure = Figure(figsize=(DOUBLE, 0.6 + 2.2), layout="constrained")
-    grid = figure.subplots(1, len(states), squeeze=False, sharex=True)[0]
-    for k, (axes, state) in enumerate(zip(grid, states, strict=True)):
+    figure, (row,) = parts.panels(0.6 + 2.2, columns=len(states), sharex=True)
+    for k, (axes, state) in enumerate(zip(row, states, strict=True)):
         parts.letter(axes, k, meaning(state) or state)
         for onset in of.onsets:
             axes.axvline(onset.value.value, **MARK, label="onset")
@@ -234,8 +231,8 @@ def _channels(
     sensed = Sensed.by(recording)
     samples = sensed.samples(recording)
     shown = np.flatnonzero(np.isfinite(samples).any(axis=0))
-    figure = Figure(figsize=(DOUBLE, 0.6 + ROW * len(shown)), layout="constrained")
-    grid = figure.subplots(len(shown), columns, squeeze=False, sharex="col", sharey="row")
+    height = 0.6 + ROW * len(shown)
+    figure, grid = parts.panels(height, len(shown), columns, sharex="col", sharey="row")
     for row, k in zip(grid, shown, strict=True):
         row[0].set_ylabel(fill(_with_unit(sensed.names[k]), LABEL))
     for axes in grid[-1]:

@@ -16,6 +16,7 @@ from galloping.storage import PARTIAL
 MARK = ".running"  # in the results folder: the process that works there, empty if none does
 OF_STUDY = "GALLOPING_RESULTS"  # in the environment of all that a run starts
 FULL = 1 << 20  # bytes: with less, Snakemake cannot even keep its records
+PATIENCE = 5.0  # s
 
 
 class Obstacle(RuntimeError):
@@ -94,8 +95,8 @@ def snakemakes(folder: Path) -> list[psutil.Process]:
     ]  # fmt: skip
 
 
-def end_orphans(results: str, patience: float = 5.0) -> int:
-    """End what a run that is gone left running, by force after `patience` seconds; how many."""
+def end_orphans(results: str) -> int:
+    """End what a run that is gone left running, by force after PATIENCE seconds; how many."""
     mark, others = marked_environment(results)[OF_STUDY], psutil.process_iter(["environ"])
     left = [p for p in others if (p.info["environ"] or {}).get(OF_STUDY) == mark]
     left = [process for process in left if process.pid != os.getpid()]
@@ -103,7 +104,7 @@ def end_orphans(results: str, patience: float = 5.0) -> int:
         for process in left:
             with suppress(psutil.NoSuchProcess):
                 end(process)
-        psutil.wait_procs(left, timeout=patience)
+        psutil.wait_procs(left, timeout=PATIENCE)
     return len(left)
 
 
