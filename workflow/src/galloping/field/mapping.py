@@ -276,40 +276,54 @@ def asked(file: str, options: Mapping[str, Any]) -> tuple[ColumnMapping, str]:
         if any(given not in (None, ()) for name, given in options.items() if name != "map_file"):
             raise MappingError("--map stands alone: leave out all other options of columns")
         return read_mapping(options["map_file"]), ""
-    states, said = options["states"], ""
-    named_states = [name.strip() for name in states.split(",")] if states else []
     channels = [channel_of(text) for text in options["measures"]]
     driving = [input_of(text, options["between"]) for text in options["inputs"]]
     by_column, for_all = _units(options["units"])
     found = proposed(file, options, [one["column"] for one in driving])
-    own = [name for name in named_states if name in found.columns]
     clock = found.time["column"]
     if found.doubts.get(clock, NO_UNIT) != NO_UNIT:
         raise MappingError(f"{file}: no column is plainly the time, say --time {clock!r} or so")
-    if channels:
-        named_states = named_states or states_of(channel["measures"] for channel in channels)
-    elif own and all(name in own or name[1:] in own for name in named_states):
-        channels = [{"column": name, "measures": name} for name in own]
-    elif set(named_states) <= set(states_of(("q_v", "q_w"))):
-        channels, named_states = found.sure(file), named_states or found.states
-        said = f"{file}: {found}"
-    else:
-        channels = [{"column": name, "measures": name} for name in named_states]
-    if not named_states:
+    given = options["states"].split(",") if options["states"] else []
+    states, channels, said = _measured(file, found, [name.strip() for name in given], channels)
+    if not states:
         raise MappingError("--states: name the states of the system, such as x,y,z")
     if for_all:
         channels = [{"unit": for_all, **channel} for channel in channels]
     time = dict(found.time)
-    for key, values, of in (
-        ("unit", by_column, [time, *channels, *driving]),
-        ("noise", _by_column(options["noises"]), channels),
-        ("delay", _by_column(options["delays"]), [*channels, *driving]),
-    ):
-        for column, value in values.items():
-            meant = [one for one in of if one["column"] == column]
-            if not meant:
-                raise MappingError(f"--{key}: no column {column!r} is measured")
-            for one in meant:
-                one[key] = value
-    content = {"time": time, "states": named_states, "channels": channels, "inputs": driving}
+    _tell("unit", by_column, [time, *channels, *driving])
+    _tell("noise", _by_column(options["noises"]), channels)
+    _tell("delay", _by_column(options["delays"]), [*channels, *driving])
+    content = {"time": time, "states": states, "channels": channels, "inputs": driving}
     return validated(content | {key: options[key] for key in ("decimal", "span")}), said
+
+
+def _measured(
+    file: str, found: Proposal, states: Sequence[str], channels: list[dict]
+) -> tuple[Sequence[str], list[dict], str]:
+    """The states, the channels, and how columns are read where their names alone say what they are.
+
+    found: what the names of the columns tell. states, channels: those that the command names.
+    Raises ValueError where names of columns have to tell the channels, and do not.
+    """
+    if channels:
+        return states or states_of(one["measures"] for one in channels), channels, ""
+    own = [name for name in states if name in found.columns]
+    if own and all(name in own or name[1:] in own for name in states):
+        return states, [{"column": name, "measures": name} for name in own], ""
+    if set(states) <= set(states_of(("q_v", "q_w"))):
+        sure = found.sure(file)
+        return states or found.states, sure, f"{file}: {found}"
+    return states, [{"column": name, "measures": name} for name in states], ""
+
+
+def _tell(key: str, values: Mapping[str, str], columns: Sequence[dict]) -> None:
+    """Write under `key` of columns, in place, what an option of that name says of each by its name.
+
+    Raises MappingError for the name of none of the columns.
+    """
+    for column, value in values.items():
+        meant = [one for one in columns if one["column"] == column]
+        if not meant:
+            raise MappingError(f"--{key}: no column {column!r} is measured")
+        for one in meant:
+            one[key] = value
