@@ -83,11 +83,14 @@ def test_a_sweep_does_not_read_what_it_varies():
     assert ratios["damping"] == {} and ratios["initial_state"] == line["initial_state"]
 
 
-def test_from_a_line_to_recordings_without_snakemake(root, tmp_path):
-    def script(name):
-        """The function of a script, which has the script's name."""
-        return runpy.run_path(str(root / "workflow" / "scripts" / f"{name}.py"))[name]
+@pytest.fixture
+def script(root):
+    """From the name of a script to its function, which has this name."""
+    folder = root / "workflow" / "scripts"
+    return lambda name: runpy.run_path(str(folder / f"{name}.py"))[name]
 
+
+def test_from_a_line_to_recordings_without_snakemake(script, tmp_path):
     names = ("models/a.json", "trajectories/a.npz", "recordings/a/state/c.npz")
     model, trajectory, recordings = (tmp_path / name for name in names)
     script("derive_model")(CASES["non_resonant"], model)
@@ -103,3 +106,32 @@ def test_from_a_line_to_recordings_without_snakemake(root, tmp_path):
     noise = (first.values - motion.states).std(axis=0) / motion.states.std(axis=0)
     assert np.allclose(noise, 0.05, rtol=0.2)
     assert not np.array_equal(first.values, second.values)
+
+
+def test_a_line_is_assessed_without_snakemake(script, tmp_path):
+    names = ("clearance.csv", "measures.csv", "assessment/a/orbits.npz")
+    clearance, measures, orbits = (tmp_path / name for name in names)
+    script("assess_line")(
+        "a", [], clearance, measures, orbits, CASES["internal_resonance"], winds=[2.0],
+        design_wind=12.0, phase_distance=[3.0, 4.0], limit=1.0,
+        chosen={"tight": {"kind": "tension", "factor": 1.2}}, seed=1,
+    )  # fmt: skip
+    assert list(files.read(orbits)) == [12.0]  # at 2 m/s the line comes to rest
+    assert set(files.read(clearance)["case"]) == set(files.read(measures)["case"]) == {"a"}
+
+
+def test_a_report_is_written_without_snakemake(script, tmp_path):
+    drawn = [tmp_path / "trust.svg", tmp_path / "span" / "quality.svg"]
+    drawn += [tmp_path / "span" / f"{name}.svg" for name in ("fit", "forecast")]
+    summary, table = tmp_path / "span" / "summary.md", tmp_path / "peers.csv"
+    summary.parent.mkdir()
+    for path in drawn:
+        path.write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
+    summary.write_text("It gallops.")
+    table.write_text("setting,exact\noracle,1\n")
+    script("write_report")(
+        drawn[:1], [], [table], [summary, *drawn[1:]], tmp_path / "report.html", {}, "Words.",
+        {"trust": "How far."}, {}, DEFAULT.plain | {"recordings": {"span": {}}},
+    )  # fmt: skip
+    page = (tmp_path / "report.html").read_text()
+    assert all(text in page for text in ("Words.", "How far.", "It gallops.", "oracle"))
