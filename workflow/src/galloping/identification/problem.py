@@ -137,8 +137,8 @@ class Problem:
         return self.of_states.sum(axis=1)[self.candidates[:, 1]]
 
     @cached_property
-    def of_rates(self) -> np.ndarray:
-        """(n_candidates,) boolean: those in the equation of the rate of a displacement."""
+    def of_velocities(self) -> np.ndarray:
+        """(n_candidates,) boolean: those in the equation of the velocity of a displacement."""
         return np.isin(self.candidates[:, 0], list(velocity_pairs(self.states).values()))
 
     @cached_property
@@ -148,7 +148,7 @@ class Problem:
 
         What inputs alone make counts as a constant.
         """
-        return np.where(self.degrees == 0, np.where(self.of_rates, 2, -1), self.degrees > 1)
+        return np.where(self.degrees == 0, np.where(self.of_velocities, 2, -1), self.degrees > 1)
 
     @cached_property
     def tables(self) -> Tables:
@@ -262,7 +262,7 @@ class Problem:
         if self.prior is None:
             return Price(costs, costs, largest)
         nonlinear = penalty / 2.0 - 2.0 * np.log(self.prior.term * self.prior.nonlinear)
-        simple = (self.degrees < 2) & ~self.of_rates
+        simple = (self.degrees < 2) & ~self.of_velocities
         most = np.where(simple, nonlinear, costs)
         return Price(costs, most, largest / np.exp(penalty / 4.0))
 
