@@ -13,7 +13,7 @@ from matplotlib.ticker import NullLocator
 from galloping.field.assessment import Assessment, Cycle
 from galloping.field.following import Sensed
 from galloping.field.forecast import Forecast
-from galloping.field.quality import REPORTED, spectrum
+from galloping.field.quality import REPORTED_GAP, spectrum
 from galloping.field.units import meaning, plain_unit, state_unit
 from galloping.figures import parts
 from galloping.figures.style import BAND, MODEL, PAPER, SHADE, TRUE
@@ -259,7 +259,7 @@ def _envelope(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
     """The least and greatest samples of many stretches: as dense as a figure can show."""
     known = np.isfinite(values)
     time, values = time[known], values[known]
-    gaps = np.flatnonzero(np.diff(time) > REPORTED * np.median(np.diff(time))) + 1
+    gaps = np.flatnonzero(np.diff(time) > REPORTED_GAP * np.median(np.diff(time))) + 1
     between = (time[gaps - 1] + time[gaps]) / 2
     places = np.arange(len(time))
     if len(time) > 2 * POINTS:

@@ -19,7 +19,7 @@ MOVES = "shifts its mean by"
 JUMPS, JUMP = "jumps by", 0.05  # of its range, that a channel jumps at least
 AROUND = 16  # quarters of a period on each side: a step stands out of what recurs there
 OUTLIER = 8.0  # noise deviations from the median of the neighbours: 1 in 10^15 by chance
-REPORTED = 3.0  # median steps between two samples: more is told as a gap, jitter never
+REPORTED_GAP = 3.0  # median steps between two samples: more is told as a gap, jitter never
 CLIPPED = 5  # equal samples in a row at an end of the range
 PERIODS = 10  # fewer tell no damping
 PER_PERIOD = 10  # samples: where there are fewer, nothing here tells noise from motion
@@ -47,7 +47,7 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
     time = series.time
     steps = np.diff(time)
     step = float(np.median(steps))
-    gaps = np.flatnonzero(steps > REPORTED * step)
+    gaps = np.flatnonzero(steps > REPORTED_GAP * step)
     report = {
         "file": series.path.name,
         "start": series.start,
@@ -56,7 +56,7 @@ def quality(series: "Series", mapping: "ColumnMapping") -> dict:
             "duration_s": float(time[-1] - time[0]),
             "sampled_s": sampled(time),
             "rate_hz": 1.0 / step,
-            "irregularity_percent": float(100 * np.std(steps[steps <= REPORTED * step]) / step),
+            "irregularity_percent": float(100 * np.std(steps[steps <= REPORTED_GAP * step]) / step),
             "gaps": [
                 {"row": int(series.rows[k]), "from_s": float(time[k]), "length_s": float(steps[k])}
                 for k in gaps[np.argsort(-steps[gaps])][:20]
@@ -166,7 +166,7 @@ def spectrum(time: np.ndarray, values: np.ndarray, step: float) -> tuple[np.ndar
     """
     signals = []
     own = float(np.median(np.diff(time)))
-    for piece in pieces(time, max(REPORTED * own, APART * sampled(time))):
+    for piece in pieces(time, max(REPORTED_GAP * own, APART * sampled(time))):
         grid = np.arange(time[piece][0], time[piece][-1], step)
         signal = np.interp(grid, time[piece], values[piece])
         if len(signal):
@@ -185,7 +185,7 @@ def pieces(time: np.ndarray, longest: float) -> list[slice]:
 def sampled(time: np.ndarray) -> float:
     """How long there are samples, s: the gaps left out."""
     steps = np.diff(time)
-    return float(steps[steps <= REPORTED * np.median(steps)].sum())
+    return float(steps[steps <= REPORTED_GAP * np.median(steps)].sum())
 
 
 def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -222,7 +222,7 @@ def _channel(
     bend = (np.cos(turn / 2.0) - np.cos(1.5 * turn)) / 2.0  # of its range, from such a median
     apart = OUTLIER * scale + np.ptp(y) * max(bend, 0.05)
     outliers = np.abs(y - median_filter(y, NEIGHBOURS)) > apart
-    after = np.flatnonzero(np.diff(t) > REPORTED * np.median(np.diff(t))) + 1
+    after = np.flatnonzero(np.diff(t) > REPORTED_GAP * np.median(np.diff(t))) + 1
     ends = np.concatenate([[0, len(t)], after])  # where a median has no neighbours on one side
     outliers[np.add.outer((-2, -1, 0, 1), ends) % len(t)] = False
     motion = float(np.std(y))
