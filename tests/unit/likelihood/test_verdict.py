@@ -3,14 +3,20 @@ regressions whose truth is known.
 """
 
 import numpy as np
+import pytest
 
 from galloping import IdentifiedModel, PolynomialModel, Prior
 from galloping.identification.answers import laws_untold, with_inputs
 from galloping.identification.likelihood.instrument import FORCES
-from galloping.identification.likelihood.verdict import Regression, judged
-from galloping.identification.plausible import Plausible, with_prior
+from galloping.identification.likelihood.verdict import Regression, judged, open_questions
+from galloping.identification.plausible import (
+    Plausible,
+    plausible_supports,
+    unconditional_errors,
+    with_prior,
+)
 from galloping.identification.problem import Problem, posed
-from galloping.identification.selection import select
+from galloping.identification.selection import select, whiten
 from galloping.intervals import drawn, drawn_with_rivals, of_draws
 
 TERMS = tuple((k,) for k in range(12))
@@ -165,11 +171,19 @@ def test_the_prior_costs_the_same_in_any_unit() -> None:
 
 
 def test_a_constant_beside_a_displacement_costs_more_than_a_nonlinear_term() -> None:
-    line = posed(("q", "dq"), PLANE, prior=Prior(nonlinear=0.1))
+    """A term of the third degree costs as much as one of the second."""
+    line = posed(("q", "dq"), (*PLANE, (3, 0)), prior=Prior(nonlinear=0.1))
     plain = posed(("x", "y"), PLANE, prior=Prior(nonlinear=0.1))
     rate = line.prior.of_complexity(line.complexity) / np.log(10.0)
-    assert np.allclose(rate, 2.0 * np.array([2, 0, 0, 1, 1, 1]))
+    assert np.allclose(rate, 2.0 * np.array([2, 0, 0, 1, 1, 1, 1]))
     assert np.all(plain.complexity[[0, 6]] == -1)
+
+
+def test_the_odds_of_terms_are_those_that_recordings_calibrated() -> None:
+    """A constant costs ln N + 1, a linear term ln N + 2, a nonlinear one 4.5 more."""
+    penalty = 2.0 * np.log(400)
+    beyond = posed(("x", "y"), PLANE, prior=Prior()).costs(penalty)[:6] - np.log(400)
+    assert np.allclose(beyond, [1.0, 2.2, 2.2, 6.8, 6.8, 6.8], atol=0.05)
 
 
 def test_simple_terms_told_finely_cost_more_but_not_beside_a_displacement() -> None:
@@ -185,11 +199,54 @@ def test_simple_terms_told_finely_cost_more_but_not_beside_a_displacement() -> N
         assert price.told(0.0 * price.width + 1e-30, terms).max() <= roughly.max()
 
 
+def test_supports_that_lack_a_term_may_weigh_a_fifth() -> None:
+    problem, columns, rates, _ = alike(None)
+    whitened = whiten(columns.T @ columns, columns.T @ rates)
+    supports = np.array([np.isin(np.arange(6), place) for place in ([1, Y], [1, XY])])
+    nothing = np.zeros(supports.shape)
+    for share in (0.15, 0.25):
+        weight = np.array([1.0 - share, share])
+        plausible = Plausible(supports, np.zeros(2), weight, nothing, nothing)
+        said = open_questions(problem, whitened, plausible)
+        assert ("supports without a term found weigh" in said) == (share > 0.2)
+
+
+def test_supports_of_which_two_terms_are_others_are_weighed() -> None:
+    """Those about the best rivals, not about the one found alone."""
+    rng = np.random.default_rng(202611274)
+    columns = rng.normal(size=(400, 4))
+    columns[:, 2:] = columns[:, :2] + 0.01 * columns[:, 2:]
+    right = columns.T @ (columns[:, :2].sum(axis=1) + rng.normal(size=400))
+    found = np.array([True, True, False, False])
+    others = plausible_supports(whiten(columns.T @ columns, right), found).supports
+    assert found.tolist() in others.tolist() and (~found).tolist() in others.tolist()
+
+
+def test_four_unconditional_errors_hold_a_rival_that_is_far_and_hardly_plausible() -> None:
+    supports, weight = np.ones((2, 1), bool), np.array([0.97, 0.03])
+    plausible = Plausible(supports, np.zeros(2), weight, np.array([[0.0], [10.0]]), supports**2.0)
+    assert 4.0 * unconditional_errors(plausible, np.zeros(1)) >= 10.0
+
+
+@pytest.mark.parametrize(("z", "doubted"), [(3.7, False), (4.2, True)])
+def test_a_term_that_noise_brings_once_in_a_thousand_is_a_doubt(z: float, doubted: bool) -> None:
+    """One of eleven that are absent, by whose z^2 chi^2 falls: less than the price, 19.8."""
+    rng = np.random.default_rng(202611271)
+    rows, present = 20_000, np.array([0, 5])
+    columns = np.sqrt(rows) * np.linalg.qr(rng.normal(size=(rows, 12)))[0]
+    noise = rng.normal(size=rows)
+    noise -= columns @ (columns.T @ noise) / rows
+    observed = columns[:, present] @ [1.0, z / np.sqrt(rows)] + noise
+    result = verdict(PROBLEM, columns, observed, [0])
+    assert np.flatnonzero(result.support[0]).tolist() == [0]
+    assert ("x^5 in d(x)/dt is plausible, below the limit" in result.reason) == doubted
+
+
 def test_the_prior_settles_ties_and_nothing_else() -> None:
     problem, *_ = alike(Prior())
     places = ([1, XY], [1, 3], [Y], [1, 3, 5], [1, 3, 5], [1, Y])
     supports = np.array([np.isin(np.arange(6), place) for place in places])
-    chi2 = np.array([0.0, 2.0, 9.0, -9.0, -1.0, 2.0])
+    chi2 = np.array([0.0, 2.0, 9.0, -6.0, -4.0, 2.0])
     nothing = np.zeros(supports.shape)
     alone = Plausible(supports, chi2, np.full(6, 1.0 / 6.0), nothing, nothing)
     weight = with_prior(problem, alone).weight
@@ -241,13 +298,22 @@ def test_two_terms_that_only_help_together_are_found() -> None:
 
 
 def test_one_false_term_is_exchanged_for_two_true_ones() -> None:
-    # the sum of two columns, with noise of its own, imitates both together
+    # the sum of two columns, with noise of its own, imitates both together; they are worth their
+    # price in its place, but not beside it
     rng = np.random.default_rng(5)
     columns = rng.normal(size=(3000, 6))
-    columns[:, 5] = columns[:, 0] + columns[:, 1] + 0.3 * rng.normal(size=3000)
+    columns[:, 5] = columns[:, 0] + columns[:, 1] + 0.06 * rng.normal(size=3000)
     observed = columns[:, 0] + columns[:, 1] + 0.5 * columns[:, 3] + rng.normal(size=3000)
     for start in ([3, 5], None, []):
         assert chosen(columns, observed, 16.0, start) == [0, 1, 3]
+
+
+def test_two_terms_are_exchanged_for_one_that_says_nearly_as_much() -> None:
+    rng = np.random.default_rng(202611272)
+    columns = rng.normal(size=(3000, 6))
+    columns[:, 5] = columns[:, 0] + columns[:, 1] + 0.05 * rng.normal(size=3000)
+    observed = columns[:, 0] + columns[:, 1] + 0.5 * columns[:, 3] + rng.normal(size=3000)
+    assert chosen(columns, observed, 16.0, [0, 1, 3]) == [3, 5]
 
 
 def test_terms_that_imitate_each_other_keep_their_digits() -> None:
