@@ -162,6 +162,18 @@ def test_a_simple_term_that_the_data_would_not_show_is_never_under_an_ok() -> No
     assert "in d(x)/dt may be missing: the data would not show" in result.reason
 
 
+@pytest.mark.parametrize(("apart", "status"), [(0.03, "ok"), (0.017, "not identifiable")])
+def test_a_nonlinear_term_that_others_balance_may_be_twice_its_equation_unseen(
+    apart: float, status: str
+) -> None:
+    """As where x y is nearly x: apart by 3 % it shows from 1.3 times on, by 1.7 % from 3.3 on."""
+    problem, columns, rates, noise = alike(Prior(), 4000)
+    columns[:, XY] = columns[:, 1] + apart * np.random.default_rng(1).normal(size=4000)
+    result = verdict(problem, columns, rates + noise, [1])
+    assert (result.status, np.flatnonzero(result.support[0]).tolist()) == (status, [1])
+    assert ("x y in d(x)/dt may be missing" in result.reason) == (status != "ok")
+
+
 def test_the_prior_costs_the_same_in_any_unit() -> None:
     problem, *_ = alike(Prior(term=0.5, constant=1.0, nonlinear=0.1))
     paid = problem.costs(2.0 * np.log(400)) - np.log(400)
