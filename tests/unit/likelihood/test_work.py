@@ -54,8 +54,8 @@ def test_a_search_at_its_limit_ends_and_is_not_ok(recording, whole, share):
     assert counted == used and again.reason == found.reason
 
 
-def test_a_search_may_count_27_s_and_in_proportion_more_of_a_longer_recording():
-    assert [allowed(rows) for rows in (1000, 30_001, 60_002)] == [27.0, 27.0, 54.0]
+def test_a_search_may_count_36_s_and_in_proportion_more_of_a_longer_recording():
+    assert [allowed(rows) for rows in (1000, 30_001, 60_002)] == [36.0, 36.0, 72.0]
 
 
 def test_nothing_is_begun_where_no_work_is_left(recording):

@@ -149,7 +149,7 @@ def _first_of(searches: Sequence[Search], recordings: list[Recording]) -> Outcom
 
 def _follow(begun: Start, _: str) -> tuple[Outcome, bool]:
     """The model that follows the data to the noise."""
-    with portion(0.8):  # of the work that is left; the rest to come near
+    with portion(0.6):  # of the work that is left; the rest to come near
         return _from_any_rest(begun, _followed), True
 
 
