@@ -45,19 +45,18 @@ class Prior:
     term alone would make up its equation (that of the weak form), w. Where the data tell such a
     term to s, with w / s larger than the root of N, the integral over a prior as wide as w costs
     2 ln(w / s) in place of ln N; a term that is not worth that, or the price of a nonlinear term
-    where that is less, leaves. Without it terms that noise makes up came in alike at any noise: of
-    1,400 recordings of Lorenz with 2.5 to 12.5 % noise (seed 20262032) 1,387 are exact, and with it
-    for constants alone 1,380 (docs/identification_parts.csv). In the equation of the rate of a
-    displacement linear terms stay cheap: the net damping of a line is a small one.
+    where that is less, leaves. Without it terms that noise makes up came in alike at any noise. In
+    the equation of the rate of a displacement linear terms stay cheap: the net damping of a line is
+    a small one.
 
-    The odds were calibrated on recordings of seeds that report nothing
-    (docs/identification_parts.csv).
+    The odds were calibrated on recordings of seeds that report nothing, and what each rule is worth
+    was counted on others (docs/identification_parts.csv).
     Raises ValueError where one of them is not in (0, 1].
     """
 
     term: float = 1.0 / 3.0
     constant: float = 0.6
-    nonlinear: float = 1.0 / 10.0
+    nonlinear: float = 1.0 / 20.0
 
     def __post_init__(self) -> None:
         for name in ("term", "constant", "nonlinear"):
