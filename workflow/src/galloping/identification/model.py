@@ -25,7 +25,8 @@ class Unusable(ValueError):
     """Why recordings give no model: an answer, not a mistake in a call."""
 
 
-# What numerics raise where there is no model. Any other ValueError is a mistake in the code.
+# `Unusable`, and what numerics raise where there is no model: a solution diverges, or numpy cannot
+# factor or invert a matrix. Any other ValueError is a mistake in the code.
 NO_MODEL = (Unusable, FloatingPointError, np.linalg.LinAlgError)
 Found = TypeVar("Found")
 

@@ -61,7 +61,7 @@ def whitened_weak_form(
         bands = _covariance(problem, smooth, coefficients, usable, keep)
         factor, info = lapack.dpbtrf(bands, lower=1)
         if info:
-            raise np.linalg.LinAlgError("the covariance of the weak form is not positive definite")
+            raise Unusable("the covariance of the weak form is not positive definite")
         flat = rows.reshape(len(rows), -1).T
         white, _ = lapack.dtbtrs(factor, flat, uplo="L", overwrite_b=1)
     return white[:, :-1], white[:, -1]
@@ -155,8 +155,8 @@ class WeakFit:
 def weak_fit(problem: Problem, smoothed: list[Smooth], penalty: float) -> WeakFit:
     """Support and coefficients from the weak form, the errors linearised about the last fit.
 
-    penalty: worth of a term in units of chi^2. Raises numpy.linalg.LinAlgError where the
-    covariance of the rows is singular.
+    penalty: worth of a term in units of chi^2. Raises Unusable where the covariance of the rows is
+    singular, or gaps leave no row.
     """
     n = len(problem.candidates)
     support = every = np.ones(n, bool)

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from galloping.identification.model import Unusable
 from galloping.recording import Factor, Input, extrapolated
 
 TICKS = 1000  # of the median step, to which times are rounded: so that equal steps are one
@@ -75,13 +76,13 @@ def discretised(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Transitions and covariances (n_steps, n, n) over steps of `lengths`, s.
 
-    system: (n, n), A; forces: (n, n), G. Raises numpy.linalg.LinAlgError where A has too few
-    eigenvectors, as at critical damping.
+    system: (n, n), A; forces: (n, n), G. Raises Unusable where A has too few eigenvectors, as
+    at critical damping.
     """
     values, vectors = np.linalg.eig(system)
-    inverse = np.linalg.inv(vectors)
     if np.linalg.cond(vectors) * np.finfo(float).eps > FEWEST:
-        raise np.linalg.LinAlgError("two modes, or a critically damped one, cannot be told apart")
+        raise Unusable("two modes, or a critically damped one, cannot be told apart")
+    inverse = np.linalg.inv(vectors)
     moved = np.exp(values * lengths[:, np.newaxis])
     transitions = ((vectors * moved[:, np.newaxis, :]) @ inverse).real
     rates = values[:, np.newaxis] + values.conj()

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from galloping.identification.model import IdentifiedModel, Resonance
+from galloping.identification.model import IdentifiedModel, Resonance, Unusable
 from galloping.identification.random_forces.channels import Channels
 from galloping.identification.random_forces.kalman import (
     extended_filter,
@@ -99,8 +99,8 @@ class Tracker:
     """A model, its forces and its instruments.
 
     noise: (n_channels,) deviations of a sample. size: (n_states,) of the motion. held: means of the
-    inputs, at which the linear part is. Raises numpy.linalg.LinAlgError where the model has no
-    rest. With slow forces, the filter is of the states and of those.
+    inputs, at which the linear part is. With slow forces, the filter is of the states and of those.
+    Raises Unusable where the model has no rest.
     """
 
     model: PolynomialModel
@@ -129,7 +129,7 @@ class Tracker:
     def rest(self) -> np.ndarray:
         """(n_states,) where the linear part is in equilibrium."""
         if np.linalg.det(self.system) == 0.0:
-            raise np.linalg.LinAlgError("a stiffness cannot be told in random forces")
+            raise Unusable("a stiffness cannot be told in random forces")
         return -np.linalg.solve(self.system, self.steady(np.zeros((1, len(self.size))))[0])
 
     @cached_property
@@ -206,7 +206,8 @@ class Tracker:
     ) -> tuple[FilterResult, np.ndarray]:
         """The filter of a nonlinear system, and slopes of its innovations with coefficients, as of
         `extended_filter`. candidates: (n_candidates, 2), of equations and of `terms`. Raises
-        numpy.linalg.LinAlgError where one pass takes more than all the work of a search.
+        Unusable where a pass takes more than all the work of a search, or what it follows is much
+        quicker than its samples.
         """
         m, kept = len(self.driven[0]), np.array(self.channels.kept, int)
         given = self.first_mean, self.first_covariance, self.driven[1]
@@ -233,7 +234,7 @@ class Tracker:
         seconds = counts[steps.of].sum() * each
         quick = np.median(counts[steps.of]) > MOST_SUBSTEPS
         if quick or seconds > allowed(len(data.samples)):
-            raise np.linalg.LinAlgError("a motion much quicker than its samples cannot be followed")
+            raise Unusable("a motion much quicker than its samples cannot be followed")
         spend(seconds)
         return extended_filter(
             data.samples, steps.of, steps.lengths, counts,
@@ -251,7 +252,7 @@ class Tracker:
         return random_motion(x, *own)[:, : len(self.size)]
 
     def over(self, data: Data) -> FilterResult:
-        """Raises numpy.linalg.LinAlgError where the model cannot be discretised or followed."""
+        """The filter of all samples. Raises Unusable where the model cannot be followed."""
         if not self.is_linear:
             return self.extended(data, np.zeros((0, 2), np.int64))[0]
         transitions, disturbances = discretised(*self.driven, data.steps.lengths)
