@@ -416,7 +416,7 @@ def assess(model, at, seed, figure, as_csv, as_json):
     """
     from galloping.field.assess import assess as assessed
     from galloping.field.assessment import assessment_rows
-    from galloping.field.held import held_at
+    from galloping.field.driving import held_at
     from galloping.field.wording import assessment_text
     from galloping.storage import read_json
 

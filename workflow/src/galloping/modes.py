@@ -1,4 +1,7 @@
-"""The modes of a linear system dx/dt = A x, such as the small motions of a model at rest."""
+"""The modes of a linear system dx/dt = A x, such as the small motions of a model at rest.
+
+A room of its own: polynomial models, the continuous line and random forces share nothing else.
+"""
 
 from typing import NamedTuple, Self
 

@@ -1,4 +1,8 @@
-"""Motions: steady amplitude and frequency, and how well one follows another."""
+"""Motions: steady amplitude and frequency, and how well one follows another.
+
+Apart from `score`: jobs that measure a motion and score no model need not run again for an edit of
+a score.
+"""
 
 import numpy as np
 
