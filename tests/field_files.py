@@ -4,8 +4,6 @@ Each function writes one file, or several, of a motion by a sensor of known nois
 each time, and harms it as loggers, cameras and hands do.
 """
 
-from __future__ import annotations
-
 import sys
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Systems whose coefficients are known, and recordings of them, for the identification tests."""
 
-from __future__ import annotations
-
 import numpy as np
 from lines import simulate
 

@@ -4,8 +4,6 @@ All hold the same motion, q_v = sin(2.6 t) and q_w = 0.5 cos(2.6 t) m over 40 s,
 `READ` must be read as that motion, `REFUSED` in one line with the cause, `QUESTIONED` with a line.
 """
 
-from __future__ import annotations
-
 import gzip
 import io
 import pickle

@@ -40,7 +40,7 @@ FILES = {
 def package(tmp_path, monkeypatch):
     """Writes files of a small package and returns the digest of the script that uses it."""
     source = tmp_path / "src"
-    monkeypatch.setattr(digest, "SOURCE", source)
+    monkeypatch.setattr(deferred, "SOURCE", source)
     monkeypatch.setattr(digest, "PACKAGE", "package")
     script = tmp_path / "scripts" / "script.py"
 
@@ -61,7 +61,7 @@ def package(tmp_path, monkeypatch):
 
 def forget():
     """As in another process."""
-    for cached in (digest.code, digest._parse, digest._find, digest._with_requirements,
+    for cached in (digest.code, digest._parse, deferred.file_of, digest._with_requirements,
                    digest._distribution):  # fmt: skip
         cached.cache_clear()
     importlib.invalidate_caches()
@@ -119,7 +119,7 @@ def test_a_misspelt_function_is_named(name):
 def test_compiled_functions_use_no_other_module_of_the_package():
     # numba's cache of a function notices edits of its own file alone
     compiled = 0
-    for path in (digest.SOURCE / digest.PACKAGE).rglob("*.py"):
+    for path in (deferred.SOURCE / digest.PACKAGE).rglob("*.py"):
         tree = ast.parse(path.read_text())
         others = {
             alias.asname or alias.name

@@ -51,7 +51,13 @@ def rooms():
     return [name for row in rows for name in re.findall(r"`(\w+)`", row)]
 
 
-def imported(path):
+def room(parts, order):
+    """The room of a module, by the parts of its name: packages of identification are rooms."""
+    inner = parts[0] == "identification" and parts[1:] and parts[1] in order
+    return parts[1] if inner else parts[0]
+
+
+def imported(path, order):
     """The rooms that a module imports, wherever in it, or has imported by `deferred`."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -61,18 +67,18 @@ def imported(path):
         else:
             continue
         parts = (name.replace(".deferred.", ".").split(".") for name in names)
-        yield from (own[1] for own in parts if own[0] == SOURCE.name and own[1:])
+        yield from (room(own[1:], order) for own in parts if own[0] == SOURCE.name and own[1:])
 
 
 def test_every_room_has_its_place_and_imports_none_below_it():
     order, paths = rooms(), SOURCE.rglob("*.py")
-    modules = {path: path.relative_to(SOURCE).parts[0].removesuffix(".py") for path in paths}
+    modules = {path: room(path.relative_to(SOURCE).with_suffix("").parts, order) for path in paths}
     assert sorted(order) == sorted({*modules.values()} - {"__init__"})
     wrong = {
         f"{path.relative_to(SOURCE)} imports {name}"
-        for path, room in modules.items()
-        for name in imported(path)
-        if room in order and name not in {*order[: order.index(room) + 1], "__version__"}
+        for path, own in modules.items()
+        for name in imported(path, order)
+        if own in order and name not in {*order[: order.index(own) + 1], "__version__"}
     }
     assert not wrong
 

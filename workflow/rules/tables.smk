@@ -205,7 +205,7 @@ if has_trials(TRUST):
         "trust": made(tables.trial_summaries.trust, fits="<results>/tables/fits.csv"),
     }
     if Path(PARTS).exists():  # not where the study is a module of another one
-        TABLES["ablations"] = made(tables.trial_summaries.ablations, measured=PARTS)
+        TABLES["ablations"] = joined({"parts": PARTS})  # measured when each was tried
 for kind in (SYSTEMS, MODEL_ERROR, EXACT_TERMS, INTERVALS):  # by the name of their table
     if has_trials(kind):
         TABLES[kind] = made(getattr(tables.trial_summaries, kind), parts=fits_of(kind))

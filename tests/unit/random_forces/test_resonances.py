@@ -1,5 +1,7 @@
 """Modes beside those of the coordinates, and what makes a model in random forces no sound one."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from ambient import displacements, stepped, swing
@@ -11,7 +13,6 @@ from galloping import Recording, maximum_likelihood, polynomial_library
 from galloping.field.objections import objected
 from galloping.field.recordings import by_excerpts
 from galloping.identification.model import IdentifiedModel, Resonance
-from galloping.identification.random_forces.decision import random_forces
 from galloping.identification.random_forces.forced_motion import spectra
 
 TIME = np.arange(9_000) / 10
@@ -101,8 +102,8 @@ def test_a_long_recording_is_answered_as_a_whole():
 def test_halves_of_unlike_frequency_make_no_sound_model():
     tuned = np.concatenate([swing(TIME, 0.42, 0.005, 1)[:4500], swing(TIME, 0.40, 0.005, 2)[:4500]])
     recording = displacements(TIME, tuned, noise=0.05, seed=3)
-    model = random_forces([recording], TERMS)
-    said = objected(model, [recording], ["a"], 1 / 0.4, lambda own: random_forces(own, TERMS))
+    identify = partial(maximum_likelihood, terms=TERMS, forced=())
+    said = objected(identify(recording), [recording], ["a"], 1 / 0.4, identify)
     assert said.status == "approximate"
     assert "do not share one model" in said.reason
 

@@ -6,6 +6,7 @@ that with `pkgutil.resolve_name`, and `reproducibility.digest` finds its code by
 """
 
 import re
+from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[1]
@@ -23,15 +24,17 @@ class Deferred:
         Raises AttributeError where the files have neither.
         """
         below = f"{self._name}.{name}"
-        if _file(below):
+        if file_of(below):
             return Deferred(below)
-        own = _file(self._name).read_text(encoding="utf-8")
+        own = file_of(self._name).read_text(encoding="utf-8")
         if re.search(rf"^def {name}\(", own, re.MULTILINE):
             return f"{self._name}:{name}"
         raise AttributeError(f"{below}: no such module or function")
 
 
-def _file(name: str) -> Path | None:
+@cache
+def file_of(name: str) -> Path | None:
+    """Of a module or package by its full name; None where there is none."""
     base = SOURCE.joinpath(*name.split("."))
     return next(filter(Path.is_file, (base / "__init__.py", base.with_suffix(".py"))), None)
 

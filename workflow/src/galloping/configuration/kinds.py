@@ -45,9 +45,7 @@ KINDS = {
         options={"protocols": ("state", "displacement"), "levels": (0.05, 0.1, 0.15)},
     ),
     "random_lines": Kind(
-        TRUST,
-        cases=("all",),
-        options={"protocols": ("state",), "levels": (0.05,)},
+        TRUST, cases=("all",), options={"protocols": ("state",), "levels": (0.05,)}
     ),
     "sensor_faults": Kind(
         TRUST,
@@ -79,22 +77,14 @@ KINDS = {
             "9 modes, gusts 5 %, wind", "9 modes, gusts 10 %, wind", "two modes, gusts 5 %, wind",
         ),
     ),
-    "ambient": Kind(
-        MODEL_ERROR, cases=("two modes in random forces",)
-    ),
+    "ambient": Kind(MODEL_ERROR, cases=("two modes in random forces",)),
     "published_terms": Kind(
         EXACT_TERMS,
         cases=tuple(LONGEST),
         options={"levels": (0.1, 0.2, 0.3, 0.4), "durations": (4.0, 7.0, 10.0)},
     ),
     "published_intervals": Kind(
-        INTERVALS,
-        cases=tuple(GAMMAS),
-        options={"samples": (200, 800, 1600, 3200)},
+        INTERVALS, cases=tuple(GAMMAS), options={"samples": (200, 800, 1600, 3200)}
     ),
-    "paper": Kind(
-        PAPER,
-        cases=tuple(BY_NAME),
-        methods=("paper",),
-    ),
+    "paper": Kind(PAPER, cases=tuple(BY_NAME), methods=("paper",)),
 }  # fmt: skip

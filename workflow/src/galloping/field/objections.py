@@ -12,7 +12,6 @@ from galloping.field.recordings import excerpts
 from galloping.identification.likelihood.instrument import DRIFTS
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import LITTLE_TOLD, IdentifiedModel
-from galloping.identification.random_forces.decision import random_forces
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.unmodelled import unmodelled
 from galloping.identification.work import ENDED
@@ -143,7 +142,7 @@ def _changing_at_random(identified: IdentifiedModel, recording: Recording, perio
     halves, told = [recording[:middle], recording[middle:]], []
     for half in halves:
         known = tuple(model.states[i] for i in identified.known)
-        found = random_forces([half], model.terms, model, known)
+        found = maximum_likelihood([half], model.terms, model, known, forced=())
         if found.status == "refused":
             return ""
         of = dynamics(found, Surroundings.of([half]), np.random.default_rng(0))

@@ -200,12 +200,7 @@ def peaks_of(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _channel(
-    time: np.ndarray,
-    values: np.ndarray,
-    step: float,
-    rows: np.ndarray,
-    unit: str,
-    is_rate: bool,
+    time: np.ndarray, values: np.ndarray, step: float, rows: np.ndarray, unit: str, is_rate: bool
 ) -> tuple[dict, list[tuple[int, str]]]:
     """What a channel is like, and its problems: the row where each begins, and what it is.
 

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from galloping.identification.inputs import FEWEST
+from galloping.identification.inputs import FEWEST, asked
 from galloping.identification.likelihood.maximum_likelihood import maximum_likelihood
 from galloping.identification.model import IdentifiedModel
 from galloping.identification.preparation.smoothing import shortest_period, with_integrals
+from galloping.identification.problem import PRIOR
 from galloping.identification.random_forces.decision import if_moved_at_random
 from galloping.identification.random_forces.start import wavers
 from galloping.polynomial import PolynomialModel, velocity_pairs
@@ -196,10 +197,10 @@ def by_excerpts(
     if method is not maximum_likelihood or recordings[0].inputs or whole:
         return method(stretches, *question, **options)
     if wavers(recordings, shortest_period([with_integrals(each) for each in recordings])):
-        about = {
-            name: options[name] for name in ("prior", "coefficients", "allowed") if name in options
-        }
-        if found := if_moved_at_random(recordings, *question, **about):
+        names = ("prior", "coefficients", "allowed")
+        about = {"prior": PRIOR} | {name: options[name] for name in names if name in options}
+        problem = asked(recordings, *question, **about)
+        if found := if_moved_at_random(problem, recordings):
             return found
     found = method(stretches, *question, **options)
     if found.is_forced:

@@ -186,7 +186,7 @@ def draw_methods(table: pd.DataFrame, settings: Mapping) -> Figure:
     table = table[(table["kind"] == settings["kind"]) & (table[x] > 0)]
     figure, grid = parts.method_grid(settings, len(rows), 2.1)
     places = parts.LogAxis.of(table[x])
-    shift = parts.shifts(parts.in_order(table, "method", settings["methods"]), METHODS_APART)
+    shift = parts.shifts(parts.in_order(table, settings["methods"]), METHODS_APART)
     drawn = set()
     for (case, row, protocol), axes in grid.items():
         quantity, of_case = rows[row], table[table["case"] == case]
@@ -232,7 +232,7 @@ def draw_efficiency(table: pd.DataFrame, settings: Mapping) -> Figure:
         places = _places(axes, of_case, settings["labels"][protocol])
         axes.set(yscale="log", ylim=(limits[0], limits[1] * 1.6))
         axes.axhline(1, **parts.line_look(BOUND), zorder=2)
-        methods = [m for m in parts.in_order(chosen, "method", settings["methods"]) if m != BOUND]
+        methods = [m for m in parts.in_order(chosen, settings["methods"]) if m != BOUND]
         shift, lost = parts.shifts(methods, EFFICIENCY_APART), []
         for method in methods:
             line = chosen[chosen["method"] == method].sort_values(["recordings", "level"])
@@ -250,7 +250,7 @@ def draw_efficiency(table: pd.DataFrame, settings: Mapping) -> Figure:
             alone = line["recordings"] == 1
             parts.series(axes, x, np.array([values] * 3), method, limits, joined=alone)
         axes.set_ylabel("rms error / bound" if protocol == settings["protocols"][0] else "")
-    keys = parts.method_keys(parts.in_order(table, "method", settings["methods"]))
+    keys = parts.method_keys(parts.in_order(table, settings["methods"]))
     parts.legend(figure, *keys, columns=4)
     return figure
 

@@ -288,10 +288,10 @@ def where(table: pd.DataFrame, **values: object) -> pd.DataFrame:
     return table
 
 
-def in_order(table: pd.DataFrame, column: str, order: Sequence[str]) -> list[str]:
-    """The entries of `order` that a column of the table holds."""
-    present = set(table[column])
-    return [name for name in order if name in present]
+def in_order(table: pd.DataFrame, methods: Sequence[str]) -> list[str]:
+    """The methods that the table holds."""
+    present = set(table["method"])
+    return [name for name in methods if name in present]
 
 
 def key(label: str, **look: object) -> Line2D:

@@ -3,8 +3,6 @@
 Apart from `model`, which jobs import that only read models: they need not run again for an edit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
 from pkgutil import resolve_name

@@ -47,8 +47,8 @@ def checked_recordings(recordings: object) -> list[Recording]:
 def asked(
     recordings: list[Recording],
     terms: tuple[Exponents, ...],
-    known: PolynomialModel | None,
-    known_states: tuple[str, ...],
+    known: PolynomialModel | None = None,
+    known_states: tuple[str, ...] = (),
     prior: Prior | None = None,
     coefficients: Sequence[Coefficient] = (),
     allowed: ArrayLike | None = None,

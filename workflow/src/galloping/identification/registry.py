@@ -1,7 +1,5 @@
 """The identification methods a study can name, without importing any of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

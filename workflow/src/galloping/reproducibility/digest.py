@@ -22,7 +22,8 @@ from pathlib import Path
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-SOURCE = Path(__file__).parents[2]
+from galloping import deferred
+
 PACKAGE = Path(__file__).parents[1].name
 # Logs, receipts, messages and progress: no number depends on them.
 UNCOUNTED = (f"{PACKAGE}.reproducibility.job", f"{PACKAGE}.passes")
@@ -39,9 +40,10 @@ def code(*roots: str | Path) -> dict:
     files = _closure(roots)
     texts = []
     for path in files:  # named as wherever the repository lies and a script is called
-        name = path.relative_to(SOURCE).as_posix() if path.is_relative_to(SOURCE) else "script"
+        is_own = path.is_relative_to(deferred.SOURCE)
+        name = path.relative_to(deferred.SOURCE).as_posix() if is_own else "script"
         texts.append(f"{name}\n{_parse(path).content}\n")
-        if path.is_relative_to(SOURCE):
+        if is_own:
             beside = (path.parent.glob(f"*.{suffix}") for suffix in ("jinja", "csv", "mplstyle"))
             texts += [data.read_text("utf-8") for found in beside for data in found]
     libraries = frozenset().union(*(_parse(path).libraries for path in files))
@@ -58,7 +60,7 @@ def _closure(roots: tuple[str | Path, ...]) -> set[Path]:
     for root in roots:
         module = str(root).partition(":")[0]
         waiting += [Path(root)] if Path(root).suffix == ".py" else _files(module)
-        if Path(root).suffix != ".py" and not _find(module):
+        if Path(root).suffix != ".py" and not deferred.file_of(module):
             raise ValueError(f"{module}: no such module")
     while waiting:
         path = waiting.pop()
@@ -109,16 +111,7 @@ def _files(name: str) -> list[Path]:
     """Files that importing a module of the package runs: its own and those of its parents."""
     parts = name.split(".")
     names = (".".join(parts[: k + 1]) for k in range(len(parts)))
-    return [file for name in names if name not in UNCOUNTED and (file := _find(name))]
-
-
-@cache
-def _find(name: str) -> Path | None:
-    base = SOURCE.joinpath(*name.split("."))
-    for path in (base / "__init__.py", base.with_suffix(".py")):
-        if path.is_file():
-            return path
-    return None
+    return [file for name in names if name not in UNCOUNTED and (file := deferred.file_of(name))]
 
 
 def versions(imported: Iterable[str]) -> dict[str, str]:

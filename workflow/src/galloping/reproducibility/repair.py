@@ -6,13 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from galloping.reproducibility.plan import Plan, as_planned, record
-from galloping.reproducibility.receipts import (
-    Receipt,
-    consistent,
-    inspect,
-    receipt_path,
-    receipts,
-)
+from galloping.reproducibility.receipts import Receipt, consistent, inspect, receipt_path, receipts
 
 
 @dataclass(frozen=True)

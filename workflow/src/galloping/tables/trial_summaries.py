@@ -93,11 +93,6 @@ def paths(parts: Mapping[str, pd.DataFrame], settings: Mapping) -> pd.DataFrame:
     return table.sort_values(order, ascending=[True, True, False], kind="stable")
 
 
-def ablations(measured: pd.DataFrame) -> pd.DataFrame:
-    """What each part of the identification is worth, as it was measured when it was tried."""
-    return measured
-
-
 def published_terms(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """One row for each system, length, noise level and method, beside the shares of METHODS.
 

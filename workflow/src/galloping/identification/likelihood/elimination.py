@@ -215,11 +215,7 @@ def eliminate_with_jumps(
 
 
 def jump_covariance(
-    record: Record,
-    linear: NormalEquations,
-    solved: Jumping,
-    change: np.ndarray,
-    at: np.ndarray,
+    record: Record, linear: NormalEquations, solved: Jumping, change: np.ndarray, at: np.ndarray
 ) -> np.ndarray:
     """(n_states, n_states) expected covariance of the states' jumps at full motion, given the data.
 

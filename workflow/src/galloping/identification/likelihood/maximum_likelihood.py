@@ -65,8 +65,8 @@ def maximum_likelihood(
     coefficients: what is known of single ones, which are then always there. allowed: (n_states,
     n_terms) boolean, in which equations each term is sought; in all by default.
     prior: of the terms (see `Prior`); None: the data alone choose them and speak in the verdict.
-    forced: names of coordinates or states that unmeasured random forces move, none for all, as
-    `random_forces`, which answers; by default it does where the motion shows such forces.
+    forced: names of coordinates or states that unmeasured random forces move, none for all:
+    `random_forces` answers then, and by default where the motion shows such forces.
     The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
     model of the library follows the data to the noise; see `model_error`), or `refused`.
     Raises ValueError where the recordings differ in their states, and for other input.
@@ -74,9 +74,7 @@ def maximum_likelihood(
     recordings = checked_recordings(recordings)
     problem = asked(recordings, terms, known, known_states, prior, coefficients, allowed)
     if forced is not None:
-        return random_forces(
-            recordings, terms, known, known_states, prior, forced, coefficients, allowed
-        )
+        return random_forces(problem, recordings, forced)
     used = attempt(partial(driven, recordings, problem.inputs))
     if isinstance(used, NoModel):
         return by(["no model"], refused(problem, used.reason))

@@ -9,14 +9,12 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import chain
 
-from numpy.typing import ArrayLike
-
 from galloping.arrays import one_thread
 from galloping.identification.answers import beside_known, by, refused, with_inputs
-from galloping.identification.inputs import asked, checked_recordings, driven
+from galloping.identification.inputs import driven
 from galloping.identification.model import IdentifiedModel, NoModel, attempt
 from galloping.identification.preparation.screening import prepared
-from galloping.identification.problem import PRIOR, Coefficient, Prior, Problem
+from galloping.identification.problem import Problem
 from galloping.identification.random_forces.fitting import ForcedFit
 from galloping.identification.random_forces.model_in_forces import fit_in_forces
 from galloping.identification.random_forces.several_modes import (
@@ -29,34 +27,24 @@ from galloping.identification.random_forces.several_modes import (
 from galloping.identification.random_forces.start import wavers
 from galloping.identification.random_forces.verdict_in_forces import FinalFit, judged
 from galloping.identification.work import ENDED, MOST, limited
-from galloping.polynomial import Exponents, PolynomialModel, velocity_pairs
+from galloping.polynomial import velocity_pairs
 from galloping.recording import Recording
 
 # s, of a trial beside inputs, and without: what takes more was mostly another motion.
 TRIAL_BESIDE_INPUTS, TRIAL = 0.15 * MOST, 0.4 * MOST
 
 
-@one_thread
 def random_forces(
-    recordings: Recording | Sequence[Recording],
-    terms: tuple[Exponents, ...],
-    known: PolynomialModel | None = None,
-    known_states: tuple[str, ...] = (),
-    prior: Prior | None = PRIOR,
-    forced: Sequence[str] = (),
-    coefficients: Sequence[Coefficient] = (),
-    allowed: ArrayLike | None = None,
+    problem: Problem, given: list[Recording], forced: Sequence[str]
 ) -> IdentifiedModel:
-    """Identify a model that random forces move, from one or several recordings of a system.
+    """The model that random forces move, of recordings as they came.
 
-    All but `forced`: as of `maximum_likelihood`. forced: names of the coordinates or of the states
-    in whose equations a force acts; by default all that are sought.
+    forced: names of the coordinates or of the states in whose equations a force acts, none for all
+    that are sought.
     Of more modes than coordinates the model is that of the slowest, and the reason says what was
     left out. The status is `ok`, `approximate` where what is left is no white noise, or `refused`;
-    the covariance of the forces is in `forces`. Raises ValueError for other input.
+    the covariance of the forces is in `forces`. Raises ValueError for a name that is none.
     """
-    given = checked_recordings(recordings)
-    problem = asked(given, terms, known, known_states, prior, coefficients, allowed)
     places = forced_equations(problem, forced)
 
     def find(recordings: list[Recording], period: float, besides: int) -> IdentifiedModel | NoModel:
@@ -125,21 +113,12 @@ def _best(models: Iterable[IdentifiedModel]) -> IdentifiedModel | None:
 
 
 @one_thread
-def if_moved_at_random(
-    recordings: Sequence[Recording],
-    terms: tuple[Exponents, ...],
-    known: PolynomialModel | None = None,
-    known_states: tuple[str, ...] = (),
-    prior: Prior | None = PRIOR,
-    coefficients: Sequence[Coefficient] = (),
-    allowed: ArrayLike | None = None,
-) -> IdentifiedModel | None:
+def if_moved_at_random(problem: Problem, recordings: list[Recording]) -> IdentifiedModel | None:
     """As `random_forces` in all equations; None where the motion may be another one."""
-    problem = asked(list(recordings), terms, known, known_states, prior, coefficients, allowed)
 
     def search() -> IdentifiedModel | None:
         with limited(recordings) as work:
-            cleaned, _, period = prepared(list(recordings))
+            cleaned, _, period = prepared(recordings)
             found, is_sure = moved_at_random(problem, cleaned, period)
             return work.told(found) if is_sure else None
 
