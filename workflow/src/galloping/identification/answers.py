@@ -33,8 +33,8 @@ def beside_known(problem: Problem, identified: IdentifiedModel) -> IdentifiedMod
     """The model, not `ok` where recordings alone would put a coefficient MOST_SURPRISE deviations
     from what was known of it, or further: then what was known is wrong, or the model is.
 
-    The estimate is the mean of both, weighted by their precisions: of its distance from what was
-    known, the variance is that of what was known less its own.
+    The estimate is the mean of both, weighted by their precisions. Its distance from what was known
+    has the variance of what was known, less the variance of the estimate.
     """
     found, mean = identified.model.coefficients, problem.expected
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -56,7 +56,7 @@ def asked(
     """The problem, `posed` of recordings.
 
     Raises ValueError where the library or what is known is not about their states and inputs, or
-    the prior is none, and what `posed` raises.
+    `prior` is no `Prior`, and what `posed` raises.
     """
     states, inputs = recordings[0].states, tuple(recordings[0].inputs)
     n = len(states)

@@ -66,9 +66,9 @@ def plausible_supports(whitened: Whitened, support: np.ndarray) -> Plausible:
 def with_prior(problem: Problem, plausible: Plausible) -> Plausible:
     """The same supports, weighed by the prior of higher degrees as well.
 
-    It settles ties, but speaks neither against a support of fewer terms than the selected one nor
-    against one of more terms whose chi^2 is lower by 5: what low degrees imitate with another
-    number of terms is no tie.
+    The prior settles ties, but speaks neither against a support of fewer terms than the selected
+    one nor against one of more terms whose chi^2 is lower by 5: what low degrees imitate with
+    another number of terms is no tie.
     """
     if problem.prior is None:
         return plausible
@@ -103,9 +103,10 @@ def _fits(whitened: Whitened, supports: np.ndarray) -> tuple[np.ndarray, np.ndar
 def unconditional_errors(plausible: Plausible, deviation: np.ndarray) -> np.ndarray:
     """(n,) standard error of each coefficient about the selected one, the support not trusted.
 
-    Of a term found: over all plausible supports. Of an absent one: over those that have it, or,
-    where none has, its `deviation` (n,) were it alone added. It is the root mean square distance,
-    or more where the distance has a heavy tail: four of it hold all but a share of MISS_RATE.
+    The error of a term found is taken over all plausible supports; that of an absent term over
+    those that have the term, or, where none has, it is the term's `deviation` (n,) were it alone
+    added. It is the root mean square distance from the selected coefficient, or more where the
+    distance has a heavy tail: four errors hold all but a share of MISS_RATE.
     """
     selected = plausible.supports[0]
     distance = np.abs(plausible.coefficients - plausible.coefficients[0])

@@ -41,17 +41,17 @@ class Prior:
         chi^2 + sum over its terms of [ln N - 2 ln odds].
 
     Constants and linear terms are cheap only where noise hides what is there. Of little noise a
-    prior worth one sample is narrower than what the motion leaves open: a coefficient of which the
-    term alone would make up its equation (that of the weak form), w. Where the data tell such a
-    term to s, with w / s larger than the root of N, the integral over a prior as wide as w costs
-    2 ln(w / s) in place of ln N; a term that is not worth that, or the price of a nonlinear term
-    where that is less, leaves. Without it terms that noise makes up came in alike at any noise. In
-    the equation of the rate of a displacement linear terms stay cheap: the net damping of a line is
-    a small one.
+    prior worth one sample is narrower than the coefficients that the motion leaves open: up to w,
+    at which a term alone would make up its equation (that of the weak form). Where the data tell
+    the coefficient of such a term with a standard error s, and w / s is larger than the root of N,
+    the integral over a prior as wide as w costs 2 ln(w / s) in place of ln N; a term leaves that is
+    worth neither that nor the price of a nonlinear term. Without this rule as many terms came in
+    that noise makes up where noise is small as where it is large. In the equation of the rate of a
+    displacement linear terms stay cheap: the net damping of a line is a small one.
 
     The odds were calibrated on recordings of seeds that report nothing, and what each rule is worth
     was counted on others (docs/identification_parts.csv).
-    Raises ValueError where one of them is not in (0, 1].
+    Raises ValueError where one of the odds is not in (0, 1].
     """
 
     term: float = 1.0 / 3.0
@@ -65,7 +65,7 @@ class Prior:
                 raise ValueError(f"prior: {name}: {value!r:.60}; must be a number in (0, 1]")
 
     def of_complexity(self, complexity: NDArray[np.int_]) -> NDArray[np.float64]:
-        """Price of terms of such `Problem.complexity` beyond that of linear terms, (n,)."""
+        """(n,) price of terms of a `Problem.complexity` (n,), less that of a linear term."""
         dearer = -2.0 * np.log(self.nonlinear) * complexity
         return np.where(complexity < 0, 2.0 * np.log(self.term / self.constant), dearer)
 
@@ -132,12 +132,12 @@ class Problem:
 
     @cached_property
     def degrees(self) -> np.ndarray:
-        """(n_candidates,), in the states."""
+        """(n_candidates,) degree of each term in the states."""
         return self.of_states.sum(axis=1)[self.candidates[:, 1]]
 
     @cached_property
     def of_velocities(self) -> np.ndarray:
-        """(n_candidates,) boolean: those in the equation of the velocity of a displacement."""
+        """(n_candidates,) boolean: whether in the equation of the velocity of a displacement."""
         return np.isin(self.candidates[:, 0], list(velocity_pairs(self.states).values()))
 
     @cached_property
@@ -151,12 +151,12 @@ class Problem:
 
     @cached_property
     def tables(self) -> Tables:
-        """Of the library."""
+        """Index tables of the library."""
         return tables(self.terms, len(self.states))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """In the order of a term's exponents."""
+        """Names of states and inputs, in the order of a term's exponents."""
         return self.states + self.inputs
 
     @property
@@ -167,7 +167,9 @@ class Problem:
     def by_term(
         self, change: Callable[[np.ndarray], np.ndarray], terms: Sequence[Exponents]
     ) -> Self:
-        """The problem of other terms. change: of (n_states, n_terms) to what is of those."""
+        """The problem with other terms. change: from an array by the terms, (n_states, n_terms), to
+        that by the other terms.
+        """
         by_term = ("known", "open", "expected", "precision")
         values = {name: change(getattr(self, name)) for name in by_term}
         return replace(self, terms=tuple(terms), **values)
@@ -184,7 +186,9 @@ class Problem:
         return self.terms.index(alone(state, len(self.names)))
 
     def alike(self, support: np.ndarray) -> np.ndarray:
-        """(n_candidates,) those of a support, and those of which but the inputs differ."""
+        """(n_candidates,) boolean: the candidates of a support, and those that differ from one of
+        them in powers of inputs alone.
+        """
         names = [(i, *self.of_states[j]) for i, j in self.candidates]
         found = set(compress(names, support))
         return np.array([name in found for name in names])
@@ -216,19 +220,19 @@ class Problem:
         return information + np.diag(precision), right + precision * (mean - about)
 
     def of_candidates(self, values: np.ndarray, pairs: np.ndarray | None = None) -> np.ndarray:
-        """Of (n_states, n_terms) those of the candidates, or of other pairs."""
+        """Entries of `values`, (n_states, n_terms), for the candidates, or for `pairs` (n, 2)."""
         return values[tuple((self.candidates if pairs is None else pairs).T)]
 
     def chosen_about(self, about: np.ndarray | float = 0.0) -> np.ndarray:
-        """`about` as of `selection.whiten`, by which coefficients with a prior are always chosen:
-        the choice compares each with zero, and theirs are moved 1e4 deviations of it away.
+        """`about` for `selection.whiten`, by which coefficients with a prior are always chosen:
+        terms are chosen that are far from zero, and these are moved 1e4 deviations of their prior.
         """
         root = np.sqrt(self.of_candidates(self.precision))
         return about + np.divide(1e4, root, out=np.zeros(len(root)), where=root > 0.0)
 
     def of_model(self, covariance: np.ndarray, support: np.ndarray) -> np.ndarray:
-        """The covariance of the supported candidates among all terms that a model has, the fixed
-        ones without variance.
+        """The covariance of all terms that a model has in the unknown equations, fixed ones without
+        variance, from that of the supported candidates (n_support, n_support).
         """
         places = np.full(self.known.shape, -1)
         places[tuple(self.candidates[support].T)] = np.arange(len(covariance))
@@ -253,9 +257,9 @@ class Problem:
         return full
 
     def price(self, penalty: float, largest: np.ndarray) -> Price:
-        """Of terms, by the prior of supports and of coefficients.
+        """The price of each term, by the prior of supports and of coefficients.
 
-        penalty: 2 ln N of N samples. largest: (n_candidates,) as `largest`.
+        penalty: 2 ln N of N samples. largest: (n_candidates,) of the function `largest`.
         """
         costs = self.costs(penalty)
         if self.prior is None:
@@ -276,13 +280,13 @@ class Problem:
         return penalty / 2.0 - 2.0 * np.log(self.prior.term) + beyond
 
     def compiled(self, free: np.ndarray, pairs: np.ndarray) -> System:
-        """With the candidates' coefficients `free`, with derivatives by those of the pairs (n, 2),
-        equation and term.
+        """The equations to integrate, with the candidates' coefficients `free` (n_candidates,), and
+        with derivatives by the coefficients `pairs` (n, 2), equation and term.
         """
         return system(self.tables, self.coefficients(free), pairs)
 
     def model(self, free: np.ndarray) -> PolynomialModel:
-        """With the candidates' coefficients `free`."""
+        """The model with the candidates' coefficients `free` (n_candidates,)."""
         return PolynomialModel(self.states, self.terms, self.coefficients(free), self.inputs)
 
 
@@ -300,10 +304,10 @@ def posed(
 
     The equation of a state X is known, dX/dt = dX, where `dX` is a state too. Further equations
     are known through `known`, a model whose rows named in `known_states` are taken as they are.
-    inputs: names of those of the recordings, which a library of terms in the states alone leaves
-    aside. coefficients: what is known of single ones of the other equations. allowed: (n_states,
-    n_terms) boolean, where else than there no term is sought; everywhere by default. Raises
-    ValueError where what is known is outside of the library, or nothing is left to find.
+    inputs: names of the recordings' inputs; a library in the states alone leaves these aside.
+    coefficients: what is known of single coefficients of the other equations. allowed: (n_states,
+    n_terms) boolean, in which equations each term is sought; in all by default. Raises ValueError
+    where what is known is outside of the library, or nothing is left to find.
     """
     rows = np.zeros((len(states), len(terms)))
     inputs = tuple(inputs)[: len(terms[0]) - len(states)]
@@ -347,11 +351,12 @@ def posed(
 def largest(problem: Problem, values: np.ndarray, rates: np.ndarray) -> np.ndarray:
     """(n_candidates,) coefficients at which each term alone would make up its equation.
 
-    values: (n, n_states + n_inputs), rates: (n, n_states), NaN where missing, by the root mean
-    squares of terms and rates.
+    Then the root mean squares of term and rate are equal. values: (n, n_states + n_inputs), rates:
+    (n, n_states), NaN where missing.
     """
 
     def size(values: np.ndarray) -> np.ndarray:
+        """Root mean square of each column."""
         there = np.isfinite(values)
         squares = np.sum(np.where(there, values, 0.0) ** 2, axis=0)
         return np.sqrt(squares / np.maximum(there.sum(axis=0), 1))

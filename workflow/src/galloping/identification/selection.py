@@ -24,7 +24,7 @@ def solve_support(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Minimise c H c / 2 - b c with c zero outside `support`.
 
-    information: H, (n, n), right: b, (n,), both whitened, so that H^-1 is the covariance.
+    information: H, (n, n), right: b, (n,), in units of the noise: H^-1 is the covariance.
     support: (n,) boolean. Returns c (n,) and the covariance of the supported coefficients
     (n_support, n_support).
     """
@@ -42,9 +42,9 @@ def solve_support(
 class Price:
     """What terms have to bring, in units of chi^2, to be chosen.
 
-    least, most: (n,) of each. width: (n,) coefficients c: where a term's standard error s is
-    smaller, its price is higher than the least by 2 ln(c / s), the evidence of a prior so much
-    wider, up to the most (see `Prior`).
+    least, most: (n,) bounds of the price of each term. width: (n,) coefficients c: where a term's
+    standard error s is smaller, its price is higher than the least by 2 ln(c / s), the evidence of
+    a prior so much wider, but not above the most (see `Prior`).
     """
 
     least: np.ndarray
@@ -52,14 +52,15 @@ class Price:
     width: np.ndarray
 
     def times(self, dear: float) -> Price:
+        """The same prices, `dear` times as high."""
         return Price(dear * self.least, dear * self.most, self.width)
 
     def of(self, terms: np.ndarray) -> Price:
-        """Of some terms, by their indices."""
+        """The prices of some terms, by their indices."""
         return Price(self.least[terms], self.most[terms], self.width[terms])
 
     def told(self, errors: np.ndarray, terms: np.ndarray) -> np.ndarray:
-        """(m,) of terms with such standard errors (m,)."""
+        """(m,) prices of terms, by their indices (m,), with the standard errors `errors` (m,)."""
         wider = self.least[terms] + 2.0 * np.log(np.maximum(self.width[terms] / errors, 1.0))
         return np.minimum(wider, self.most[terms])
 
@@ -75,10 +76,11 @@ def select(
 
     From each of `starts`, (n,) boolean: removes the term that is least worth its cost while there
     is one that is not; then, while it pays, adds a term or two, or exchanges one for one, one for
-    two or two for one, while work is left. Of the best, terms leave that are not worth a `Price`
-    with their errors: a term that imitates another one has errors, and so a price, that do not
-    compare. cost: of each term (n,), in units of chi^2, or one of all. Shapes as in
-    `solve_support`; about: as in `whiten`. Returns the (n,) boolean support.
+    two or two for one, while work is left. In this search a `Price` counts by its least: beside a
+    term that imitates it a term has a large error, and so a price that does not compare. From the
+    best support terms then leave that are not worth their price with the errors they have there.
+    cost: of each term (n,), in units of chi^2, or one of all. Shapes as in `solve_support`; about:
+    as in `whiten`. Returns the (n,) boolean support.
     """
     whitened, priced = whiten(information, right, about), isinstance(cost, Price)
     least = np.broadcast_to(cost.least if priced else cost, len(right))
@@ -98,11 +100,11 @@ def select(
 
 @dataclass(frozen=True)
 class Whitened:
-    """The same problem as the least squares of |target - columns c|^2, in units of its own.
+    """The problem of `solve_support` as the least squares of |target - columns c|^2.
 
-    columns: (n, n), target: (n,). unit: (n,), from its c to the original one,
-    zero for terms without information. Sums of squares formed from it keep the digits that a
-    product with an inverse loses where terms imitate each other.
+    columns: (n, n), target: (n,). unit: (n,), by which c is multiplied to give the original
+    coefficients, zero for terms without information. Sums of squares of the columns keep the digits
+    that a product with an inverse loses where terms imitate each other.
     """
 
     columns: np.ndarray
@@ -129,7 +131,7 @@ def whiten(information: np.ndarray, right: np.ndarray, about: np.ndarray | None 
     try:
         columns = cholesky(scaled, check_finite=False)
         target = solve_triangular(columns, right * unit, trans="T", check_finite=False)
-    except np.linalg.LinAlgError:
+    except np.linalg.LinAlgError:  # rounding leaves an eigenvalue below zero
         values, vectors = np.linalg.eigh(scaled)
         root = np.sqrt(np.maximum(values, RIDGE))
         columns, target = root[:, None] * vectors.T, (right * unit) @ vectors / root
@@ -210,7 +212,7 @@ class Tableau:
 
 
 def tableau(whitened: Whitened, support: np.ndarray) -> Tableau:
-    """support: (n,) boolean. Terms that it imitates cannot be added."""
+    """The problem seen from a support, (n,) boolean; terms that it imitates cannot be added."""
     kept, out = np.flatnonzero(support), np.flatnonzero(~support & whitened.usable)
     spend(2e-4 + 1e-10 * len(support) ** 3)
     q, r = np.linalg.qr(whitened.columns[:, kept])
@@ -301,7 +303,7 @@ def _descend(
         if is_spent():
             return value, support
         rise, others = moves(here, support, cost, 1)
-        if not len(rise) or rise[0] > -1e-6:
+        if not len(rise) or rise[0] > -1e-6:  # a smaller fall of chi^2 may be rounding
             return value, support
         support = _remove(whitened, others[0], cost)
     return ends[support.tobytes()]

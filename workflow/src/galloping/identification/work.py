@@ -26,8 +26,8 @@ ENDED = "the search for a model ended at its limit of work"
 
 @dataclass
 class Work:
-    """most: s, that a search may compute; spent: that it did. ended: whether something was left
-    undone for it. around: the work that this is a part of.
+    """most: s, that a search may compute. spent: s, that it has computed. ended: whether anything
+    was left undone for lack of work. around: the work that this is a part of.
     """
 
     most: float
@@ -37,6 +37,7 @@ class Work:
 
     @property
     def left(self) -> float:
+        """s, that may still be computed; negative where too much was."""
         return self.most - self.spent
 
     def told(self, found: IdentifiedModel) -> IdentifiedModel:

@@ -1,7 +1,8 @@
 """Maximum likelihood: coefficients, initial states and terms at the limit the data set.
 
 The method is on a page, docs/identification.md, in the order of this module: the starts, of which
-each is fitted in free segments and joined over the recording; what the residuals show; the verdict.
+each is fitted in free segments and joined over the recording; what the residuals show; the verdict;
+and what is asked where no model of the library is right.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,7 +36,8 @@ from galloping.polynomial import Exponents, PolynomialModel
 from galloping.recording import Recording
 
 Outcome = IdentifiedModel | NoModel
-# From what was found to speak against a model, to the outcome of a search and whether it is sure.
+# Takes what an earlier search found to speak against a model; gives an outcome, and whether that is
+# sure, so that no further search is needed.
 Search = Callable[[str], tuple[Outcome, bool]]
 
 
@@ -53,10 +55,10 @@ def maximum_likelihood(
 ) -> IdentifiedModel:
     """Identify one polynomial model from one or several recordings of a system.
 
-    recordings: sharing their states; any sampling, NaN where samples or channels are missing;
-    the noise of each channel of each recording is white and Gaussian, and unknown but where they
-    say it: then it is the least that is assumed, and what the misfit is held against. Where their
-    values are exact, the equations are fitted to their rates directly.
+    recordings: sharing their states; any sampling, NaN where samples or channels are missing. The
+    noise of each channel of each recording is taken for white and Gaussian. Its size is estimated;
+    where a recording says it, no less is assumed, and the misfit is held against what it says.
+    Where the values of all recordings are exact, the equations are fitted to their rates directly.
     terms: the library, in the states or in the states and the inputs of the first recording, which
     all must have; a recording counts in the stretches in which they are there, and `initial_states`
     and `sigma` of the result are those of the stretches. known: model whose equations of
@@ -65,8 +67,8 @@ def maximum_likelihood(
     coefficients: what is known of single ones, which are then always there. allowed: (n_states,
     n_terms) boolean, in which equations each term is sought; in all by default.
     prior: of the terms (see `Prior`); None: the data alone choose them and speak in the verdict.
-    forced: names of coordinates or states that unmeasured random forces move, none for all:
-    `random_forces` answers then, and by default where the motion shows such forces.
+    forced: names of coordinates or states that unmeasured random forces move, () for all: then
+    `random_forces` answers. By default such forces are tried where the motion may be theirs.
     The status is `ok`, `not identifiable` (other terms could be there as well), `approximate` (no
     model of the library follows the data to the noise; see `model_error`), or `refused`.
     Raises ValueError where the recordings differ in their states, and for other input.
@@ -89,8 +91,8 @@ def maximum_likelihood(
 def _at_some_time_scale(
     problem: Problem, recordings: list[Recording], start: Start | None
 ) -> IdentifiedModel:
-    """The model from the starts of the first time scale of which any leads to one: the spectrum
-    shows that of most of the power, and a transient or a relaxation is quicker.
+    """The model from the first time scale of which a start leads to a model. The spectrum shows the
+    time scale of most of the power; a transient or a relaxation is quicker.
     """
     objections = []
     for share in starts.TIME_SCALES:
@@ -108,9 +110,10 @@ def _at_some_time_scale(
 def _at_time_scale(
     problem: Problem, recordings: list[Recording], share: float, begun: Start | None
 ) -> Outcome:
-    """What the searches of a time scale lead to, in their order: is there a model that follows the
-    data, did random forces move the system, which model is near. Random forces are asked for where
-    the motion may be theirs, and first where no model follows the data in segments.
+    """The outcome of the searches of a time scale, in their order: is there a model that follows
+    the data, did random forces move the system, which model is near. Random forces are tried where
+    the motion may be theirs, and first where no model follows the data in segments, or
+    displacements are not measured.
     """
     first = replace(begun, problem=problem) if begun else begin(problem, recordings, share)
     begun, told = starts.rescaled(first, recordings, share)
@@ -125,10 +128,10 @@ def _at_time_scale(
 
 
 def _first_of(searches: Sequence[Search], recordings: list[Recording]) -> Outcome:
-    """What the first search leads to that leads to a model. Where that is not sure, those after it
-    have a quarter of the work to find one that tells more.
+    """The outcome of the first search that leads to a model. Where that model is not sure, later
+    searches have a quarter of the work to find a model that tells more.
 
-    Each search is told what was found to speak against a model before it.
+    Each search is told what the searches before it found to speak against a model.
     """
     unsure, objection = None, ""
     with ExitStack() as limits:
@@ -150,67 +153,26 @@ def _follow(begun: Start, _: str) -> tuple[Outcome, bool]:
         return _from_any_rest(begun, _followed), True
 
 
-def _in_forces(begun: Start, _: str) -> tuple[Outcome, bool]:
-    """The model in random forces, and whether it is plain that these moved the system; what is left
-    by it may be that of inputs at the wrong times.
-    """
-    found, is_sure = moved_at_random(begun.problem, begun.recordings, begun.period)
-    if found is None:
-        return NoModel(""), False
-    late = _late(begun)
-    return found.doubted(f"{late}; {found.reason}") if late else found, is_sure
-
-
-def _near(begun: Start, objection: str) -> tuple[Outcome, bool]:
-    """The model that is near where none follows the data, for the reason `objection`."""
-    late = _late(begun)  # a score test may have said so, but not by how much
-    other = [clause for clause in objection.split("; ") if clause not in late]
-    objection = "; ".join(filter(None, [late, *other]))
-    return _from_any_rest(begun, partial(_near_data, objection=objection)), True
-
-
 def _from_any_rest(begun: Start, search: Callable[[Start], Outcome]) -> Outcome:
-    """What a search leads to, the best of those from several positions of rest where displacements
-    are not measured: until two are of the same terms.
+    """The outcome of a search; where displacements are not measured, the best outcome from several
+    positions of rest, tried until two models have the same terms.
     """
     if not starts.rests_at_zero(begun):
         return attempt(partial(search, begun))
     found, objections = [], []
     for name, position in starts.positions_of_rest(begun):
-        one = attempt(partial(search, position))
-        if isinstance(one, NoModel):
-            objections.append(one)
+        outcome = attempt(partial(search, position))
+        if isinstance(outcome, NoModel):
+            objections.append(outcome)
         else:
-            found.append(by([name], one))
+            found.append(by([name], outcome))
         if agree(found) or is_spent():
             break
     return starts.with_constants(begun.problem, best_of(found)) if found else objections[0]
 
 
-def _late(begun: Start) -> str:
-    """Which inputs are late or early, in words, and by how much; '' where none is."""
-    late = attempt(partial(delayed_inputs, begun))
-    if isinstance(late, NoModel):
-        return ""
-    return "; ".join(f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items())
-
-
-def _near_data(begun: Start, objection: str) -> Outcome:
-    """The approximate model, or that of the least error of free runs where inputs drive it."""
-    start = trajectory_fit.prepare(begun, begun.fit, STRETCH_PERIODS)
-    near = approximation(start, begun.penalty, objection)
-    if isinstance(near, NoModel):
-        return near
-    if begun.problem.inputs and near.status == "approximate":
-        runs = partial(free_run.free_runs, start.record, near, begun.penalty, objection)
-        run = attempt(runs)
-        if isinstance(run, IdentifiedModel):
-            return by(["approximation", near.diagnostics["path"]], run)
-    return by(["approximation"], near)
-
-
 def _followed(begun: Start) -> Outcome:
-    """The model that follows the data to the noise; none where no model of the library is right."""
+    """The model that follows the data to the noise; `NoModel` where none of the library does."""
     problem, penalty, largest = begun.problem, begun.penalty, begun.largest
     joined = _joined(begun, largest)
     if joined is None:
@@ -229,7 +191,7 @@ def _followed(begun: Start) -> Outcome:
     step, fit, record = joined.step, joined.step.fit, joined.step.fit.record
     sigma, noise = _noise(fit, remaining)
     doubt = "many models follow the data alike"
-    if joined.settled:  # else what it leaves in the residuals is that it is not the best fit
+    if joined.settled:  # the residuals of another fit show that it is not the best, and no cause
         objection, is_fault = _objection(fit, shown, penalty)
         if is_fault:
             return by(joined.path, refused(problem, objection))
@@ -264,19 +226,6 @@ def _followed(begun: Start) -> Outcome:
     return by(joined.path, found)
 
 
-def _objection(fit: ShootingFit, shown: Residue, penalty: float) -> tuple[str, bool]:
-    """Why a settled fit is not right, '' where nothing says so, and whether the instrument is at
-    fault for certain.
-    """
-    causes = faults(fit, penalty)
-    objection = shown.objection(fit.record.condensed.names(fit.record.problem.states))
-    if objection:
-        excess = float(np.sum(shown.excess / fit.sigma**2))
-        causes = [fault for fault in causes if fault.explains(excess)]
-    objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
-    return objection, bool(causes) and not causes[0].or_model
-
-
 def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | None:
     """The fit of the first start that settles, else of the first that follows the data, else of
     the first that can be integrated; None where none can.
@@ -290,7 +239,7 @@ def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | Non
         joined = trajectory_fit.join(free, begun.price, dear, unseen)
         joined = replace(joined, path=(name, *free.path(begun.period), *joined.path))
         if dear > 1.0 and joined.settled and unseen:
-            # a limit cycle looks like one of fewer terms
+            # a model of fewer terms can have the same limit cycle
             told = unseen_mixtures(joined.step.information, largest) < joined.step.fit.support.sum()
             joined = replace(joined, settled=told)
         if joined.settled:
@@ -298,32 +247,6 @@ def _joined(begun: Start, largest: np.ndarray) -> trajectory_fit.JoinedFit | Non
         if best is None or (best.objection and not joined.objection):
             best = joined
     return best
-
-
-def _with_coloured_noise(
-    begun: Start, joined: trajectory_fit.JoinedFit, shown: Residue
-) -> trajectory_fit.JoinedFit:
-    """Joined again, the noise as strong as it is at the frequencies of the motion."""
-    fit = joined.step.fit
-    noise = np.sqrt(np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2))
-    record = replace(fit.record, floor=noise)
-    fit = replace(fit, record=record, sigma=noise, reference=noise, chi2=np.inf)
-    again = trajectory_fit.join(replace(joined.step, before=fit, fit=fit), begun.price, 1.0, False)
-    path = (*joined.path, "coloured noise", *again.path)
-    return replace(again, free=joined.free, path=path)
-
-
-def _causes_of_none(fit: ShootingFit, penalty: float) -> list[str]:
-    """What may be why no model follows the whole recording; nothing where no work is left."""
-    if is_spent():
-        return []
-    over = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
-    excess = float(np.sum(fit.record.condensed.rows * over))
-    named = [fault.cause for fault in faults(fit, penalty) if fault.explains(excess)][:1]
-    if fit.misfit < trajectory_fit.CLOSE and FORCES not in named:
-        # a small fault does not keep the pieces from joining
-        named.append(f"followed in pieces, not as a whole: {FORCES}")
-    return named
 
 
 def _remaining(begun: Start, fit: ShootingFit) -> tuple[np.ndarray, Residue]:
@@ -339,14 +262,98 @@ def _remaining(begun: Start, fit: ShootingFit) -> tuple[np.ndarray, Residue]:
     return remaining, residue(record.condensed, remaining, fit.parameters, begun.period)
 
 
+def _with_coloured_noise(
+    begun: Start, joined: trajectory_fit.JoinedFit, shown: Residue
+) -> trajectory_fit.JoinedFit:
+    """The fit joined again, the noise taken to be as strong as the residuals are at the frequencies
+    of the motion.
+    """
+    fit = joined.step.fit
+    noise = np.sqrt(np.where(np.isfinite(shown.band_power), shown.band_power, fit.sigma**2))
+    record = replace(fit.record, floor=noise)
+    fit = replace(fit, record=record, sigma=noise, reference=noise, chi2=np.inf)
+    again = trajectory_fit.join(replace(joined.step, before=fit, fit=fit), begun.price, 1.0, False)
+    path = (*joined.path, "coloured noise", *again.path)
+    return replace(again, free=joined.free, path=path)
+
+
+def _objection(fit: ShootingFit, shown: Residue, penalty: float) -> tuple[str, bool]:
+    """Why a settled fit is not right, '' where nothing says so, and whether the instrument is at
+    fault for certain.
+    """
+    causes = faults(fit, penalty)
+    objection = shown.objection(fit.record.condensed.names(fit.record.problem.states))
+    if objection:
+        excess = float(np.sum(shown.excess / fit.sigma**2))
+        causes = [fault for fault in causes if fault.explains(excess)]
+    objection = "; ".join(filter(None, [*[fault.cause for fault in causes[:1]], objection]))
+    return objection, bool(causes) and not causes[0].or_model
+
+
+def _causes_of_none(fit: ShootingFit, penalty: float) -> list[str]:
+    """Why no model may follow the whole recording, in words; nothing where no work is left."""
+    if is_spent():
+        return []
+    over = np.maximum(1.0 - (fit.reference / fit.sigma) ** 2, 0.0)
+    excess = float(np.sum(fit.record.condensed.rows * over))
+    named = [fault.cause for fault in faults(fit, penalty) if fault.explains(excess)][:1]
+    if fit.misfit < trajectory_fit.CLOSE and FORCES not in named:
+        # a small fault does not keep the pieces from joining
+        named.append(f"followed in pieces, not as a whole: {FORCES}")
+    return named
+
+
 def _noise(fit: ShootingFit, remaining: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
-    """(n_recordings, n_states) noise of a sample of each state, and of each rate by its name."""
+    """Standard deviation of a sample of each state, (n_recordings, n_states), and of each rate, by
+    its name (see `Condensed.told`). remaining: residuals of single shooting.
+    """
     condensed = fit.record.condensed
     share = fit.parameters / max(np.count_nonzero(condensed.counts), 1)
     squares = condensed.squares(remaining) + condensed.remainder
     variance = squares / np.maximum(condensed.counts - share, 1.0)
     variance = np.where(condensed.is_known, condensed.noise_variance, variance)
     return condensed.told(fit.record.problem.states, np.sqrt(variance))
+
+
+def _in_forces(begun: Start, _: str) -> tuple[Outcome, bool]:
+    """The model in random forces, and whether it is plain that these moved the system. An input at
+    the wrong times leaves what looks like random forces, and is named.
+    """
+    found, is_sure = moved_at_random(begun.problem, begun.recordings, begun.period)
+    if found is None:
+        return NoModel(""), False
+    late = _late(begun)
+    return found.doubted(f"{late}; {found.reason}") if late else found, is_sure
+
+
+def _near(begun: Start, objection: str) -> tuple[Outcome, bool]:
+    """The model that is near where none follows the data. objection: why none does."""
+    late = _late(begun)  # a score test names a late input, but not by how much it is late
+    other = [clause for clause in objection.split("; ") if clause not in late]
+    objection = "; ".join(filter(None, [late, *other]))
+    return _from_any_rest(begun, partial(_near_data, objection=objection)), True
+
+
+def _near_data(begun: Start, objection: str) -> Outcome:
+    """The approximate model or, where inputs drive the motion, that whose free runs err least."""
+    start = trajectory_fit.prepare(begun, begun.fit, STRETCH_PERIODS)
+    near = approximation(start, begun.penalty, objection)
+    if isinstance(near, NoModel):
+        return near
+    if begun.problem.inputs and near.status == "approximate":
+        runs = partial(free_run.free_runs, start.record, near, begun.penalty, objection)
+        run = attempt(runs)
+        if isinstance(run, IdentifiedModel):
+            return by(["approximation", near.diagnostics["path"]], run)
+    return by(["approximation"], near)
+
+
+def _late(begun: Start) -> str:
+    """Which inputs are late or early, in words, and by how much; '' where none is."""
+    late = attempt(partial(delayed_inputs, begun))
+    if isinstance(late, NoModel):
+        return ""
+    return "; ".join(f"{name} is {DELAYED} the motion by {s:.2g} s" for name, s in late.items())
 
 
 @one_thread
@@ -391,8 +398,8 @@ def weak_gls(
 
 def shared_evidence(recordings: Sequence[Recording], terms: tuple[Exponents, ...]) -> dict:
     """What `weak_gls` and `maximum_likelihood` take of a study: recordings, library, and the start
-    that they share; None where there is none, for a reason that each of them finds again, and of
-    exact states with derivatives, which need none.
+    that they share. The start is None where none is found, for a reason that each method finds
+    again, and for exact states with derivatives, which need no start.
     """
 
     def found() -> Start | None:
